@@ -1,0 +1,52 @@
+# `make help` lists the targets. Everything is installed into .venv, nothing outside.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.lightproof-installed
+OUT := reports/out
+
+.PHONY: help demo test test-all lint format bench clean
+.DEFAULT_GOAL := help
+
+help: ## list these targets
+	@echo 'lightproof: a ray tracer whose every image comes with its proof'
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 19
+
+demo: $(INSTALLED) ## render every scene in both renderers, write the HTML page
+	@$(BIN)/python -m reports --out $(OUT)
+
+test: $(INSTALLED) ## the regression suite
+	@$(BIN)/python -m pytest -m 'not slow'
+
+test-all: $(INSTALLED) ## the suite with the longer comparisons
+	@$(BIN)/python -m pytest
+
+lint: $(INSTALLED) ## style, format, the import contract
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
+
+format: $(INSTALLED) ## let ruff mend what it can
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, in one run
+	@$(BIN)/python -m reports.benchmark
+
+clean: ## remove what was made, except .venv and the caches in your home
+	rm -rf $(OUT) build *.egg-info .pytest_cache .ruff_cache .mypy_cache \
+	  .import_linter_cache .hypothesis
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+# The stamp is older than these two files when, and only when, an install is due.
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "lightproof needs Python 3.11 or newer, and $(PYTHON) is" \
+	    "$$($(PYTHON) --version 2>&1). Name another: make PYTHON=python3.12 ..." >&2; \
+	  exit 1; }
+	@test -x $(BIN)/python || { echo 'Creating $(VENV)'; $(PYTHON) -m venv $(VENV); }
+	@echo 'Installing lightproof and what it needs into $(VENV)'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --editable '.[harness,dev]' --constraint constraints.txt
+	@touch $@

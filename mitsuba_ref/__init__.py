@@ -1,0 +1,7 @@
+"""The same scene file in Mitsuba 3, and how far apart the two pictures are.
+
+The only package that imports mitsuba or drjit, and only below `variant`:
+`variant -> edited_scene -> whitted, reference -> cache, worker` renders the file in
+`scalar_rgb`; `metrics, edges, noise -> aov_comparison, comparison` judge two sets of
+arrays without knowing where they came from; `validation` does both for one scene.
+"""

@@ -1,0 +1,8 @@
+"""`python -m mitsuba_ref`: render scenes in both renderers and compare them."""
+
+import sys
+
+from mitsuba_ref.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())

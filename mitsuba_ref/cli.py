@@ -1,0 +1,195 @@
+"""The command `lightproof-validate`, also `python -m mitsuba_ref`."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from mitsuba_ref import machine
+from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.ours import RenderOurs, render_ours
+from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
+from mitsuba_ref.table import print_table
+from mitsuba_ref.validation import Options, Validated, scene_name, validate_scene
+from mitsuba_ref.worker import TIME_LIMIT, MitsubaWorker
+
+EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
+2 the command line was wrong, 130 interrupted."""
+
+
+def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours) -> int:
+    """Render scenes in both renderers, compare, print a table; return the exit status.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; None: those of the process.
+    ours
+        Our renderer; a parameter so that tests can break it.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        options = _parser().parse_args(given)
+        scenes = _scene_files(options.scenes)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    except FileNotFoundError as error:
+        Console(stderr=True).print(f"lightproof-validate: {error}", markup=False)
+        return 2
+    results: list[SceneResult] = []
+    console = Console(stderr=True)
+    try:
+        with MitsubaWorker(options.time_limit) as worker, console.status("") as status:
+            references = ReferenceCache(worker.render)
+            for index, (name, path) in enumerate(scenes.items(), start=1):
+                place = f"{name} ({index} of {len(scenes)}): "
+
+                def progress(stage: str, place: str = place) -> None:
+                    status.update(place + stage)
+
+                validated = validate_scene(
+                    path, _options(options), ours, references, progress
+                )
+                results.append(_keep(validated, name, options.report))
+    except KeyboardInterrupt:
+        console.print("interrupted; the scenes so far:")
+        _finish(results, given, options.report)
+        return 130
+    _finish(results, given, options.report)
+    return 0 if all(scene.verdict == "pass" for scene in results) else 1
+
+
+def _finish(results: list[SceneResult], given: list[str], report: Path | None) -> None:
+    # In a pipe rich would assume 80 columns and cut the numbers.
+    output = Console() if sys.stdout.isatty() else Console(width=120)
+    print_table(results, output)
+    if report is not None and results:
+        path = report / "results.json"
+        write_results(
+            Results(
+                created=datetime.now(UTC).isoformat(timespec="seconds"),
+                command=shlex.join(["python", "-m", "mitsuba_ref", *given]),
+                machine=machine.describe_machine(),
+                versions=machine.installed_versions(),
+                commit=machine.current_commit(),
+                scenes=tuple(results),
+            ),
+            path,
+        )
+        output.print(f"wrote {path}", markup=False, soft_wrap=True)
+
+
+def _keep(validated: Validated, name: str, report: Path | None) -> SceneResult:
+    """Write the pictures beside the report; return the result with their names."""
+    if report is None:
+        return replace(validated.result, name=name)
+    images = {}
+    for kind, pixels in validated.pictures.items():
+        images[kind] = f"images/{name}/{kind}.npy"
+        content = io.BytesIO()
+        np.save(content, pixels.astype(np.float32))
+        write_atomically(report / images[kind], content.getvalue())
+    return replace(validated.result, name=name, images=images)
+
+
+def _scene_files(given: Sequence[Path]) -> dict[str, Path]:
+    """Return each scene by a name of its own; without any given, all of scenes/."""
+    files = [path / "scene.xml" if path.is_dir() else path for path in given]
+    if not files:
+        files = sorted(_scenes_folder().glob("*/scene.xml"))
+        if not files:
+            raise FileNotFoundError("no scene given, and no scenes/*/scene.xml here")
+    named: dict[str, Path] = {}
+    for path in files:
+        if not path.is_file():
+            raise FileNotFoundError(f"{path}: no such scene file")
+        name, count = scene_name(path), 2
+        while name in named:
+            name, count = f"{scene_name(path)}-{count}", count + 1
+        named[name] = path
+    return named
+
+
+def _scenes_folder() -> Path:
+    here = Path("scenes")
+    return here if here.is_dir() else Path(__file__).resolve().parent.parent / "scenes"
+
+
+def _options(given: argparse.Namespace) -> Options:
+    return Options(
+        size=given.size,
+        spp=given.spp,
+        seed=given.seed,
+        threads=given.threads,
+        parameters=dict(given.define),
+        ladder=given.ladder,
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lightproof-validate",
+        description="Render scenes in lightproof and in Mitsuba 3 (scalar_rgb) and say how "
+        "far apart they are, beside the noise that Mitsuba has against itself.",
+        epilog=EPILOG,
+    )
+    add = parser.add_argument
+    add("scenes", nargs="*", type=Path, metavar="SCENE.xml", help="default: all of scenes/")
+    add("--report", type=Path, metavar="DIR", help="write results.json and pictures to DIR")
+    add(
+        "--size",
+        choices=("demo", "test"),
+        default="demo",
+        help="which size of the scene's proof.toml (default: demo)",
+    )
+    add("--spp", type=_positive, help="samples per pixel, instead of the proof's")
+    add("--seed", type=_seed, default=0, help="seed of our side (default: 0)")
+    add("--threads", type=_positive, help="workers of each renderer, at least 2")
+    add(
+        "-D",
+        dest="define",
+        action="append",
+        default=[],
+        type=_definition,
+        metavar="NAME=VALUE",
+        help="set a parameter of the scene files",
+    )
+    add("--ladder", action="store_true", help="measure speed against accuracy too")
+    add(
+        "--time-limit",
+        type=_positive,
+        default=TIME_LIMIT,
+        metavar="S",
+        help="seconds for one picture by Mitsuba (default: %(default)g)",
+    )
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value}: must be 1 or more")
+    return value
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**32:
+        raise argparse.ArgumentTypeError(f"{value}: must be in [0, 2^32)")
+    return value
+
+
+def _definition(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be NAME=VALUE")
+    return name, value

@@ -1,0 +1,96 @@
+"""Our renderer's side of a comparison, as one function that tests can replace."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.request import RenderRequest
+from renderer.scene_file.description import ReconstructionFilter, SceneDescription
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class OurPicture:
+    """What our renderer made of a request."""
+
+    arrays: dict[str, Array]  # "pixels" (H, W, 3), or one (H, W, C) for each AOV kind
+    spp: int
+    files: tuple[str, ...] = ()  # every file that the scene reads
+    seconds: float | None = None  # without loading and compiling
+    compile_seconds: float | None = None
+    threads: int | None = None
+    integrator: str = ""
+    method: str = ""
+    explain: str = ""
+
+    @property
+    def pixels(self) -> Array:
+        """The picture, (H, W, 3), linear sRGB."""
+        return self.arrays["pixels"]
+
+
+RenderOurs = Callable[[RenderRequest], OurPicture]
+
+
+def render_ours(request: RenderRequest) -> OurPicture:
+    """Render `request` with our renderer.
+
+    Raises
+    ------
+    SceneError
+        When the scene is not one that we can render.
+    """
+    import renderer
+    from renderer.scene import build_scene
+    from renderer.scene_file import read_file
+
+    wants_aovs = request.kind == "aovs"
+    description = read_file(Path(request.path), **request.parameters)
+    edited = edit_description(
+        description,
+        box_filter=request.box_filter or wants_aovs,
+        pixel_centres=wants_aovs,
+    )
+    image = renderer.render(
+        build_scene(edited),
+        spp=1 if wants_aovs else request.spp,
+        seed=request.seed,
+        threads=request.threads,
+        integrator="aov" if wants_aovs else None,
+    )
+    return OurPicture(
+        arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},
+        spp=image.spp,
+        files=description.files,
+        seconds=image.seconds,
+        compile_seconds=getattr(image, "compile_seconds", None),
+        threads=getattr(image, "threads", None),
+        integrator=getattr(image, "integrator", description.integrator.name),
+        method=getattr(image, "method", ""),
+        explain=getattr(image, "explain", ""),
+    )
+
+
+def edit_description(
+    description: SceneDescription, *, box_filter: bool, pixel_centres: bool
+) -> SceneDescription:
+    """Return the scene with the changes that Mitsuba's side makes too."""
+    camera = description.camera
+    if box_filter:
+        film = dataclasses.replace(
+            camera.film, rfilter=ReconstructionFilter(name="box", radius=0.5)
+        )
+        camera = dataclasses.replace(camera, film=film)
+    if pixel_centres:
+        sampler = dataclasses.replace(
+            camera.sampler, name="stratified", sample_count=1, jitter=False
+        )
+        camera = dataclasses.replace(camera, sampler=sampler)
+    return dataclasses.replace(description, camera=camera)

@@ -1,0 +1,123 @@
+"""proof.toml: what a scene shows, at which size, and how close the pictures must be."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import SceneError
+
+DEFAULT_RMSE_FACTOR = 1.25
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large and how long to render."""
+
+    width: int
+    height: int
+    spp: int
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """The values for the scene file's `$width`, `$height` and `$spp`."""
+        return {"width": str(self.width), "height": str(self.height), "spp": str(self.spp)}
+
+
+@dataclass(frozen=True)
+class Proof:
+    """The checked content of a proof.toml; the defaults are for a scene without one."""
+
+    title: str = ""
+    shows: str = ""
+    deterministic: bool = False
+    demo: Size | None = None  # None: as the scene file says
+    test: Size | None = None
+    rmse_factor: float = DEFAULT_RMSE_FACTOR
+    reason: str = "default"
+
+    def size(self, name: str) -> Size | None:
+        """Return the size called "demo" or "test"."""
+        return self.demo if name == "demo" else self.test
+
+
+def read_proof(scene: Path) -> Proof:
+    """Read the proof.toml beside a scene file; without one, return the defaults.
+
+    Raises
+    ------
+    SceneError
+        One line that names the file, the key and what is possible.
+    """
+    path = scene.parent / "proof.toml"
+    if not path.is_file():
+        return Proof()
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise SceneError(f"{path}: not a readable TOML file: {error}") from None
+    table = _Table(data, str(path))
+    tolerance = table.table("tolerance", required=False)
+    proof = Proof(
+        title=table.get("title", str, None),
+        shows=table.get("shows", str, None),
+        deterministic=table.get("deterministic", bool, False),
+        demo=_size(table.table("demo")),
+        test=_size(table.table("test")),
+        rmse_factor=float(tolerance.get("rmse_factor", (int, float), DEFAULT_RMSE_FACTOR)),
+        # A tolerance without a reason is one that was tuned until the light went green.
+        reason=tolerance.get(
+            "reason", str, None if "rmse_factor" in tolerance.data else ""
+        ),
+    )
+    if not proof.rmse_factor >= 1.0:
+        raise SceneError(f"{path}: rmse_factor {proof.rmse_factor:g}; it is 1 or more")
+    tolerance.refuse_others()
+    table.refuse_others()
+    return proof
+
+
+class _Table:
+    """A TOML table that knows which of its keys were asked for."""
+
+    def __init__(self, data: dict[str, Any], where: str) -> None:
+        self.data = data
+        self.where = where
+        self.known: list[str] = []
+
+    def get(self, key: str, kind: Any, default: Any) -> Any:
+        """Return a value of the right type; a default of None means: it must be there."""
+        self.known.append(key)
+        value = self.data.get(key, default)
+        if value is None:
+            raise SceneError(f"{self.where}: {key} is missing")
+        # True is an int for Python, but no width.
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            names = [k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,))]
+            expected = " or ".join(names)
+            raise SceneError(f"{self.where}: {key} = {value!r}; expected {expected}")
+        return value
+
+    def table(self, key: str, *, required: bool = True) -> _Table:
+        """Return a nested table; without it, an empty one unless it is required."""
+        return _Table(
+            self.get(key, dict, None if required else {}), f"{self.where} [{key}]"
+        )
+
+    def refuse_others(self) -> None:
+        """Refuse keys that nobody asked for: a typing error must not become a default."""
+        for key in self.data:
+            if key not in self.known:
+                known = ", ".join(self.known)
+                raise SceneError(f"{self.where}: unknown key {key!r}; known: {known}")
+
+
+def _size(table: _Table) -> Size:
+    values = {key: table.get(key, int, None) for key in ("width", "height", "spp")}
+    for key, value in values.items():
+        if value < 1:
+            raise SceneError(f"{table.where}: {key} = {value}; it is 1 or more")
+    table.refuse_others()
+    return Size(**values)

@@ -1,0 +1,101 @@
+"""Render a scene file in Mitsuba's `scalar_rgb`, in this process, into float32 arrays."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.edited_scene import load_edited_scene
+from mitsuba_ref.errors import MitsubaError
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.variant import load_mitsuba, set_threads
+from renderer.scene_file.description import AOV_KINDS
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What Mitsuba rendered, and under which circumstances."""
+
+    arrays: dict[str, Array]  # "pixels" (H, W, 3), or one (H, W, C) for each AOV kind
+    seconds: float  # rendering alone, without loading the scene
+    threads: int
+    spp: int
+    integrator: str  # the plugin's name
+    changes: tuple[str, ...]  # what was rendered otherwise than the file says
+    from_cache: bool = False
+
+    @property
+    def pixels(self) -> Array:
+        """The picture, (H, W, 3), linear sRGB."""
+        return self.arrays["pixels"]
+
+    @property
+    def note(self) -> str:
+        """One sentence for the report."""
+        return "Changed on Mitsuba's side: " + "; ".join(self.changes) + "."
+
+
+def render_reference(request: RenderRequest) -> Reference:
+    """Render `request` with Mitsuba.
+
+    Raises
+    ------
+    MitsubaError
+        With Mitsuba's own sentence, when it refuses the scene.
+    """
+    mi = load_mitsuba()
+    threads = set_threads(request.threads)
+    wants_aovs = request.kind == "aovs"
+    try:
+        edited = load_edited_scene(
+            Path(request.path),
+            request.parameters,
+            box_filter=request.box_filter or wants_aovs,
+            pixel_centres=wants_aovs,
+            keep_shapes_apart=wants_aovs,
+        )
+        scene = edited.scene
+        integrator = _aov_integrator(mi) if wants_aovs else scene.integrator()
+        sensor = scene.sensors()[0]
+        spp = 1 if wants_aovs else request.spp or sensor.sampler().sample_count()
+        start = time.perf_counter()
+        image = mi.render(
+            scene, sensor=sensor, integrator=integrator, spp=spp, seed=request.seed
+        )
+        seconds = time.perf_counter() - start
+    except RuntimeError as error:
+        raise MitsubaError(f"Mitsuba: {_one_line(str(error))}") from None
+    pixels = np.array(image, dtype=np.float32)
+    arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
+    return Reference(
+        arrays=arrays,
+        seconds=seconds,
+        threads=threads,
+        spp=int(sensor.sampler().sample_count()),
+        integrator="aov" if wants_aovs else edited.integrator,
+        changes=edited.changes,
+    )
+
+
+def _aov_integrator(mi: Any) -> Any:
+    return mi.load_dict({"type": "aov", "aovs": ",".join(f"{k}:{k}" for k in AOV_KINDS)})
+
+
+def _split_aovs(integrator: Any, pixels: Array) -> dict[str, Array]:
+    """Cut the channels `kind.X`, `kind.Y`, ... into one array for each kind."""
+    kinds = [name.split(".")[0] for name in integrator.aov_names()]
+    return {
+        kind: np.ascontiguousarray(pixels[..., [k == kind for k in kinds]])
+        for kind in dict.fromkeys(kinds)
+    }
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

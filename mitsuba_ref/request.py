@@ -1,0 +1,19 @@
+"""What one renderer is asked for; the same record goes to both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """A scene file and how to render it; plain values, so that it travels as JSON."""
+
+    path: str
+    parameters: dict[str, str] = field(default_factory=dict)  # for the file's $name
+    kind: Literal["image", "aovs"] = "image"  # "aovs": one ray through each pixel's centre
+    spp: int | None = None  # None: what the file says
+    seed: int = 0
+    threads: int | None = None  # None: one for each core
+    box_filter: bool = False  # instead of the file's filter

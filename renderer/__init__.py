@@ -1,0 +1,52 @@
+"""lightproof's renderer: reads Mitsuba 3 scenes and renders them with its own kernels.
+
+>>> import renderer
+>>> scene = renderer.load_file("scenes/cornell-box/scene.xml", spp=16)
+>>> image = renderer.render(scene)
+>>> image.save("cornell.exr")
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from renderer import jit as _jit  # first: it moves Numba's cache
+from renderer.errors import SceneError
+from renderer.image import Image
+from renderer.render import Progress, render
+from renderer.scene import Scene, build_scene
+from renderer.scene_file import read_dict, read_file, read_string
+
+__version__ = "0.1.0"
+__all__ = [
+    "Image",
+    "Progress",
+    "Scene",
+    "SceneError",
+    "load_dict",
+    "load_file",
+    "load_string",
+    "render",
+]
+
+
+def load_file(path: str | Path, **parameters: object) -> Scene:
+    """Load a Mitsuba 3 XML scene; keyword arguments replace the file's `<default>` values.
+
+    Raises
+    ------
+    SceneError
+        With file, line, plugin and property, if the scene cannot be rendered.
+    """
+    return build_scene(read_file(path, **parameters))
+
+
+def load_string(xml: str, *, base_dir: str | Path | None = None, **parameters: object) -> Scene:
+    """Load a scene from XML text; files it names are looked up in `base_dir`."""
+    return build_scene(read_string(xml, base_dir=base_dir, **parameters))
+
+
+def load_dict(scene: dict[str, Any], *, base_dir: str | Path | None = None) -> Scene:
+    """Load a scene from a dictionary of the form that Mitsuba's `load_dict` takes."""
+    return build_scene(read_dict(scene, base_dir=base_dir))

@@ -1,0 +1,293 @@
+"""Bounding volume hierarchy: a binary tree of boxes, built by the surface area heuristic.
+
+Coherent rays go as packets of 16 through the tree together, each box and each primitive
+tested for all 16 at once. Incoherent rays go one by one, each leaf's primitives 16 at
+once. A hit does not end the traversal: another box may hold a nearer one.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.lanes.functions import (
+    first_lanes,
+    lane,
+    lowest_bit,
+    mask_bits,
+    maximum,
+    minimum,
+    select,
+    splat_i32,
+)
+from renderer.lanes.memory import load_row, store_row
+from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.vectors import column, load3, vec3
+
+STACK = 64  # the builder keeps the depth below 60
+# A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding
+# would leave in the boxes of flat primitives [Ize2013].
+STRETCH = np.float32(1.0000004)
+_INFINITY = np.float32(np.inf)
+
+
+class Bvh(NamedTuple):
+    """The tree's nodes, and the primitives in the order of its leaves."""
+
+    bounds: NDArray[np.float32]  # (nodes, 6) lower x y z, upper x y z
+    child: NDArray[np.int32]  # (nodes,) first of two children, or first primitive
+    count: NDArray[np.int32]  # (nodes,) 0 for inner nodes, else primitives of the leaf
+    primitives: Any  # a group of one kind, in leaf order
+
+
+@kernel
+def _packet_enters(bounds, node, origin, inverse, zero, t):
+    """Return the mask of the 16 rays that enter a node's box before t.
+
+    An axis-parallel ray on a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
+    return their second operand then, so each distance is compared with the running bound
+    before the two are compared with each other: such a ray is inside the slab.
+    """
+    x0 = (bounds[node, 0] - origin.x) * inverse.x
+    x1 = (bounds[node, 3] - origin.x) * inverse.x
+    y0 = (bounds[node, 1] - origin.y) * inverse.y
+    y1 = (bounds[node, 4] - origin.y) * inverse.y
+    z0 = (bounds[node, 2] - origin.z) * inverse.z
+    z1 = (bounds[node, 5] - origin.z) * inverse.z
+    enter = minimum(maximum(x0, zero), maximum(x1, zero))
+    enter = minimum(maximum(y0, enter), maximum(y1, enter))
+    enter = minimum(maximum(z0, enter), maximum(z1, enter))
+    leave = maximum(minimum(x0 * STRETCH, t), minimum(x1 * STRETCH, t))
+    leave = maximum(minimum(y0 * STRETCH, leave), minimum(y1 * STRETCH, leave))
+    leave = maximum(minimum(z0 * STRETCH, leave), minimum(z1 * STRETCH, leave))
+    return enter <= leave
+
+
+@kernel
+def _later(a, bound):
+    """Return the larger; `bound` where a is NaN."""
+    return a if a > bound else bound
+
+
+@kernel
+def _sooner(a, bound):
+    """Return the smaller; `bound` where a is NaN."""
+    return a if a < bound else bound
+
+
+@kernel
+def _ray_enters(bounds, node, origin, inverse, t):
+    """Return where one ray enters a node's box, or infinity if not before t."""
+    x0 = (bounds[node, 0] - origin.x) * inverse.x
+    x1 = (bounds[node, 3] - origin.x) * inverse.x
+    y0 = (bounds[node, 1] - origin.y) * inverse.y
+    y1 = (bounds[node, 4] - origin.y) * inverse.y
+    z0 = (bounds[node, 2] - origin.z) * inverse.z
+    z1 = (bounds[node, 5] - origin.z) * inverse.z
+    enter = np.float32(0.0)
+    enter = _sooner(_later(x0, enter), _later(x1, enter))
+    enter = _sooner(_later(y0, enter), _later(y1, enter))
+    enter = _sooner(_later(z0, enter), _later(z1, enter))
+    leave = _later(_sooner(x0 * STRETCH, t), _sooner(x1 * STRETCH, t))
+    leave = _later(_sooner(y0 * STRETCH, leave), _sooner(y1 * STRETCH, leave))
+    leave = _later(_sooner(z0 * STRETCH, leave), _sooner(z1 * STRETCH, leave))
+    return enter if enter <= leave else _INFINITY
+
+
+@kernel
+def _second_child_first(bounds, child, direction):
+    """Return whether the second child's centre comes first along a direction."""
+    a, b = child, child + 1
+    x = bounds[b, 0] + bounds[b, 3] - bounds[a, 0] - bounds[a, 3]
+    y = bounds[b, 1] + bounds[b, 4] - bounds[a, 1] - bounds[a, 4]
+    z = bounds[b, 2] + bounds[b, 5] - bounds[a, 2] - bounds[a, 5]
+    return x * direction.x + y * direction.y + z * direction.z < 0.0
+
+
+@kernel
+def closest_hit_bvh_packets(bvh, rays, hits, first, count):
+    """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
+    bounds, primitives = bvh.bounds, bvh.primitives
+    stack = np.empty(STACK, np.int32)
+    for i in range(first, first + count, 16):
+        origin = load3(rays.origin, i)
+        direction = load3(rays.direction, i)
+        inverse = 1.0 / direction
+        active = first_lanes(first + count - i)
+        t = select(active, load_row(hits.t, 0, i), -1.0)
+        prim = load_row(hits.prim, 0, i)
+        u = load_row(hits.u, 0, i)
+        v = load_row(hits.v, 0, i)
+        zero = t * 0.0
+        zero = select(zero == zero, zero, 0.0)
+        leading = vec3(lane(direction.x, 0), lane(direction.y, 0), lane(direction.z, 0))
+        stack[0] = 0
+        depth = 1
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
+            if mask_bits(_packet_enters(bounds, node, origin, inverse, zero, t)) == 0:
+                continue
+            child = bvh.child[node]
+            if bvh.count[node] == 0:
+                near = child
+                if _second_child_first(bounds, child, leading):
+                    near = child + 1
+                stack[depth] = 2 * child + 1 - near
+                stack[depth + 1] = near
+                depth += 2
+                continue
+            for k in range(child, child + bvh.count[node]):
+                x = hit_primitive(
+                    primitives, primitive_at(primitives, k), origin, direction, t
+                )
+                id_k = primitives.id[k]
+                tie = (x.t == t) & ((prim < 0) | (prim > id_k))
+                nearer = x.hit & ((x.t < t) | tie)
+                t = select(nearer, x.t, t)
+                prim = select(nearer, splat_i32(id_k), prim)
+                u = select(nearer, x.u, u)
+                v = select(nearer, x.v, v)
+        store_row(hits.t, 0, i, t)
+        store_row(hits.prim, 0, i, prim)
+        store_row(hits.u, 0, i, u)
+        store_row(hits.v, 0, i, v)
+
+
+@kernel
+def closest_hit_bvh(bvh, rays, hits, first, count):
+    """Update `hits` of rays first to first + count - 1, one ray at a time."""
+    bounds, primitives = bvh.bounds, bvh.primitives
+    stack = np.empty(STACK, np.int32)
+    entries = np.empty(STACK, np.float32)
+    for i in range(first, first + count):
+        origin = column(rays.origin, i)
+        direction = column(rays.direction, i)
+        inverse = np.float32(1.0) / direction
+        t = hits.t[i]
+        prim = hits.prim[i]
+        u = hits.u[i]
+        v = hits.v[i]
+        depth = 0
+        enter = _ray_enters(bounds, 0, origin, inverse, t)
+        if enter < _INFINITY:
+            stack[0] = 0
+            entries[0] = enter
+            depth = 1
+        while depth > 0:
+            depth -= 1
+            if entries[depth] > t:
+                continue
+            node = stack[depth]
+            child = bvh.child[node]
+            if bvh.count[node] == 0:
+                near = child
+                far = child + 1
+                enter_near = _ray_enters(bounds, near, origin, inverse, t)
+                enter_far = _ray_enters(bounds, far, origin, inverse, t)
+                if enter_far < enter_near:
+                    near, far = far, near
+                    enter_near, enter_far = enter_far, enter_near
+                if enter_far < _INFINITY:
+                    stack[depth] = far
+                    entries[depth] = enter_far
+                    depth += 1
+                if enter_near < _INFINITY:
+                    stack[depth] = near
+                    entries[depth] = enter_near
+                    depth += 1
+                continue
+            end = child + bvh.count[node]
+            for k in range(child, end, 16):
+                x = hit_primitive(
+                    primitives, primitives_from(primitives, k), origin, direction, t
+                )
+                bits = mask_bits(x.hit & first_lanes(end - k))
+                while bits != 0:
+                    j = lowest_bit(bits)
+                    bits &= bits - 1
+                    t_j = lane(x.t, j)
+                    id_j = primitives.id[k + j]
+                    if t_j < t or (t_j == t and (prim < 0 or id_j < prim)):
+                        t = t_j
+                        prim = id_j
+                        u = lane(x.u, j)
+                        v = lane(x.v, j)
+        hits.t[i] = t
+        hits.prim[i] = prim
+        hits.u[i] = u
+        hits.v[i] = v
+
+
+@kernel
+def any_hit_bvh_packets(bvh, shadow_rays, count):
+    """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
+    bounds, primitives = bvh.bounds, bvh.primitives
+    stack = np.empty(STACK, np.int32)
+    for i in range(0, count, 16):
+        origin = load3(shadow_rays.origin, i)
+        direction = load3(shadow_rays.direction, i)
+        inverse = 1.0 / direction
+        t_max = load_row(shadow_rays.t_max, 0, i)
+        blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(count - i)
+        zero = t_max * 0.0
+        zero = select(zero == zero, zero, 0.0)
+        stack[0] = 0
+        depth = 1
+        while depth > 0 and mask_bits(blocked) != 0xFFFF:
+            depth -= 1
+            node = stack[depth]
+            enters = _packet_enters(bounds, node, origin, inverse, zero, t_max)
+            if mask_bits(enters & ~blocked) == 0:
+                continue
+            child = bvh.child[node]
+            if bvh.count[node] == 0:
+                stack[depth] = child
+                stack[depth + 1] = child + 1
+                depth += 2
+                continue
+            for k in range(child, child + bvh.count[node]):
+                x = hit_primitive(
+                    primitives, primitive_at(primitives, k), origin, direction, t_max
+                )
+                blocked = blocked | x.hit
+        store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))
+
+
+@kernel
+def any_hit_bvh(bvh, shadow_rays, count):
+    """Set `blocked` of the first `count` shadow rays, one ray at a time."""
+    bounds, primitives = bvh.bounds, bvh.primitives
+    stack = np.empty(STACK, np.int32)
+    for i in range(count):
+        if shadow_rays.blocked[i] != 0:
+            continue
+        origin = column(shadow_rays.origin, i)
+        direction = column(shadow_rays.direction, i)
+        inverse = np.float32(1.0) / direction
+        t_max = shadow_rays.t_max[i]
+        stack[0] = 0
+        depth = 1
+        while depth > 0:
+            depth -= 1
+            node = stack[depth]
+            if _ray_enters(bounds, node, origin, inverse, t_max) == _INFINITY:
+                continue
+            child = bvh.child[node]
+            if bvh.count[node] == 0:
+                stack[depth] = child
+                stack[depth + 1] = child + 1
+                depth += 2
+                continue
+            end = child + bvh.count[node]
+            for k in range(child, end, 16):
+                x = hit_primitive(
+                    primitives, primitives_from(primitives, k), origin, direction, t_max
+                )
+                if mask_bits(x.hit & first_lanes(end - k)) != 0:
+                    shadow_rays.blocked[i] = 1
+                    depth = 0
+                    break

@@ -1,0 +1,39 @@
+"""Diffuse reflection (Lambert): f = k_d / pi, the same in all directions."""
+
+from __future__ import annotations
+
+from renderer.jit import kernel
+from renderer.lanes.functions import select
+from renderer.sampling import INV_PI, square_to_cosine_hemisphere
+from renderer.textures import eval_texture
+from renderer.vectors import gather3, orthonormal_basis
+
+
+@kernel
+def diffuse_albedo(diffuse, bsdf, u, v, mask):
+    """Return k_d of 16 surface points."""
+    constant = gather3(diffuse.reflectance, bsdf, mask)
+    return eval_texture(diffuse.textures, diffuse.texture, bsdf, u, v, constant, mask)
+
+
+@kernel
+def eval_diffuse(albedo, cos_i):
+    """Return f times the cosine of the incident direction."""
+    return albedo * (INV_PI * select(cos_i > 0.0, cos_i, 0.0))
+
+
+@kernel
+def pdf_diffuse(cos_i):
+    """Return the density [1/sr] with which `sample_diffuse` chooses a direction."""
+    return INV_PI * select(cos_i > 0.0, cos_i, 0.0)
+
+
+@kernel
+def sample_diffuse(normal, x, y):
+    """Choose a direction around the normal by its cosine; return it and its cosine.
+
+    f cos / pdf is the albedo exactly.
+    """
+    local = square_to_cosine_hemisphere(x, y)
+    s, t = orthonormal_basis(normal)
+    return s * local.x + t * local.y + normal * local.z, local.z

@@ -1,0 +1,10 @@
+"""The one exception that bad input raises."""
+
+from __future__ import annotations
+
+
+class SceneError(ValueError):
+    """A scene, or a file it names, cannot be rendered.
+
+    The message is one line: where (file and line), what was found, what is possible.
+    """

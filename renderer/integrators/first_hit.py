@@ -1,0 +1,83 @@
+"""What the first hit alone can tell: depth, and arbitrary output variables (AOVs)."""
+
+from __future__ import annotations
+
+from renderer.bsdfs.diffuse import diffuse_albedo
+from renderer.jit import kernel
+from renderer.kernel_scene import ANY, DIFFUSE
+from renderer.lanes.functions import first_lanes, lane, select, splat_f32, to_f32
+from renderer.lanes.memory import gather_row, load_row
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.intersect import collect, intersect
+from renderer.stages.shading_frame import facing
+from renderer.stages.surface import surface_points
+from renderer.vectors import load3, select3, vec3
+
+# channels of `work.radiance` in this integrator, all computed together
+DEPTH = 0
+POSITION = 1
+UV = 4
+GEO_NORMAL = 6
+SH_NORMAL = 9
+PRIM_INDEX = 12
+SHAPE_INDEX = 13
+ALBEDO = 14
+CHANNELS = 17
+
+
+@kernel
+def _store(radiance, channel, slot, valid, value):
+    """Write one channel of 16 surface points to their pixels."""
+    for j in range(16):
+        if lane(valid, j) != 0.0:
+            radiance[channel, lane(slot, j)] = lane(value, j)
+
+
+@kernel
+def _store3(radiance, channel, slot, valid, value):
+    _store(radiance, channel, slot, valid, value.x)
+    _store(radiance, channel + 1, slot, valid, value.y)
+    _store(radiance, channel + 2, slot, valid, value.z)
+
+
+@kernel
+def _albedo(diffuse, scene, points, i, valid):
+    """Return k_d; mirrors and glass have none, a black back shows that of the front."""
+    zero = splat_f32(0.0)
+    black = vec3(zero, zero, zero)
+    if diffuse is None:
+        return black
+    face = facing(scene, points, i, valid, DIFFUSE)
+    shape = load_row(points.shape, 0, i)
+    bsdf = select(face.bsdf >= 0, face.bsdf, gather_row(scene.shapes.front, 0, shape, valid))
+    lambert = valid & (gather_row(scene.bsdfs.kind, 0, bsdf, valid) == DIFFUSE)
+    u = load_row(points.uv, 0, i)
+    v = load_row(points.uv, 1, i)
+    return select3(lambert, diffuse_albedo(diffuse, bsdf, u, v, lambert), black)
+
+
+@kernel
+def trace_first_hits(scene, tile, sample, work):
+    """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
+    rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
+    count = camera_rays(scene, tile, sample, rays, hits)
+    intersect(scene.camera_accelerators, rays, hits, 0, count, True)
+    found = collect(scene, hits, 0, count, ANY, work.order, 0)
+    surface_points(scene, rays, hits, work.order, 0, found, points)
+    for i in range(0, found, 16):
+        mask = first_lanes(found - i)
+        valid = select(mask, splat_f32(1.0), splat_f32(0.0))
+        slot = load_row(points.slot, 0, i)
+        shape = load_row(points.shape, 0, i)
+        prim = load_row(points.prim, 0, i)
+        face = gather_row(scene.face, 0, prim, mask)
+        _store(radiance, DEPTH, slot, valid, load_row(points.t, 0, i))
+        _store3(radiance, POSITION, slot, valid, load3(points.position, i))
+        _store(radiance, UV, slot, valid, load_row(points.uv, 0, i))
+        _store(radiance, UV + 1, slot, valid, load_row(points.uv, 1, i))
+        _store3(radiance, GEO_NORMAL, slot, valid, load3(points.normal, i))
+        _store3(radiance, SH_NORMAL, slot, valid, load3(points.shading_normal, i))
+        _store(radiance, PRIM_INDEX, slot, valid, to_f32(face))
+        _store(radiance, SHAPE_INDEX, slot, valid, to_f32(shape))
+        albedo = _albedo(scene.bsdfs.diffuse, scene, points, i, mask)
+        _store3(radiance, ALBEDO, slot, valid, albedo)

@@ -1,0 +1,31 @@
+"""Path tracing [Kajiya1986]: the rendering equation by Monte Carlo.
+
+Direct light alone [Appel1968] is the same loop with two segments: camera to surface and
+surface to light.
+"""
+
+from __future__ import annotations
+
+from renderer.jit import kernel
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.intersect import intersect, reset_hits
+from renderer.stages.shade import arrive, group_by_bsdf, light_diffuse, scatter
+
+
+@kernel
+def trace_paths(scene, tile, sample, work):
+    """Add one sample of each pixel of a tile to `work.radiance`."""
+    rays, hits, settings = work.rays, work.hits, scene.settings
+    count = camera_rays(scene, tile, sample, rays, hits)
+    intersect(scene.camera_accelerators, rays, hits, 0, count, True)
+    bounce = 0
+    while count > 0:
+        arrive(scene, work, 0, count, bounce > 0 or settings.hide_emitters == 0)
+        if bounce + 1 >= settings.max_depth:
+            break
+        groups = group_by_bsdf(scene, work, 0, count)
+        light_diffuse(scene.bsdfs.diffuse, scene, tile, sample, bounce, work, groups[0])
+        count = scatter(scene, tile, sample, bounce, work, groups, 0)
+        reset_hits(hits, 0, count)
+        intersect(scene.accelerators, rays, hits, 0, count, False)
+        bounce += 1

@@ -1,0 +1,67 @@
+"""Recursive ray tracing [Whitted1980]: both the reflected and the refracted ray are followed.
+
+The tree of rays is a queue of weighted rays through the same stages. Each depth has a
+region of the ray arrays of its own; the deepest region goes first, a batch at a time, so
+that the queue stays short however many branches the tree has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.batch import CAPACITY
+from renderer.jit import kernel
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.intersect import intersect, reset_hits
+from renderer.stages.scatter import scatter_conductor, split_dielectric
+from renderer.stages.shade import arrive, group_by_bsdf, light_diffuse
+
+REGION = 2 * CAPACITY + 64  # a batch of rays has at most two children each
+
+
+@kernel
+def _split(dielectric, scene, work, start, stop, end):
+    if dielectric is None:
+        return end
+    return split_dielectric(scene, work.points, start, stop, work.rays, end)
+
+
+@kernel
+def _mirror(conductor, scene, tile, sample, bounce, work, start, stop, end):
+    if conductor is None:
+        return end
+    return scatter_conductor(
+        scene, tile, sample, bounce, work.points, start, stop, work.rays, end
+    )
+
+
+@kernel
+def trace_ray_trees(scene, tile, sample, work):
+    """Add one sample of each pixel of a tile to `work.radiance`."""
+    rays, hits, settings, bsdfs = work.rays, work.hits, scene.settings, scene.bsdfs
+    waiting = np.zeros(settings.max_depth + 1, np.int64)  # rays in each depth's region
+    waiting[0] = camera_rays(scene, tile, sample, rays, hits)
+    intersect(scene.camera_accelerators, rays, hits, 0, waiting[0], True)
+    depth = 0
+    while depth >= 0:
+        if waiting[depth] == 0:
+            depth -= 1
+            continue
+        count = min(waiting[depth], CAPACITY)
+        waiting[depth] -= count
+        first = depth * REGION + waiting[depth]
+        if depth > 0:
+            reset_hits(hits, first, count)
+            intersect(scene.accelerators, rays, hits, first, count, False)
+        arrive(scene, work, first, count, depth > 0 or settings.hide_emitters == 0)
+        if depth + 1 >= settings.max_depth:
+            continue
+        groups = group_by_bsdf(scene, work, first, count)
+        light_diffuse(bsdfs.diffuse, scene, tile, sample, depth, work, groups[0])
+        end = start = (depth + 1) * REGION
+        end = _mirror(
+            bsdfs.conductor, scene, tile, sample, depth, work, groups[0], groups[1], end
+        )
+        end = _split(bsdfs.dielectric, scene, work, groups[1], groups[2], end)
+        waiting[depth + 1] = end - start
+        depth += 1

@@ -1,0 +1,78 @@
+"""From scene and plan to the kernels' record: what is needed, None for the rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.accelerators.build import build_accelerators
+from renderer.camera import kernel_camera
+from renderer.integrators.render_tile import FirstHitMethod, PathMethod, WhittedMethod
+from renderer.kernel_scene import KernelScene, Settings, Surfaces
+from renderer.light_tables import light_tables
+from renderer.plan import Plan, stratified_cells
+from renderer.sampling import Independent, Multijitter, Stratified
+from renderer.scene import KINDS, Scene
+
+_METHODS = {
+    "direct": PathMethod,
+    "path": PathMethod,
+    "whitted": WhittedMethod,
+    "depth": FirstHitMethod,
+    "aov": FirstHitMethod,
+}
+
+
+def kernel_method(plan: Plan) -> Any:
+    """Return the record that selects the integrator at compile time."""
+    return _METHODS[plan.method]()
+
+
+def kernel_sampler(plan: Plan, seed: int) -> Any:
+    """Return the sampler's record; the file's own seed and the render's are mixed."""
+    mixed = int(np.random.SeedSequence([plan.sampler.seed, seed]).generate_state(1)[0])
+    name = plan.sampler.name
+    if name == "independent":
+        return Independent(mixed)
+    columns, rows = stratified_cells(plan.spp)
+    if name == "stratified":
+        return Stratified(mixed, columns, rows, 1.0 if plan.sampler.jitter else 0.0)
+    return Multijitter(mixed, columns, rows)
+
+
+def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene:
+    """Assemble what the kernels of a plan may look at."""
+    first_hit = plan.method in ("depth", "aov")
+    with_uv = scene.materials.textured or first_hit
+    surfaces: dict[str, Any] = dict.fromkeys(KINDS)
+    surfaces.update(scene.surfaces)
+    if surfaces["triangles"] is not None and not with_uv:
+        surfaces["triangles"] = surfaces["triangles"]._replace(uvs=None)
+    accelerators = build_accelerators(scene, accel)
+    seen = accelerators
+    if plan.hide_emitters:
+        seen = build_accelerators(scene, accel, without_emitters=True)
+    settings = Settings(
+        plan.max_depth,
+        plan.roulette_depth,
+        1 if plan.weigh else None,
+        1 if plan.every_light else None,
+        1 if plan.follow else None,
+        1 if plan.hide_emitters else 0,
+        plan.cutoff,
+    )
+    return KernelScene(
+        accelerators,
+        seen,
+        Surfaces(**surfaces, with_uv=1 if with_uv else None),
+        scene.stages,
+        scene.shape,
+        scene.face,
+        scene.shapes,
+        scene.materials.records(),
+        None if first_hit else light_tables(scene),
+        kernel_camera(scene.description.camera),
+        kernel_sampler(plan, seed),
+        settings,
+    )

@@ -1,0 +1,1 @@
+"""SIMD values as Numba types, with ordinary operators; see `types`."""

@@ -1,0 +1,287 @@
+"""Lane-wise functions: `select`, `sqrt`, `minimum`, conversions, and mask queries."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import types
+from numba.core.errors import TypingError
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic
+
+from renderer.lanes.operators import SCALARS, operands, splat_value, widen
+from renderer.lanes.types import Lanes, Mask, f32x16, i32x16, llvm_vector, u32x16
+
+
+def _call(builder: ir.IRBuilder, name: str, result: ir.Type, *args: ir.Value) -> ir.Value:
+    """Call the LLVM intrinsic `name`."""
+    function_type = ir.FunctionType(result, [a.type for a in args])
+    module = builder.module
+    function = module.globals.get(name) or ir.Function(module, function_type, name)
+    return builder.call(function, args)
+
+
+def _suffix(lanes: Lanes) -> str:
+    kind = "f" if isinstance(lanes.element, types.Float) else "i"
+    return f"v{lanes.width}{kind}{lanes.element.bitwidth}"
+
+
+def _require(condition: bool, what: str) -> None:
+    if not condition:
+        raise TypingError(what)
+
+
+def _splat_to(lanes: Lanes) -> Any:
+    @intrinsic
+    def splat(typingctx: Any, scalar: Any) -> Any:
+        _require(isinstance(scalar, SCALARS), f"cannot make {lanes} of {scalar}")
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            return widen(context, builder, args[0], sig.args[0], lanes)
+
+        return signature(lanes, scalar), codegen
+
+    return splat
+
+
+splat_f32 = _splat_to(f32x16)
+splat_i32 = _splat_to(i32x16)
+splat_u32 = _splat_to(u32x16)
+
+
+@intrinsic
+def lane_index(typingctx: Any) -> Any:
+    """Return i32x16 (0, 1, ..., 15)."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return ir.Constant(llvm_vector(i32x16), list(range(16)))
+
+    return signature(i32x16), codegen
+
+
+@intrinsic
+def splat_mask(typingctx: Any, flag: Any) -> Any:
+    """Return a mask of 16 copies of a boolean."""
+    _require(isinstance(flag, types.Boolean), "splat_mask takes a boolean")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        bit = builder.trunc(args[0], ir.IntType(1)) if args[0].type.width > 1 else args[0]
+        return splat_value(builder, bit, Mask(16))
+
+    return signature(Mask(16), flag), codegen
+
+
+@intrinsic
+def select(typingctx: Any, mask: Any, yes: Any, no: Any) -> Any:
+    """Return `yes` where the mask is set and `no` elsewhere, lane by lane.
+
+    With a single boolean it chooses between two scalars, so that a formula in lanes
+    serves scalars too; neither way branches.
+    """
+    one = isinstance(mask, types.Boolean)
+    _require(one or isinstance(mask, Mask), f"select needs a mask, not {mask}")
+    if yes == no and isinstance(yes, Mask):
+        result: Any = yes
+    elif one and isinstance(yes, SCALARS) and isinstance(no, SCALARS):
+        result = typingctx.unify_types(yes, no)
+    else:
+        result = operands(yes, no)
+    fits = result is not None and getattr(mask, "width", 0) == getattr(result, "width", 0)
+    _require(fits, f"select cannot mix {yes} and {no} under {mask}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if one:
+            a, b = (context.cast(builder, args[k], sig.args[k], result) for k in (1, 2))
+            return builder.select(context.cast(builder, args[0], mask, types.boolean), a, b)
+        a = widen(context, builder, args[1], sig.args[1], result)
+        b = widen(context, builder, args[2], sig.args[2], result)
+        return builder.select(args[0], a, b)
+
+    return signature(result, mask, yes, no), codegen
+
+
+def _float_function(llvm_name: str, doc: str) -> Any:
+    @intrinsic
+    def function(typingctx: Any, x: Any) -> Any:
+        element = x.element if isinstance(x, Lanes) else x
+        _require(isinstance(element, types.Float), f"{llvm_name} needs floats, not {x}")
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            suffix = _suffix(x) if isinstance(x, Lanes) else f"f{x.bitwidth}"
+            return _call(builder, f"llvm.{llvm_name}.{suffix}", args[0].type, args[0])
+
+        return signature(x, x), codegen
+
+    function.__doc__ = doc
+    return function
+
+
+sqrt = _float_function("sqrt", "Square root, correctly rounded; also of a scalar.")
+fabs = _float_function("fabs", "Absolute value; also of a scalar.")
+floor = _float_function("floor", "Largest whole number not above; also of a scalar.")
+
+
+def _extremum(sign: str) -> Any:
+    @intrinsic
+    def function(typingctx: Any, a: Any, b: Any) -> Any:
+        lanes = operands(a, b)
+        _require(lanes is not None, f"cannot compare {a} and {b}")
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            x = widen(context, builder, args[0], a, lanes)
+            y = widen(context, builder, args[1], b, lanes)
+            if isinstance(lanes.element, types.Float):
+                first = builder.fcmp_ordered(sign, x, y)
+            elif lanes.element.signed:
+                first = builder.icmp_signed(sign, x, y)
+            else:
+                first = builder.icmp_unsigned(sign, x, y)
+            return builder.select(first, x, y)
+
+        return signature(lanes, a, b), codegen
+
+    return function
+
+
+# `b` where one of the two is NaN, as the processor's own instruction: a slab test that
+# puts the running bound second never lets 0 * inf = NaN through (failure mode 7).
+minimum = _extremum("<")
+maximum = _extremum(">")
+
+
+@intrinsic
+def to_i32(typingctx: Any, x: Any) -> Any:
+    """Round toward zero; out of range gives the smallest or largest int, NaN gives 0."""
+    _require(x == f32x16, f"to_i32 takes f32x16, not {x}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        name = "llvm.fptosi.sat.v16i32.v16f32"
+        return _call(builder, name, llvm_vector(i32x16), args[0])
+
+    return signature(i32x16, x), codegen
+
+
+@intrinsic
+def to_f32(typingctx: Any, x: Any) -> Any:
+    """Convert whole numbers to the nearest floats."""
+    _require(x in (i32x16, u32x16), f"to_f32 takes i32x16 or u32x16, not {x}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        convert = builder.sitofp if x.element.signed else builder.uitofp
+        return convert(args[0], llvm_vector(f32x16))
+
+    return signature(f32x16, x), codegen
+
+
+def _reinterpret_as(lanes: Lanes) -> Any:
+    @intrinsic
+    def reinterpret(typingctx: Any, x: Any) -> Any:
+        same_size = isinstance(x, Lanes) and x.element.bitwidth == lanes.element.bitwidth
+        _require(same_size and x.width == lanes.width, f"{x} has other bits than {lanes}")
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            return builder.bitcast(args[0], llvm_vector(lanes))
+
+        return signature(lanes, x), codegen
+
+    return reinterpret
+
+
+as_f32 = _reinterpret_as(f32x16)  # the same bits, read as another type
+as_i32 = _reinterpret_as(i32x16)
+as_u32 = _reinterpret_as(u32x16)
+
+
+@intrinsic
+def mask_bits(typingctx: Any, mask: Any) -> Any:
+    """Return the mask as an integer, lane 0 in the lowest bit; 0 means no lane is set."""
+    _require(isinstance(mask, Mask), f"mask_bits needs a mask, not {mask}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        packed = builder.bitcast(args[0], ir.IntType(mask.width))
+        return builder.zext(packed, ir.IntType(64))
+
+    return signature(types.int64, mask), codegen
+
+
+@intrinsic
+def popcount(typingctx: Any, bits: Any) -> Any:
+    """Return how many bits of an int64 are set."""
+    _require(bits == types.int64, f"popcount takes int64, not {bits}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _call(builder, "llvm.ctpop.i64", ir.IntType(64), args[0])
+
+    return signature(types.int64, bits), codegen
+
+
+@intrinsic
+def lowest_bit(typingctx: Any, bits: Any) -> Any:
+    """Return the index of the lowest set bit of an int64 (64 for 0)."""
+    _require(bits == types.int64, f"lowest_bit takes int64, not {bits}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        no = ir.Constant(ir.IntType(1), 0)
+        return _call(builder, "llvm.cttz.i64", ir.IntType(64), args[0], no)
+
+    return signature(types.int64, bits), codegen
+
+
+@intrinsic
+def bit_reverse(typingctx: Any, x: Any) -> Any:
+    """Reverse the order of the 32 bits in each lane."""
+    _require(x == u32x16, f"bit_reverse takes u32x16, not {x}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _call(builder, "llvm.bitreverse.v16i32", llvm_vector(u32x16), args[0])
+
+    return signature(x, x), codegen
+
+
+@intrinsic
+def first_lanes(typingctx: Any, count: Any) -> Any:
+    """Return a mask of the first `count` of 16 lanes (all when `count` is above 16)."""
+    _require(isinstance(count, types.Integer), "first_lanes takes an integer")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        number = context.cast(builder, args[0], count, types.int64)
+        big = builder.icmp_signed(">", number, ir.Constant(ir.IntType(64), 16))
+        number = builder.select(big, ir.Constant(ir.IntType(64), 16), number)
+        limit = builder.trunc(number, ir.IntType(32))
+        index = ir.Constant(llvm_vector(i32x16), list(range(16)))
+        return builder.icmp_signed("<", index, splat_value(builder, limit, i32x16))
+
+    return signature(Mask(16), count), codegen
+
+
+@intrinsic
+def lane(typingctx: Any, x: Any, k: Any) -> Any:
+    """Return lane `k` of x as a scalar."""
+    _require(isinstance(x, Lanes) and isinstance(k, types.Integer), "lane(lanes, index)")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        index = context.cast(builder, args[1], k, types.int32)
+        return builder.extract_element(args[0], index)
+
+    return signature(x.element, x, k), codegen
+
+
+def _reduction(llvm_name: str, doc: str) -> Any:
+    @intrinsic
+    def function(typingctx: Any, x: Any) -> Any:
+        _require(x in (f32x16, i32x16), f"cannot reduce {x}")
+        name = llvm_name if x == f32x16 else llvm_name.replace("f", "s", 1)
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            full = f"llvm.vector.reduce.{name}.{_suffix(x)}"
+            return _call(builder, full, llvm_vector(x).element, args[0])
+
+        return signature(x.element, x), codegen
+
+    function.__doc__ = doc
+    return function
+
+
+largest = _reduction("fmax", "The largest lane.")
+smallest = _reduction("fmin", "The smallest lane.")

@@ -1,0 +1,140 @@
+"""Lanes to and from arrays: contiguous loads and stores, gathers, compressed stores.
+
+Arrays are one-dimensional `(n,)`, or `(k, n)` with one row for each component (structure
+of arrays); the second form is addressed by `row`. There are no bounds checks: arrays that
+lanes are stored to are padded by one lane width.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.errors import TypingError
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
+
+from renderer.lanes.functions import _call, _suffix
+from renderer.lanes.types import Lanes, Mask, lanes_of, llvm_vector
+
+_I64 = ir.IntType(64)
+
+
+def _lanes_in(array: Any) -> Lanes:
+    if not isinstance(array, types.Array) or array.ndim > 2 or array.layout != "C":
+        raise TypingError(f"lanes live in C-ordered arrays of 1 or 2 dimensions: {array}")
+    return lanes_of(array.dtype)
+
+
+def _lanes_into(array: Any, x: Any) -> Lanes:
+    lanes = _lanes_in(array)
+    if lanes != x or not array.mutable:
+        raise TypingError(f"cannot store {x} in {array}")
+    return lanes
+
+
+def _row_start(context: Any, builder: Any, array: Any, value: Any, row: Any) -> Any:
+    """Return the pointer to the first element of a row."""
+    struct = make_array(array)(context, builder, value)
+    if array.ndim == 1:
+        return struct.data
+    stride = cgutils.unpack_tuple(builder, struct.strides)[0]
+    bytes_before = builder.mul(row, stride)
+    start = builder.bitcast(struct.data, ir.IntType(8).as_pointer())
+    return builder.bitcast(builder.gep(start, [bytes_before]), struct.data.type)
+
+
+def _vector_at(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """Return a pointer to the lanes from `[row, i]` on; args are array, row, i, ..."""
+    row, i = (_as_i64(context, builder, args[k], sig.args[k]) for k in (1, 2))
+    start = _row_start(context, builder, sig.args[0], args[0], row)
+    vector = llvm_vector(_lanes_in(sig.args[0]))
+    return builder.bitcast(builder.gep(start, [i]), vector.as_pointer())
+
+
+def _as_i64(context: Any, builder: Any, value: Any, given: Any) -> Any:
+    return context.cast(builder, value, given, types.int64)
+
+
+@intrinsic
+def load_row(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
+    """Load `array[row, i : i + 16]` (8 elements of 64 bits)."""
+    lanes = _lanes_in(array)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _vector_at(context, builder, sig, args)
+        return builder.load(pointer, align=array.dtype.bitwidth // 8)
+
+    return signature(lanes, array, row, i), codegen
+
+
+@intrinsic
+def store_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
+    """Store x to `array[row, i : i + 16]` (8 elements of 64 bits)."""
+    _lanes_into(array, x)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _vector_at(context, builder, sig, args)
+        builder.store(args[3], pointer, align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return signature(types.void, array, row, i, x), codegen
+
+
+@intrinsic
+def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
+    """Load `array[row, indices]`; lanes outside the mask are 0 and touch no memory."""
+    lanes = _lanes_in(array)
+    whole = isinstance(indices, Lanes) and isinstance(indices.element, types.Integer)
+    if not whole or mask != Mask(lanes.width) or indices.width != lanes.width:
+        raise TypingError(f"{array} is gathered by {indices} under {mask}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        r = _as_i64(context, builder, args[1], row)
+        base = _row_start(context, builder, array, args[0], r)
+        pointers = _lane_pointers(builder, base, args[2], lanes)
+        name = f"llvm.masked.gather.{_suffix(lanes)}.v{lanes.width}p0"
+        align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
+        zero = ir.Constant(llvm_vector(lanes), None)
+        return _call(builder, name, zero.type, pointers, align, args[3], zero)
+
+    return signature(lanes, array, row, indices, mask), codegen
+
+
+def _lane_pointers(builder: Any, base: Any, index: Any, lanes: Any) -> Any:
+    """Return base + index for each lane.
+
+    llvmlite types every `gep` as one pointer; with a vector index it is a vector of them.
+    Going through integers instead would cost the 32-bit-index form of the gather.
+    """
+    one = ir.Constant(index.type.element, 0)
+    instruction = ir.instructions.GEPInstr(builder.block, base, [one], False, "")
+    instruction.indices = [index]
+    instruction.operands[1:] = [index]
+    instruction.type = ir.VectorType(base.type, lanes.width)
+    builder._insert(instruction)
+    return instruction
+
+
+@intrinsic
+def append_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) -> Any:
+    """Store the lanes of x that the mask names, side by side, from `array[row, i]` on.
+
+    Overwrites up to 16 elements, so appends go upward only. The lanes are packed in a
+    register first: a compressing store to memory is microcoded on AMD processors.
+    """
+    lanes = _lanes_into(array, x)
+    if mask != Mask(lanes.width):
+        raise TypingError(f"cannot append {x} under {mask}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _vector_at(context, builder, sig, args)
+        name = f"llvm.experimental.vector.compress.{_suffix(lanes)}"
+        undefined = ir.Constant(llvm_vector(lanes), ir.Undefined)
+        packed = _call(builder, name, undefined.type, args[3], args[4], undefined)
+        builder.store(packed, pointer, align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return signature(types.void, array, row, i, x, mask), codegen

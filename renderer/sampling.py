@@ -1,0 +1,255 @@
+"""Random numbers, and the warps from the unit square to directions and surfaces.
+
+A random number is a hash of pixel, sample, dimension and seed [Jarzynski2020, pcg4d]. It
+needs no state, so an image does not depend on threads, tiles or batches.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from renderer.jit import kernel, record_class
+from renderer.lanes.functions import (
+    as_u32,
+    fabs,
+    mask_bits,
+    maximum,
+    select,
+    splat_f32,
+    splat_mask,
+    splat_u32,
+    sqrt,
+    to_f32,
+    to_i32,
+)
+from renderer.lanes.mathematics import sincos
+from renderer.vectors import vec3
+
+TWO_PI = np.float32(2.0 * np.pi)
+INV_PI = np.float32(1.0 / np.pi)
+_QUARTER_PI = np.float32(np.pi / 4.0)
+_HALF_PI = np.float32(np.pi / 2.0)
+_TO_UNIT = np.float32(2.0**-24)
+
+# Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
+# a bounce draws the BSDF, the following ones the lights.
+FILM_BLOCK = 0
+BLOCKS_PER_BOUNCE = 256
+
+
+class Independent(NamedTuple):
+    """Every number independent of every other."""
+
+    seed: int
+
+
+class Stratified(NamedTuple):
+    """Each pair of numbers falls once in each cell of a grid, in a shuffled order."""
+
+    seed: int
+    columns: int  # cells in x
+    rows: int  # cells in y
+    jitter: float  # 1: anywhere in the cell, 0: its centre
+
+
+class Multijitter(NamedTuple):
+    """Stratified in the grid's cells and in each of the two axes alone [Kensler2013]."""
+
+    seed: int
+    columns: int
+    rows: int
+
+
+@kernel
+def hash4(a, b, c, d):
+    """Mix four u32 lanes into four that look independent [Jarzynski2020, pcg4d]."""
+    a = a * 1664525 + 1013904223
+    b = b * 1664525 + 1013904223
+    c = c * 1664525 + 1013904223
+    d = d * 1664525 + 1013904223
+    a += b * d
+    b += c * a
+    c += a * b
+    d += b * c
+    a ^= a >> 16
+    b ^= b >> 16
+    c ^= c >> 16
+    d ^= d >> 16
+    a += b * d
+    b += c * a
+    c += a * b
+    d += b * c
+    return a, b, c, d
+
+
+@kernel
+def unit_float(bits):
+    """Return lanes in [0, 1) from the upper 24 of 32 random bits."""
+    return to_f32(bits >> 8) * _TO_UNIT
+
+
+@kernel
+def hash_floats(seed, pixel, sample, block):
+    """Return four lanes of independent numbers in [0, 1)."""
+    a, b, c, d = hash4(
+        pixel,
+        splat_u32(np.uint32(sample)),
+        splat_u32(np.uint32(block)),
+        splat_u32(np.uint32(seed)),
+    )
+    return unit_float(a), unit_float(b), unit_float(c), unit_float(d)
+
+
+def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
+    """Draw four numbers in [0, 1) for each of 16 pixels.
+
+    The first two are a pair that the sampler spreads over the samples of a pixel together;
+    the third and fourth are spread each by itself.
+    """
+    raise TypeError("inside kernels only")
+
+
+@kernel
+def _draw_independent(sampler, pixel, sample, block):
+    return hash_floats(sampler.seed, pixel, sample, block)
+
+
+@kernel
+def permute(index, size, key):
+    """Return where lanes of random permutations of 0 .. size - 1 put `index`.
+
+    Xor, odd multiplication and shifts are invertible modulo a power of two; what falls
+    outside is walked on until it is inside, which keeps it a permutation.
+    """
+    bits = 1
+    while (1 << bits) < size:
+        bits += 1
+    mask = np.uint32((1 << bits) - 1)
+    half = np.uint32((bits + 1) // 2)
+    x = index
+    inside = splat_mask(False)
+    while mask_bits(inside) != 0xFFFF:
+        y = (x ^ key) & mask
+        y = (y * ((key >> 8) | 1)) & mask
+        y ^= y >> half
+        y = (y + (key >> 15)) & mask
+        y = (y * 0x2C1B3C6D) & mask
+        y ^= y >> half
+        y = (y ^ (key >> 4)) & mask
+        y = (y * 0x297A2D39) & mask
+        y ^= y >> half
+        x = select(inside, x, y)
+        inside = x < np.uint32(size)
+    return x
+
+
+@kernel
+def _draw_stratified(sampler, pixel, sample, block):
+    columns, rows = sampler.columns, sampler.rows
+    count = columns * rows
+    index = splat_u32(np.uint32(sample % count))
+    # jitter; keys of the shuffles; a longer render starts a new, independent grid
+    grid = sample // count
+    jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
+    k0, k1, k2, k3 = hash4(
+        pixel,
+        splat_u32(np.uint32(grid)),
+        splat_u32(np.uint32(2 * block + 1)),
+        splat_u32(np.uint32(sampler.seed)),
+    )
+    amount = np.float32(sampler.jitter)
+    jx = (jx - 0.5) * amount + 0.5
+    jy = (jy - 0.5) * amount + 0.5
+    cell = to_i32(to_f32(permute(index, count, k0)))
+    row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
+    column = cell - row * columns
+    one = np.float32(1.0 / count)
+    return (
+        (to_f32(column) + jx) * np.float32(1.0 / columns),
+        (to_f32(row) + jy) * np.float32(1.0 / rows),
+        (to_f32(permute(index, count, k1)) + jz) * one,
+        (to_f32(permute(index, count, k2)) + jw) * one,
+    )
+
+
+@kernel
+def _draw_multijitter(sampler, pixel, sample, block):
+    columns, rows = sampler.columns, sampler.rows
+    count = columns * rows
+    index = splat_u32(np.uint32(sample % count))
+    grid = sample // count
+    jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
+    k0, k1, k2, k3 = hash4(
+        pixel,
+        splat_u32(np.uint32(grid)),
+        splat_u32(np.uint32(2 * block + 1)),
+        splat_u32(np.uint32(sampler.seed)),
+    )
+    cell = to_i32(to_f32(permute(index, count, k0)))
+    row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
+    column = cell - row * columns
+    # the place inside the cell is stratified over the cells of the same column or row
+    inner_x = to_f32(permute(as_u32(row), rows, k3 ^ as_u32(column * 0x2545F491)))
+    inner_y = to_f32(permute(as_u32(column), columns, k3 ^ as_u32(row * 0x1B873593)))
+    one = np.float32(1.0 / count)
+    return (
+        (to_f32(column) + (inner_x + jx) * np.float32(1.0 / rows)) * np.float32(1.0 / columns),
+        (to_f32(row) + (inner_y + jy) * np.float32(1.0 / columns)) * np.float32(1.0 / rows),
+        (to_f32(permute(index, count, k1)) + jz) * one,
+        (to_f32(permute(index, count, k2)) + jw) * one,
+    )
+
+
+_DRAW = {
+    Independent: _draw_independent,
+    Stratified: _draw_stratified,
+    Multijitter: _draw_multijitter,
+}
+
+
+@overload(draw4)
+def _draw4(sampler, pixel, sample, block):
+    draw = _DRAW.get(record_class(sampler))
+    if draw is None:
+        return None
+    return lambda sampler, pixel, sample, block: draw(sampler, pixel, sample, block)
+
+
+@kernel
+def square_to_disk(x, y):
+    """Map [0, 1)^2 to the unit disk, keeping areas and neighbours [Shirley1997]."""
+    a = 2.0 * x - 1.0
+    b = 2.0 * y - 1.0
+    steep = fabs(a) < fabs(b)
+    radius = select(steep, b, a)
+    ratio = select(steep, a, b) / select(radius == 0.0, splat_f32(1.0), radius)
+    angle = select(steep, _HALF_PI - _QUARTER_PI * ratio, _QUARTER_PI * ratio)
+    sine, cosine = sincos(angle)
+    return radius * cosine, radius * sine
+
+
+@kernel
+def square_to_cosine_hemisphere(x, y):
+    """Map [0, 1)^2 to unit vectors around +z with density cos / pi."""
+    p, q = square_to_disk(x, y)
+    z2 = 1.0 - p * p - q * q
+    return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))
+
+
+@kernel
+def square_to_sphere(x, y):
+    """Map [0, 1)^2 to unit vectors with density 1 / (4 pi)."""
+    z = 1.0 - 2.0 * y
+    r = sqrt(maximum(1.0 - z * z, splat_f32(0.0)))
+    sine, cosine = sincos(TWO_PI * x)
+    return vec3(r * cosine, r * sine, z)
+
+
+@kernel
+def power_heuristic(pdf, other_pdf):
+    """Return the weight of a sample drawn with `pdf` beside one with `other_pdf` [Veach1997]."""
+    a = pdf * pdf
+    return a / (a + other_pdf * other_pdf)

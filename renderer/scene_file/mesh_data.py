@@ -1,0 +1,61 @@
+"""MeshData: triangles as a mesh file gives them, before any transform."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class MeshData:
+    """Triangles in local coordinates, checked: finite, and every index in range."""
+
+    vertices: NDArray[np.float64]  # (V, 3) finite
+    faces: NDArray[np.int32]  # (F, 3) in [0, V), F >= 1; degenerate ones still in
+    normals: NDArray[np.float64] | None = None  # (V, 3), any length; a NaN row: not given
+    uvs: NDArray[np.float64] | None = None  # (V, 2) finite
+    source: str = "<memory>"  # for messages: the file
+    warnings: tuple[str, ...] = ()  # for the log
+
+
+def read_mesh_bytes(path: Path) -> bytes:
+    """Read a whole mesh file, or say in one line why that is not possible."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise SceneError(f"{path}: no such mesh file") from None
+    except OSError as error:
+        raise SceneError(f"{path}: cannot read it: {error.strerror}") from None
+    if not content:
+        raise SceneError(f"{path}: the mesh file is empty")
+    return content
+
+
+def first_not_finite(rows: NDArray[np.float64]) -> int:
+    """Return the first row with a value that float32 cannot hold (NaN, infinite), or -1.
+
+    Parameters
+    ----------
+    rows
+        (N, K) values, about to become float32.
+    """
+    # Written with <= so that a NaN, which compares false, counts as bad.
+    good = (np.abs(rows) <= np.finfo(np.float32).max).all(axis=1)
+    return -1 if good.all() else int(np.argmin(good))
+
+
+def first_out_of_range(faces: NDArray[np.float64], vertex_count: int) -> int:
+    """Return the first face with an index not among 0, 1, ..., vertex_count - 1, or -1."""
+    good = ((faces >= 0) & (faces < vertex_count) & (faces == np.floor(faces))).all(axis=1)
+    return -1 if good.all() else int(np.argmin(good))
+
+
+def show_numbers(values: Sequence[float] | NDArray[np.float64]) -> str:
+    """Return `(1, nan, 0.5)`, the form of a point in messages."""
+    return "(" + ", ".join(f"{value:.9g}" for value in values) + ")"

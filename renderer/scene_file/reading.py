@@ -1,0 +1,72 @@
+"""What one reading of a scene shares: folders to look in, files read, the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from renderer.errors import SceneError
+from renderer.scene_file.description import Location
+from renderer.scene_file.numbers import quoted
+from renderer.scene_file.tree import Element
+
+T = TypeVar("T")
+
+
+@dataclass(eq=False)
+class Reading:
+    """State of one reading; every reader gets it."""
+
+    folders: list[Path]  # searched in this order
+    warnings: list[str] = field(default_factory=list)
+    files: dict[str, None] = field(default_factory=dict)  # an ordered set
+    _built: dict[int, tuple[Element, Any]] = field(default_factory=dict)
+
+    def find_file(self, name: str, location: Location, what: str) -> Path:
+        """Return the path of a file that the scene names, and note that it is read.
+
+        Raises
+        ------
+        SceneError
+            If no folder has it; the message says where it was looked for.
+        """
+        path = find(name, self.folders, location, what)
+        if not path.is_file():
+            raise SceneError(f"{location}: {what} {quoted(name)} is not a file")
+        self.files[str(path)] = None
+        return path
+
+    def warn(self, location: Location, message: str) -> None:
+        """Keep a line for the log."""
+        self.warnings.append(f"{location}: {message}")
+
+    def once(self, element: Element, build: Callable[[], T]) -> T:
+        """Build the record of an element, or return the one of the first time.
+
+        Many references to one bitmap must load it once; the records are then the same
+        object, by which `renderer.scene` recognizes them.
+        """
+        if id(element) not in self._built:
+            self._built[id(element)] = (element, build())
+        built: T = self._built[id(element)][1]
+        return built
+
+
+def find(name: str, folders: list[Path], location: Location, what: str) -> Path:
+    """Return the first existing path for `name`, which may be absolute.
+
+    Raises
+    ------
+    SceneError
+        If there is none.
+    """
+    try:
+        for folder in folders:
+            if name and (folder / name).exists():
+                return folder / name
+    except (OSError, ValueError) as error:  # a name too long, a zero byte
+        raise SceneError(f"{location}: {what} {quoted(name)}: {error}") from None
+    looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
+    raise SceneError(f"{location}: {what} {quoted(name)} not found; looked in: {looked}")

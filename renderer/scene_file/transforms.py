@@ -1,0 +1,145 @@
+"""Transforms of the scene file as 4x4 matrices that act on column vectors.
+
+`<transform>` lists its steps in the order in which they are applied, so each new step is
+multiplied from the left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+_SINGULAR = 1e-12  # of |det| against the product of the column lengths
+
+
+def translate(x: float, y: float, z: float) -> Matrix:
+    """Return the translation by (x, y, z)."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def scale(x: float, y: float, z: float) -> Matrix:
+    """Return the scaling by (x, y, z)."""
+    return np.diag([x, y, z, 1.0])
+
+
+def rotate(axis: Sequence[float], degrees: float) -> Matrix:
+    """Return the rotation about `axis`, counter-clockwise against it.
+
+    Parameters
+    ----------
+    axis
+        Of length 1. It is used as it comes, and any other length gives no rotation:
+        so does Mitsuba 3.9.1, and the same file must mean the same scene.
+    """
+    vector = np.asarray(axis, dtype=np.float64)
+    angle = math.radians(degrees)
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    matrix = np.eye(4)  # Rodrigues' formula
+    matrix[:3, :3] = (
+        math.cos(angle) * np.eye(3)
+        + math.sin(angle) * cross
+        + (1.0 - math.cos(angle)) * np.outer(vector, vector)
+    )
+    return matrix
+
+
+def look_at(
+    origin: Sequence[float], target: Sequence[float], up: Sequence[float] | None
+) -> Matrix | None:
+    """Return world_from_camera for a camera at `origin` that looks along +z at `target`.
+
+    +y points as near to `up` as it can and +x to the *left*, which keeps the frame
+    right-handed. None if `target` is `origin` or `up` is parallel to the view.
+
+    Parameters
+    ----------
+    up
+        None for any direction that is not parallel (Mitsuba does not say which).
+    """
+    with np.errstate(all="ignore"):
+        position = np.asarray(origin, dtype=np.float64)
+        direction = np.asarray(target, dtype=np.float64) - position
+        direction = direction / np.linalg.norm(direction)
+        if up is None:
+            upward = _perpendicular(direction)
+        else:
+            upward = np.asarray(up, dtype=np.float64)
+            upward = upward / np.linalg.norm(upward)
+        left = np.cross(upward, direction)
+        length = np.linalg.norm(left)
+        left = left / length
+    if not (np.isfinite(left).all() and length > 1e-12):
+        return None
+    matrix = np.eye(4)
+    matrix[:3, 0] = left
+    matrix[:3, 1] = np.cross(direction, left)
+    matrix[:3, 2] = direction
+    matrix[:3, 3] = position
+    return matrix
+
+
+def _perpendicular(n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the first tangent of Duff et al. 2017, the basis that Mitsuba uses."""
+    sign = math.copysign(1.0, n[2])
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return np.array([1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]])
+
+
+def z_to(direction: Sequence[float]) -> Matrix:
+    """Return a rotation that takes +z to `direction` (any length but 0)."""
+    n = np.asarray(direction, dtype=np.float64)
+    n = n / np.linalg.norm(n)
+    tangent = _perpendicular(n)
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = tangent, np.cross(n, tangent), n
+    return matrix
+
+
+def why_unusable(matrix: Matrix) -> str | None:
+    """Return what is wrong with an affine (4, 4) transform, or None if nothing is."""
+    if not np.isfinite(matrix).all() or np.abs(matrix).max() > np.finfo(np.float32).max:
+        return "it is not finite"
+    if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        return "its last row is not 0 0 0 1 (only affine transforms are possible)"
+    if is_singular(matrix[:3, :3]):
+        return "it is singular (it flattens space, so it has no inverse)"
+    return None
+
+
+def is_singular(linear: NDArray[np.float64]) -> bool:
+    """Tell whether a square matrix flattens space, whatever its scale."""
+    lengths = np.linalg.norm(linear, axis=0)
+    if not (lengths > 0.0).all():
+        return True
+    return bool(abs(np.linalg.det(linear / lengths)) <= _SINGULAR)
+
+
+def uv_part(matrix: Matrix) -> NDArray[np.float64]:
+    """Return the (3, 3) transform of (u, v, 1): what a (4, 4) one does to x and y."""
+    rows = np.ix_((0, 1, 3), (0, 1, 3))
+    return np.ascontiguousarray(matrix[rows])
+
+
+def column_lengths(matrix: Matrix) -> NDArray[np.float64]:
+    """Return how much the three axes are stretched."""
+    lengths: NDArray[np.float64] = np.linalg.norm(matrix[:3, :3], axis=0)
+    return lengths
+
+
+def has_shear(matrix: Matrix, tolerance: float = 1e-4) -> bool:
+    """Tell whether the images of the axes are not perpendicular to each other."""
+    unit = matrix[:3, :3] / column_lengths(matrix)
+    return bool(np.abs(unit.T @ unit - np.eye(3)).max() > tolerance)
+
+
+def mirrors(matrix: Matrix) -> bool:
+    """Tell whether right-handed frames become left-handed."""
+    return bool(np.linalg.det(matrix[:3, :3]) < 0.0)

@@ -1,0 +1,305 @@
+"""XML elements to the plain tree: properties, parameters, includes, references.
+
+What each tag and attribute means here follows Mitsuba 3.9.1; anything else is an error,
+as it is there.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from renderer.errors import SceneError
+from renderer.scene_file import version_1
+from renderer.scene_file.description import Location
+from renderer.scene_file.numbers import (
+    parse_boolean,
+    parse_float,
+    parse_floats,
+    parse_integer,
+    quoted,
+)
+from renderer.scene_file.parameters import Parameters
+from renderer.scene_file.plugins import TAGS
+from renderer.scene_file.reading import Reading, find
+from renderer.scene_file.spectrum_text import parse_spectrum, read_spd
+from renderer.scene_file.tree import (
+    UNNAMED,
+    Element,
+    Reference,
+    RgbValue,
+    SpectrumValue,
+    Tree,
+    Value,
+    Vector,
+)
+from renderer.scene_file.xml_elements import XmlElement, parse_xml
+from renderer.scene_file.xml_transforms import STEPS, fold_steps, required, xyz
+
+_DEEPEST_INCLUDE = 15  # as in Mitsuba
+_VALUE_TAGS = (
+    "boolean",
+    "integer",
+    "float",
+    "string",
+    "point",
+    "vector",
+    "rgb",
+    "spectrum",
+    "transform",
+    "ref",
+)
+_OTHER_TAGS = ("default", "include", "path", "alias")
+
+
+def read_xml_tree(
+    content: str | bytes, source: str, parameters: Parameters, reading: Reading
+) -> Tree:
+    """Read a scene, and all that it includes.
+
+    Parameters
+    ----------
+    content
+        The XML document.
+    source
+        Its path, or a name for messages.
+    reading
+        Its `folders` are searched for included files; `<path>` adds to them.
+
+    Raises
+    ------
+    SceneError
+        For everything that Mitsuba's parser refuses, and DOCTYPEs.
+    """
+    document = _Document(source, parameters, reading, (Path(source).resolve(),))
+    tree = document.read(content)
+    parameters.check_all_used(source)
+    return tree
+
+
+class _Document:
+    """One XML file on its way to a tree; an included file gets its own."""
+
+    def __init__(
+        self, source: str, parameters: Parameters, reading: Reading, stack: tuple[Path, ...]
+    ) -> None:
+        self._source = source
+        self._parameters = parameters
+        self._reading = reading  # its folders are those of this document
+        self._stack = stack  # this file and those that include it
+        self._ids: dict[str, Element] = {}
+        self._is_version_1 = False
+
+    def read(self, content: str | bytes) -> Tree:
+        """Read the whole document."""
+        root = parse_xml(content, self._source)
+        if "version" not in root.attributes:
+            raise SceneError(
+                f'{root.location}: <{root.tag}> lacks the attribute "version" (such as '
+                '"3.0.0")'
+            )
+        self._substitute(root)
+        self._is_version_1 = version_1.is_version_1(
+            root.attributes["version"], root.location
+        )
+        return Tree(self._object(root, is_root=True), self._ids)
+
+    def _object(self, xml: XmlElement, *, is_root: bool = False) -> Element:
+        """Read a plugin, its parameters already replaced, and everything inside it."""
+        if xml.tag not in TAGS:
+            self._refuse_tag(xml)
+        optional = {"id", "name"} | ({"version", "type"} if is_root else set())
+        _check_attributes(xml, () if is_root else ("type",), optional)
+        plugin = xml.attributes.get("type", "scene")
+        tag = "texture" if xml.tag == "spectrum" else xml.tag
+        element = Element(tag, plugin, xml.location, xml.attributes.get("id", ""))
+        if element.id:
+            self._register(element.id, element, xml.location)
+        for child in xml.children:
+            self._child(child, element, in_root=is_root)
+        self._mention_text(xml)
+        if self._is_version_1:
+            version_1.upgrade(element)
+        return element
+
+    def _child(self, xml: XmlElement, parent: Element, *, in_root: bool) -> None:
+        """Read one element inside a plugin, and add it as a property."""
+        self._substitute(xml)
+        name = xml.attributes.get("name", "")
+        if xml.tag in TAGS and xml.tag != "spectrum":
+            parent.add(name, self._object(xml), xml.location)
+        elif xml.tag == "spectrum" and "type" in xml.attributes:
+            parent.add(name, self._object(xml), xml.location)
+        elif xml.tag in _VALUE_TAGS:
+            if xml.children and xml.tag != "transform":
+                raise SceneError(
+                    f"{xml.children[0].location}: <{xml.tag}> takes no elements inside"
+                )
+            parent.add(name, self._value(xml), xml.location)
+        elif xml.tag == "default":
+            _check_attributes(xml, ("name", "value"))
+            if not name:
+                raise SceneError(f"{xml.location}: <default> has an empty name")
+            self._parameters.add_default(name, xml.attributes["value"])
+        elif xml.tag == "include":
+            self._include(xml, parent)
+        elif xml.tag == "path":
+            self._path(xml, in_root=in_root)
+        elif xml.tag == "alias":
+            self._alias(xml)
+        else:
+            self._refuse_tag(xml)
+
+    def _value(self, xml: XmlElement) -> Value:
+        """Read the value of a property element."""
+        where, tag = xml.location, xml.tag
+        what = f"{tag} {quoted(xml.attributes.get('name', ''))}"
+        if tag in ("point", "vector"):
+            _check_attributes(xml, ("name",), {"value", "x", "y", "z"})
+            return Vector(xyz(xml, None))
+        if tag == "spectrum":
+            return self._spectrum(xml)
+        if tag == "transform":
+            _check_attributes(xml, ("name",))
+            for step in xml.children:
+                self._substitute(step)
+            return fold_steps(xml.children, self._reading)
+        if tag == "ref":
+            _check_attributes(xml, ("id",), {"name"})
+            return Reference(xml.attributes["id"])
+        _check_attributes(xml, ("name", "value"))
+        text = xml.attributes["value"]
+        match tag:
+            case "boolean":
+                return parse_boolean(text, where, what)
+            case "integer":
+                return parse_integer(text, where, what)
+            case "float":
+                return parse_float(text, where, what)
+            case "rgb":
+                numbers = parse_floats(text, (1, 3), where, what)
+                red, green, blue = numbers * 3 if len(numbers) == 1 else numbers
+                return RgbValue((red, green, blue))
+            case _:
+                return text
+
+    def _spectrum(self, xml: XmlElement) -> SpectrumValue:
+        _check_attributes(xml, ("name",), {"value", "filename"})
+        text, filename = xml.attributes.get("value"), xml.attributes.get("filename")
+        if bool(text) == bool(filename):
+            raise SceneError(
+                f'{xml.location}: <spectrum> needs one of "value" and "filename"'
+            )
+        if text:
+            return parse_spectrum(text, xml.location)
+        return read_spd(
+            self._reading.find_file(filename or "", xml.location, "the spectrum file")
+        )
+
+    def _include(self, xml: XmlElement, parent: Element) -> None:
+        """Read another file; a scene gives its objects, another root itself."""
+        _check_attributes(xml, ("filename",), {"name"})
+        where = xml.location
+        filename = xml.attributes["filename"]
+        path = self._reading.find_file(filename, where, "the included file")
+        resolved = path.resolve()
+        if resolved in self._stack:
+            chain = " -> ".join(p.name for p in (*self._stack, resolved))
+            raise SceneError(f"{where}: cyclic <include>: {chain}")
+        if len(self._stack) >= _DEEPEST_INCLUDE:
+            raise SceneError(
+                f"{where}: more than {_DEEPEST_INCLUDE} files include each other"
+            )
+        # Only the root document's own <path> elements last until plugins open files.
+        folders = [path.parent, *self._reading.folders]
+        inner = Reading(folders, self._reading.warnings, self._reading.files)
+        document = _Document(str(path), self._parameters, inner, (*self._stack, resolved))
+        tree = document.read(read_text_file(path))
+        for id_, element in tree.elements.items():
+            self._register(id_, element, element.location)
+        if tree.root.tag != "scene":
+            parent.add(xml.attributes.get("name", ""), tree.root, where)
+            return
+        for property_ in tree.root.properties.values():
+            if not isinstance(property_.value, Element):
+                raise SceneError(
+                    f"{property_.location}: {property_.kind} in an included scene, which "
+                    "Mitsuba would drop; an included scene may hold plugins and <default>"
+                )
+            name = "" if property_.name.startswith(UNNAMED) else property_.name
+            parent.add(name, property_.value, property_.location)
+
+    def _path(self, xml: XmlElement, *, in_root: bool) -> None:
+        _check_attributes(xml, ("value",))
+        if not in_root:
+            raise SceneError(
+                f"{xml.location}: <path> must stand directly in the root element"
+            )
+        folder = find(
+            xml.attributes["value"], self._reading.folders, xml.location, "the folder"
+        )
+        if not folder.is_dir():
+            raise SceneError(
+                f"{xml.location}: <path> {quoted(xml.attributes['value'])} is not a folder"
+            )
+        self._reading.folders.insert(0, folder)
+
+    def _alias(self, xml: XmlElement) -> None:
+        _check_attributes(xml, ("id", "as"))
+        id_ = xml.attributes["id"]
+        if id_ not in self._ids:
+            raise SceneError(
+                f"{xml.location}: <alias> of {quoted(id_)}, which is no id so far"
+            )
+        self._register(xml.attributes["as"], self._ids[id_], xml.location)
+
+    def _register(self, id_: str, element: Element, where: Location) -> None:
+        if id_ in self._ids:
+            raise SceneError(
+                f"{where}: id {quoted(id_)} is taken already, by {self._ids[id_]} at "
+                f"{self._ids[id_].location}"
+            )
+        self._ids[id_] = element
+
+    def _substitute(self, xml: XmlElement) -> None:
+        for name, value in xml.attributes.items():
+            xml.attributes[name] = self._parameters.substitute(value, xml.location)
+
+    def _mention_text(self, xml: XmlElement) -> None:
+        if xml.text:
+            self._reading.warn(xml.location, f"text inside <{xml.tag}>: {quoted(xml.text)}")
+
+    def _refuse_tag(self, xml: XmlElement) -> None:
+        if xml.tag in STEPS:
+            raise SceneError(f"{xml.location}: <{xml.tag}> belongs inside a <transform>")
+        supported = ", ".join(sorted({*TAGS, *_VALUE_TAGS, *_OTHER_TAGS}))
+        raise SceneError(
+            f"{xml.location}: the element <{xml.tag}> is not supported; "
+            f"supported: {supported}"
+        )
+
+
+def _check_attributes(
+    xml: XmlElement, needed: tuple[str, ...], optional: set[str] | None = None
+) -> None:
+    for name in needed:
+        required(xml, name)
+    known = {*needed, *(optional or ())}
+    if unknown := sorted(xml.attributes.keys() - known):
+        raise SceneError(
+            f'{xml.location}: <{xml.tag}> has no attribute "{unknown[0]}"; it takes: '
+            + ", ".join(sorted(known))
+        )
+
+
+def read_text_file(path: Path) -> bytes:
+    """Return the bytes of an XML file.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot read the file: {error.strerror}") from None

@@ -1,0 +1,88 @@
+"""Ray against open cylinder: the sphere's stable quadratic in the plane across the axis."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.lanes.functions import select, sqrt
+from renderer.lanes.memory import load_row
+from renderer.shapes.patch import Intersection
+from renderer.vectors import column, dot, load3
+
+
+class Cylinders(NamedTuple):
+    """Tubes without caps, in the order of an accelerator."""
+
+    base: NDArray[np.float32]  # (3, n) centre of the lower end
+    axis: NDArray[np.float32]  # (3, n) unit
+    radius: NDArray[np.float32]  # (n,)
+    height: NDArray[np.float32]  # (n,)
+    id: NDArray[np.int32]  # (n,) primitive id in the scene
+    count: int  # n without the padding
+
+
+class Cylinder(NamedTuple):
+    """One cylinder, or 16 in lanes."""
+
+    base: Any
+    axis: Any
+    radius: Any
+    height: Any
+
+
+@kernel
+def cylinder_at(cylinders, k):
+    """Return cylinder k as scalars."""
+    return Cylinder(
+        column(cylinders.base, k),
+        column(cylinders.axis, k),
+        cylinders.radius[k],
+        cylinders.height[k],
+    )
+
+
+@kernel
+def cylinders_from(cylinders, k):
+    """Return cylinders k to k + 15 as lanes."""
+    return Cylinder(
+        load3(cylinders.base, k),
+        load3(cylinders.axis, k),
+        load_row(cylinders.radius, 0, k),
+        load_row(cylinders.height, 0, k),
+    )
+
+
+@kernel
+def hit_cylinder(cylinder, origin, direction, t_max):
+    """Intersect; hits have 0 < t <= t_max, v is the height as a fraction, u is 0.
+
+    The nearer root counts where it lies between the ends, else the farther one: the ray
+    may enter through an open end.
+    """
+    f = origin - cylinder.base
+    f_axis = dot(f, cylinder.axis)
+    d_axis = dot(direction, cylinder.axis)
+    f_across = f - cylinder.axis * f_axis
+    d_across = direction - cylinder.axis * d_axis
+    a = dot(d_across, d_across)
+    b = -dot(f_across, d_across)
+    nearest = f_across + d_across * (b / a)
+    discriminant = cylinder.radius * cylinder.radius - dot(nearest, nearest)
+    root = sqrt(a * select(discriminant > 0.0, discriminant, 0.0 * discriminant))
+    q = b + select(b < 0.0, -root, root)
+    c = dot(f_across, f_across) - cylinder.radius * cylinder.radius
+    t_q = q / a
+    t_c = c / q
+    first = select(t_q < t_c, t_q, t_c)
+    second = select(t_q < t_c, t_c, t_q)
+    h_first = f_axis + first * d_axis
+    h_second = f_axis + second * d_axis
+    near = (first > 0.0) & (h_first >= 0.0) & (h_first <= cylinder.height)
+    far = (second > 0.0) & (h_second >= 0.0) & (h_second <= cylinder.height)
+    t = select(near, first, second)
+    hit = (discriminant >= 0.0) & (near | far) & (t <= t_max)
+    return Intersection(hit, t, t * 0.0, select(near, h_first, h_second) / cylinder.height)

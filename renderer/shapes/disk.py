@@ -1,0 +1,30 @@
+"""Ray against disk (under any affine map an ellipse): the plane, then u^2 + v^2 <= 1."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.shapes.patch import divided, meet_plane
+
+
+class Disks(NamedTuple):
+    """Disks: the corner is the centre, the edges are the two half axes."""
+
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
+    id: NDArray[np.int32]  # (n,) primitive id in the scene
+    count: int  # n without the padding
+
+
+@kernel
+def hit_disk(disk, origin, direction, t_max):
+    """Intersect; hits have 0 < t <= t_max, u and v are the local x and y."""
+    p = meet_plane(disk, origin, direction)
+    inside = p.u * p.u + p.v * p.v <= p.scale * p.scale
+    return divided(p, inside, t_max)

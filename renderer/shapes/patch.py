@@ -1,0 +1,98 @@
+"""Flat primitives: a corner, two edges, and the plane they span.
+
+Triangle, parallelogram and disk differ only in which (u, v) are inside. Vectors may be of
+scalars or lanes on either side: one primitive for 16 rays, or 16 primitives for one ray.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from renderer.jit import kernel
+from renderer.lanes.functions import fabs, select
+from renderer.vectors import column, cross, dot, load3
+
+
+class Intersection(NamedTuple):
+    """Where rays meet a primitive; t, u, v mean something only where `hit` is set."""
+
+    hit: Any
+    t: Any
+    u: Any
+    v: Any
+
+
+class Patch(NamedTuple):
+    """One flat primitive, or 16 in lanes: the points corner + u edge1 + v edge2."""
+
+    corner: Any
+    edge1: Any
+    edge2: Any
+    normal: Any  # edge1 x edge2, not normalised
+
+
+class PlaneHit(NamedTuple):
+    """t, u, v of a ray in a plane, all multiplied by `scale` >= 0 to put off the division."""
+
+    scale: Any
+    t: Any
+    u: Any
+    v: Any
+
+
+@kernel
+def patch_at(patches, k):
+    """Return flat primitive k as scalars."""
+    return Patch(
+        column(patches.corner, k),
+        column(patches.edge1, k),
+        column(patches.edge2, k),
+        column(patches.normal, k),
+    )
+
+
+@kernel
+def patches_from(patches, k):
+    """Return flat primitives k to k + 15 as lanes."""
+    return Patch(
+        load3(patches.corner, k),
+        load3(patches.edge1, k),
+        load3(patches.edge2, k),
+        load3(patches.normal, k),
+    )
+
+
+@kernel
+def meet_plane(patch, origin, direction):
+    """Intersect with the plane of a patch and solve for (u, v).
+
+    The lecture's steps: t = n . (c - p) / n . d, then c + u e1 + v e2 = p + t d. Crossing
+    the second equation with d removes t: with r = (c - p) x d, u = e2 . r / n . d and
+    v = -e1 . r / n . d. A ray in the plane has scale 0 and fails every test that follows.
+    """
+    to_corner = patch.corner - origin
+    r = cross(to_corner, direction)
+    slope = dot(patch.normal, direction)
+    t = dot(patch.normal, to_corner)
+    u = dot(patch.edge2, r)
+    v = -dot(patch.edge1, r)
+    away = slope < 0.0
+    return PlaneHit(
+        fabs(slope),
+        select(away, -t, t),
+        select(away, -u, u),
+        select(away, -v, v),
+    )
+
+
+@kernel
+def divided(plane_hit, inside, t_max):
+    """Return the intersection where `inside` and 0 < t <= t_max.
+
+    t is compared after the division, as every other comparison of t is: otherwise two
+    primitives at equal t could win in one order of visits and lose in another.
+    """
+    inverse = 1.0 / plane_hit.scale
+    t = plane_hit.t * inverse
+    hit = inside & (t > 0.0) & (t <= t_max) & (plane_hit.scale > 0.0)
+    return Intersection(hit, t, plane_hit.u * inverse, plane_hit.v * inverse)

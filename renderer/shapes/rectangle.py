@@ -1,0 +1,30 @@
+"""Ray against parallelogram: the triangle's plane and (u, v), with both up to 1."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.shapes.patch import divided, meet_plane
+
+
+class Rectangles(NamedTuple):
+    """Parallelograms: the corner at uv = (0, 0), the edges to (1, 0) and (0, 1)."""
+
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
+    id: NDArray[np.int32]  # (n,) primitive id in the scene
+    count: int  # n without the padding
+
+
+@kernel
+def hit_rectangle(rectangle, origin, direction, t_max):
+    """Intersect; hits have 0 < t <= t_max and 0 <= u, v <= 1."""
+    p = meet_plane(rectangle, origin, direction)
+    inside = (p.u >= 0.0) & (p.v >= 0.0) & (p.u <= p.scale) & (p.v <= p.scale)
+    return divided(p, inside, t_max)

@@ -1,0 +1,50 @@
+"""Ray against triangle, by both methods of the lecture.
+
+The renderer uses `hit_triangle`, the plane method with the normal stored beside the
+triangle: 29 multiplications and additions against 38 of Moeller-Trumbore.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.shapes.patch import Intersection, divided, meet_plane
+from renderer.vectors import cross, dot
+
+
+class Triangles(NamedTuple):
+    """Triangles in the order of an accelerator; all groups are padded by 16 columns."""
+
+    corner: NDArray[np.float32]  # (3, n) p1 of the lecture
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
+    id: NDArray[np.int32]  # (n,) primitive id in the scene
+    count: int  # n without the padding
+
+
+@kernel
+def hit_triangle(triangle, origin, direction, t_max):
+    """Plane, then (u, v): hits have 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
+    p = meet_plane(triangle, origin, direction)
+    inside = (p.u >= 0.0) & (p.v >= 0.0) & (p.u + p.v <= p.scale)
+    return divided(p, inside, t_max)
+
+
+@kernel
+def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
+    """Intersect without a stored normal [Moeller1997]; the same result within rounding."""
+    p = cross(direction, triangle.edge2)
+    determinant = dot(triangle.edge1, p)
+    inverse = 1.0 / determinant
+    to_origin = origin - triangle.corner
+    u = dot(to_origin, p) * inverse
+    q = cross(to_origin, triangle.edge1)
+    v = dot(direction, q) * inverse
+    t = dot(triangle.edge2, q) * inverse
+    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+    return Intersection(inside & (t > 0.0) & (t <= t_max), t, u, v)

@@ -1,0 +1,88 @@
+"""Stage 1, ray generation: one camera ray for each pixel of a tile, x(t) = p + t d."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.batch import CAPACITY
+from renderer.jit import kernel
+from renderer.lanes.functions import (
+    as_u32,
+    lane_index,
+    mask_bits,
+    popcount,
+    splat_f32,
+    splat_i32,
+    to_f32,
+)
+from renderer.lanes.memory import append_row
+from renderer.sampling import FILM_BLOCK, draw4
+from renderer.vectors import append3, column, dot, normalize, vec3
+
+
+class Tile(NamedTuple):
+    """A rectangle of at most 32 x 32 pixels, in coordinates of the full film."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+TILE_SIZE = 32  # CAPACITY = TILE_SIZE ** 2
+
+
+@kernel
+def slot_pixel(slot):
+    """Return the (x, y) of slots in a tile; 16 neighbouring slots are 4 x 4 pixels."""
+    x = (slot & 3) | (((slot >> 4) & 7) << 2)
+    y = ((slot >> 2) & 3) | ((slot >> 7) << 2)
+    return x, y
+
+
+@kernel
+def pixel_key(scene, tile, slot):
+    """Return the number of the slots' pixels in the full film, which keys their randomness."""
+    x, y = slot_pixel(slot)
+    return as_u32((y + tile.y) * scene.camera.film_width + (x + tile.x))
+
+
+@kernel
+def film_position(scene, tile, slot, sample):
+    """Return where on the full film, in pixels, a sample of the slots' pixels lies."""
+    x, y = slot_pixel(slot)
+    dx, dy, _, _ = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, FILM_BLOCK)
+    return to_f32(x + tile.x) + dx, to_f32(y + tile.y) + dy
+
+
+@kernel
+def camera_rays(scene, tile, sample, rays, hits):
+    """Fill `rays` with one ray for each pixel of the tile; return how many."""
+    camera = scene.camera
+    one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
+    count = 0
+    for first in range(0, CAPACITY, 16):
+        slot = lane_index() + first
+        x, y = slot_pixel(slot)
+        inside = (x < tile.width) & (y < tile.height)
+        if mask_bits(inside) == 0:
+            continue
+        px, py = film_position(scene, tile, slot, sample)
+        direction = normalize(
+            column(camera.corner, 0) + px * column(camera.right, 0) + py * column(camera.down, 0)
+        )
+        # the near plane cuts the ray's start, the far plane its end
+        along = 1.0 / dot(direction, column(camera.forward, 0))
+        near = np.float32(camera.near) * along
+        append3(rays.origin, count, column(camera.origin, 0) + direction * near, inside)
+        append3(rays.direction, count, direction, inside)
+        append3(rays.throughput, count, one, inside)
+        append_row(rays.pdf, 0, count, splat_f32(0.0), inside)
+        append_row(rays.eta, 0, count, splat_f32(1.0), inside)
+        append_row(rays.slot, 0, count, slot, inside)
+        append_row(hits.t, 0, count, np.float32(camera.far) * along - near, inside)
+        append_row(hits.prim, 0, count, splat_i32(-1), inside)
+        count += popcount(mask_bits(inside))
+    return count

@@ -1,0 +1,65 @@
+"""Stage 2, intersection: the nearest hit among all kinds of primitives, and visibility."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.accelerators.dispatch import any_hit, closest_hit
+from renderer.jit import kernel
+from renderer.lanes.functions import (
+    first_lanes,
+    lane_index,
+    mask_bits,
+    popcount,
+    splat_f32,
+    splat_i32,
+)
+from renderer.lanes.memory import append_row, gather_row, load_row, store_row
+
+
+@kernel
+def reset_hits(hits, first, count):
+    """Let `count` rays reach to infinity and have hit nothing."""
+    for i in range(first, first + count, 16):
+        store_row(hits.t, 0, i, splat_f32(np.float32(np.inf)))
+        store_row(hits.prim, 0, i, splat_i32(-1))
+
+
+@kernel
+def intersect(accelerators, rays, hits, first, count, coherent):
+    """Find the nearest hit of `count` rays; `hits.t` holds their ends before."""
+    closest_hit(accelerators.triangles, rays, hits, first, count, coherent)
+    closest_hit(accelerators.rectangles, rays, hits, first, count, coherent)
+    closest_hit(accelerators.disks, rays, hits, first, count, coherent)
+    closest_hit(accelerators.spheres, rays, hits, first, count, coherent)
+    closest_hit(accelerators.cylinders, rays, hits, first, count, coherent)
+
+
+@kernel
+def trace_shadow_rays(accelerators, shadow_rays, count, coherent, radiance):
+    """Add to each pixel what its unblocked shadow rays carry."""
+    for i in range(0, count, 16):
+        store_row(shadow_rays.blocked, 0, i, splat_i32(0))
+    any_hit(accelerators.triangles, shadow_rays, count, coherent)
+    any_hit(accelerators.rectangles, shadow_rays, count, coherent)
+    any_hit(accelerators.disks, shadow_rays, count, coherent)
+    any_hit(accelerators.spheres, shadow_rays, count, coherent)
+    any_hit(accelerators.cylinders, shadow_rays, count, coherent)
+    for i in range(count):
+        if shadow_rays.blocked[i] == 0:
+            slot = shadow_rays.slot[i]
+            for c in range(3):
+                radiance[c, slot] += shadow_rays.radiance[c, i]
+
+
+@kernel
+def collect(scene, hits, first, count, stage, order, start):
+    """Append to `order`, from `start` on, the hits that need `stage`; return the end."""
+    for i in range(first, first + count, 16):
+        prim = load_row(hits.prim, 0, i)
+        found = (prim >= 0) & first_lanes(first + count - i)
+        stages = gather_row(scene.stages, 0, prim, found)
+        wanted = (stages & stage) != 0
+        append_row(order, 0, start, lane_index() + i, wanted)
+        start += popcount(mask_bits(wanted))
+    return start

@@ -1,0 +1,225 @@
+"""Three-component vectors for the kernels: `vec3(x, y, z)` with ordinary operators.
+
+The components are scalars or lanes, so that one textbook formula serves one ray or
+sixteen. A vector of scalars next to lanes stands for the same vector in every lane.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+from numba.core import cgutils, types
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import (
+    make_attribute_wrapper,
+    models,
+    register_model,
+    type_callable,
+)
+
+from renderer.jit import kernel
+from renderer.lanes.functions import select, sqrt
+from renderer.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.lanes.operators import operands, widen
+from renderer.lanes.types import Lanes
+
+
+class Vec3Type(types.Type):
+    """Numba type of a vector whose three components have the type `element`."""
+
+    def __init__(self, element: types.Type) -> None:
+        self.element = element
+        super().__init__(name=f"Vec3({element})")
+
+
+@register_model(Vec3Type)
+class _Vec3Model(models.StructModel):
+    def __init__(self, dmm: Any, fe_type: Vec3Type) -> None:
+        members = [(name, fe_type.element) for name in "xyz"]
+        super().__init__(dmm, fe_type, members)
+
+
+for _name in "xyz":
+    make_attribute_wrapper(Vec3Type, _name, _name)
+
+
+def vec3(x: Any, y: Any, z: Any) -> Any:
+    """Make a vector; only inside kernels."""
+    raise TypeError("vec3 exists inside kernels only")
+
+
+def _common(a: Any, b: Any) -> Any:
+    """Return the type that components of type a and b are computed in."""
+    if isinstance(a, Lanes) or isinstance(b, Lanes):
+        return operands(a, b)
+    return a if isinstance(a, types.Number) and isinstance(b, types.Number) else None
+
+
+@type_callable(vec3)
+def _type_vec3(context: Any) -> Any:
+    def typer(x: Any, y: Any, z: Any) -> Any:
+        first = _common(x, y)
+        element = None if first is None else _common(first, z)
+        return None if element is None else Vec3Type(element)
+
+    return typer
+
+
+@lower_builtin(vec3, types.Any, types.Any, types.Any)
+def _lower_vec3(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    element = sig.return_type.element
+    vector = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+    for name, given, value in zip("xyz", sig.args, args, strict=True):
+        if isinstance(element, Lanes):
+            converted = widen(context, builder, value, given, element)
+        else:
+            converted = context.cast(builder, value, given, element)
+        setattr(vector, name, converted)
+    return vector._getvalue()
+
+
+def _declare(op: Any) -> None:
+    """Make `op` work component by component on vector-vector and vector-number pairs."""
+
+    class Typing(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            left, right = args
+            if not (isinstance(left, Vec3Type) or isinstance(right, Vec3Type)):
+                return None
+            a = left.element if isinstance(left, Vec3Type) else left
+            b = right.element if isinstance(right, Vec3Type) else right
+            element = _common(a, b)
+            if not isinstance(left, Vec3Type):  # number first: the vector's precision
+                element = _common(b, a)
+            return None if element is None else signature(Vec3Type(element), left, right)
+
+    infer_global(op)(Typing)
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        element = sig.return_type.element
+        result = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        sides = []
+        for given, value in zip(sig.args, args, strict=True):
+            if isinstance(given, Vec3Type):
+                struct = cgutils.create_struct_proxy(given)(context, builder, value)
+                sides.append((given.element, [getattr(struct, n) for n in "xyz"]))
+            else:
+                sides.append((given, [value] * 3))
+        (left, a), (right, b) = sides
+        if not isinstance(element, Lanes):
+            a = [context.cast(builder, v, left, element) for v in a]
+            b = [context.cast(builder, v, right, element) for v in b]
+            left = right = element
+        component = context.get_function(op, signature(element, left, right))
+        for name, p, q in zip("xyz", a, b, strict=True):
+            setattr(result, name, component(builder, (p, q)))
+        return result._getvalue()
+
+    lower_builtin(op, Vec3Type, Vec3Type)(lower)
+    for number in (types.Number, Lanes):
+        lower_builtin(op, Vec3Type, number)(lower)
+        lower_builtin(op, number, Vec3Type)(lower)
+
+
+for _op in (operator.add, operator.sub, operator.mul, operator.truediv):
+    _declare(_op)
+
+
+@infer_global(operator.neg)
+class _Negation(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(args[0], args[0]) if isinstance(args[0], Vec3Type) else None
+
+
+@lower_builtin(operator.neg, Vec3Type)
+def _negate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    element = sig.args[0].element
+    given = cgutils.create_struct_proxy(sig.args[0])(context, builder, args[0])
+    result = cgutils.create_struct_proxy(sig.args[0])(context, builder)
+    component = context.get_function(operator.neg, signature(element, element))
+    for name in "xyz":
+        setattr(result, name, component(builder, (getattr(given, name),)))
+    return result._getvalue()
+
+
+@kernel
+def dot(a, b):
+    """Return the inner product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@kernel
+def cross(a, b):
+    """Return the cross product, right-handed."""
+    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+@kernel
+def length(a):
+    """Return the Euclidean norm."""
+    return sqrt(dot(a, a))
+
+
+@kernel
+def normalize(a):
+    """Return a / |a|."""
+    return a * (1.0 / length(a))
+
+
+@kernel
+def select3(mask, a, b):
+    """Return `a` where the mask is set and `b` elsewhere."""
+    return vec3(select(mask, a.x, b.x), select(mask, a.y, b.y), select(mask, a.z, b.z))
+
+
+@kernel
+def orthonormal_basis(n):
+    """Return two unit vectors that complete the unit vector n to a right-handed frame.
+
+    Branchless and continuous except at n.z = 0 [Duff2017, listing 3].
+    """
+    sign = select(n.z >= 0.0, n.z * 0.0 + 1.0, n.z * 0.0 - 1.0)
+    a = -1.0 / (sign + n.z)
+    b = n.x * n.y * a
+    tangent = vec3(1.0 + sign * n.x * n.x * a, sign * b, -(sign * n.x))
+    return tangent, vec3(b, sign + n.y * n.y * a, -n.y)
+
+
+@kernel
+def column(array, k):
+    """Return the vector in column k of a (3, n) array."""
+    return vec3(array[0, k], array[1, k], array[2, k])
+
+
+@kernel
+def load3(array, i):
+    """Load columns i to i + 15 of a (3, n) array as a vector of lanes."""
+    return vec3(load_row(array, 0, i), load_row(array, 1, i), load_row(array, 2, i))
+
+
+@kernel
+def store3(array, i, a):
+    """Store a vector of lanes to columns i to i + 15 of a (3, n) array."""
+    store_row(array, 0, i, a.x)
+    store_row(array, 1, i, a.y)
+    store_row(array, 2, i, a.z)
+
+
+@kernel
+def gather3(array, indices, mask):
+    """Load the columns that `indices` names; lanes outside the mask are 0."""
+    return vec3(
+        gather_row(array, 0, indices, mask),
+        gather_row(array, 1, indices, mask),
+        gather_row(array, 2, indices, mask),
+    )
+
+
+@kernel
+def append3(array, i, a, mask):
+    """Store the masked lanes side by side from column i on."""
+    append_row(array, 0, i, a.x, mask)
+    append_row(array, 1, i, a.y, mask)
+    append_row(array, 2, i, a.z, mask)

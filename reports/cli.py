@@ -1,0 +1,134 @@
+"""The command `lightproof-report`, also `python -m reports`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from mitsuba_ref import cli as harness
+from mitsuba_ref.results import write_atomically
+from reports.benchmark_record import read_benchmark
+from reports.errors import ReportError
+from reports.page import benchmark_page, results_page
+from reports.results import read_results
+
+DEFAULT_OUT = Path("reports/out")
+WRONG_USE, INTERRUPTED = 2, 130
+
+EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
+2 the command line or the results are wrong, 130 interrupted."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compare scenes and draw the page, or draw old results; return the exit status.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; None: those of the process.
+    """
+    given = _parser().parse_args(sys.argv[1:] if arguments is None else arguments)
+    status = 0
+    source: Path = given.source or given.out / "data" / "results.json"
+    if given.source is None:
+        written_before = _written_at(source)
+        status = _run_harness(given, source.parent)
+        if status not in (0, 1) and _written_at(source) == written_before:
+            return status  # nothing new to show
+    try:
+        all_passed = draw(source, given.out)
+    except ReportError as error:
+        sentence = f"lightproof-report: {error}"
+        Console(stderr=True).print(sentence, markup=False, soft_wrap=True)
+        return WRONG_USE
+    return status or (0 if all_passed else 1)
+
+
+def draw(source: Path, out: Path) -> bool:
+    """Draw index.html in `out` from results; say where it is and whether all passed.
+
+    Parameters
+    ----------
+    source
+        A results.json; its pictures are named relative to it.
+    out
+        Folder for the page; a benchmark.json in its `data` is shown too.
+
+    Raises
+    ------
+    ReportError
+        If the results cannot be shown; an older page stays as it is.
+    """
+    results = read_results(source)
+    timings = out / "data" / "benchmark.json"
+    benchmark = read_benchmark(timings) if timings.exists() else None
+    page = out / "index.html"
+    write_atomically(page, results_page(results, source.parent, benchmark).encode())
+    if benchmark is not None:
+        write_atomically(out / "benchmark.html", benchmark_page(benchmark).encode())
+    Console().print(f"The page: {page}", markup=False, soft_wrap=True)
+    return all(scene.verdict == "pass" for scene in results.scenes)
+
+
+def _run_harness(given: argparse.Namespace, data: Path) -> int:
+    """Let the harness render, compare and write results.json and pictures to `data`."""
+    wanted = [str(scene) for scene in given.scenes]
+    wanted += ["--report", str(data), "--size", given.size]
+    if given.ladder:
+        wanted.append("--ladder")
+    return harness.main(wanted)
+
+
+def _written_at(path: Path) -> int | None:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lightproof-report",
+        description="Render scenes in lightproof and in Mitsuba 3, compare them, and write "
+        "one self-contained HTML page.",
+        epilog=EPILOG,
+    )
+    add = parser.add_argument
+    add(
+        "scenes",
+        nargs="*",
+        type=Path,
+        metavar="SCENE",
+        help="scene.xml or its folder; default: all of scenes/",
+    )
+    add(
+        "--out",
+        type=Path,
+        default=DEFAULT_OUT,
+        metavar="DIR",
+        help="where index.html goes (default: %(default)s)",
+    )
+    add(
+        "--from",
+        dest="source",
+        type=Path,
+        metavar="RESULTS.json",
+        help="draw these results instead of rendering",
+    )
+    add(
+        "--size",
+        choices=("demo", "test"),
+        default="demo",
+        help="which size of each scene's proof.toml (default: %(default)s)",
+    )
+    add(
+        "--ladder",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="measure speed against accuracy too (default: yes)",
+    )
+    return parser

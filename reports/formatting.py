@@ -1,0 +1,51 @@
+"""Numbers as a reader wants them: three digits that matter, a dash for nothing."""
+
+from __future__ import annotations
+
+NOTHING = "–"  # noqa: RUF001  an en dash, as tables print it
+
+METRIC_NAMES = {
+    "rmse": "RMSE",
+    "relative_mse": "relative MSE",
+    "ssim": "SSIM",
+    "flip": "FLIP",
+    "ciede2000": "CIEDE2000",
+    "mean_difference": "mean difference",
+}
+
+VERDICT_SIGNS = {"pass": "✓ pass", "fail": "✗ fail", "error": "! error"}
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return `digits` significant digits: 0.0123, 12.3, 3.6e-8; a dash for None."""
+    if value is None:
+        return NOTHING
+    if value == 0.0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e6:
+        mantissa, power = f"{value:.{digits - 1}e}".split("e")
+        return f"{float(mantissa):g}e{int(power)}"
+    shown = f"{value:.{digits}g}"
+    return f"{float(shown):.0f}" if "e" in shown else shown
+
+
+def seconds(value: float | None) -> str:
+    """Return a duration with its unit: 31 ms, 2.65 s, 3 min 20 s; a dash for None."""
+    if value is None:
+        return NOTHING
+    if value < 0.1:
+        return f"{value * 1e3:.2g} ms"
+    if value < 100.0:
+        return f"{value:.3g} s"
+    minutes, rest = divmod(round(value), 60)
+    return f"{minutes} min {rest} s"
+
+
+def judgement(passed: bool | None) -> str:
+    """Return what a table says about one comparison."""
+    return {True: "✓ within", False: "✗ outside", None: "not judged"}[passed]
+
+
+def metric_name(key: str) -> str:
+    """Return the name that people know a metric by."""
+    return METRIC_NAMES.get(key, key.replace("_", " "))

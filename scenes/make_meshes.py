@@ -1,0 +1,247 @@
+"""Make every mesh in this folder: `python scenes/make_meshes.py`.
+
+The files are committed, so nobody has to run this; a test checks that it still makes the
+same bytes. Coordinates are rounded to six decimals first, because the last bits of sine
+and cosine differ between processors.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from newell_teapot import teapot_mesh
+from numpy.typing import NDArray
+
+HERE = Path(__file__).parent
+Points = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+
+# ------------------------------------------------------------------------ shapes
+
+
+def grid_faces(rows: int, columns: int) -> Faces:
+    """Return two triangles for each cell of a grid of vertices, (F, 3)."""
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    return np.stack((a, b, c, a, c, d), axis=-1).reshape(-1, 3)
+
+
+def torus(
+    major: float, minor: float, around: int, across: int
+) -> tuple[Points, Points, Points, Faces]:
+    """Return a torus around z: vertices, normals, uv, faces; the seams are doubled."""
+    u = np.linspace(0.0, 1.0, around + 1)[None, :]
+    v = np.linspace(0.0, 1.0, across + 1)[:, None]
+    phi, theta = 2 * np.pi * u, 2 * np.pi * v
+    normals = np.stack(
+        np.broadcast_arrays(
+            np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)
+        ),
+        axis=-1,
+    )
+    ring = np.stack(np.broadcast_arrays(np.cos(phi), np.sin(phi), 0 * v), axis=-1)
+    uv = np.stack(np.broadcast_arrays(u, v), axis=-1)
+    return (
+        (major * ring + minor * normals).reshape(-1, 3),
+        normals.reshape(-1, 3),
+        uv.reshape(-1, 2),
+        grid_faces(across + 1, around + 1),
+    )
+
+
+def lathe(profile: Points, around: int) -> tuple[Points, Points, Points, Faces]:
+    """Turn a profile (N, 2) of (radius, z), bottom to top, around z; uv runs along both."""
+    phi = np.linspace(0.0, 2 * np.pi, around + 1)[None, :]
+    r, z = profile[:, :1], profile[:, 1:]
+    slope = np.gradient(profile, axis=0)
+    dr, dz = slope[:, :1], slope[:, 1:]
+    vertices = np.stack(np.broadcast_arrays(r * np.cos(phi), r * np.sin(phi), z), axis=-1)
+    normals = np.stack(
+        np.broadcast_arrays(dz * np.cos(phi), dz * np.sin(phi), -dr), axis=-1
+    )
+    normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    u = np.linspace(0.0, 1.0, around + 1)[None, :]
+    v = np.linspace(0.0, 1.0, len(profile))[:, None]
+    uv = np.stack(np.broadcast_arrays(u, v), axis=-1)
+    faces = grid_faces(len(profile), around + 1)
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces
+
+
+def icosphere(levels: int) -> tuple[Points, Faces]:
+    """Return a unit sphere: an icosahedron, each triangle cut in four `levels` times."""
+    golden = (1 + 5**0.5) / 2
+    flat = [(-1.0, golden), (1.0, golden), (-1.0, -golden), (1.0, -golden)]
+    points = [(a, b, 0.0) for a, b in flat]
+    points += [(0.0, a, b) for a, b in flat]
+    points += [(b, 0.0, a) for a, b in flat]
+    vertices = np.array(points)
+    distance = np.linalg.norm(vertices[:, None] - vertices[None], axis=-1)
+    near = np.isclose(distance, 2.0)  # the edge length
+    triples = [
+        (i, j, k)
+        for i in range(12)
+        for j in range(i + 1, 12)
+        for k in range(j + 1, 12)
+        if near[i, j] and near[j, k] and near[i, k]
+    ]
+    faces = np.array(
+        [t if np.linalg.det(vertices[list(t)]) > 0 else (t[0], t[2], t[1]) for t in triples]
+    )
+    for _ in range(levels):
+        edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        unique, inverse = np.unique(edges, axis=0, return_inverse=True)
+        middle = inverse.reshape(-1, 3) + len(vertices)
+        vertices = np.concatenate((vertices, vertices[unique].mean(axis=1)))
+        (a, b, c), (ab, bc, ca) = faces.T, middle.T
+        faces = np.concatenate(
+            [
+                np.stack(t, axis=-1)
+                for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))
+            ]
+        )
+    return vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
+
+
+def pebble() -> tuple[Points, Faces]:
+    """Return a sphere with waves on it: round enough for vertex normals to show."""
+    vertices, faces = icosphere(3)
+    x, y, z = vertices.T
+    wave = np.sin(5 * x + 1) * np.sin(4 * y) * np.cos(6 * z) + 0.5 * np.sin(7 * y + 3 * z)
+    return vertices * (1 + 0.12 * wave)[:, None], faces
+
+
+def crystal() -> tuple[Points, Faces]:
+    """Return a double pyramid over a hexagon, without shared vertices: flat sides."""
+    angle = np.arange(6) * np.pi / 3
+    ring = np.stack((np.cos(angle), np.sin(angle), 0 * angle), axis=-1)
+    top, bottom = np.array([0, 0, 1.8]), np.array([0, 0, -1.2])
+    triangles = [
+        corners
+        for k in range(6)
+        for corners in (
+            (ring[k], ring[(k + 1) % 6], top),
+            (ring[(k + 1) % 6], ring[k], bottom),
+        )
+    ]
+    return np.array(triangles).reshape(-1, 3), np.arange(36).reshape(-1, 3)
+
+
+def vase_profile() -> Points:
+    """Return (radius, z) of a vase of height 2, from the foot to the lip."""
+    t = np.linspace(0.0, 1.0, 25)
+    radius = 0.42 + 0.28 * np.sin(2 * np.pi * (t + 0.02)) * (1 - 0.25 * t) + 0.1 * t
+    return np.stack((radius, 2.0 * t), axis=-1)
+
+
+def studio_sweep() -> tuple[Points, Points, list[tuple[int, ...]]]:
+    """Return a photographer's backdrop: floor, bend and wall in one, as wide quads.
+
+    The floor is z = 0 towards -y, the wall y = 4; the bend between them has radius 3.
+    """
+    angle = np.linspace(0.0, np.pi / 2, 13)
+    y = np.concatenate(([-30.0], 1 + 3 * np.sin(angle), [4.0]))
+    z = np.concatenate(([0.0], 3 - 3 * np.cos(angle), [30.0]))
+    turn = np.concatenate(([0.0], angle, [np.pi / 2]))
+    points = np.stack([(x, b, c) for b, c in zip(y, z, strict=True) for x in (-40.0, 40.0)])
+    normals = np.stack([(0.0, -np.sin(a), np.cos(a)) for a in turn])
+    quads = [(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(len(y) - 1)]
+    return points, np.repeat(normals, 2, axis=0), quads
+
+
+# ------------------------------------------------------------------------- files
+
+
+def rounded(values: Points) -> Points:
+    """Round to six decimals, and turn -0 into 0."""
+    return np.round(values, 6) + 0.0
+
+
+def write_ply(
+    path: Path,
+    vertices: Points,
+    faces: Faces,
+    normals: Points | None = None,
+    uv: Points | None = None,
+    form: str = "binary_little_endian",
+) -> None:
+    """Write a triangle mesh as PLY in one of the three forms."""
+    names, columns = ["x", "y", "z"], [vertices]
+    if normals is not None:
+        names, columns = [*names, "nx", "ny", "nz"], [*columns, normals]
+    if uv is not None:
+        names, columns = [*names, "u", "v"], [*columns, uv]
+    table = rounded(np.concatenate(columns, axis=1))
+    header = ["ply", f"format {form} 1.0", "comment made by scenes/make_meshes.py"]
+    header += [f"element vertex {len(table)}", *(f"property float {n}" for n in names)]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    header += ["end_header", ""]
+    if form == "ascii":
+        body = "".join(" ".join(f"{x:g}" for x in row) + "\n" for row in table)
+        body += "".join(f"3 {a} {b} {c}\n" for a, b, c in faces)
+        data = body.encode()
+    else:
+        order = "<" if form == "binary_little_endian" else ">"
+        records = np.empty(len(faces), dtype=[("n", "u1"), ("index", order + "i4", 3)])
+        records["n"], records["index"] = 3, faces
+        data = table.astype(order + "f4").tobytes() + records.tobytes()
+    write(path, "\n".join(header).encode() + data)
+
+
+def write_obj(
+    path: Path,
+    vertices: Points,
+    faces: Faces | list[tuple[int, ...]],
+    normals: Points | None = None,
+    uv: Points | None = None,
+) -> None:
+    """Write polygons as OBJ; normals and uv, if there, go with the vertices one to one."""
+    lines = ["# made by scenes/make_meshes.py"]
+    for keyword, table in (("v", vertices), ("vt", uv), ("vn", normals)):
+        if table is not None:
+            lines += [
+                " ".join((keyword, *(f"{x:g}" for x in row))) for row in rounded(table)
+            ]
+    corner = {
+        (False, False): "{0}",
+        (False, True): "{0}/{0}",
+        (True, False): "{0}//{0}",
+        (True, True): "{0}/{0}/{0}",
+    }[normals is not None, uv is not None]
+    lines += [" ".join(("f", *(corner.format(i + 1) for i in face))) for face in faces]
+    write(path, ("\n".join(lines) + "\n").encode())
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file and the folder that it is in."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+
+
+def main(folder: Path = HERE) -> None:
+    """Write every mesh of every scene under `folder`."""
+    vertices, normals, faces = teapot_mesh()
+    assert len(faces) == 6320, "32 patches of 200 triangles less 80 at the poles"
+    write_ply(folder / "appel-teapot/meshes/teapot.ply", vertices, faces, normals)
+
+    points, sweep_normals, quads = studio_sweep()
+    write_obj(folder / "appel-teapot/meshes/sweep.obj", points, quads, sweep_normals)
+
+    # No normals in this file: both renderers compute the same ones.
+    write_obj(folder / "smooth-mesh/meshes/pebble.obj", *pebble())
+
+    write_ply(folder / "emitters/meshes/crystal.ply", *crystal(), form="ascii")
+
+    ring, ring_normals, ring_uv, ring_faces = torus(1.0, 0.4, 36, 18)
+    for scene in ("white-furnace", "depth-and-normals"):
+        path = folder / scene / "meshes/torus.ply"
+        write_ply(path, ring, ring_faces, ring_normals, ring_uv, form="binary_big_endian")
+
+    vase, vase_normals, vase_uv, vase_faces = lathe(vase_profile(), 32)
+    path = folder / "textured-room/meshes/vase.obj"
+    write_obj(path, vase, vase_faces, vase_normals, vase_uv)
+
+
+if __name__ == "__main__":
+    main()

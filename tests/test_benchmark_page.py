@@ -1,0 +1,108 @@
+"""The benchmark's page: ratios of pairs, targets, and a record that is checked."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from report_samples import benchmark, scene, write_results
+
+from reports import benchmark as command
+from reports.benchmark_record import Benchmark, read_benchmark
+from reports.benchmark_section import build_benchmark_section
+from reports.errors import ReportError
+from reports.page import benchmark_page
+
+
+def record(folder: Path, **changes: object) -> Benchmark:
+    path = folder / "benchmark.json"
+    path.write_text(json.dumps(benchmark(**changes)), encoding="utf-8")
+    return read_benchmark(path)
+
+
+def test_ratio_is_formed_within_each_round(tmp_path: Path) -> None:
+    """Ours .5 .4 .5, theirs 4 4 3.5: ratios 8, 10, 7, so 8 (7 to 10).
+
+    The ratio of the medians would be 8, too; of the fastest times 8.75.
+    """
+    row = build_benchmark_section(record(tmp_path)).rows[1]
+    assert row.ratio is not None
+    assert (row.ratio.median, row.ratio.low, row.ratio.high) == pytest.approx((8, 7, 10))
+
+
+def test_paths_and_rays_per_second(tmp_path: Path) -> None:
+    """100 x 100 pixels x 100 samples in 0.5 s are 2 million paths/s, 16 million rays/s."""
+    ours = build_benchmark_section(record(tmp_path)).rows[0]
+    assert ours.million_paths_per_second == pytest.approx(2.0)
+    assert ours.million_rays_per_second == pytest.approx(16.0)
+    uncounted = build_benchmark_section(record(tmp_path, rays_per_path=None)).rows[0]
+    assert uncounted.million_rays_per_second is None
+
+
+def test_targets_are_judged_by_medians(tmp_path: Path) -> None:
+    """Ratio 8 of 6 wanted and warm 1.45 s of 2 are met, cold 31 s of 30 is not."""
+    targets = build_benchmark_section(record(tmp_path)).targets
+    assert [target.met for target in targets] == [True, True, False]
+
+
+def test_target_that_was_not_measured_is_not_met(tmp_path: Path) -> None:
+    starts = {"warm": [], "cold": [], "command": ""}
+    targets = build_benchmark_section(record(tmp_path, starts=starts)).targets
+    assert [target.met for target in targets] == [True, None, None]
+    assert targets[1].measured == "not measured"
+
+
+def test_page_names_circumstances_and_what_was_not_available(tmp_path: Path) -> None:
+    page = benchmark_page(record(tmp_path))
+    for wanted in (
+        "not available: no libLLVM",
+        "Example CPU",
+        "0123abc",
+        "python -m reports.benchmark",
+        "standard errors",
+        "8 times as fast as mitsuba scalar_rgb",
+    ):
+        assert wanted in page
+    addresses = re.findall(r'(?:href|src)="([^"]*)"', page)
+    assert all(address in ("data:,", "index.html", "#content") for address in addresses)
+
+
+def test_page_is_drawn_again_from_json_and_linked_from_the_index(tmp_path: Path) -> None:
+    """`--from` needs no renderer; an index in the same folder gets a link to the page."""
+    source = tmp_path / "old.json"
+    source.write_text(json.dumps(benchmark()))
+    out = tmp_path / "out"
+    write_results(out / "data", [scene("sound", "pass")])
+    assert command.main(["--from", str(source), "--out", str(out)]) == 0
+    assert "Speed, measured in turn" in (out / "benchmark.html").read_text()
+    assert '<a href="benchmark.html">' in (out / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"schema": 9}, "schema 9; this version reads schema 1"),
+        ({"renderers": []}, "renderers: the first one needs at least one time"),
+        ({"renderers": [{"name": "a", "seconds": ["1"]}]}, 'expected numbers, found "1"'),
+        ({"width": "wide"}, 'width: expected an integer, found "wide"'),
+    ],
+)
+def test_malformed_records_are_one_clear_line(
+    tmp_path: Path, changes: dict, message: str
+) -> None:
+    with pytest.raises(ReportError, match=message):
+        record(tmp_path, **changes)
+
+
+def test_damaged_record_leaves_the_old_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/benchmark.json").write_text("the old record")
+    broken = tmp_path / "broken.json"
+    broken.write_text("{")
+    assert command.main(["--from", str(broken), "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "data/benchmark.json").read_text() == "the old record"
+    assert "broken.json:1: not JSON" in capsys.readouterr().err

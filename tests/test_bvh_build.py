@@ -1,0 +1,226 @@
+"""The SAH builder: its trees are trees, enclose what they hold, and are worth building."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from renderer.accelerators import bvh_build
+from renderer.accelerators.bvh_build import (
+    MAX_DEPTH,
+    BvhTree,
+    build_bvh,
+    bvh_cost,
+    bvh_depth,
+    validate_bvh,
+)
+
+
+def soup(n, seed=0, size=0.02):
+    """Random boxes in the unit cube."""
+    rng = np.random.default_rng(seed)
+    centre, half = rng.random((3, n)), size * rng.random((3, n))
+    return (centre - half).astype(np.float32), (centre + half).astype(np.float32)
+
+
+def line(x, size=0.0):
+    """Boxes along the x axis."""
+    lower = np.zeros((3, len(x)), np.float32)
+    lower[0] = x
+    return lower, lower + np.float32(size)
+
+
+def check(lower, upper, leaf_size=8):
+    """Build, validate, and bound leaf size and depth."""
+    tree = build_bvh(lower, upper, leaf_size)
+    validate_bvh(tree, lower, upper)
+    assert tree.count.max() <= leaf_size
+    assert bvh_depth(tree) <= MAX_DEPTH
+    return tree
+
+
+@pytest.mark.parametrize("leaf_size", [1, 2, 8, 16])
+@pytest.mark.parametrize("n", [1, 2, 3, 8, 9, 17, 1000, 20_000])
+def test_random_soups(n, leaf_size):
+    check(*soup(n, seed=n), leaf_size)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    arrays.arrays(
+        np.float32,
+        st.tuples(st.just(3), st.integers(1, 40), st.just(2)),
+        elements=st.floats(width=32, allow_nan=False, allow_infinity=False)
+        | st.sampled_from([0.0, -0.0, 1.0, 1.0000001]),
+    ),
+    st.integers(1, 9),
+)
+def test_any_finite_boxes(corners, leaf_size):
+    """Up to the largest floats, whose extents and areas exceed float32."""
+    check(corners.min(axis=2), corners.max(axis=2), leaf_size)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_coincident_boxes_are_halved(size):
+    """No plane separates them; a builder that insists on one never ends."""
+    tree = check(*line(np.zeros(10_000), size))
+    assert bvh_depth(tree) == 11  # 10000 / 2^11 < 8 <= 10000 / 2^10
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_a_million_in_a_line(size):
+    """Points on a line have boxes without area: every split costs the same."""
+    tree = check(*line(np.arange(1_000_000), size))
+    assert bvh_depth(tree) == 17
+
+
+def test_centres_that_grow_as_powers_stay_within_the_depth():
+    """Equal bins put nearly all centres into the first one, at every level again."""
+    tree = check(*line(np.exp(np.linspace(-80, 80, 30_000))), leaf_size=1)
+    assert bvh_depth(tree) == MAX_DEPTH
+
+
+def test_duplicates_between_others():
+    lower, upper = soup(4000)
+    lower[:, 1000:3000], upper[:, 1000:3000] = lower[:, :1], upper[:, :1]
+    check(lower, upper)
+
+
+def test_boxes_within_boxes():
+    """All centres equal, all boxes different."""
+    half = np.geomspace(1e-3, 1e3, 500, dtype=np.float32) * np.ones((3, 1), np.float32)
+    check(-half, half)
+
+
+def median_tree(lower, upper, leaf_size):
+    """The same record, split at the median of the longest axis."""
+    centres = lower + upper
+    bounds, child, count, order = [None], [0], [0], []
+    waiting = [(0, np.arange(lower.shape[1]))]
+    while waiting:
+        node, held = waiting.pop()
+        bounds[node] = np.concatenate((lower[:, held].min(1), upper[:, held].max(1)))
+        if held.size <= leaf_size:
+            child[node], count[node] = len(order), held.size
+            order.extend(held)
+            continue
+        held = held[np.argsort(centres[np.ptp(centres[:, held], axis=1).argmax(), held])]
+        child[node] = len(child)
+        half = held.size // 2
+        waiting += [(len(child) + 1, held[half:]), (len(child), held[:half])]
+        bounds, child, count = bounds + [None] * 2, child + [0] * 2, count + [0] * 2
+    whole = (np.array(a, np.int32) for a in (child, count, order))
+    return BvhTree(np.array(bounds, np.float32), *whole)
+
+
+def test_the_heuristic_beats_the_median():
+    """A dense cluster in a wide room: the teapot in the stadium."""
+    wide, dense = soup(2000, 1), soup(2000, 2, size=1e-4)
+    lower, upper = (
+        np.hstack((w, 0.3 + 0.01 * d)) for w, d in zip(wide, dense, strict=True)
+    )
+    tree, median = build_bvh(lower, upper), median_tree(lower, upper, 8)
+    validate_bvh(median, lower, upper)
+    assert bvh_cost(tree) < 0.9 * bvh_cost(median)
+
+
+def test_cost_of_a_tree_worked_by_hand():
+    """Two unit cubes 3 apart: root 4 x 1 x 1 (half area 9), two leaves (half area 3)."""
+    lower, upper = line([0, 3], 1)
+    assert bvh_cost(build_bvh(lower, upper, leaf_size=1)) == pytest.approx(1 + 2 * 3 / 9)
+    assert bvh_cost(build_bvh(lower[:, :1], upper[:, :1])) == 1
+
+
+def test_a_full_leaf_is_split_only_where_that_pays():
+    """Eight boxes are one block of work; two halves far apart spare most rays one."""
+    together = line(np.arange(8), 1)
+    assert len(build_bvh(*together).child) == 1
+    two_blocks = line(np.arange(16) + np.repeat([0, 1000], 8), 1)
+    assert sorted(build_bvh(*two_blocks, leaf_size=16).count.tolist()) == [0, 8, 8]
+
+
+def test_the_same_boxes_give_the_same_tree_and_stay_as_they_are():
+    lower, upper = soup(5000)
+    before = lower.copy(), upper.copy()
+    first, second = build_bvh(lower, upper), build_bvh(lower, upper)
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal((lower, upper), before)
+
+
+def test_layout_of_the_record():
+    tree = build_bvh(*soup(1000))
+    nodes = len(tree.child)
+    assert tree.bounds.shape == (nodes, 6) and tree.bounds.dtype == np.float32
+    assert tree.bounds.flags.c_contiguous
+    assert tree.child.dtype == tree.count.dtype == tree.order.dtype == np.int32
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "leaf_size"),
+    [
+        (np.zeros((3, 0)), np.zeros((3, 0)), 8),
+        (np.zeros((3, 2)), np.zeros((3, 3)), 8),
+        (np.zeros((4, 3)), np.zeros((4, 3)), 8),
+        (np.zeros((3, 2)), np.zeros((3, 2)), 0),
+    ],
+)
+def test_what_cannot_be_built(lower, upper, leaf_size):
+    with pytest.raises(ValueError):
+        build_bvh(lower, upper, leaf_size)
+
+
+def broken(tree, field, index, value):
+    array = getattr(tree, field).copy()
+    array[index] = value
+    return tree._replace(**{field: array})
+
+
+def test_validation_sees_every_kind_of_damage():
+    """The check itself must be able to fail, or it proves nothing."""
+    lower, upper = soup(200)
+    tree = build_bvh(lower, upper)
+    leaf = int(np.flatnonzero(tree.count)[0])
+    damages = {
+        "permutation": broken(tree, "order", 0, tree.order[1]),
+        "does not hold its boxes": broken(tree, "bounds", (leaf, 0), 0.9),
+        "does not hold its children": broken(tree, "bounds", (0, 4), 0.5),
+        "comes after its children": broken(tree, "child", 0, 0),
+        "do not exist": broken(tree, "child", 0, len(tree.child) - 1),
+        "not the child of exactly one": broken(tree, "child", 0, 3),
+        "gap or overlap": broken(tree, "count", leaf, tree.count[leaf] + 1),
+        "differ in length": tree._replace(count=tree.count[:-1]),
+        "do not end": tree._replace(order=np.arange(201, dtype=np.int32)),
+    }
+    for message, damaged in damages.items():
+        with pytest.raises(ValueError, match=message):
+            n = len(damaged.order)
+            validate_bvh(damaged, np.resize(lower, (3, n)), np.resize(upper, (3, n)))
+
+
+def test_a_swapped_primitive_is_seen():
+    """A leaf that holds another leaf's primitive, with every index in place."""
+    lower, upper = soup(200)
+    tree = build_bvh(lower, upper)
+    order = tree.order.copy()
+    order[[0, -1]] = order[[-1, 0]]
+    with pytest.raises(ValueError, match="does not hold its boxes"):
+        validate_bvh(tree._replace(order=order), lower, upper)
+
+
+def test_the_median_split_alone_builds_a_tree(monkeypatch):
+    """The way out at great depth is right by itself, also where nothing is degenerate."""
+    lower, upper = soup(777)
+    boxes = np.concatenate((lower, upper)).T.copy()
+    centres = (
+        np.concatenate(((boxes[:, :3] + boxes[:, 3:]).min(0), (lower + upper).max(1))) / 2
+    )
+    order = np.arange(777, dtype=np.int32)
+    bvh_build._split_at_median(boxes, order, 0, 777, 388, centres.astype(np.float32))
+    axis = np.argmax(centres[3:] - centres[:3])
+    middle = boxes[:, axis] + boxes[:, axis + 3]
+    assert middle[:388].max() <= middle[388:].min()
+    np.testing.assert_array_equal(boxes[:, :3].T, lower[:, order])

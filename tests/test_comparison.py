@@ -1,0 +1,254 @@
+"""The verdict: what must pass passes, and each error by hand is caught by name.
+
+Mitsuba stands on both sides, so that each injected error is the only one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mitsuba_ref.comparison import Comparison, compare
+from mitsuba_ref.reference import render_reference
+from mitsuba_ref.request import RenderRequest
+from tests.mitsuba_stand_in import write_scene
+
+SIZE = {"width": "48", "height": "36"}
+
+
+class Scene:
+    """Mitsuba's arrays of one scene."""
+
+    def __init__(self, folder: Any, *, deterministic: bool) -> None:
+        self.deterministic = deterministic
+        self.path = write_scene(folder, deterministic=deterministic)
+        count = 2 if deterministic else 4
+        self.references = [self.picture(seed) for seed in range(100, 100 + count)]
+        self.aovs = self.render("aovs")
+
+    def render(self, kind: Any, seed: int = 0) -> dict[str, np.ndarray]:
+        parameters = SIZE | {"spp": "1" if self.deterministic else "256"}
+        return render_reference(
+            RenderRequest(str(self.path), parameters, kind=kind, seed=seed, box_filter=True)
+        ).arrays
+
+    def picture(self, seed: int) -> np.ndarray:
+        return self.render("image", seed)["pixels"]
+
+    def compare(self, ours: np.ndarray, aovs: Any = None) -> Comparison:
+        return compare(
+            ours,
+            self.references,
+            self.aovs if aovs is None else aovs,
+            self.aovs,
+            deterministic=self.deterministic,
+        )
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    return Scene(tmp_path_factory.mktemp("noisy"), deterministic=False)
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory):
+    return Scene(tmp_path_factory.mktemp("still"), deterministic=True)
+
+
+@pytest.fixture(params=["noisy", "still"])
+def scene(request, noisy, still):
+    return {"noisy": noisy, "still": still}[request.param]
+
+
+def failed(comparison: Comparison) -> set[str]:
+    """Return the names of what failed; the verdict must agree."""
+    names = {name for name, metric in comparison.metrics.items() if metric.passed is False}
+    names |= {aov.name for aov in comparison.aovs if not aov.passed}
+    assert (comparison.verdict == "fail") == bool(names) == bool(comparison.reasons)
+    return names
+
+
+def shifted_camera(scene: Scene, pixels: float) -> dict[str, dict[str, np.ndarray]]:
+    """Return picture and AOVs of the scene through a film that is a little to the side."""
+    moved = scene.path.with_name("moved.xml")
+    offset = f'<float name="principal_point_offset_x" value="{pixels / 48}"/>'
+    text = scene.path.read_text()
+    moved.write_text(text.replace('<float name="fov"', offset + '<float name="fov"'))
+    original, scene.path = scene.path, moved
+    try:
+        return {kind: scene.render(kind, seed=9) for kind in ("image", "aovs")}
+    finally:
+        scene.path = original
+
+
+def test_another_seed_passes(scene):
+    assert failed(scene.compare(scene.picture(9))) == set()
+
+
+def test_the_identical_picture_passes(scene):
+    comparison = scene.compare(scene.references[0])
+    assert failed(comparison) == set()
+    assert comparison.metrics["ssim"].value == pytest.approx(1.0)
+    assert comparison.metrics["flip"].value == 0.0
+
+
+def test_ten_other_seeds_pass(noisy):
+    """A test that is red once in ten is no test: the floor must not be met by luck."""
+    for seed in range(10, 20):
+        assert failed(noisy.compare(noisy.picture(seed))) == set()
+
+
+def test_half_a_pixel_to_the_side_fails(scene):
+    """The classic registration error: in the picture and in every geometric AOV."""
+    moved = shifted_camera(scene, 0.5)
+    names = failed(scene.compare(moved["image"]["pixels"], moved["aovs"]))
+    assert {"rmse", "depth", "position"} <= names
+
+
+def test_half_a_pixel_is_seen_in_the_picture_alone(scene):
+    """Right AOVs do not excuse a wrong picture."""
+    moved = shifted_camera(scene, 0.5)
+    assert "rmse" in failed(scene.compare(moved["image"]["pixels"]))
+
+
+def test_a_twentieth_of_a_pixel_is_seen_in_the_aovs(scene):
+    moved = shifted_camera(scene, 0.05)
+    assert {"depth", "position"} <= failed(
+        scene.compare(scene.references[0], moved["aovs"])
+    )
+
+
+def test_a_picture_upside_down_fails(scene):
+    assert "rmse" in failed(scene.compare(scene.references[0][::-1]))
+
+
+def test_a_missing_cosine_fails(still):
+    """Direct light divided by its cosine: what a renderer without it would show."""
+    to_light = np.array([2.0, 4.0, 3.0]) - still.aovs["position"]
+    to_light /= np.linalg.norm(to_light, axis=-1, keepdims=True)
+    cosine = np.sum(to_light * still.aovs["sh_normal"], axis=-1, keepdims=True)
+    hit = still.aovs["depth"] > 0
+    broken = np.where(hit, still.references[0] / np.maximum(cosine, 0.05), 0.0)
+    assert {"rmse", "edge_disagreement"} <= failed(still.compare(broken.astype(np.float32)))
+
+
+def test_half_a_per_cent_of_scale_fails(noisy):
+    """Far below the RMSE's tolerance under this noise: the tests of the mean find it."""
+    names = failed(noisy.compare(noisy.picture(9) * np.float32(1.005)))
+    assert "mean_difference" in names
+    assert "rmse" not in names
+
+
+def test_one_part_in_a_thousand_fails_without_noise(still):
+    assert "rmse" in failed(still.compare(still.references[0] * np.float32(1.001)))
+
+
+def test_one_part_in_a_million_passes_without_noise(still):
+    assert failed(still.compare(still.references[0] * np.float32(1.000001))) == set()
+
+
+def test_blur_fails_although_it_has_less_noise(noisy):
+    """A smooth picture can have a smaller RMSE than the floor and still be wrong."""
+    picture = noisy.picture(9).astype(np.float64)
+    for axis in (0, 1):
+        for _ in range(4):
+            picture = 0.5 * picture + 0.25 * (
+                np.roll(picture, 1, axis) + np.roll(picture, -1, axis)
+            )
+    assert "tile_bias" in failed(noisy.compare(picture.astype(np.float32)))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_fail_loudly_with_their_count(scene, bad):
+    """NaN compares as neither larger nor smaller: no metric may be asked before."""
+    ours = scene.references[0].copy()
+    ours[3, 4] = bad
+    comparison = scene.compare(ours)
+    assert failed(comparison) == {"rmse"}
+    assert "NOT FINITE" in comparison.reasons[0]
+    nan, inf = (3, 0) if np.isnan(bad) else (0, 3)
+    assert (comparison.finite.ours_nan, comparison.finite.ours_inf) == (nan, inf)
+    assert comparison.metrics["rmse"].value is None
+
+
+def test_values_that_are_not_finite_in_the_reference_fail_too(scene):
+    references = [picture.copy() for picture in scene.references]
+    references[1][0, 0, 0] = np.nan
+    comparison = compare(scene.references[0], references, deterministic=scene.deterministic)
+    assert comparison.verdict == "fail"
+    assert comparison.finite.reference_nan == 1
+
+
+def test_a_nan_in_an_aov_fails(scene):
+    aovs = {name: values.copy() for name, values in scene.aovs.items()}
+    aovs["depth"][5, 5] = np.nan
+    comparison = scene.compare(scene.references[0], aovs)
+    assert comparison.verdict == "fail"
+    assert comparison.finite.ours_nan == 1
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_missing_reference_is_a_failure(scene, count):
+    """Nothing was compared, so nothing passed."""
+    comparison = compare(scene.references[0], scene.references[:count])
+    assert comparison.verdict == "fail"
+    assert f"{count} reference pictures" in comparison.reasons[0]
+
+
+def test_another_size_is_a_failure(scene):
+    comparison = compare(scene.references[0][:-1], scene.references)
+    assert comparison.verdict == "fail"
+    assert "(35, 48, 3)" in comparison.reasons[0]
+
+
+def test_a_missing_aov_is_a_failure(scene):
+    aovs = {name: values for name, values in scene.aovs.items() if name != "sh_normal"}
+    assert failed(scene.compare(scene.references[0], aovs)) == {"sh_normal"}
+
+
+@pytest.mark.parametrize("kind", ["depth", "position", "geo_normal", "sh_normal", "albedo"])
+def test_an_error_of_one_per_cent_in_an_aov_fails(scene, kind):
+    aovs = dict(scene.aovs)
+    aovs[kind] = aovs[kind] * np.float32(1.01)
+    assert kind in failed(scene.compare(scene.references[0], aovs))
+
+
+def test_indices_off_by_one_fail(scene):
+    """Every hit has the right place and the wrong name."""
+    hit = scene.aovs["depth"] > 0
+    aovs = dict(scene.aovs)
+    aovs["shape_index"] = aovs["shape_index"] + hit
+    assert failed(scene.compare(scene.references[0], aovs)) == {"shape_index"}
+
+
+def test_a_picture_that_is_all_edge_proves_nothing(still):
+    """Single bright pixels everywhere mask the whole picture: the cap says so."""
+    dotted = [picture.copy() for picture in still.references]
+    for picture in dotted:
+        picture[::3, ::3] += 100.0
+    comparison = compare(dotted[0], dotted, still.aovs, still.aovs, deterministic=True)
+    assert "masked_fraction" in failed(comparison)
+
+
+def test_noise_in_a_scene_called_deterministic_fails(noisy):
+    """The label is checked against Mitsuba: two seeds must give the same picture."""
+    references = noisy.references
+    comparison = compare(
+        references[0], references, noisy.aovs, noisy.aovs, deterministic=True
+    )
+    assert "rmse" in failed(comparison)
+
+
+def test_errors_hidden_on_edges_are_counted(still):
+    """Silhouettes may differ, but not all of them: here every masked pixel is wrong."""
+    clean = still.compare(still.references[0])
+    assert clean.metrics["masked_fraction"].value > 0.1
+    from mitsuba_ref.edges import discontinuities, silhouettes
+
+    edge = silhouettes(still.aovs) | discontinuities(still.references[0])
+    ours = still.references[0].copy()
+    ours[edge] += 1.0
+    comparison = still.compare(ours)
+    assert failed(comparison) == {"edge_disagreement"}

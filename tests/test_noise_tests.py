@@ -1,0 +1,78 @@
+"""The two tests that tell a bias from noise: they stay silent, and they speak up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_ref.noise import MEAN_LIMIT, mean_test, tile_test
+
+SHAPE = (32, 40, 3)
+
+
+def gaussian(rng: np.random.Generator) -> np.ndarray:
+    return 1.0 + 0.3 * rng.standard_normal(SHAPE)
+
+
+def fireflies(rng: np.random.Generator) -> np.ndarray:
+    """Infinite variance: what a caustic looks like to an average."""
+    return rng.pareto(1.8, SHAPE)
+
+
+@pytest.mark.parametrize("noise", [gaussian, fireflies])
+def test_no_false_alarm_in_two_hundred_equal_pictures(noise):
+    """With 5e-5 a picture, 200 pictures raise one alarm in a hundred such tests."""
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        pictures = [noise(rng) for _ in range(5)]
+        assert mean_test(pictures[0], pictures[1:]).passed
+        assert tile_test(pictures[0], pictures[1:]).passed
+
+
+def test_standard_error_is_that_of_the_mean_difference():
+    """sigma / sqrt(n) for ours and for the mean of four: 0.3 sqrt(1.25 / 1280)."""
+    rng = np.random.default_rng(2)
+    result = mean_test(gaussian(rng), [gaussian(rng) for _ in range(4)])
+    assert result.standard_error == pytest.approx(0.3 * np.sqrt(1.25 / 1280), rel=0.1)
+
+
+def test_tile_statistic_is_one_for_noise():
+    rng = np.random.default_rng(3)
+    statistics = [
+        tile_test(gaussian(rng), [gaussian(rng) for _ in range(4)]).statistic
+        for _ in range(50)
+    ]
+    # The worst of three channels is a little above the average channel.
+    assert np.mean(statistics) == pytest.approx(1.0, abs=0.2)
+
+
+def test_scale_error_of_six_standard_errors_is_found():
+    rng = np.random.default_rng(4)
+    references = [gaussian(rng) for _ in range(4)]
+    shift = (MEAN_LIMIT + 2.0) * 0.3 * np.sqrt(1.25 / 1280)
+    assert not mean_test(gaussian(rng) * (1.0 + shift), references).passed
+
+
+def test_bias_that_cancels_is_found_by_the_tiles_alone():
+    """Left brighter, right darker by as much: the picture's mean is right."""
+    rng = np.random.default_rng(5)
+    references = [gaussian(rng) for _ in range(4)]
+    ours = gaussian(rng)
+    ours[:, :20] *= 1.08
+    ours[:, 20:] *= 0.92
+    assert mean_test(ours, references).passed
+    assert not tile_test(ours, references).passed
+
+
+def test_rounding_in_a_picture_without_noise_is_forgiven():
+    """Seven digits of float32 are no bias, however many standard errors they are."""
+    references = [np.full(SHAPE, 3.0)] * 4
+    assert mean_test(references[0] * (1 + 1e-6), references).passed
+    assert tile_test(references[0] * (1 + 1e-6), references).passed
+    assert not mean_test(references[0] * (1 + 1e-3), references).passed
+    assert not tile_test(references[0] * (1 + 1e-3), references).passed
+
+
+def test_one_reference_has_no_noise_to_tell():
+    with pytest.raises(ValueError, match="two references"):
+        mean_test(np.ones(SHAPE), [np.ones(SHAPE)])

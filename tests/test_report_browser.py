@@ -1,0 +1,134 @@
+"""The page in a real browser: mouse and keys move the slider, nothing is fetched."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from headless_browser import Browser, Page, find_browser
+from report_samples import scene, stopped_scene, write_results
+
+from reports.page import results_page
+from reports.results import read_results
+
+SLIDER = "#scene-shifted .stage input"
+STAGE = "#scene-shifted .stage"
+OURS = "#scene-shifted .stage img.ours"
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    executable = find_browser()
+    if executable is None:
+        # CI installs a browser; without one it must not look as if this were checked.
+        missing = "no Chromium found (Debian: apt-get install chromium)"
+        if os.environ.get("CI") == "true":
+            pytest.fail(missing)
+        pytest.skip(missing)
+    with Browser(executable, tmp_path_factory.mktemp("profile")) as running:
+        yield running
+
+
+@pytest.fixture
+def page(browser: Browser, tmp_path: Path) -> Page:
+    scenes = [scene("sound", "pass"), scene("shifted", "fail"), stopped_scene("broken")]
+    results = read_results(write_results(tmp_path, scenes))
+    index = tmp_path / "index.html"
+    index.write_text(results_page(results, tmp_path), encoding="utf-8")
+    return browser.open(index)
+
+
+def shown_share_of_ours(page: Page) -> float:
+    """Return the percentage of the width that shows ours, as the browser computes it.
+
+    `inset(0px 70% 0px 0px)` cuts 70 % off at the right, which leaves 30.
+    """
+    clip = page.evaluate(f"getComputedStyle(document.querySelector('{OURS}')).clipPath")
+    cut = re.fullmatch(r"inset\(0px ([\d.]+)% 0px 0px\)", clip)
+    assert cut, clip
+    return 100.0 - float(cut[1])
+
+
+def test_mouse_drags_the_divider(page: Page) -> None:
+    """Press on the middle, drag to three tenths: ours covers three tenths."""
+    left, top, width, height = page.box(STAGE)
+    assert shown_share_of_ours(page) == 50
+    middle = top + height / 2
+    page.drag((left + width / 2, middle), (left + 0.3 * width, middle))
+    assert float(
+        page.evaluate(f"document.querySelector('{SLIDER}').value")
+    ) == pytest.approx(30, abs=1)
+    assert shown_share_of_ours(page) == pytest.approx(30, abs=1)
+    divider = page.box(f"{STAGE} .divider")
+    assert divider[0] + divider[2] / 2 - left == pytest.approx(
+        0.3 * width, abs=0.01 * width
+    )
+
+
+def test_keyboard_moves_the_divider(page: Page) -> None:
+    """Home, arrows and End work on the focused slider, and a screen reader hears it."""
+    page.evaluate(f"document.querySelector('{SLIDER}').focus()")
+    page.press("Home")
+    assert shown_share_of_ours(page) == 0
+    page.press("ArrowRight")
+    page.press("ArrowRight")
+    assert shown_share_of_ours(page) == pytest.approx(2)
+    page.press("End")
+    assert shown_share_of_ours(page) == 100
+    spoken = page.evaluate(
+        f"document.querySelector('{SLIDER}').getAttribute('aria-valuetext')"
+    )
+    assert spoken == "100 % ours, 0 % Mitsuba"
+
+
+def test_buttons_show_one_picture_whole(page: Page) -> None:
+    for split in (0, 100, 50):
+        button = f"#scene-shifted button[data-split='{split}']"
+        left, top, width, height = page.box(button)
+        center = (left + width / 2, top + height / 2)
+        page.drag(center, center)
+        assert shown_share_of_ours(page) == split
+
+
+def test_one_slider_leaves_the_others_alone(page: Page) -> None:
+    page.evaluate(f"document.querySelector('{SLIDER}').focus()")
+    page.press("Home")
+    other = "#scene-sound .stage input"
+    assert page.evaluate(f"document.querySelector('{other}').value") == "50"
+
+
+def test_every_picture_is_decoded_at_its_size(page: Page) -> None:
+    """Data URIs that the browser cannot decode would have no natural size."""
+    sizes = page.evaluate(
+        "[...document.images].map(i => [i.naturalWidth, i.naturalHeight])"
+    )
+    assert len(sizes) == 2 * (4 + 2)  # per scene four pictures, two of them on the slider
+    assert all(size == [16, 12] for size in sizes)
+
+
+def test_browser_reports_no_error_and_fetches_nothing(page: Page) -> None:
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    assert page.complaints() == []
+    requests = page.requests()
+    assert any(address.endswith("/index.html") for address in requests)
+    assert all(
+        address.startswith("data:") or address.endswith(("/index.html", "about:blank"))
+        for address in requests
+    )
+
+
+@pytest.mark.parametrize("width", [360, 768, 1280])
+def test_page_fits_the_window(page: Page, width: int) -> None:
+    """Wide tables scroll in their own box; the page itself never scrolls sideways."""
+    page.resize(width, 800)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_dark_mode_turns_the_page_dark(page: Page) -> None:
+    colour = "getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)"
+    assert min(page.evaluate(colour)) > 200
+    page.prefer_dark()
+    assert max(page.evaluate(colour)) < 60

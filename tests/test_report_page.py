@@ -1,0 +1,259 @@
+"""The page that `python -m reports` draws, from hand-made results."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import report_samples
+from report_samples import scene, stopped_scene, write_results
+
+from reports import cli
+from reports.errors import ReportError
+from reports.page import results_page
+from reports.results import read_results
+
+HOSTILE = (
+    """</script><script>alert(1)</script><img src=x onerror="alert('2')">{{ 7 * 7 }}"""
+)
+
+
+class Outline(HTMLParser):
+    """Collects what the tests ask about: tags, ids, every address, all text."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.ids: list[str] = []
+        self.addresses: list[str] = []
+        self.handlers: list[str] = []
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in ("href", "src", "action", "srcset", "poster", "data"):
+                self.addresses.append(value or "")
+            if name.startswith("on"):
+                self.handlers.append(name)
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def draw(folder: Path, *scenes: dict) -> str:
+    return results_page(read_results(write_results(folder, list(scenes))), folder)
+
+
+def test_errors_and_failures_come_before_passes(tmp_path: Path) -> None:
+    """Order in the file: pass, fail, error, pass. On the page: what needs eyes first."""
+    page = draw(
+        tmp_path,
+        scene("sound", "pass"),
+        scene("shifted", "fail"),
+        stopped_scene("broken"),
+        scene("solid", "pass"),
+    )
+    links = re.findall(r'<th scope="row"><a href="#scene-(\w+)"', page)
+    sections = re.findall(r'<section class="scene \w+" id="scene-(\w+)"', page)
+    assert links == sections == ["broken", "shifted", "sound", "solid"]
+    assert "2 of 4 scenes do not pass, 1 of them stopped with an error" in page
+
+
+def test_every_row_links_to_a_section_that_exists(tmp_path: Path) -> None:
+    """Names that differ only in what an anchor drops still get anchors of their own."""
+    outline = Outline(draw(tmp_path, scene("a b", "pass"), scene("a-b", "pass")))
+    anchors = [address[1:] for address in outline.addresses if address.startswith("#")]
+    assert {"scene-a-b", "scene-a-b-2"} <= set(anchors)
+    assert set(anchors) <= set(outline.ids)
+    assert len(outline.ids) == len(set(outline.ids))
+
+
+def test_hostile_strings_stay_text(tmp_path: Path) -> None:
+    """Markup in any string of the file is shown, not run: no tag more than without it."""
+    texts = ("name", "title", "shows", "path", "integrator", "method", "explain")
+    hostile = scene("x", "fail") | dict.fromkeys(texts, HOSTILE)
+    hostile |= {
+        "reasons": [HOSTILE],
+        "reference_note": HOSTILE,
+        "settings": {HOSTILE: HOSTILE},
+        "commands": {HOSTILE: HOSTILE},
+        "metrics": {HOSTILE: report_samples.metric(1.0, 0.5, False) | {"meaning": HOSTILE}},
+    }
+    hostile["aovs"][0] |= {"name": HOSTILE, "meaning": HOSTILE}
+    hostile["ladder"]["note"] = HOSTILE
+    for point in hostile["ladder"]["points"]:
+        point["renderer"] = HOSTILE
+    tame = json.loads(json.dumps(hostile).replace(json.dumps(HOSTILE)[1:-1], "tame"))
+
+    shown = Outline(draw(tmp_path / "hostile", hostile))
+    expected = Outline(draw(tmp_path / "tame", tame))
+    assert shown.tags == expected.tags
+    assert shown.handlers == []
+    assert HOSTILE in shown.text
+    assert shown.tags.count("script") == 1
+
+
+def test_page_needs_no_network(tmp_path: Path) -> None:
+    """Every address is inside the page, and the page forbids the browser any other."""
+    page = draw(tmp_path, scene("sound", "pass"), scene("shifted", "fail"))
+    outline = Outline(page)
+    assert outline.addresses
+    assert all(address.startswith(("#", "data:")) for address in outline.addresses)
+    assert not re.search(r"url\(|@import|https?:|fetch\(|XMLHttpRequest|WebSocket", page)
+    assert "default-src 'none'" in page
+
+
+def test_pass_that_its_own_numbers_contradict_is_a_failure(tmp_path: Path) -> None:
+    """A harness bug must not turn the page green: failed metric, NaN, nothing compared."""
+    failed = scene("failed", "pass")
+    failed["metrics"]["rmse"]["passed"] = False
+    holes = scene("holes", "pass", finite={"ours_nan": 3})
+    idle = scene("idle", "pass", metrics={}, aovs=[])
+    results = read_results(write_results(tmp_path, [failed, holes, idle]))
+    assert [entry.verdict for entry in results.scenes] == ["fail"] * 3
+    assert "rmse failed" in results.scenes[0].reasons[0]
+    assert "not every value is finite" in results.scenes[1].reasons[0]
+    assert "no comparison in it passed" in results.scenes[2].reasons[0]
+
+
+def test_nan_pixels_are_said_aloud_and_drawn(tmp_path: Path) -> None:
+    """A picture with NaN and Inf is drawn without a warning, and the counts are named."""
+    entry = scene("holes", "fail", finite={"ours_nan": 6, "ours_inf": 1})
+    path = write_results(tmp_path, [entry])
+    pixels = np.load(tmp_path / "holes/ours.npy")
+    pixels[2, 3:5] = np.nan
+    pixels[4, 4, 1] = np.inf
+    np.save(tmp_path / "holes/ours.npy", pixels)
+    page = results_page(read_results(path), tmp_path)
+    assert "Not every value is finite: ours 6 NaN and 1 Inf" in page
+    assert "Every value is finite" not in page
+
+
+@pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity"])
+def test_nan_in_the_json_is_refused(tmp_path: Path, constant: str) -> None:
+    """NaN compares unequal to everything, so one in the numbers could hide a failure."""
+    path = write_results(tmp_path, [scene("sound", "pass")])
+    path.write_text(path.read_text().replace("0.021", constant))
+    with pytest.raises(ReportError, match=f"results.json: found {constant}"):
+        read_results(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"schema": 2}, "schema 2; this version reads schema 1"),
+        ({"scenes": []}, "holds no scene"),
+        ({"scenes": {}}, "scenes: expected a list, found {}"),
+        ({"scenes": [7]}, r"scenes\[0\]: expected an object, found 7"),
+        (
+            {"scenes": [{"name": "a"}]},
+            r"scenes\[0\].verdict: expected a string, found nothing",
+        ),
+        ({"scenes": [{"verdict": "good"}]}, "verdict: 'good'; known: error, fail, pass"),
+        (
+            {"scenes": [{"name": "a", "verdict": "fail", "spp": True}]},
+            r"scenes\[0\].spp: expected an integer, found true",
+        ),
+        (
+            {"scenes": [{"name": "a", "verdict": "error"}] * 2},
+            "scene a is there twice",
+        ),
+    ],
+)
+def test_malformed_results_are_one_clear_line(
+    tmp_path: Path, change: dict, message: str
+) -> None:
+    path = write_results(tmp_path, [scene("sound", "pass")])
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(ReportError, match=message) as caught:
+        read_results(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_picture_is_an_error_and_leaves_the_old_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A missing picture is no pass, and a whole page is not replaced by half of one."""
+    path = write_results(tmp_path, [scene("sound", "pass")])
+    (tmp_path / "sound/reference.npy").unlink()
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "index.html").write_text("the old page")
+    assert cli.main(["--from", str(path), "--out", str(out)]) == 2
+    assert (out / "index.html").read_text() == "the old page"
+    assert [entry.name for entry in out.iterdir()] == ["index.html"]
+    error = capsys.readouterr().err
+    assert "reference.npy: image cannot be read" in error
+    assert error.count("\n") == 1
+
+
+def test_compared_scene_without_a_picture_entry_is_an_error(tmp_path: Path) -> None:
+    entry = scene("sound", "pass")
+    del entry["images"]["ours"]
+    with pytest.raises(ReportError, match="scene sound: no ours picture"):
+        draw(tmp_path, entry)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"not numpy", b"\x93NUMPY\x01\x00"], ids=["empty", "text", "cut"]
+)
+def test_damaged_picture_is_an_error(tmp_path: Path, content: bytes) -> None:
+    path = write_results(tmp_path, [scene("sound", "pass")])
+    (tmp_path / "sound/ours.npy").write_bytes(content)
+    with pytest.raises(ReportError, match=r"ours\.npy: image cannot be read"):
+        results_page(read_results(path), tmp_path)
+
+
+def test_pictures_of_different_sizes_are_an_error(tmp_path: Path) -> None:
+    path = write_results(tmp_path, [scene("sound", "pass")])
+    np.save(tmp_path / "sound/ours.npy", np.zeros((3, 4, 3), dtype=np.float32))
+    with pytest.raises(ReportError, match="do not match"):
+        results_page(read_results(path), tmp_path)
+
+
+def test_exit_status_and_the_place_of_the_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """0 when all pass, 1 when one does not; the page is written and named either way."""
+    for verdict, status in (("pass", 0), ("fail", 1)):
+        out = tmp_path / verdict / "out"
+        path = write_results(tmp_path / verdict, [scene("one", verdict)])
+        assert cli.main(["--from", str(path), "--out", str(out)]) == status
+        assert str(out / "index.html") in capsys.readouterr().out
+        assert "Title of one" in (out / "index.html").read_text(encoding="utf-8")
+
+
+def test_deterministic_scene_shows_no_noise_floor(tmp_path: Path) -> None:
+    entry = scene("appel", "pass", deterministic=True, ladder=None)
+    entry["metrics"]["rmse"]["floor"] = None
+    page = draw(tmp_path, entry)
+    assert "no noise</span>" in page
+    assert "<svg" not in page
+
+
+def test_page_explains_its_numbers_and_names_its_origin(tmp_path: Path) -> None:
+    """Machine, versions, commit, command, settings and every term have their place."""
+    text = Outline(draw(tmp_path, scene("sound", "pass"))).text
+    for wanted in (
+        "RMSE (root mean square error)",
+        "Noise floor",
+        "SSIM (structural similarity)",
+        "FLIP",
+        "Example CPU",
+        "mitsuba 3.9.1",
+        "0123abc",
+        "python -m reports",
+        "float32 instead of float16",
+        "modelled: triangles",
+        "sRGB curve, exposure",
+        "takes 4 times as long as lightproof (median of 3 sample counts, 4 to 4)",
+    ):
+        assert wanted in text
