@@ -22,9 +22,10 @@ test: $(INSTALLED) ## the regression suite
 test-all: $(INSTALLED) ## the suite with the longer comparisons
 	@$(BIN)/python -m pytest
 
-lint: $(INSTALLED) ## style, format, the import contract
+lint: $(INSTALLED) ## style, format, types, the import contract
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
 format: $(INSTALLED) ## let ruff mend what it can

@@ -16,10 +16,11 @@ from rich.console import Console
 
 from mitsuba_ref import machine
 from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.options import Options, scene_name
 from mitsuba_ref.ours import RenderOurs, render_ours
 from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
 from mitsuba_ref.table import print_table
-from mitsuba_ref.validation import Options, Validated, scene_name, validate_scene
+from mitsuba_ref.validation import Validated, validate_scene
 from mitsuba_ref.worker import TIME_LIMIT, MitsubaWorker
 
 EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,

@@ -25,7 +25,7 @@ DARK = 0.01  # of the picture's root mean square: jumps below this are no edge
 
 
 def silhouettes(aovs: Mapping[str, NDArray[np.float32]]) -> Mask:
-    """Return true within a pixel of an object's outline or a crease, (H, W).
+    """Return true on both sides of an object's outline or of a crease, (H, W).
 
     Parameters
     ----------
@@ -40,11 +40,11 @@ def silhouettes(aovs: Mapping[str, NDArray[np.float32]]) -> Mask:
     edge |= _jumps(
         aovs["geo_normal"], lambda a, b: np.linalg.norm(a - b, axis=-1) > NORMAL_JUMP
     )
-    return dilated(edge)
+    return edge
 
 
 def discontinuities(picture: NDArray[np.floating]) -> Mask:
-    """Return true within a pixel of a jump in the picture itself, (H, W).
+    """Return true on both sides of a jump in the picture itself, (H, W).
 
     Finds what AOVs of the first hit cannot: shadow edges, and silhouettes seen in a mirror
     or through glass.
@@ -56,7 +56,7 @@ def discontinuities(picture: NDArray[np.floating]) -> Mask:
         brighter = np.maximum(np.abs(a), np.abs(b))
         return np.any(np.abs(a - b) > VALUE_JUMP * brighter + dark, axis=-1)
 
-    return dilated(_jumps(picture, jump))
+    return _jumps(picture, jump)
 
 
 def dilated(mask: Mask) -> Mask:

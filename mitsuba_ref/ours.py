@@ -36,6 +36,8 @@ class OurPicture:
         return self.arrays["pixels"]
 
 
+METHOD_TOPICS = ("method", "accelerator", "samples")
+
 RenderOurs = Callable[[RenderRequest], OurPicture]
 
 
@@ -70,12 +72,18 @@ def render_ours(request: RenderRequest) -> OurPicture:
         spp=image.spp,
         files=description.files,
         seconds=image.seconds,
-        compile_seconds=getattr(image, "compile_seconds", None),
-        threads=getattr(image, "threads", None),
-        integrator=getattr(image, "integrator", description.integrator.name),
-        method=getattr(image, "method", ""),
-        explain=getattr(image, "explain", ""),
+        compile_seconds=image.compile_seconds,
+        threads=image.threads,
+        integrator=image.integrator,
+        method=_method(image.explain),
+        explain=image.explain,
     )
+
+
+def _method(explanation: str) -> str:
+    """Pick what ran from the lines `topic   text` of the renderer's explanation."""
+    lines = (line.partition(" ") for line in explanation.splitlines())
+    return "; ".join(text.strip() for topic, _, text in lines if topic in METHOD_TOPICS)
 
 
 def edit_description(

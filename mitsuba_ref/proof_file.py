@@ -32,7 +32,7 @@ class Proof:
 
     title: str = ""
     shows: str = ""
-    deterministic: bool = False
+    deterministic: bool | None = None  # None: find out from Mitsuba's pictures
     demo: Size | None = None  # None: as the scene file says
     test: Size | None = None
     rmse_factor: float = DEFAULT_RMSE_FACTOR

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-# A hall of mirrors without loss would never end by weight alone.
-DEPTH_WITHOUT_LIMIT = 1000
+# Also what -1 stands for: between mirrors without loss, weight alone never ends a ray.
+DEFAULT_DEPTH = 8
 
 
 def register_whitted(mi: Any) -> None:
@@ -19,10 +19,9 @@ def register_whitted(mi: Any) -> None:
 
     Properties
     ----------
-    max_depth : int, default 8
+    max_depth : int, default 8 (also for -1)
         Segments of a path as Mitsuba's `path` counts them: 1 is emitted light alone, 2
-        adds direct light, each more one reflection or refraction; -1 is no limit but the
-        cutoff.
+        adds direct light, each more one reflection or refraction.
     cutoff : float, default 1/1024
         A ray whose weight's largest component is below this is dropped.
     hide_emitters : bool, default false
@@ -56,11 +55,11 @@ def register_whitted(mi: Any) -> None:
                 total += value
         return total
 
-    class WhittedIntegrator(mi.SamplingIntegrator):  # type: ignore[misc, name-defined]
+    class WhittedIntegrator(mi.SamplingIntegrator):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
             super().__init__(props)
-            depth = props.get("max_depth", 8)
-            self.max_depth = depth if depth >= 0 else DEPTH_WITHOUT_LIMIT
+            depth = props.get("max_depth", DEFAULT_DEPTH)
+            self.max_depth = depth if depth >= 0 else DEFAULT_DEPTH
             self.cutoff = props.get("cutoff", 1.0 / 1024.0)
             self.hides_emitters = props.get("hide_emitters", False)
 

@@ -74,6 +74,7 @@ class Workspace(NamedTuple):
     points: SurfacePoints
     order: NDArray[np.int32]  # (n,) hits sorted by what they need next
     radiance: NDArray[np.float32]  # (channels, n) of each pixel of the tile
+    waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
 
 
 def _rows(count: int, capacity: int) -> NDArray[np.float32]:
@@ -84,7 +85,9 @@ def _row(capacity: int, dtype: type = np.float32) -> NDArray:
     return np.zeros(capacity + PADDING, dtype)
 
 
-def make_workspace(*, ray_capacity: int, shadow_capacity: int, channels: int) -> Workspace:
+def make_workspace(
+    *, ray_capacity: int, shadow_capacity: int, channels: int, depths: int
+) -> Workspace:
     """Allocate for one thread.
 
     Parameters
@@ -95,6 +98,8 @@ def make_workspace(*, ray_capacity: int, shadow_capacity: int, channels: int) ->
         Shadow rays of one batch: lights asked at each point times `CAPACITY`.
     channels : int
         Numbers for each pixel: 3, and those of the AOVs.
+    depths : int
+        Generations of rays that can wait at the same time.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -137,4 +142,5 @@ def make_workspace(*, ray_capacity: int, shadow_capacity: int, channels: int) ->
     )
     order = _row(points, np.int32)
     radiance = _rows(channels, CAPACITY)
-    return Workspace(rays, hits, shadow_rays, surface_points, order, radiance)
+    waiting = np.zeros(depths, np.int64)
+    return Workspace(rays, hits, shadow_rays, surface_points, order, radiance, waiting)

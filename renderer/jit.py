@@ -17,11 +17,19 @@ import llvmlite
 import numba
 
 
+_FLAGS = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+# what no kernel calls: an edit there need not compile anything anew
+_WITHOUT_KERNELS = ("scene_file/", "cli.py", "__main__.py", "image", "srgb.py", "plan.py")
+
+
 def _sources_hash() -> str:
     digest = hashlib.sha256()
     package = Path(__file__).parent
     for source in sorted(package.rglob("*.py")):
-        digest.update(source.relative_to(package).as_posix().encode())
+        name = source.relative_to(package).as_posix()
+        if name.startswith(_WITHOUT_KERNELS):
+            continue
+        digest.update(name.encode())
         digest.update(source.read_bytes())
     digest.update(f"{numba.__version__} {llvmlite.__version__} {sys.version}".encode())
     return digest.hexdigest()[:16]
@@ -40,17 +48,41 @@ KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 numba.config.CACHE_DIR = str(KERNEL_CACHE)  # read when a kernel is created
 
 
-def kernel(function: Any = None, *, inline: str = "never") -> Any:
-    """Compile `function` for the inner loops.
+def builder_kernel(function: Any) -> Any:
+    """Compile `function` as `entry_kernel` does, but let it allocate arrays."""
+    return numba.njit(**(_FLAGS | {"_nrt": True}))(function)
+
+
+def entry_kernel(function: Any) -> Any:
+    """Compile `function` for the inner loops, callable from Python.
 
     `nogil` lets the tile threads run side by side. `error_model="numpy"` makes a
     division plain (otherwise each is a branch and an exception path: 1.44 s against
     0.82 s on the Cornell box). No `fastmath`: the order of sums and the absence of fused
-    multiply-add are part of what makes images bit-identical.
+    multiply-add are part of what makes images bit-identical. No reference counts: kernels
+    allocate nothing, and counting the arrays of a record at each call tripled the code.
     """
-    if function is None:
-        return lambda f: kernel(f, inline=inline)
-    return numba.njit(cache=True, nogil=True, error_model="numpy", inline=inline)(function)
+    return numba.njit(**_FLAGS)(function)
+
+
+def kernel(function: Any) -> Any:
+    """Compile `function` like `entry_kernel`, to be called by other kernels only.
+
+    Without the wrapper that unpacks Python's arguments: the wrappers of the scene's records
+    were two thirds of all compile time. A call from Python is a TypeError.
+    """
+    dispatcher = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_FLAGS)(function)
+
+    # Numba would register the missing wrapper as a null pointer and jump to it
+    def add_overload(compiled: Any) -> None:
+        dispatcher.overloads[tuple(compiled.signature.args)] = compiled
+
+    def refuse(*args: Any, **kwargs: Any) -> None:
+        raise TypeError(f"{function.__name__} can be called inside kernels only")
+
+    dispatcher.add_overload = add_overload
+    dispatcher._compile_for_args = refuse
+    return dispatcher
 
 
 def record_class(numba_type: Any) -> type | None:

@@ -94,6 +94,7 @@ class Rendering:
             ray_capacity=max(REGION * depths, CAPACITY),
             shadow_capacity=2 * asked * CAPACITY,
             channels=self.method.channels,
+            depths=depths,
         )
 
     def _render(self, job: _Job) -> Any:

@@ -109,6 +109,9 @@ def measure(given: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 f"{scene}: image means {means.first} and {means.second} are "
                 f"{means.z} standard errors apart; nothing was timed"
             )
+        progress("starting the program, warm and cold")
+        warm = starts.warm_starts(scene, size, given.rounds)
+        cold = starts.cold_starts(scene, size, 1) if given.cold else []
         seconds = turns.take_turns(contenders, given.rounds, given.spp, progress)
     renderers |= {name: {"seconds": times} for name, times in seconds.items()}
     progress("counting rays")
@@ -117,7 +120,6 @@ def measure(given: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         rays = mean_rays_per_path(
             scene, size, max_depth=integrator.max_depth, rr_depth=integrator.rr_depth
         )
-    progress("starting the program, warm and cold")
     shown = f"scenes/{scene.parent.name}/{scene.name}"
     return {
         "schema": SCHEMA,
@@ -147,8 +149,8 @@ def measure(given: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         },
         "renderers": [{"name": n, **renderers[n]} for n in (OURS, *PEERS)],
         "starts": {
-            "warm": starts.warm_starts(scene, size, given.rounds),
-            "cold": starts.cold_starts(scene, size, 1) if given.cold else [],
+            "warm": warm,
+            "cold": cold,
             "command": shlex.join(["python", *starts.start_command(shown, size, "o.npy")]),
         },
         "targets": TARGETS,

@@ -6,10 +6,13 @@ NOTHING = "–"  # noqa: RUF001  an en dash, as tables print it
 
 METRIC_NAMES = {
     "rmse": "RMSE",
+    "trimmed_rmse": "trimmed RMSE",
+    "tile_rmse": "tile RMSE",
     "relative_mse": "relative MSE",
     "ssim": "SSIM",
     "flip": "FLIP",
     "ciede2000": "CIEDE2000",
+    "ciede2000_p99": "CIEDE2000, 99 %",
     "mean_difference": "mean difference",
 }
 

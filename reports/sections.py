@@ -10,7 +10,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from mitsuba_ref.results import Ladder, LadderPoint, SceneResult
+from mitsuba_ref.results import Ladder, LadderPoint, Metric, SceneResult
 from reports import formatting, pictures
 from reports.charts import log_log_chart
 from reports.errors import ReportError
@@ -42,6 +42,18 @@ class SceneSection:
     pictures: Pictures | None
     chart: Markup | None
     chart_note: str
+
+    @property
+    def method(self) -> str:
+        """How it was rendered, beyond the integrator's name, which stands beside it."""
+        return self.result.method.removeprefix(self.result.integrator).lstrip(" ,;:")
+
+    @property
+    def metrics(self) -> dict[str, Metric]:
+        """RMSE first, then what else was judged, then what is only shown."""
+        found = self.result.metrics
+        order = sorted(found, key=lambda key: (key != "rmse", found[key].passed is None))
+        return {key: found[key] for key in order}
 
     @property
     def rmse_share(self) -> float | None:
@@ -173,9 +185,10 @@ def equal_error_note(ladder: Ladder) -> str:
                 formatting.number(value, 2)
                 for value in (statistics.median(ratios), min(ratios), max(ratios))
             )
+            spread = f" (median of {len(ratios)} sample counts, {low} to {high})"
             notes.append(
-                f"To the same RMSE {renderer} takes {middle} times as long as {OURS} "
-                f"(median of {len(ratios)} sample counts, {low} to {high})."
+                f"To the same RMSE {renderer} takes {middle} times as long as {OURS}"
+                f"{spread if len(ratios) > 1 else ''}."
             )
     return " ".join(notes)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 WIDTH = 460.0  # [px] of the viewBox; small, so that text stays legible on a phone
-LEFT, RIGHT, BOTTOM = 60.0, 14.0, 46.0
+LEFT, RIGHT, BOTTOM = 70.0, 14.0, 46.0
 LETTER = 6.9  # [px] a little more than the mean width of a letter at 13 px
 
 _COLOURS = ("#00796b", "#882255", "#5f6368", "#8a6d00")  # used where no page sets others

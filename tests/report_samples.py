@@ -76,7 +76,7 @@ def scene(name: str, verdict: str, **changes: Any) -> dict[str, Any]:
         },
         "ladder": {
             "reference_spp": 1024,
-            "note": "In turn.",
+            "note": "Measured in turn",
             "points": [
                 {
                     "renderer": renderer,

@@ -14,7 +14,14 @@ dr.set_thread_count(max(2, dr.thread_count()))  # one worker: EXR files hang in 
 
 from renderer import scene_file  # noqa: E402
 from renderer.errors import SceneError  # noqa: E402
-from renderer.scene_file.description import SceneDescription  # noqa: E402
+from renderer.scene_file.description import (  # noqa: E402
+    Disk,
+    Mesh,
+    Rectangle,
+    SceneDescription,
+    Shape,
+    Sphere,
+)
 
 SENSOR = '<sensor type="perspective"><float name="fov" value="40"/></sensor>'
 
@@ -66,3 +73,25 @@ def mitsuba_refuses(content: str, **texts: Any) -> bool:
     except (RuntimeError, ValueError):
         return True
     return False
+
+
+def points_on(shape: Shape) -> np.ndarray:
+    """Return many points of the surface of an analytic shape, or the mesh's vertices."""
+    if isinstance(shape, Mesh):
+        return shape.vertices
+    t = np.linspace(0.0, 2.0 * np.pi, 721)
+    match shape:
+        case Rectangle():
+            local = np.array([[x, y, 0] for x in (-1, 1) for y in (-1, 1)], float)
+        case Disk():
+            local = np.stack([np.cos(t), np.sin(t), 0 * t], axis=1)
+        case Sphere():
+            linear = shape.to_world[:3, :3]
+            extent = np.linalg.norm(linear, axis=1)  # of an ellipsoid along each axis
+            return shape.to_world[:3, 3] + np.concatenate(
+                [np.diag(extent), -np.diag(extent)]
+            )
+        case _:
+            ring = np.stack([np.cos(t), np.sin(t), 0 * t], axis=1)
+            local = np.concatenate([ring, ring + np.array([0, 0, 1])])
+    return local @ shape.to_world[:3, :3].T + shape.to_world[:3, 3]

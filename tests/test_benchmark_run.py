@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ray_count import mean_rays_per_path
 from mitsuba_ref.timing import TimedMitsuba, find_llvm
 from reports import benchmark, starts, turns
+from reports.errors import ReportError
 from reports.turns import Render
 
 CLOSED_ROOM = """<scene version="3.0.0">
@@ -193,3 +196,64 @@ def test_wrong_picture_is_not_timed(
     assert run_small(room, tmp_path, monkeypatch, scale=0.5) == 2
     assert "nothing was timed" in capsys.readouterr().err
     assert os.listdir(tmp_path) == ["room"]
+
+
+class Processes:
+    """Stands for `subprocess.run`: notes each call and writes the picture it names."""
+
+    def __init__(self, status: int = 0, writes: bool = True) -> None:
+        self.status, self.writes = status, writes
+        self.commands: list[list[str]] = []
+        self.caches: list[str | None] = []
+        self.cache_was_empty: list[bool] = []
+
+    def __call__(
+        self, command: list[str], *, env: dict[str, str], **_: object
+    ) -> subprocess.CompletedProcess[str]:
+        self.commands.append(command)
+        self.caches.append(env.get("LIGHTPROOF_CACHE"))
+        self.cache_was_empty.append(not os.listdir(env["LIGHTPROOF_CACHE"]))
+        if self.writes:
+            Path(command[command.index("-o") + 1]).touch()
+        return subprocess.CompletedProcess(command, self.status, "", "first\nit broke\n")
+
+
+@pytest.fixture
+def warm_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    (folder / "kernel").touch()
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(folder))
+    return str(folder)
+
+
+def test_warm_starts_share_the_cache_and_do_not_count_the_first(
+    warm_cache: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Processes()
+    monkeypatch.setattr(subprocess, "run", run)
+    assert len(starts.warm_starts(Path("a.xml"), {"width": "8"}, repeats=3)) == 3
+    assert run.caches == [warm_cache] * 4
+    begin = [sys.executable, "-m", "renderer", "a.xml", "--spp", "1", "-o"]
+    assert run.commands[0][:7] == begin
+    assert run.commands[0][8:] == ["-D", "width=8"]
+
+
+def test_cold_starts_have_an_empty_cache_each(
+    warm_cache: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Processes()
+    monkeypatch.setattr(subprocess, "run", run)
+    assert len(starts.cold_starts(Path("a.xml"), {}, repeats=2)) == 2
+    assert run.cache_was_empty == [True, True]
+    assert warm_cache not in run.caches
+    assert len(set(run.caches)) == 2
+
+
+@pytest.mark.parametrize(("status", "writes"), [(1, True), (0, False)])
+def test_start_without_a_picture_is_not_a_time(
+    warm_cache: str, monkeypatch: pytest.MonkeyPatch, status: int, writes: bool
+) -> None:
+    monkeypatch.setattr(subprocess, "run", Processes(status, writes))
+    with pytest.raises(ReportError, match=f"status {status}: it broke"):
+        starts.warm_starts(Path("a.xml"), {}, repeats=1)

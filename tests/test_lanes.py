@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from renderer.jit import kernel
+from renderer.jit import entry_kernel
 from renderer.lanes.functions import (
     as_f32,
     as_i32,
@@ -85,7 +85,7 @@ def assert_same_bits(got, expected):
 # ------------------------------------------------------------------------------ operators
 
 
-@kernel
+@entry_kernel
 def float_operators(x, y, s):
     added = x - s
     added += y
@@ -109,7 +109,7 @@ def float_operators(x, y, s):
     )
 
 
-@kernel
+@entry_kernel
 def integer_operators(x, y, s, last_bit):
     n = y & last_bit  # how far to shift
     added = x - s
@@ -136,7 +136,7 @@ def integer_operators(x, y, s, last_bit):
     )
 
 
-@kernel
+@entry_kernel
 def comparisons(x, y, s):
     both = x < y
     both &= x > s
@@ -153,7 +153,7 @@ def comparisons(x, y, s):
     )
 
 
-@kernel
+@entry_kernel
 def run_floats(a, b, s, out):
     for i in range(0, a.size, 64 // a.itemsize):
         row = 0
@@ -162,7 +162,7 @@ def run_floats(a, b, s, out):
             row += 1
 
 
-@kernel
+@entry_kernel
 def run_integers(a, b, s, last_bit, out):
     for i in range(0, a.size, 64 // a.itemsize):
         row = 0
@@ -172,7 +172,7 @@ def run_integers(a, b, s, last_bit, out):
             row += 1
 
 
-@kernel
+@entry_kernel
 def run_comparisons(a, b, s, out):
     width = 64 // a.itemsize
     for i in range(0, a.size, width):
@@ -217,7 +217,7 @@ def test_comparisons_and_mask_operators(dtype):
 # ------------------------------------------------------------------------------ functions
 
 
-@kernel
+@entry_kernel
 def run_float_functions(a, b, s, out):
     for i in range(0, a.size, 64 // a.itemsize):
         x = load_row(a, 0, i)
@@ -248,7 +248,7 @@ def test_float_functions_of_lanes_and_scalars(dtype):
     assert_same_bits(got, np.stack(expected))
 
 
-@kernel
+@entry_kernel
 def run_extrema(a, b, out):
     for i in range(0, a.size, 64 // a.itemsize):
         x = load_row(a, 0, i)
@@ -270,7 +270,7 @@ def test_minimum_and_maximum_return_the_second_where_one_is_nan(dtype):
     assert_same_bits(got, np.stack(expected))
 
 
-@kernel
+@entry_kernel
 def run_conversions(f, i, u, to_int, to_float, bits_f, bits_i, bits_u):
     for k in range(0, f.size, 16):
         x, whole, natural = load_row(f, 0, k), load_row(i, 0, k), load_row(u, 0, k)
@@ -305,7 +305,7 @@ def test_conversions():
     np.testing.assert_array_equal(bits_u, [f.view(np.uint32), i.view(np.uint32), reverse])
 
 
-@kernel
+@entry_kernel
 def run_splats(number, flag, f, i, u, bits):
     store_row(f, 0, 0, splat_f32(number))
     store_row(i, 0, 0, splat_i32(number))
@@ -332,7 +332,7 @@ def test_splats_and_masks():
     assert bits[3:].tolist() == [(1 << k) - 1 for k in lanes]
 
 
-@kernel
+@entry_kernel
 def run_bits(words, out):
     for k in range(words.size):
         out[0, k] = popcount(words[k])
@@ -347,7 +347,7 @@ def test_popcount_and_lowest_bit():
     assert out[1].tolist() == [64, 0, 1, 2, 0, 62, 63, 0]
 
 
-@kernel
+@entry_kernel
 def run_reductions(a, out):
     for i in range(0, a.size, 16):
         out[0, i // 16] = largest(load_row(a, 0, i))
@@ -367,7 +367,7 @@ def test_reductions_ignore_nan(dtype):
 # --------------------------------------------------------------------------------- memory
 
 
-@kernel
+@entry_kernel
 def run_every_mask(table, row, lanes, indices, gathered, appended):
     """Row m of the results: lanes whose bit is set in m."""
     width = lanes.size
@@ -411,7 +411,7 @@ def test_gather_and_append_under_every_mask(dtype, whole, row):
     np.testing.assert_array_equal(appended[:, 1:-1][front], values[masks])
 
 
-@kernel
+@entry_kernel
 def copy_rows(a, b, i):
     store_row(b, 1, i, load_row(a, 2, i))
     store_row(b, 0, 0, load_row(a[1], 0, 1))
@@ -430,48 +430,48 @@ def test_loads_and_stores_need_no_alignment():
 # --------------------------------------------------------------------- what must not be
 
 
-@kernel
+@entry_kernel
 def mix_precisions(f, d, i, u):
     return lane(load_row(f, 0, 0) + load_row(d, 0, 0), 0)
 
 
-@kernel
+@entry_kernel
 def mix_signs(f, d, i, u):
     return lane(load_row(i, 0, 0) + load_row(u, 0, 0), 0)
 
 
-@kernel
+@entry_kernel
 def drop_a_fraction(f, d, i, u):
     return lane(load_row(i, 0, 0) * 0.5, 0)
 
 
-@kernel
+@entry_kernel
 def divide_integers(f, d, i, u):
     return lane(load_row(i, 0, 0) / load_row(i, 0, 0), 0)
 
 
-@kernel
+@entry_kernel
 def root_of_integers(f, d, i, u):
     return lane(sqrt(load_row(i, 0, 0)), 0)
 
 
-@kernel
+@entry_kernel
 def mask_of_another_width(f, d, i, u):
     return lane(select(load_row(d, 0, 0) < 0, load_row(f, 0, 0), 0), 0)
 
 
-@kernel
+@entry_kernel
 def gather_with_another_width(f, d, i, u):
     x = load_row(f, 0, 0)
     return lane(gather_row(d, 0, load_row(i, 0, 0), x < 0), 0)
 
 
-@kernel
+@entry_kernel
 def store_another_type(f, d, i, u):
     store_row(i, 0, 0, load_row(f, 0, 0))
 
 
-@kernel
+@entry_kernel
 def index_by_a_float(f, d, i, u):
     return lane(gather_row(f, 0, load_row(f, 0, 0), load_row(f, 0, 0) < 0), 0)
 
@@ -524,12 +524,12 @@ def test_a_read_only_array_is_not_written():
 
 SCRIPT = """
 import numpy as np
-from renderer.jit import kernel
+from renderer.jit import entry_kernel
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import sincos
 from renderer.vectors import load3, normalize, store3
 
-@kernel
+@entry_kernel
 def run(a):
     v = normalize(load3(a, 0))
     v = v * select(v.x > 0.5, sqrt(v.x), sincos(v.y)[0])

@@ -6,14 +6,14 @@ import zlib
 
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.jit import entry_kernel
 from renderer.lanes.mathematics import arccos, arctan2, sincos
 from renderer.lanes.memory import load_row, store_row
 
 NAN, INF = np.nan, np.inf
 
 
-@kernel
+@entry_kernel
 def evaluate(a, b, out):
     for i in range(0, a.size, 16):
         x = load_row(a, 0, i)

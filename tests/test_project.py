@@ -15,17 +15,20 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
+import renderer
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 PACKAGES = ("renderer", "mitsuba_ref", "reports")
 
 
 def test_one_version_everywhere():
-    """The installed package, pyproject.toml and the newest changelog entry agree."""
+    """Package, installed metadata, pyproject.toml and the newest changelog entry agree."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest = re.findall(r"^## \[(\d[^]]*)\]", changelog, flags=re.MULTILINE)[0]
     assert newest == PROJECT["version"]
     assert importlib.metadata.version("lightproof") == PROJECT["version"]
+    assert renderer.__version__ == PROJECT["version"]
 
 
 def test_the_renderer_alone_needs_no_mitsuba():
@@ -144,3 +147,16 @@ def test_reference_entries_are_sound():
     assert len(keys) == len(set(keys)) > 20
     for key, text in entries:
         assert re.search(r"\d{4}", key)[0] in text
+
+
+def test_links_in_the_documents_lead_somewhere():
+    """Every relative link names a file of this repository; a moved file shows here."""
+    documents = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    documents += (ROOT / "scenes").rglob("*.md")
+    dead = [
+        f"{document.relative_to(ROOT)}: {target}"
+        for document in documents
+        for target in re.findall(r"\]\(([^)#\s]+)", document.read_text(encoding="utf-8"))
+        if "://" not in target and not (document.parent / target).exists()
+    ]
+    assert not dead

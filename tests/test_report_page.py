@@ -239,6 +239,15 @@ def test_deterministic_scene_shows_no_noise_floor(tmp_path: Path) -> None:
     assert "<svg" not in page
 
 
+def test_method_does_not_repeat_the_integrator(tmp_path: Path) -> None:
+    """The renderer's sentence begins with the name that the page shows already."""
+    entry = scene("sound", "pass", method="path, as asked for; 16 per pixel")
+    text = Outline(draw(tmp_path, entry)).text
+    assert "path, as asked for; 16 per pixel" in text  # in the section
+    assert text.count("path, as asked for") == 1
+    assert "path, path" not in text
+
+
 def test_page_explains_its_numbers_and_names_its_origin(tmp_path: Path) -> None:
     """Machine, versions, commit, command, settings and every term have their place."""
     text = Outline(draw(tmp_path, scene("sound", "pass"))).text

@@ -37,7 +37,9 @@ STEPS = {
 def test_transform_is_the_matrix_of_mitsuba(steps: str) -> None:
     content = DISK.format(steps)
     expected = np.array(mi.traverse(theirs(content).shapes()[0])["to_world"].matrix)
-    np.testing.assert_allclose(ours(content).shapes[0].to_world, expected, atol=2e-6, rtol=1e-6)
+    np.testing.assert_allclose(
+        ours(content).shapes[0].to_world, expected, atol=2e-6, rtol=1e-6
+    )
 
 
 def test_steps_apply_in_the_order_of_the_file() -> None:
@@ -96,7 +98,9 @@ def test_look_at_is_a_rotation_that_looks_at_the_target(
 step_texts = st.one_of(
     st.builds('<translate x="{:.4g}" y="{:.4g}"/>'.format, numbers, numbers),
     st.builds('<scale value="{:.4g}"/>'.format, st.floats(0.1, 10)),
-    st.builds('<rotate x="{:.4g}" y="1" angle="{:.4g}"/>'.format, st.floats(-1, 1), numbers),
+    st.builds(
+        '<rotate x="{:.4g}" y="1" angle="{:.4g}"/>'.format, st.floats(-1, 1), numbers
+    ),
 )
 
 
@@ -106,7 +110,9 @@ def test_any_chain_of_steps_is_the_matrix_of_mitsuba(steps: list[str]) -> None:
     content = DISK.format("".join(steps))
     matrix = ours(content).shapes[0].to_world
     expected = np.array(mi.traverse(theirs(content).shapes()[0])["to_world"].matrix)
-    np.testing.assert_allclose(matrix, expected, rtol=1e-5, atol=1e-5 * np.abs(matrix).max())
+    np.testing.assert_allclose(
+        matrix, expected, rtol=1e-5, atol=1e-5 * np.abs(matrix).max()
+    )
 
 
 @given(direction=vectors)
@@ -114,7 +120,9 @@ def test_z_to_is_a_rotation_onto_the_direction(direction: tuple[float, ...]) -> 
     matrix = transforms.z_to(direction)[:3, :3]
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(matrix) == pytest.approx(1.0)
-    np.testing.assert_allclose(matrix[:, 2], direction / np.linalg.norm(direction), atol=1e-12)
+    np.testing.assert_allclose(
+        matrix[:, 2], direction / np.linalg.norm(direction), atol=1e-12
+    )
 
 
 # -------------------------------------------------------------------- errors
@@ -126,7 +134,9 @@ def test_z_to_is_a_rotation_onto_the_direction(direction: tuple[float, ...]) -> 
 )
 @pytest.mark.parametrize("plugin", ["rectangle", "disk", "sphere", "cylinder", "cube"])
 def test_singular_transform(plugin: str, steps: str) -> None:
-    content = f'<shape type="{plugin}">\n<transform name="to_world">{steps}</transform></shape>'
+    content = (
+        f'<shape type="{plugin}">\n<transform name="to_world">{steps}</transform></shape>'
+    )
     message = error_of(content)
     assert message.startswith(f'<string>:3: shape "{plugin}", property "to_world": found ')
     assert "singular" in message
@@ -146,7 +156,10 @@ def test_small_and_large_scales_are_not_singular() -> None:
         ('<lookat origin="0 0 0" target="0 0 0" up="0 1 0"/>', "<lookat> has no direction"),
         ('<lookat origin="0 0 0" target="0 0 1" up="0 0 1"/>', "<lookat> has no direction"),
         ('<lookat origin="0 0" target="0 0 1"/>', "2 numbers; expected 3"),
-        ('<lookAt origin="0 0 0" target="0 0 1"/>', "unknown transform <lookAt>; supported: "),
+        (
+            '<lookAt origin="0 0 0" target="0 0 1"/>',
+            "unknown transform <lookAt>; supported: ",
+        ),
         ('<matrix value="1 2 3 4"/>', "4 numbers; expected 9 or 16"),
         ('<translate x="1" w="2"/>', '<translate> has no attribute "w"; it takes: '),
         ('<scale value="2" x="1"/>', 'has "value" and "x"'),

@@ -62,8 +62,17 @@ def test_boolean_parameter_from_python_is_read_as_xml_writes_it() -> None:
     assert not scene_file.read_string(text, flip=False).shapes[0].flip_normals
 
 
+def test_any_name_can_be_a_parameter(tmp_path: Path) -> None:
+    """Also those of our own arguments."""
+    path = tmp_path / "scene.xml"
+    path.write_text(PARAMETRIC.replace('"r"', '"path"').replace("$r", "$path"))
+    assert scene_file.read_file(path, path=4).shapes[0].to_world[0, 0] == 4.0
+
+
 def test_escaped_dollar_stays() -> None:
-    content = '<bsdf type="diffuse" id="a\\$b"/><shape type="sphere"><ref id="a\\$b"/></shape>'
+    content = (
+        '<bsdf type="diffuse" id="a\\$b"/><shape type="sphere"><ref id="a\\$b"/></shape>'
+    )
     assert len(ours(content).shapes) == len(theirs(content).shapes()) == 1
 
 
@@ -93,8 +102,8 @@ def test_parameter_that_nothing_uses_is_an_error() -> None:
 
 def test_reference_stands_for_the_element_wherever_it_is_defined() -> None:
     content = (
-        '<shape type="sphere"><ref id="late"/></shape><shape type="disk"><ref id="late"/></shape>'
-        + GREY.format("0.1").replace("<bsdf", '<bsdf id="late"')
+        '<shape type="sphere"><ref id="late"/></shape><shape type="disk"><ref '
+        'id="late"/></shape>' + GREY.format("0.1").replace("<bsdf", '<bsdf id="late"')
     )
     scene = ours(content)
     assert scene.shapes[0].bsdf.reflectance == ConstantTexture((0.1, 0.1, 0.1))
@@ -104,7 +113,8 @@ def test_reference_stands_for_the_element_wherever_it_is_defined() -> None:
 def test_named_reference_and_alias() -> None:
     content = (
         '<texture type="checkerboard" id="board"/><alias id="board" as="squares"/>'
-        '<shape type="sphere"><bsdf type="diffuse"><ref name="reflectance" id="squares"/></bsdf>'
+        '<shape type="sphere"><bsdf type="diffuse"><ref name="reflectance" '
+        'id="squares"/></bsdf>'
         "</shape>"
     )
     assert ours(content).shapes[0].bsdf.reflectance.color0 == (0.4, 0.4, 0.4)
@@ -112,7 +122,9 @@ def test_named_reference_and_alias() -> None:
 
 
 def test_unknown_reference() -> None:
-    content = '<bsdf type="diffuse" id="wall"/>\n<shape type="sphere"><ref id="wal"/></shape>'
+    content = (
+        '<bsdf type="diffuse" id="wall"/>\n<shape type="sphere"><ref id="wal"/></shape>'
+    )
     message = error_of(content)
     assert message.startswith('<string>:3: <ref> to the unknown id "wal"')
     assert "wall" in message
@@ -143,6 +155,14 @@ def test_chain_of_doubled_references_is_read_in_no_time() -> None:
     assert "twosided" in error_of(levels + '<bsdf type="diffuse" id="l60"/>')
 
 
+def test_chain_of_references_has_an_end() -> None:
+    levels = "".join(
+        f'<bsdf type="twosided" id="l{n}"><ref id="l{n + 1}"/></bsdf>' for n in range(5000)
+    )
+    message = error_of(levels + '<bsdf type="diffuse" id="l5000"/>')
+    assert "more than 200 elements inside each other by <ref>" in message
+
+
 def test_duplicate_id_and_property_and_child() -> None:
     message = error_of('<bsdf type="diffuse" id="a"/>\n<bsdf type="diffuse" id="a"/>')
     assert message.startswith('<string>:3: id "a" is taken already')
@@ -150,7 +170,9 @@ def test_duplicate_id_and_property_and_child() -> None:
     twice = '<shape type="sphere">\n<float name="radius" value="1"/>\n{}</shape>'
     message = error_of(twice.format('<float name="radius" value="1"/>'))
     assert message.startswith('<string>:4: shape "sphere" has two properties "radius"')
-    message = error_of('<shape type="sphere"><bsdf type="diffuse"/>\n<bsdf type="diffuse"/></shape>')
+    message = error_of(
+        '<shape type="sphere"><bsdf type="diffuse"/>\n<bsdf type="diffuse"/></shape>'
+    )
     assert message.startswith('<string>:3: a second <bsdf> in shape "sphere"')
 
 
@@ -200,17 +222,21 @@ def test_missing_include_says_where_it_was_looked_for(tmp_path: Path) -> None:
 def test_include_of_loose_properties_is_refused(tmp_path: Path) -> None:
     """Mitsuba drops them without a word."""
     (tmp_path / "loose.xml").write_text('<scene version="3.0.0"><ref id="x"/></scene>')
-    assert "Mitsuba would drop" in error_of('<include filename="loose.xml"/>', folder=tmp_path)
+    assert "Mitsuba would drop" in error_of(
+        '<include filename="loose.xml"/>', folder=tmp_path
+    )
 
 
 def test_path_is_searched_first(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "t.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    content = (
-        '<path value="meshes"/><shape type="obj"><string name="filename" value="t.obj"/></shape>'
-    )
+    mesh = '<shape type="obj"><string name="filename" value="t.obj"/></shape>'
+    content = f'<path value="meshes"/>{mesh}'
     scene = ours(content, folder=tmp_path)
-    assert len(scene.shapes[0].faces) == theirs(content, folder=tmp_path).shapes()[0].face_count()
+    assert (
+        len(scene.shapes[0].faces)
+        == theirs(content, folder=tmp_path).shapes()[0].face_count()
+    )
     assert scene.files == (str(tmp_path / "meshes" / "t.obj"),)
     assert "the folder" in error_of('<path value="nowhere"/>', folder=tmp_path)
     inside = '<shape type="sphere"><path value="meshes"/></shape>'
@@ -238,26 +264,42 @@ def test_missing_scene_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "document",
     [
-        '<?xml version="1.0"?>\n<!DOCTYPE s [<!ENTITY x "1">]>\n<scene version="3.0.0">&x;</scene>',
-        '<?xml version="1.0"?>\n<!DOCTYPE s SYSTEM "file:///etc/passwd">\n<scene version="3.0.0"/>',
+        '<?xml version="1.0"?>\n<!DOCTYPE s [<!ENTITY x "1">]>\n<scene '
+        'version="3.0.0">&x;</scene>',
+        '<?xml version="1.0"?>\n<!DOCTYPE s SYSTEM "file:///etc/passwd">\n<scene '
+        'version="3.0.0"/>',
     ],
 )
 def test_entities_and_doctype_are_refused(document: str) -> None:
-    with pytest.raises(SceneError, match="<string>:2: XML entities and DOCTYPE are not allowed"):
+    with pytest.raises(
+        SceneError, match="<string>:2: XML entities and DOCTYPE are not allowed"
+    ):
         scene_file.read_string(document)
 
 
 @pytest.mark.parametrize(
     ("document", "message"),
     [
-        ('<scene version="3.0.0">\n<shape></scene>', "<string>:2: not well-formed XML: mismatched"),
+        (
+            '<scene version="3.0.0">\n<shape></scene>',
+            "<string>:2: not well-formed XML: mismatched",
+        ),
         ("", "<string>:1: not well-formed XML: no element found"),
         ("not xml", "<string>:1: not well-formed XML"),
         ("<scene>&amp;&lol;</scene>", "<string>:1: not well-formed XML: undefined entity"),
         ("<scene/>", '<string>:1: <scene> lacks the attribute "version"'),
-        ('<scene version="three"/>', '<string>:1: version is "three"; expected three numbers'),
-        ('<bsdf version="3.0.0" type="diffuse"/>', '<string>:1: the root is bsdf "diffuse"'),
-        ("<a>" * 150 + "</a>" * 150, "<string>:1: more than 100 elements inside each other"),
+        (
+            '<scene version="three"/>',
+            '<string>:1: version is "three"; expected three numbers',
+        ),
+        (
+            '<bsdf version="3.0.0" type="diffuse"/>',
+            '<string>:1: the root is bsdf "diffuse"',
+        ),
+        (
+            "<a>" * 150 + "</a>" * 150,
+            "<string>:1: more than 100 elements inside each other",
+        ),
     ],
 )
 def test_documents_that_are_no_scene(document: str, message: str) -> None:
@@ -269,15 +311,27 @@ def test_documents_that_are_no_scene(document: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("<shap/>", "the element <shap> is not supported; supported: alias, boolean, bsdf,"),
+        (
+            "<shap/>",
+            "the element <shap> is not supported; supported: alias, boolean, bsdf,",
+        ),
         ("<translate/>", "<translate> belongs inside a <transform>"),
-        ('<shape type="sphere" colour="x"/>', '<shape> has no attribute "colour"; it takes: id,'),
+        (
+            '<shape type="sphere" colour="x"/>',
+            '<shape> has no attribute "colour"; it takes: id,',
+        ),
         ("<shape/>", '<shape> lacks the attribute "type"'),
         ('<float name="x"/>', '<float> lacks the attribute "value"'),
-        ('<float name="x" value="1"><float name="y" value="2"/></float>', "takes no elements"),
+        (
+            '<float name="x" value="1"><float name="y" value="2"/></float>',
+            "takes no elements",
+        ),
         ('<boolean name="x" value="yes"/>', 'boolean "x" is "yes"; expected true or false'),
         ('<integer name="x" value="1.5"/>', 'integer "x" is "1.5"; expected an integer'),
-        ('<integer name="x" value="99999999999999999999"/>', "too large for a 64-bit integer"),
+        (
+            '<integer name="x" value="99999999999999999999"/>',
+            "too large for a 64-bit integer",
+        ),
         ('<float name="x" value="1_0"/>', 'float "x" is "1_0"; expected a finite number'),
         ('<point name="x" x="1"/>', "<point> needs x, y and z"),
         ('<point name="x" value="1 2"/>', "2 numbers; expected 1 or 3"),
@@ -302,7 +356,8 @@ def test_numbers_that_are_not_finite_are_refused_everywhere(number: str) -> None
         f'<shape type="sphere"><point name="center" x="0" y="{number}" z="0"/></shape>',
         f'<emitter type="point"><rgb name="intensity" value="{number}"/></emitter>',
         f'<emitter type="point"><spectrum name="intensity" value="{number}"/></emitter>',
-        f'<emitter type="point"><spectrum name="intensity" value="4:1 5:{number}"/></emitter>',
+        '<emitter type="point"><spectrum name="intensity" value="4:1 '
+        f'5:{number}"/></emitter>',
         '<shape type="sphere"><transform name="to_world">'
         f'<translate x="{number}"/></transform></shape>',
         '<shape type="sphere"><transform name="to_world">'
@@ -328,9 +383,11 @@ def test_version_below_2_has_other_names(tmp_path: Path) -> None:
     content = (
         '<shape type="rectangle"><transform name="toWorld"><scale value="2"/></transform>'
         '<bsdf type="diffuse"><texture type="checkerboard" name="diffuseReflectance">'
-        '<float name="uscale" value="4"/><float name="voffset" value="0.5"/></texture></bsdf>'
+        '<float name="uscale" value="4"/><float name="voffset" '
+        'value="0.5"/></texture></bsdf>'
         "</shape>"
-        '<shape type="sphere"><bsdf type="dielectric"><float name="intIOR" value="1.25"/></bsdf>'
+        '<shape type="sphere"><bsdf type="dielectric"><float name="intIOR" '
+        'value="1.25"/></bsdf>'
         "</shape>"
     )
     scene = ours(content, version="0.6.0")
@@ -353,7 +410,8 @@ def test_version_below_2_refuses_uv_numbers_of_another_type() -> None:
     )
     message = error_of(content, version="1.0.0")
     assert message == (
-        '<string>:3: texture "checkerboard", property "uscale": found a string, expected a float'
+        '<string>:3: texture "checkerboard", property "uscale": found a string, '
+        "expected a float"
     )
 
 

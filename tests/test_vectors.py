@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from renderer.jit import kernel
+from renderer.jit import entry_kernel
 from renderer.lanes.functions import first_lanes, lane
 from renderer.lanes.memory import load_row, store_row
 from renderer.vectors import (
@@ -32,7 +32,7 @@ def arrays():
     return np.random.default_rng(0).standard_normal((2, 3, N)).astype(np.float32)
 
 
-@kernel
+@entry_kernel
 def arithmetic(a, b, s, t, x):
     """Vectors a and b, scalars s, t = 2 s as lanes or not, and a vector x of scalars."""
     return (
@@ -41,7 +41,7 @@ def arithmetic(a, b, s, t, x):
     )
 
 
-@kernel
+@entry_kernel
 def run_lanes(a, b, s, t, out):
     for i in range(0, t.size, 16):
         row = 0
@@ -51,7 +51,7 @@ def run_lanes(a, b, s, t, out):
             row += 1
 
 
-@kernel
+@entry_kernel
 def run_scalars(a, b, s, t, out):
     for i in range(t.size):
         row = 0
@@ -77,7 +77,7 @@ def test_operators_work_component_by_component(arrays, run):
         np.testing.assert_allclose(got, np.stack(with_numpy), rtol=2e-7)
 
 
-@kernel
+@entry_kernel
 def run_products(a, b, scalars, vectors):
     for i in range(0, N, 16):
         p, q = load3(a, i), load3(b, i)
@@ -111,7 +111,7 @@ def test_cross_is_right_handed():
     np.testing.assert_array_equal(vectors[0], np.repeat([[0], [0], [1]], N, axis=1))
 
 
-@kernel
+@entry_kernel
 def run_bases(normals, tangents, bitangents):
     for i in range(0, normals.shape[1], 16):
         s, t = orthonormal_basis(load3(normals, i))
@@ -119,7 +119,7 @@ def run_bases(normals, tangents, bitangents):
         store3(bitangents, i, t)
 
 
-@kernel
+@entry_kernel
 def run_scalar_bases(normals, tangents, bitangents):
     for i in range(normals.shape[1]):
         s, t = orthonormal_basis(column(normals, i))
@@ -153,7 +153,7 @@ def test_orthonormal_basis_is_one(run):
     np.testing.assert_allclose(np.linalg.det(frames), 1, atol=1e-6)
 
 
-@kernel
+@entry_kernel
 def run_memory(a, indices, gathered, appended):
     index = load_row(indices, 0, 0)
     mask = first_lanes(16) & (index > 20)
@@ -173,7 +173,7 @@ def test_gather_and_append(arrays):
     assert (appended[:, 0] == 0).all()
 
 
-@kernel
+@entry_kernel
 def mix_precisions(a, d):
     return lane(vec3(load_row(a, 0, 0), load_row(d, 0, 0), 0.0).x, 0)
 

@@ -23,6 +23,7 @@ from renderer.lanes.functions import (
     select,
     splat_i32,
 )
+from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.vectors import column, load3, vec3
@@ -111,7 +112,7 @@ def _second_child_first(bounds, child, direction):
 def closest_hit_bvh_packets(bvh, rays, hits, first, count):
     """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
-    stack = np.empty(STACK, np.int32)
+    stack = local_i32(STACK)
     for i in range(first, first + count, 16):
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
@@ -161,8 +162,8 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
 def closest_hit_bvh(bvh, rays, hits, first, count):
     """Update `hits` of rays first to first + count - 1, one ray at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
-    stack = np.empty(STACK, np.int32)
-    entries = np.empty(STACK, np.float32)
+    stack = local_i32(STACK)
+    entries = local_f32(STACK)
     for i in range(first, first + count):
         origin = column(rays.origin, i)
         direction = column(rays.direction, i)
@@ -226,7 +227,7 @@ def closest_hit_bvh(bvh, rays, hits, first, count):
 def any_hit_bvh_packets(bvh, shadow_rays, count):
     """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
-    stack = np.empty(STACK, np.int32)
+    stack = local_i32(STACK)
     for i in range(0, count, 16):
         origin = load3(shadow_rays.origin, i)
         direction = load3(shadow_rays.direction, i)
@@ -261,7 +262,7 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
 def any_hit_bvh(bvh, shadow_rays, count):
     """Set `blocked` of the first `count` shadow rays, one ray at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
-    stack = np.empty(STACK, np.int32)
+    stack = local_i32(STACK)
     for i in range(count):
         if shadow_rays.blocked[i] != 0:
             continue

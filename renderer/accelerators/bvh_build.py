@@ -26,7 +26,8 @@ from renderer.accelerators.bvh_tree import (
     bvh_depth,
     validate_bvh,
 )
-from renderer.jit import kernel
+from renderer.jit import builder_kernel, kernel
+from renderer.lanes.local import local_f32
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_bvh", "bvh_cost", "bvh_depth", "validate_bvh"]
 
@@ -66,7 +67,7 @@ def build_bvh(lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8) -> BvhTree
 # ------------------------------------------------------------------------------ the build
 
 
-@kernel
+@builder_kernel
 def _build(boxes, order, leaf_size):
     """Build the tree; permutes `boxes` and `order` alike."""
     n = len(order)
@@ -211,7 +212,7 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
     """
     area = _half_area(bounds)
     per_area = BLOCK_COST / area if area > 0.0 else 0.0
-    side = np.empty(6, np.float32)
+    side = local_f32(6)
     best_cost = np.inf
     best_axis = best_border = best_balance = 0
     for axis in range(3):

@@ -6,6 +6,8 @@ surface to light.
 
 from __future__ import annotations
 
+import numpy as np
+
 from renderer.jit import kernel
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import intersect, reset_hits
@@ -18,14 +20,14 @@ def trace_paths(scene, tile, sample, work):
     rays, hits, settings = work.rays, work.hits, scene.settings
     count = camera_rays(scene, tile, sample, rays, hits)
     intersect(scene.camera_accelerators, rays, hits, 0, count, True)
-    bounce = 0
+    bounce = np.int64(0)  # a literal would compile every stage twice
     while count > 0:
         arrive(scene, work, 0, count, bounce > 0 or settings.hide_emitters == 0)
         if bounce + 1 >= settings.max_depth:
             break
         groups = group_by_bsdf(scene, work, 0, count)
         light_diffuse(scene.bsdfs.diffuse, scene, tile, sample, bounce, work, groups[0])
-        count = scatter(scene, tile, sample, bounce, work, groups, 0)
+        count = scatter(scene, tile, sample, bounce, work, groups)
         reset_hits(hits, 0, count)
         intersect(scene.accelerators, rays, hits, 0, count, False)
         bounce += 1

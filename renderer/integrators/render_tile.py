@@ -11,7 +11,7 @@ from renderer.film import add_to_tile
 from renderer.integrators.first_hit import CHANNELS, trace_first_hits
 from renderer.integrators.path import trace_paths
 from renderer.integrators.whitted import trace_ray_trees
-from renderer.jit import kernel, record_class
+from renderer.jit import entry_kernel, record_class
 
 
 class PathMethod(NamedTuple):
@@ -52,7 +52,7 @@ def _trace(method, scene, tile, sample, work):
     return lambda method, scene, tile, sample, work: chosen(scene, tile, sample, work)
 
 
-@kernel
+@entry_kernel
 def render_tile(method, scene, rfilter, tile, first_sample, end_sample, work, sums, border):
     """Add samples first_sample .. end_sample - 1 of a tile to its sums.
 

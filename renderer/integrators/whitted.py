@@ -39,10 +39,10 @@ def _mirror(conductor, scene, tile, sample, bounce, work, start, stop, end):
 def trace_ray_trees(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings, bsdfs = work.rays, work.hits, scene.settings, scene.bsdfs
-    waiting = np.zeros(settings.max_depth + 1, np.int64)  # rays in each depth's region
+    waiting = work.waiting
     waiting[0] = camera_rays(scene, tile, sample, rays, hits)
     intersect(scene.camera_accelerators, rays, hits, 0, waiting[0], True)
-    depth = 0
+    depth = np.int64(0)
     while depth >= 0:
         if waiting[depth] == 0:
             depth -= 1

@@ -23,7 +23,7 @@ from renderer.scene_file.xml_tree import read_text_file, read_xml_tree
 __all__ = ["SceneDescription", "SceneError", "read_dict", "read_file", "read_string"]
 
 
-def read_file(path: str | Path, **parameters: object) -> SceneDescription:
+def read_file(path: str | Path, /, **parameters: object) -> SceneDescription:
     """Read a Mitsuba 3 XML scene.
 
     Parameters
@@ -48,7 +48,7 @@ def read_file(path: str | Path, **parameters: object) -> SceneDescription:
 
 
 def read_string(
-    xml: str, *, base_dir: str | Path | None = None, **parameters: object
+    xml: str, /, *, base_dir: str | Path | None = None, **parameters: object
 ) -> SceneDescription:
     """Read a scene from XML text.
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import kernel
+from renderer.jit import entry_kernel
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}  # by colour type: grey, RGB, grey + A, RGB + A
@@ -79,7 +79,7 @@ def _image_data(content: bytes) -> bytes:
     return b"".join(parts)
 
 
-@kernel
+@entry_kernel
 def _undo_filters(rows, values, step):  # type: ignore[no-untyped-def]
     """Fill `values`, which has a row and a pixel of zeros in front, from filtered `rows`.
 

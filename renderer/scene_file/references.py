@@ -6,6 +6,8 @@ from renderer.errors import SceneError
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.tree import Element, Reference, Tree
 
+_DEEPEST = 200  # keeps the recursive readers far from Python's limit
+
 
 def resolve(tree: Tree) -> Element:
     """Return the root, with the referenced element as the value of each reference.
@@ -28,6 +30,10 @@ def _resolve(
 ) -> None:
     if id(element) in done:
         return
+    if len(chain) >= _DEEPEST:
+        raise SceneError(
+            f"{element.location}: more than {_DEEPEST} elements inside each other by <ref>"
+        )
     chain.append(element)
     for property_ in element.properties.values():
         value = property_.value

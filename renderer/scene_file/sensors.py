@@ -38,8 +38,12 @@ def read_sensor(element: Element, reading: Reading) -> PerspectiveCamera:
             name, f"near_clip {near:g} and far_clip {far:g}", "near_clip < far_clip"
         )
     properties.number("focus_distance", far)  # pinholes are sharp everywhere
+    # Nothing moves, so the shutter changes nothing; but its times have an order.
     opens = properties.number("shutter_open", 0.0)
-    properties.number("shutter_close", opens, at_least=opens)  # nothing moves
+    closes = properties.number("shutter_close", 0.0)
+    if closes < opens:
+        name = "shutter_close" if properties.has("shutter_close") else "shutter_open"
+        properties.fail(name, f"open {opens:g}, close {closes:g}", "open <= close")
     camera = PerspectiveCamera(
         to_world=_to_world(properties),
         fov_x=_fov_x(properties, film),

@@ -78,14 +78,15 @@ def _bitmap(properties: Properties) -> BitmapTexture:
             f"{path.name} has reflectances up to {largest:g}; energy is not conserved",
         )
     return BitmapTexture(
-        pixels,
+        # Mitsuba has the top row of the file at v = 0; the record has row 0 at v = 1.
+        np.ascontiguousarray(pixels[::-1]),
         "nearest" if filter_type == "nearest" else "bilinear",
         "mirror"
         if wrap_mode == "mirror"
         else "clamp"
         if wrap_mode == "clamp"
         else "repeat",
-        np.ascontiguousarray(to_uv),
+        to_uv,
     )
 
 

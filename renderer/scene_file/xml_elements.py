@@ -6,6 +6,7 @@ in a file of a thousand lines.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
@@ -79,3 +80,38 @@ def parse_xml(content: str | bytes, source: str) -> XmlElement:
     except (UnicodeError, LookupError) as error:
         raise SceneError(f"{source}:1: cannot decode the XML file: {error}") from None
     return roots[0]
+
+
+def required(element: XmlElement, name: str) -> str:
+    """Return an attribute that must be there.
+
+    Raises
+    ------
+    SceneError
+        If it is not.
+    """
+    if name not in element.attributes:
+        raise SceneError(
+            f'{element.location}: <{element.tag}> lacks the attribute "{name}"'
+        )
+    return element.attributes[name]
+
+
+def check_attributes(
+    element: XmlElement, needed: tuple[str, ...], optional: Collection[str] = ()
+) -> None:
+    """Check that an element has the attributes of its tag and no others.
+
+    Raises
+    ------
+    SceneError
+        Naming one that is missing or unknown.
+    """
+    for name in needed:
+        required(element, name)
+    known = {*needed, *optional}
+    if unknown := sorted(element.attributes.keys() - known):
+        raise SceneError(
+            f'{element.location}: <{element.tag}> has no attribute "{unknown[0]}"; '
+            f"it takes: {', '.join(sorted(known))}"
+        )

@@ -11,7 +11,7 @@ from renderer.scene_file import transforms
 from renderer.scene_file.numbers import parse_float, parse_floats
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.transforms import Matrix
-from renderer.scene_file.xml_elements import XmlElement
+from renderer.scene_file.xml_elements import XmlElement, check_attributes, required
 
 _ATTRIBUTES = {
     "translate": {"value", "x", "y", "z"},
@@ -55,11 +55,7 @@ def _step(step: XmlElement, reading: Reading) -> Matrix:
             f"{step.location}: unknown transform <{step.tag}>; "
             f"supported: {', '.join(STEPS)}"
         )
-    if unknown := sorted(step.attributes.keys() - known):
-        raise SceneError(
-            f'{step.location}: <{step.tag}> has no attribute "{unknown[0]}"; it takes: '
-            + ", ".join(sorted(known))
-        )
+    check_attributes(step, (), known)
     if step.children:
         raise SceneError(
             f"{step.children[0].location}: <{step.tag}> takes no elements inside"
@@ -158,18 +154,3 @@ def xyz(element: XmlElement, missing: float | None) -> tuple[float, float, float
         for name in ("x", "y", "z")
     )
     return x, y, z
-
-
-def required(element: XmlElement, name: str) -> str:
-    """Return an attribute that must be there.
-
-    Raises
-    ------
-    SceneError
-        If it is not.
-    """
-    if name not in element.attributes:
-        raise SceneError(
-            f'{element.location}: <{element.tag}> lacks the attribute "{name}"'
-        )
-    return element.attributes[name]

@@ -1,4 +1,4 @@
-"""XML elements to the plain tree: properties, parameters, includes, references.
+"""XML elements to the plain tree: plugins, parameters, includes, ids.
 
 What each tag and attribute means here follows Mitsuba 3.9.1; anything else is an error,
 as it is there.
@@ -11,43 +11,16 @@ from pathlib import Path
 from renderer.errors import SceneError
 from renderer.scene_file import version_1
 from renderer.scene_file.description import Location
-from renderer.scene_file.numbers import (
-    parse_boolean,
-    parse_float,
-    parse_floats,
-    parse_integer,
-    quoted,
-)
+from renderer.scene_file.numbers import quoted
 from renderer.scene_file.parameters import Parameters
 from renderer.scene_file.plugins import TAGS
 from renderer.scene_file.reading import Reading, find
-from renderer.scene_file.spectrum_text import parse_spectrum, read_spd
-from renderer.scene_file.tree import (
-    UNNAMED,
-    Element,
-    Reference,
-    RgbValue,
-    SpectrumValue,
-    Tree,
-    Value,
-    Vector,
-)
-from renderer.scene_file.xml_elements import XmlElement, parse_xml
-from renderer.scene_file.xml_transforms import STEPS, fold_steps, required, xyz
+from renderer.scene_file.tree import UNNAMED, Element, Tree
+from renderer.scene_file.xml_elements import XmlElement, check_attributes, parse_xml
+from renderer.scene_file.xml_transforms import STEPS
+from renderer.scene_file.xml_values import VALUE_TAGS, read_value
 
 _DEEPEST_INCLUDE = 15  # as in Mitsuba
-_VALUE_TAGS = (
-    "boolean",
-    "integer",
-    "float",
-    "string",
-    "point",
-    "vector",
-    "rgb",
-    "spectrum",
-    "transform",
-    "ref",
-)
 _OTHER_TAGS = ("default", "include", "path", "alias")
 
 
@@ -108,7 +81,7 @@ class _Document:
         if xml.tag not in TAGS:
             self._refuse_tag(xml)
         optional = {"id", "name"} | ({"version", "type"} if is_root else set())
-        _check_attributes(xml, () if is_root else ("type",), optional)
+        check_attributes(xml, () if is_root else ("type",), optional)
         plugin = xml.attributes.get("type", "scene")
         tag = "texture" if xml.tag == "spectrum" else xml.tag
         element = Element(tag, plugin, xml.location, xml.attributes.get("id", ""))
@@ -129,14 +102,16 @@ class _Document:
             parent.add(name, self._object(xml), xml.location)
         elif xml.tag == "spectrum" and "type" in xml.attributes:
             parent.add(name, self._object(xml), xml.location)
-        elif xml.tag in _VALUE_TAGS:
+        elif xml.tag in VALUE_TAGS:
             if xml.children and xml.tag != "transform":
                 raise SceneError(
                     f"{xml.children[0].location}: <{xml.tag}> takes no elements inside"
                 )
-            parent.add(name, self._value(xml), xml.location)
+            for step in xml.children:
+                self._substitute(step)
+            parent.add(name, read_value(xml, self._reading), xml.location)
         elif xml.tag == "default":
-            _check_attributes(xml, ("name", "value"))
+            check_attributes(xml, ("name", "value"))
             if not name:
                 raise SceneError(f"{xml.location}: <default> has an empty name")
             self._parameters.add_default(name, xml.attributes["value"])
@@ -149,55 +124,9 @@ class _Document:
         else:
             self._refuse_tag(xml)
 
-    def _value(self, xml: XmlElement) -> Value:
-        """Read the value of a property element."""
-        where, tag = xml.location, xml.tag
-        what = f"{tag} {quoted(xml.attributes.get('name', ''))}"
-        if tag in ("point", "vector"):
-            _check_attributes(xml, ("name",), {"value", "x", "y", "z"})
-            return Vector(xyz(xml, None))
-        if tag == "spectrum":
-            return self._spectrum(xml)
-        if tag == "transform":
-            _check_attributes(xml, ("name",))
-            for step in xml.children:
-                self._substitute(step)
-            return fold_steps(xml.children, self._reading)
-        if tag == "ref":
-            _check_attributes(xml, ("id",), {"name"})
-            return Reference(xml.attributes["id"])
-        _check_attributes(xml, ("name", "value"))
-        text = xml.attributes["value"]
-        match tag:
-            case "boolean":
-                return parse_boolean(text, where, what)
-            case "integer":
-                return parse_integer(text, where, what)
-            case "float":
-                return parse_float(text, where, what)
-            case "rgb":
-                numbers = parse_floats(text, (1, 3), where, what)
-                red, green, blue = numbers * 3 if len(numbers) == 1 else numbers
-                return RgbValue((red, green, blue))
-            case _:
-                return text
-
-    def _spectrum(self, xml: XmlElement) -> SpectrumValue:
-        _check_attributes(xml, ("name",), {"value", "filename"})
-        text, filename = xml.attributes.get("value"), xml.attributes.get("filename")
-        if bool(text) == bool(filename):
-            raise SceneError(
-                f'{xml.location}: <spectrum> needs one of "value" and "filename"'
-            )
-        if text:
-            return parse_spectrum(text, xml.location)
-        return read_spd(
-            self._reading.find_file(filename or "", xml.location, "the spectrum file")
-        )
-
     def _include(self, xml: XmlElement, parent: Element) -> None:
         """Read another file; a scene gives its objects, another root itself."""
-        _check_attributes(xml, ("filename",), {"name"})
+        check_attributes(xml, ("filename",), {"name"})
         where = xml.location
         filename = xml.attributes["filename"]
         path = self._reading.find_file(filename, where, "the included file")
@@ -229,7 +158,7 @@ class _Document:
             parent.add(name, property_.value, property_.location)
 
     def _path(self, xml: XmlElement, *, in_root: bool) -> None:
-        _check_attributes(xml, ("value",))
+        check_attributes(xml, ("value",))
         if not in_root:
             raise SceneError(
                 f"{xml.location}: <path> must stand directly in the root element"
@@ -244,7 +173,7 @@ class _Document:
         self._reading.folders.insert(0, folder)
 
     def _alias(self, xml: XmlElement) -> None:
-        _check_attributes(xml, ("id", "as"))
+        check_attributes(xml, ("id", "as"))
         id_ = xml.attributes["id"]
         if id_ not in self._ids:
             raise SceneError(
@@ -271,23 +200,10 @@ class _Document:
     def _refuse_tag(self, xml: XmlElement) -> None:
         if xml.tag in STEPS:
             raise SceneError(f"{xml.location}: <{xml.tag}> belongs inside a <transform>")
-        supported = ", ".join(sorted({*TAGS, *_VALUE_TAGS, *_OTHER_TAGS}))
+        supported = ", ".join(sorted({*TAGS, *VALUE_TAGS, *_OTHER_TAGS}))
         raise SceneError(
             f"{xml.location}: the element <{xml.tag}> is not supported; "
             f"supported: {supported}"
-        )
-
-
-def _check_attributes(
-    xml: XmlElement, needed: tuple[str, ...], optional: set[str] | None = None
-) -> None:
-    for name in needed:
-        required(xml, name)
-    known = {*needed, *(optional or ())}
-    if unknown := sorted(xml.attributes.keys() - known):
-        raise SceneError(
-            f'{xml.location}: <{xml.tag}> has no attribute "{unknown[0]}"; it takes: '
-            + ", ".join(sorted(known))
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from renderer.jit import kernel
 from renderer.kernel_scene import CONDUCTOR, DIELECTRIC, DIFFUSE, EMIT
 from renderer.stages.direct_light import direct_light
@@ -63,7 +65,7 @@ def _collect_kind(table, scene, work, first, count, kind, end):
 def group_by_bsdf(scene, work, first, count):
     """Fill `work.points`, grouped by BSDF; return where each of the three groups ends."""
     bsdfs = scene.bsdfs
-    diffuse = _collect_kind(bsdfs.diffuse, scene, work, first, count, DIFFUSE, 0)
+    diffuse = _collect_kind(bsdfs.diffuse, scene, work, first, count, DIFFUSE, np.int64(0))
     conductor = _collect_kind(bsdfs.conductor, scene, work, first, count, CONDUCTOR, diffuse)
     dielectric = _collect_kind(
         bsdfs.dielectric, scene, work, first, count, DIELECTRIC, conductor
@@ -113,11 +115,12 @@ def _scatter_dielectric(dielectric, scene, tile, sample, bounce, work, start, st
 
 
 @kernel
-def scatter(scene, tile, sample, bounce, work, groups, end):
-    """Send the paths on from their surface points; return the new end of `work.rays`."""
+def scatter(scene, tile, sample, bounce, work, groups):
+    """Send the paths on from their surface points; return how many go on."""
     bsdfs = scene.bsdfs
     diffuse, conductor, dielectric = groups
     follow = scene.settings.follow
+    end = np.int64(0)
     end = _scatter_diffuse(
         bsdfs.diffuse, follow, scene, tile, sample, bounce, work, diffuse, end
     )

@@ -1,0 +1,66 @@
+"""What the command line says, and the request that follows from it for one scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from mitsuba_ref.machine import usable_cores
+from mitsuba_ref.proof_file import Proof
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.variant import MIN_THREADS
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line says for all scenes."""
+
+    size: Literal["demo", "test"] = "demo"
+    spp: int | None = None
+    seed: int = 0
+    threads: int | None = None
+    parameters: dict[str, str] = field(default_factory=dict)
+    ladder: bool = False
+
+    @property
+    def workers(self) -> int:
+        """Threads of both renderers; Mitsuba needs two."""
+        return max(MIN_THREADS, self.threads or usable_cores())
+
+
+def scene_request(path: Path, proof: Proof, options: Options) -> RenderRequest:
+    """Return what both renderers are asked for.
+
+    Noisy scenes are rendered with the box filter on both sides: other filters share
+    samples between pixels, and then neither the floor nor a test of the mean is valid.
+    """
+    size = proof.size(options.size)
+    parameters = dict(size.parameters) if size else {}
+    spp = options.spp or (size.spp if size else None)
+    if size and spp:
+        parameters["spp"] = str(spp)
+    return RenderRequest(
+        path=str(path.resolve()),
+        parameters=parameters | options.parameters,
+        spp=spp,
+        seed=options.seed,
+        threads=options.workers,
+        box_filter=not proof.deterministic,
+    )
+
+
+def scene_name(path: Path) -> str:
+    """Return the folder's name for `NAME/scene.xml`, else the file's."""
+    return path.resolve().parent.name if path.name == "scene.xml" else path.stem
+
+
+def shown_path(path: Path) -> str:
+    """Return the path as seen from here where possible: reports travel."""
+    resolved, here = path.resolve(), Path.cwd().resolve()
+    inside = resolved.is_relative_to(here)
+    return (
+        resolved.relative_to(here).as_posix()
+        if inside
+        else f"{resolved.parent.name}/{path.name}"
+    )

@@ -1,0 +1,48 @@
+"""Small arrays on the processor's stack, for traversal stacks: no allocation, no counting."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.errors import TypingError
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
+
+
+def _local_array(element: types.Number) -> Any:
+    @intrinsic
+    def local_array(typingctx: Any, size: Any) -> Any:
+        if not isinstance(size, types.IntegerLiteral):
+            raise TypingError("the size of a local array must be a constant")
+        array = types.Array(element, 1, "C")
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            length = size.literal_value
+            item = context.get_data_type(element)
+            memory = cgutils.alloca_once(builder, ir.ArrayType(item, length))
+            struct = make_array(array)(context, builder)
+            bytes_each = context.get_abi_sizeof(item)
+            word = context.get_constant
+            populate_array(
+                struct,
+                data=builder.bitcast(memory, item.as_pointer()),
+                shape=[word(types.intp, length)],
+                strides=[word(types.intp, bytes_each)],
+                itemsize=word(types.intp, bytes_each),
+                meminfo=None,
+            )
+            return struct._getvalue()
+
+        return signature(array, size), codegen
+
+    return local_array
+
+
+# `local_i32(64)` is 64 uninitialised numbers that live as long as the function; a constant
+# size only. Not to be returned.
+local_i32 = _local_array(types.int32)
+local_i64 = _local_array(types.int64)
+local_f32 = _local_array(types.float32)

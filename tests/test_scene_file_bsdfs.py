@@ -1,0 +1,179 @@
+"""BSDFs: Mitsuba's defaults and values, and one error for each fault."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
+
+from renderer.scene_file.description import Bsdf, Conductor, Dielectric, Diffuse
+from renderer.scene_file.refractive_indices import INDICES
+
+SHAPE = '<shape type="sphere">\n<bsdf type="{}">{}</bsdf></shape>'
+
+
+def both(plugin: str, content: str = "") -> tuple[Bsdf, object]:
+    text = SHAPE.format(plugin, content)
+    return ours(text).shapes[0].bsdf, theirs(text).shapes()[0].bsdf()
+
+
+def test_defaults_are_those_of_mitsuba() -> None:
+    mine, reference = both("diffuse")
+    assert mine.reflectance.rgb == tuple(parameter(reference, "reflectance.value"))
+    mine, reference = both("dielectric")
+    assert mine.eta == pytest.approx(mi.traverse(reference)["eta"], rel=1e-6)
+    assert mine.eta == pytest.approx(Dielectric().eta)
+    assert mine.specular_reflectance == mine.specular_transmittance == (1.0, 1.0, 1.0)
+    mine, reference = both("conductor")
+    for name in ("eta", "k", "specular_reflectance"):
+        assert getattr(mine, name) == tuple(parameter(reference, f"{name}.value"))
+
+
+@pytest.mark.parametrize("name", [*INDICES, "Water", "FUSED QUARTZ"])
+def test_named_indices_are_those_of_mitsuba(name: str) -> None:
+    mine, reference = both("dielectric", f'<string name="int_ior" value="{name}"/>')
+    assert mine.eta == pytest.approx(mi.traverse(reference)["eta"], rel=1e-6)
+
+
+def test_indices_as_numbers_and_colours_of_glass() -> None:
+    content = (
+        '<float name="int_ior" value="1.2"/><float name="ext_ior" value="1.6"/>'
+        '<rgb name="specular_reflectance" value="0.5 0.25 1"/>'
+        '<spectrum name="specular_transmittance" value="0.125"/>'
+    )
+    mine, reference = both("dielectric", content)
+    assert mine.eta == pytest.approx(mi.traverse(reference)["eta"], rel=1e-6)
+    for name in ("specular_reflectance", "specular_transmittance"):
+        assert getattr(mine, name) == tuple(parameter(reference, f"{name}.value"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        '<rgb name="eta" value="0.2 0.3 0.4"/><rgb name="k" value="2 3 4"/>',
+        '<float name="eta" value="0.5"/><spectrum name="k" value="3"/>',
+        '<rgb name="k" value="2"/>',
+        '<spectrum name="eta" value="400:1.5 700:1.4"/><spectrum name="k" value="360:2 '
+        '830:3"/>',
+        '<string name="material" value="none"/><rgb name="specular_reflectance" '
+        'value=".5 1 0"/>',
+    ],
+)
+def test_conductor_colours_are_those_of_mitsuba(content: str) -> None:
+    mine, reference = both("conductor", content)
+    for name in ("eta", "k", "specular_reflectance"):
+        expected = parameter(reference, f"{name}.value")
+        np.testing.assert_allclose(getattr(mine, name), expected, rtol=1e-5)
+
+
+def test_twosided_has_one_bsdf_for_both_sides_or_two() -> None:
+    one = ours(SHAPE.format("twosided", '<bsdf type="diffuse"/>')).shapes[0].bsdf
+    assert one.front is one.back
+    two, reference = both(
+        "twosided", '<bsdf type="diffuse" name="z"/><bsdf type="conductor"/>'
+    )
+    assert isinstance(two.front, Diffuse)
+    assert isinstance(two.back, Conductor)
+    assert "brdf_0.reflectance.value" in mi.traverse(reference).keys()
+
+
+# -------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("plugin", "content", "message"),
+    [
+        ("plastic", "", "supported bsdf plugins: diffuse, twosided, dielectric, conductor"),
+        ("sphere", "", 'bsdf "sphere" is not supported; supported bsdf plugins: diffuse'),
+        ("twosided", "", "holds 0 bsdfs; expected one for both sides"),
+        ("twosided", '<bsdf type="diffuse"/>' * 3, "holds 3 bsdfs"),
+        (
+            "twosided",
+            '<bsdf type="dielectric"/>',
+            'bsdf "dielectric" cannot be inside of twos',
+        ),
+        (
+            "dielectric",
+            '<string name="int_ior" value="foo"/>',
+            "a float or one of vacuum, heli",
+        ),
+        ("dielectric", '<integer name="int_ior" value="2"/>', "a value of type integer"),
+        (
+            "dielectric",
+            '<float name="int_ior" value="-1"/>',
+            "expected an index of refraction ab",
+        ),
+        (
+            "dielectric",
+            '<float name="eta" value="1"/>',
+            'has no property "eta"; supported: int_',
+        ),
+        (
+            "dielectric",
+            '<rgb name="specular_reflectance" value="2"/>',
+            "a reflectance in [0, 1]",
+        ),
+        (
+            "conductor",
+            '<string name="material" value="au"/>',
+            '"au", expected one of none, Ag',
+        ),
+        (
+            "conductor",
+            '<string name="material" value="Au"/><rgb name="k" value="1"/>',
+            'property "k": found a value beside "material", expected one of the two',
+        ),
+        (
+            "diffuse",
+            '<texture type="checkerboard"/>',
+            "has no <texture>; supported: reflectance",
+        ),
+    ],
+)
+def test_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
+    text = SHAPE.format(plugin, content)
+    assert error_of(text).startswith("<string>:3: ")
+    assert message in error_of(text)
+    if plugin != "plastic":
+        assert mitsuba_refuses(text)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "content", "message"),
+    [
+        (
+            "dielectric",
+            '<float name="int_ior" value="0"/>',
+            "an index of refraction above 0",
+        ),
+        (
+            "conductor",
+            '<rgb name="eta" value="-1"/>',
+            "an index of refraction of at least 0",
+        ),
+        (
+            "twosided",
+            '<bsdf type="twosided"><bsdf type="diffuse"/></bsdf>',
+            "cannot be inside",
+        ),
+        (
+            "conductor",
+            '<texture name="eta" type="checkerboard"/>',
+            'texture "checkerboard", which varies over the surface, expected one colour',
+        ),
+    ],
+)
+def test_bsdfs_that_only_we_refuse(plugin: str, content: str, message: str) -> None:
+    """No physics in these, or no kernels for them."""
+    assert message in error_of(SHAPE.format(plugin, content))
+
+
+def test_negative_index_of_refraction_through_a_twosided_reference_names_its_own_line() -> (
+    None
+):
+    content = (
+        '<bsdf type="conductor" id="m">\n<rgb name="k" value="-1"/></bsdf>\n'
+        '<shape type="sphere"><bsdf type="twosided"><ref id="m"/></bsdf></shape>'
+    )
+    assert error_of(content).startswith('<string>:3: bsdf "conductor", property "k"')

@@ -1,0 +1,357 @@
+"""Sensors: the same camera rays as Mitsuba, and its films, filters and samplers."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+
+from renderer.scene_file.description import Film, PerspectiveCamera, Sampler
+from renderer.scene_file.samplers import round_sample_count
+
+SENSOR = '<sensor type="perspective">\n{}</sensor>'
+FILM = '<film type="hdrfilm">\n{}</film>'
+WIDE = FILM.format('<integer name="width" value="60"/><integer name="height" value="40"/>')
+TALL = FILM.format('<integer name="width" value="30"/><integer name="height" value="50"/>')
+CROPPED = FILM.format(
+    '<integer name="width" value="60"/><integer name="height" value="40"/>'
+    '<integer name="crop_offset_x" value="10"/><integer name="crop_offset_y" value="4"/>'
+    '<integer name="crop_width" value="20"/><integer name="crop_height" value="30"/>'
+)
+LOOKAT = (
+    '<transform name="to_world"><lookat origin="1 2 3" target="0 0.5 -1" up="0 1 0.2"/>'
+    "</transform>"
+)
+
+
+def camera(content: str) -> PerspectiveCamera:
+    return ours("", sensor=SENSOR.format(content)).camera
+
+
+def reference(content: str) -> Any:
+    return theirs("", sensor=SENSOR.format(content)).sensors()[0]
+
+
+def ray(camera: PerspectiveCamera, x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return origin and direction through a point of the crop window, in [0, 1]^2.
+
+    Only from what the record says: looks along +z, +x points left, +y up.
+    """
+    film = camera.film
+    across = (film.crop_offset_x + x * film.crop_width) / film.width
+    down = (film.crop_offset_y + y * film.crop_height) / film.height
+    half_width = np.tan(np.radians(camera.fov_x) / 2)
+    half_height = half_width * film.height / film.width
+    local = np.array(
+        [
+            (1 - 2 * (across + camera.principal_point_offset_x)) * half_width,
+            (1 - 2 * (down + camera.principal_point_offset_y)) * half_height,
+            1.0,
+        ]
+    )
+    local /= np.linalg.norm(local)
+    position = camera.to_world[:3, 3] + camera.to_world[:3, :3] @ local * (
+        camera.near_clip / local[2]
+    )
+    return position, camera.to_world[:3, :3] @ local
+
+
+AXES = [
+    f'<float name="fov" value="45"/><string name="fov_axis" value="{axis}"/>{film}'
+    for axis in ("x", "y", "diagonal", "smaller", "larger", "Y")
+    for film in (WIDE, TALL, CROPPED)
+]
+CAMERAS = [
+    "",
+    *AXES,
+    WIDE + '<string name="focal_length" value="35mm"/>',
+    TALL + '<string name="focal_length" value="80"/>',
+    CROPPED + LOOKAT + '<float name="fov" value="60"/>',
+    CROPPED
+    + LOOKAT
+    + '<float name="principal_point_offset_x" value="0.2"/>'
+    + '<float name="principal_point_offset_y" value="-0.1"/>',
+    WIDE
+    + '<float name="near_clip" value="0.5"/><float name="far_clip" value="7"/>'
+    + LOOKAT,
+    WIDE + '<transform name="to_world"><scale x="-1"/></transform>',
+    WIDE + '<integer name="fov" value="30"/><float name="focus_distance" value="3"/>',
+]
+
+
+@pytest.mark.parametrize("content", CAMERAS, ids=range(len(CAMERAS)))
+def test_rays_are_those_of_mitsuba(content: str) -> None:
+    """Origin on the near plane, direction, and length up to the far plane."""
+    mine, sensor = camera(content), reference(content)
+    for x, y in ((0.5, 0.5), (0.0, 0.0), (1.0, 0.25), (0.1, 0.9)):
+        expected, _ = sensor.sample_ray(0.0, 0.5, [x, y], [0.5, 0.5])
+        origin, direction = ray(mine, x, y)
+        np.testing.assert_allclose(direction, expected.d, atol=2e-6)
+        np.testing.assert_allclose(origin, expected.o, atol=1e-5)
+        forward = direction @ mine.to_world[:3, 2]
+        length = (mine.far_clip - mine.near_clip) / forward
+        assert length == pytest.approx(expected.maxt, rel=1e-4)
+
+
+def test_default_film_sampler_and_filter_are_those_of_mitsuba() -> None:
+    mine, sensor = camera(""), reference("")
+    assert mine.film == Film()
+    assert mine.sampler == Sampler()
+    assert [mine.film.width, mine.film.height] == list(sensor.film().size())
+    assert mine.sampler.sample_count == sensor.sampler().sample_count()
+    assert "IndependentSampler" in str(sensor.sampler())
+    assert "GaussianFilter" in str(sensor.film().rfilter())
+    assert mine.film.rfilter.radius == sensor.film().rfilter().radius()
+
+
+@pytest.mark.parametrize("content", [WIDE, TALL, CROPPED])
+def test_film_and_crop_window_are_those_of_mitsuba(content: str) -> None:
+    film, expected = camera(content).film, reference(content).film()
+    assert [film.width, film.height] == list(expected.size())
+    assert [film.crop_width, film.crop_height] == list(expected.crop_size())
+    assert [film.crop_offset_x, film.crop_offset_y] == list(expected.crop_offset())
+
+
+def filter_value(rfilter: Any, x: float) -> float:
+    """Evaluate the filter that a record describes, by its textbook formula."""
+    x = abs(x)
+    if x >= rfilter.radius and rfilter.name != "box":
+        return 0.0
+    match rfilter.name:
+        case "box":
+            return 1.0 if x <= rfilter.radius else 0.0
+        case "tent":
+            return 1.0 - x / rfilter.radius
+        case "gaussian":
+            scale = -0.5 / rfilter.stddev**2
+            return np.exp(scale * x * x) - np.exp(scale * rfilter.radius**2)
+        case "lanczos":
+            return np.sinc(x) * np.sinc(x / rfilter.radius)
+    b, c = (rfilter.b, rfilter.c) if rfilter.name == "mitchell" else (0.0, 0.5)
+    if x < 1:
+        cubic = (12 - 9 * b - 6 * c) * x**3 + (-18 + 12 * b + 6 * c) * x**2 + 6 - 2 * b
+    else:
+        cubic = (-b - 6 * c) * x**3 + (6 * b + 30 * c) * x**2
+        cubic += (-12 * b - 48 * c) * x + 8 * b + 24 * c
+    return cubic / 6
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("box", ""),
+        ("tent", ""),
+        ("tent", '<float name="radius" value="1.5"/>'),
+        ("gaussian", ""),
+        ("gaussian", '<float name="stddev" value="0.8"/>'),
+        ("mitchell", ""),
+        ("mitchell", '<float name="B" value="1"/><float name="C" value="0"/>'),
+        ("catmullrom", ""),
+        ("lanczos", ""),
+        ("lanczos", '<integer name="lobes" value="2"/>'),
+    ],
+)
+def test_filters_have_the_numbers_of_mitsuba(name: str, content: str) -> None:
+    text = FILM.format(f'<rfilter type="{name}">{content}</rfilter>')
+    mine, expected = camera(text).film.rfilter, reference(text).film().rfilter()
+    assert mine.name == name
+    assert mine.radius == pytest.approx(expected.radius())
+    for x in (0.0, 0.3, 0.45, 0.8, 1.2, 1.9, 2.5):
+        assert filter_value(mine, x) == pytest.approx(expected.eval(x), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "name", ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
+)
+def test_samplers_round_their_counts_as_mitsuba_does(name: str) -> None:
+    for count in (
+        1,
+        2,
+        3,
+        4,
+        5,
+        7,
+        10,
+        16,
+        17,
+        30,
+        50,
+        60,
+        64,
+        65,
+        100,
+        122,
+        256,
+        500,
+        1000,
+    ):
+        expected = mi.load_dict({"type": name, "sample_count": count}).sample_count()
+        assert round_sample_count(name, count) == expected
+    text = f'<sampler type="{name}"><integer name="sample_count" value="10"/></sampler>'
+    scene = ours("", sensor=SENSOR.format(text))
+    assert scene.camera.sampler.name == name
+    assert scene.camera.sampler.sample_count == reference(text).sampler().sample_count()
+    assert len(scene.warnings) == (name != "independent")
+
+
+def test_sampler_seed_and_jitter() -> None:
+    text = (
+        '<sampler type="stratified"><integer name="seed" value="7"/>'
+        '<boolean name="jitter" value="false"/></sampler>'
+    )
+    assert camera(text).sampler == Sampler("stratified", 4, 7, False)
+    reference(text)
+
+
+def test_film_properties_that_say_how_mitsuba_stores_are_taken() -> None:
+    text = FILM.format(
+        '<string name="file_format" value="OpenEXR"/><string name="pixel_format" '
+        'value="rgba"/>'
+        '<string name="component_format" value="float32"/>'
+        '<boolean name="sample_border" value="false"/><boolean name="compensate" '
+        'value="true"/>'
+        '<boolean name="banner" value="false"/>'
+    )
+    assert camera(text).film == Film()
+    reference(text)
+
+
+# -------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            '<float name="fov" value="180"/>',
+            "found 180 degrees, expected a field of view betw",
+        ),
+        ('<float name="fov" value="0"/>', "found 0 degrees"),
+        ('<float name="fov" value="-20"/>', "found -20 degrees"),
+        (
+            '<string name="fov_axis" value="y"/>',
+            'a value without a fov, expected a "fov" besi',
+        ),
+        (
+            '<float name="fov" value="9"/><string name="fov_axis" value="z"/>',
+            'found "z", expected one of x, y, diagonal, smaller, larger',
+        ),
+        (
+            '<string name="focal_length" value="35mm"/><float name="fov" value="9"/>',
+            'found a value beside "fov", expected one of the two',
+        ),
+        (
+            '<string name="focal_length" value="0mm"/>',
+            "found 0 mm, expected a length above 0",
+        ),
+        ('<string name="focal_length" value="x"/>', 'is "x"; expected a finite number'),
+        (
+            '<float name="focal_length" value="35"/>',
+            "a value of type float, expected string",
+        ),
+        ('<float name="near_clip" value="0"/>', "found 0, expected above 0"),
+        (
+            '<float name="near_clip" value="5"/><float name="far_clip" value="4"/>',
+            "found near_clip 5 and far_clip 4, expected near_clip < far_clip",
+        ),
+        (
+            '<float name="aperture_radius" value="1"/>',
+            'has no property "aperture_radius"; supp',
+        ),
+        (
+            '<transform name="to_world"><scale value="2"/></transform>',
+            "a transform that scales or shears, expected a rotation and translation",
+        ),
+        (WIDE + WIDE, "a second <film> in sensor"),
+        ('<rfilter type="box"/>', "has no <rfilter>; supported: <film>, <sampler>"),
+        ('<film type="specfilm"/>', "supported film plugins: hdrfilm"),
+        ('<sampler type="sobol"/>', "supported sampler plugins: independent, stratified"),
+        (
+            FILM.format('<integer name="width" value="-1"/>'),
+            "found -1, expected at least 1",
+        ),
+        (
+            FILM.format('<float name="width" value="10"/>'),
+            "a value of type float, expected inte",
+        ),
+        (
+            FILM.format('<integer name="crop_offset_x" value="10"/>'),
+            "found a crop window from 10 to 778, expected one inside of the film's "
+            "width, 0 to 7",
+        ),
+        (
+            FILM.format('<integer name="crop_height" value="577"/>'),
+            'property "crop_height": found a crop window from 0 to 577',
+        ),
+        (FILM.format('<string name="pixel_format" value="foo"/>'), "one of rgb, rgba"),
+        (
+            FILM.format('<string name="file_format" value="png"/>'),
+            "one of openexr, exr, pfm, rg",
+        ),
+        (
+            FILM.format('<rfilter type="sinc"/>'),
+            "supported rfilter plugins: box, tent, gauss",
+        ),
+        (
+            FILM.format('<rfilter type="box"><float name="radius" value="1"/></rfilter>'),
+            'rfilter "box" has no property "radius"; supported: none',
+        ),
+        (
+            FILM.format(
+                '<rfilter type="lanczos"><float name="lobes" value="2"/></rfilter>'
+            ),
+            "a value of type float, expected integer",
+        ),
+        (
+            '<sampler type="independent"><boolean name="jitter" value="true"/></sampler>',
+            'has no property "jitter"; supported: sample_count, seed',
+        ),
+    ],
+)
+def test_sensors_that_are_wrong(content: str, message: str) -> None:
+    found = error_of("", sensor=SENSOR.format(content))
+    assert re.match(r"<string>:[3-5]: ", found)
+    assert message in found
+    assert mitsuba_refuses("", sensor=SENSOR.format(content))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (FILM.format('<integer name="width" value="0"/>'), "found 0, expected at least 1"),
+        (
+            FILM.format('<integer name="crop_width" value="0"/>'),
+            "found 0, expected at least 1",
+        ),
+        (
+            FILM.format('<boolean name="sample_border" value="true"/>'),
+            "samples stay inside of",
+        ),
+        (FILM.format('<string name="pixel_format" value="xyz"/>'), "one of rgb, rgba"),
+        (
+            FILM.format(
+                '<integer name="width" value="100000"/><integer name="height" '
+                'value="100000"/>'
+            ),
+            "has 100000 x 100000 pixels; expected at most 268435456",
+        ),
+        (
+            FILM.format(
+                '<rfilter type="gaussian"><float name="stddev" value="0"/></rfilter>'
+            ),
+            "found 0, expected above 0 and at most 16",
+        ),
+        (
+            '<sampler type="independent"><integer name="sample_count" '
+            'value="0"/></sampler>',
+            "found 0, expected at least 1",
+        ),
+    ],
+)
+def test_sensors_that_only_we_refuse(content: str, message: str) -> None:
+    """Mitsuba makes empty pictures, NaN, or another picture than we would."""
+    assert message in error_of("", sensor=SENSOR.format(content))

@@ -1,0 +1,322 @@
+"""Textures: the same texels as Mitsuba looks up, from every kind of image."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+
+from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
+from renderer.scene_file.images import read_image
+
+SHAPE = (
+    '<shape type="rectangle"><bsdf type="diffuse">\n'
+    '<texture type="{}" name="reflectance">{}</texture></bsdf></shape>'
+)
+WIDTH, HEIGHT = 5, 4
+RNG = np.random.default_rng(7)
+BYTES = RNG.integers(0, 256, (HEIGHT, WIDTH, 4), dtype=np.uint8)
+FLOATS = RNG.random((HEIGHT, WIDTH, 4), dtype=np.float32)
+
+
+def write_png(path: Path, values: np.ndarray, *, interlaced: bool = False) -> None:
+    """Write a 16-bit PNG whose rows use all five filters in turn."""
+    height, width, channels = values.shape
+    step = 2 * channels
+    rows = values.astype(">u2").reshape(height, -1).view(np.uint8).astype(int)
+    packed = b""
+    above = np.zeros(rows.shape[1], int)
+    for y, row in enumerate(rows):
+        left = np.concatenate([np.zeros(step, int), row[:-step]])
+        corner = np.concatenate([np.zeros(step, int), above[:-step]])
+        near = np.abs(np.stack([above - corner, left - corner, left + above - 2 * corner]))
+        paeth = np.choose(near.argmin(axis=0), [left, above, corner])
+        guess = [0 * row, left, above, (left + above) // 2, paeth][y % 5]
+        packed += bytes([y % 5]) + ((row - guess) % 256).astype(np.uint8).tobytes()
+        above = row
+    color_type = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
+    header = struct.pack(">IIBBBBB", width, height, 16, color_type, 0, 0, interlaced)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n")
+    with path.open("ab") as file:
+        for kind, data in (
+            (b"IHDR", header),
+            (b"IDAT", zlib.compress(packed)),
+            (b"IEND", b""),
+        ):
+            check = zlib.crc32(kind + data)
+            file.write(
+                struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)
+            )
+
+
+def write_exr(path: Path, **channels: np.ndarray) -> None:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {k: np.ascontiguousarray(v) for k, v in channels.items()}).write(
+        str(path)
+    )
+
+
+def write_images(folder: Path) -> None:
+    grey, red = BYTES[..., 0], BYTES[..., 1]
+    Image.fromarray(grey).save(folder / "grey.png")
+    Image.fromarray(np.dstack([grey, red]), "LA").save(folder / "grey_alpha.png")
+    Image.fromarray(BYTES[..., :3]).save(folder / "rgb.png")
+    Image.fromarray(BYTES).save(folder / "rgba.png")
+    Image.fromarray(BYTES[..., :3]).quantize(8).save(folder / "palette.png")
+    Image.fromarray(grey > 128).save(folder / "bits.png")
+    Image.fromarray(BYTES[..., :3]).resize((16, 16)).save(folder / "rgb.jpg", quality=90)
+    Image.fromarray(grey).resize((16, 16)).save(folder / "grey.jpg", quality=90)
+    words = RNG.integers(0, 65536, (7, 6, 4))
+    for name, channels in (("grey", 1), ("grey_alpha", 2), ("rgb", 3), ("rgba", 4)):
+        write_png(folder / f"{name}_16.png", words[..., :channels])
+    r, g, b, a = (FLOATS[..., k] for k in range(4))
+    write_exr(folder / "rgb.exr", R=r, G=g, B=b)
+    write_exr(folder / "rgba.exr", R=r, G=g, B=b, A=a)
+    write_exr(folder / "half.exr", RGB=FLOATS[..., :3].astype(np.float16))
+    write_exr(folder / "grey.exr", Y=r)
+    write_exr(folder / "layer.exr", **{"paint.R": r, "paint.G": g, "paint.B": b})
+    write_exr(folder / "xyz.exr", X=0.9 + 0.01 * r, Y=0.9 + 0.01 * g, Z=0.9 + 0.01 * b)
+
+
+IMAGES = (
+    *("grey.png", "grey_alpha.png", "rgb.png", "rgba.png", "palette.png", "bits.png"),
+    *("rgb.jpg", "grey.jpg"),
+    *("grey_16.png", "grey_alpha_16.png", "rgb_16.png", "rgba_16.png"),
+    *("rgb.exr", "rgba.exr", "half.exr", "grey.exr", "layer.exr", "xyz.exr"),
+)
+
+
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("images")
+    write_images(folder)
+    return folder
+
+
+def bitmap(name: str, extra: str = "") -> str:
+    return SHAPE.format("bitmap", f'<string name="filename" value="{name}"/>{extra}')
+
+
+def texels(content: str, folder: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """Look up the centre of each texel in Mitsuba, in the order of our record.
+
+    Its row 0 is at v near 1; Mitsuba has the top row of the file at v near 0.
+    """
+    bsdf = theirs(content, folder=folder).shapes()[0].bsdf()
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = [0, 0, 1]
+    result = np.zeros((*shape[:2], 3))
+    for row, column in np.ndindex(*shape[:2]):
+        si.uv = [(column + 0.5) / shape[1], 1.0 - (row + 0.5) / shape[0]]
+        result[row, column] = np.array(bsdf.eval_diffuse_reflectance(si))
+    return result
+
+
+@pytest.mark.parametrize("raw", ["false", "true"])
+@pytest.mark.parametrize("name", IMAGES)
+def test_texels_are_those_of_mitsuba(images: Path, name: str, raw: str) -> None:
+    content = bitmap(
+        name,
+        f'<boolean name="raw" value="{raw}"/><string name="filter_type" value="nearest"/>',
+    )
+    texture = ours(content, folder=images).shapes[0].bsdf.reflectance
+    assert isinstance(texture, BitmapTexture)
+    assert texture.pixels.dtype == np.float32
+    expected = texels(content, images, texture.pixels.shape)
+    np.testing.assert_allclose(texture.pixels, expected, atol=2e-6)
+
+
+@pytest.mark.parametrize("storage", ["auto", "variant", "fp16"])
+@pytest.mark.parametrize("name", ["rgb.png", "rgb_16.png", "rgb.exr"])
+def test_storage_format_rounds_as_in_mitsuba(images: Path, name: str, storage: str) -> None:
+    content = bitmap(
+        name,
+        f'<string name="format" value="{storage}"/>'
+        '<string name="filter_type" value="nearest"/>',
+    )
+    pixels = ours(content, folder=images).shapes[0].bsdf.reflectance.pixels
+    np.testing.assert_allclose(pixels, texels(content, images, pixels.shape), atol=2e-6)
+
+
+def test_defaults_and_choices_of_bitmaps(images: Path) -> None:
+    texture = ours(bitmap("rgb.png"), folder=images).shapes[0].bsdf.reflectance
+    assert (texture.filter_type, texture.wrap_mode) == ("bilinear", "repeat")
+    np.testing.assert_array_equal(texture.to_uv, np.eye(3))
+    for wrap in ("repeat", "mirror", "clamp"):
+        content = bitmap("rgb.png", f'<string name="wrap_mode" value="{wrap}"/>')
+        assert ours(content, folder=images).shapes[0].bsdf.reflectance.wrap_mode == wrap
+
+
+def test_image_is_noted_as_read_and_read_once(images: Path) -> None:
+    content = bitmap("rgb.png").replace("<texture", '<texture id="t"') + (
+        '<shape type="disk"><bsdf type="diffuse"><ref id="t" '
+        'name="reflectance"/></bsdf></shape>'
+    )
+    scene = ours(content, folder=images)
+    assert scene.files == (str(images / "rgb.png"),)
+    assert scene.shapes[0].bsdf.reflectance is scene.shapes[1].bsdf.reflectance
+
+
+UV_STEPS = (
+    '<scale x="2" y="3"/>',
+    '<translate x="0.25" y="-2"/>',
+    '<rotate z="1" angle="30"/><scale x="2" y="3" z="0"/><translate x=".2"/>',
+    '<matrix value="1 2 9 4  5 6 9 8  9 9 9 9  0 0 0 1"/>',
+    '<matrix value="1 2 0  4 5 0  0 0 1"/>',
+)
+
+
+@pytest.mark.parametrize("steps", UV_STEPS)
+def test_uv_transform_is_that_of_mitsuba(images: Path, steps: str) -> None:
+    to_uv = f'<transform name="to_uv">{steps}</transform>'
+    for content in (bitmap("rgb.png", to_uv), SHAPE.format("checkerboard", to_uv)):
+        texture = ours(content, folder=images).shapes[0].bsdf.reflectance
+        reference = mi.traverse(theirs(content, folder=images).shapes()[0].bsdf())
+        expected = np.array(reference["reflectance.to_uv"].matrix)
+        np.testing.assert_allclose(texture.to_uv, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_third_column_of_a_uv_matrix_is_mentioned_in_the_log() -> None:
+    """Whoever writes a 3 x 3 matrix means a shift, but Mitsuba reads it as part of 4 x "
+    "4."""
+    steps = '<transform name="to_uv"><matrix value="1 0 0.5  0 1 0  0 0 1"/></transform>'
+    scene = ours(SHAPE.format("checkerboard", steps))
+    assert "third column" in scene.warnings[0]
+    np.testing.assert_array_equal(scene.shapes[0].bsdf.reflectance.to_uv, np.eye(3))
+
+
+def test_checkerboard_has_the_colours_of_mitsuba() -> None:
+    for content in (
+        "",
+        '<rgb name="color0" value="0.1 0.2 0.3"/><spectrum name="color1" value="0.5"/>',
+    ):
+        text = SHAPE.format("checkerboard", content)
+        texture = ours(text).shapes[0].bsdf.reflectance
+        assert isinstance(texture, CheckerboardTexture)
+        reference = mi.traverse(theirs(text).shapes()[0].bsdf())
+        for name in ("color0", "color1"):
+            expected = np.broadcast_to(reference[f"reflectance.{name}.value"], 3)
+            np.testing.assert_allclose(getattr(texture, name), expected, rtol=1e-6)
+
+
+def test_pixels_above_one_are_kept_and_mentioned_in_the_log(tmp_path: Path) -> None:
+    """As in Mitsuba, which warns as well."""
+    write_exr(tmp_path / "bright.exr", RGB=FLOATS[..., :3] * 3)
+    scene = ours(bitmap("bright.exr"), folder=tmp_path)
+    assert "reflectances up to 2.9" in scene.warnings[0]
+    assert scene.shapes[0].bsdf.reflectance.pixels.max() > 2.9
+
+
+# -------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (
+            '<string name="filter_type" value="trilinear"/>',
+            "expected one of bilinear, nearest",
+        ),
+        (
+            '<string name="wrap_mode" value="black"/>',
+            "expected one of repeat, mirror, clamp",
+        ),
+        (
+            '<float name="gamma" value="2"/>',
+            'has no property "gamma"; supported: filename, raw',
+        ),
+        ('<string name="raw" value="true"/>', "a value of type string, expected boolean"),
+        ('<float name="to_uv" value="2"/>', "a value of type float, expected transform"),
+    ],
+)
+def test_bitmap_properties_that_are_wrong(images: Path, extra: str, message: str) -> None:
+    content = bitmap("rgb.png", extra)
+    found = error_of(content, folder=images)
+    assert found.startswith('<string>:3: texture "bitmap"')
+    assert message in found
+    assert mitsuba_refuses(content, folder=images)
+
+
+def test_singular_uv_transform() -> None:
+    text = SHAPE.format(
+        "checkerboard", '<transform name="to_uv"><scale x="0"/></transform>'
+    )
+    assert 'property "to_uv": found a singular transform of u and v' in error_of(text)
+
+
+def test_bitmap_without_file_and_missing_file(tmp_path: Path) -> None:
+    message = error_of(SHAPE.format("bitmap", ""))
+    assert message.startswith(
+        '<string>:3: texture "bitmap", property "filename": found nothing'
+    )
+    message = error_of(bitmap("gone.png"), folder=tmp_path)
+    assert message.startswith('<string>:3: the image "gone.png" not found; looked in: ')
+    assert str(tmp_path) in message
+    (tmp_path / "dir.png").mkdir()
+    assert "is not a file" in error_of(bitmap("dir.png"), folder=tmp_path)
+
+
+@pytest.mark.parametrize("name", ["rgb.png", "rgb.jpg", "rgb_16.png", "rgb.exr"])
+@pytest.mark.parametrize("kept", [0.0, 0.05, 0.5])
+def test_truncated_image(images: Path, tmp_path: Path, name: str, kept: float) -> None:
+    content = (images / name).read_bytes()
+    (tmp_path / name).write_bytes(content[: int(kept * len(content))])
+    message = error_of(bitmap(name), folder=tmp_path)
+    assert message.startswith('<string>:3: texture "bitmap": ')
+    assert name in message
+
+
+@pytest.mark.parametrize("name", ["rgb.png", "rgb_16.png", "rgb.exr", "rgb.jpg"])
+def test_garbled_image_is_an_error_or_a_picture(
+    images: Path, tmp_path: Path, name: str
+) -> None:
+    """Flip each of many bytes in turn: whatever comes, no other exception."""
+    content = (images / name).read_bytes()
+    errors = 0
+    for position in range(0, len(content), max(1, len(content) // 60)):
+        garbled = bytearray(content)
+        garbled[position] ^= 0x5A
+        (tmp_path / name).write_bytes(bytes(garbled))
+        try:
+            assert np.isfinite(read_image(tmp_path / name, raw=False)).all()
+        except ValueError as error:
+            errors += 1
+            assert type(error).__name__ == "SceneError", error
+    assert errors > 0
+
+
+@pytest.mark.parametrize(
+    ("pixels", "message"),
+    [(np.nan, "NaN or infinite"), (np.inf, "NaN"), (-0.5, "negative")],
+)
+def test_image_with_values_that_are_no_reflectance(
+    tmp_path: Path, pixels: float, message: str
+) -> None:
+    values = FLOATS[..., :3].copy()
+    values[1, 2, 0] = pixels
+    write_exr(tmp_path / "bad.exr", RGB=values)
+    assert message in error_of(bitmap("bad.exr"), folder=tmp_path)
+
+
+def test_images_that_are_not_supported(images: Path, tmp_path: Path) -> None:
+    (tmp_path / "text.png").write_text("not an image")
+    Image.fromarray(BYTES[..., :3]).convert("CMYK").save(tmp_path / "cmyk.jpg")
+    Image.fromarray(BYTES[..., :3]).save(tmp_path / "rgb.bmp")
+    write_png(tmp_path / "interlaced.png", RNG.integers(0, 9, (4, 4, 3)), interlaced=True)
+    write_exr(tmp_path / "depth.exr", Z=FLOATS[..., 0])
+    for name, message in (
+        ("text.png", "neither PNG, JPEG nor EXR"),
+        ("rgb.bmp", "neither PNG, JPEG nor EXR"),
+        ("cmyk.jpg", "images of mode CMYK are not supported; supported: grey"),
+        ("interlaced.png", "interlaced 16-bit PNG is not supported"),
+        ("depth.exr", "the EXR file has the channels Z; expected R, G, B or Y or X, Y, Z"),
+    ):
+        assert message in error_of(bitmap(name), folder=tmp_path)
