@@ -11,7 +11,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from renderer import jit as _jit  # first: it moves Numba's cache
 from renderer.errors import SceneError
 from renderer.image import Image
 from renderer.render import Progress, render
@@ -42,7 +41,9 @@ def load_file(path: str | Path, **parameters: object) -> Scene:
     return build_scene(read_file(path, **parameters))
 
 
-def load_string(xml: str, *, base_dir: str | Path | None = None, **parameters: object) -> Scene:
+def load_string(
+    xml: str, *, base_dir: str | Path | None = None, **parameters: object
+) -> Scene:
     """Load a scene from XML text; files it names are looked up in `base_dir`."""
     return build_scene(read_string(xml, base_dir=base_dir, **parameters))
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.image import Image
 from renderer.integrators import first_hit
 from renderer.plan import Plan
 from renderer.scene import Scene
@@ -38,9 +40,36 @@ def split_channels(
         return np.repeat(depth, 3, axis=2), {}, {}
     asked = scene.description.integrator.aovs if _is_file_aov(scene) else ()
     listed = asked or tuple((kind, kind) for kind in AOV_KINDS)
-    aovs = {name: np.ascontiguousarray(channels[..., _CHANNELS[kind]]) for name, kind in listed}
+    aovs = {
+        name: np.ascontiguousarray(channels[..., _CHANNELS[kind]]) for name, kind in listed
+    }
     black = np.zeros((*channels.shape[:2], 3), np.float32)
     return black, aovs, dict(listed)
+
+
+def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
+    """Return the scene whose picture the `aov` integrator shows; None if it shows none.
+
+    It is the same scene under the nested integrator, rendered with the same seed, as in
+    Mitsuba: its camera rays are those of the AOVs.
+    """
+    nested = scene.description.integrator.nested
+    if plan.method != "aov" or nested is None:
+        return None
+    description = dataclasses.replace(scene.description, integrator=nested)
+    return dataclasses.replace(scene, description=description)
+
+
+def with_picture(image: Image, picture: Image) -> Image:
+    """Return an image of AOVs with the nested integrator's colours as its pixels."""
+    return dataclasses.replace(
+        image,
+        pixels=picture.pixels,
+        seconds=image.seconds + picture.seconds,
+        compile_seconds=image.compile_seconds + picture.compile_seconds,
+        explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",
+        complete=image.complete and picture.complete,
+    )
 
 
 def _is_file_aov(scene: Scene) -> bool:

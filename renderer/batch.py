@@ -1,8 +1,8 @@
 """A batch of paths as structure of arrays: the records that the stages hand on.
 
 All arrays are float32 or int32 with one row for each component. A row has room for
-`CAPACITY` paths and a padding that is no multiple of a power of two: rows that lie 4 or 8 KB
-apart fall into the same cache sets, which halved the speed in a trial.
+`CAPACITY` paths and a padding that is no multiple of a power of two: rows that lie 4 or
+8 KB apart fall into the same cache sets, which halved the speed in a trial.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class SurfacePoints(NamedTuple):
     wo: NDArray[np.float32]  # (3, n) unit, back along the ray
     normal: NDArray[np.float32]  # (3, n) geometric, unit
     shading_normal: NDArray[np.float32]  # (3, n) unit
-    offset: NDArray[np.float32]  # (n,) rounding error of position: rays start so far off
+    offset: NDArray[np.float32]  # (n,) how far off the surface new rays start
     uv: NDArray[np.float32]  # (2, n)
     shape: NDArray[np.int32]  # (n,)
     prim: NDArray[np.int32]  # (n,)

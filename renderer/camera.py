@@ -1,7 +1,8 @@
-"""The pinhole camera by the lecture's parameters: position o, focal vector f, up, resolution.
+"""The pinhole camera by the lecture's parameters: position o, focal vector f, up vector.
 
 f points from o to the middle of the image plane. x and y span the plane to the right and
-downwards, one pixel each; a pixel position (u, v) is seen along f + (u - w/2) x + (v - h/2) y.
+downwards, one pixel each; a pixel position (u, v) is seen along
+f + (u - xres/2) x + (v - yres/2) y.
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ def pinhole(camera: PerspectiveCamera) -> Pinhole:
     y = -up * (width / film.width)  # pixels are square
     middle = (
         forward
-        - x * (camera.principal_point_offset_x * film.width)
-        - y * (camera.principal_point_offset_y * film.height)
+        + x * (camera.principal_point_offset_x * film.width)
+        + y * (camera.principal_point_offset_y * film.height)
     )
     return Pinhole(camera.to_world[:3, 3], middle, up, x, y, film.width, film.height)
 

@@ -16,7 +16,6 @@ from typing import Any
 import llvmlite
 import numba
 
-
 _FLAGS = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 # what no kernel calls: an edit there need not compile anything anew
 _WITHOUT_KERNELS = ("scene_file/", "cli.py", "__main__.py", "image", "srgb.py", "plan.py")
@@ -71,7 +70,9 @@ def kernel(function: Any) -> Any:
     Without the wrapper that unpacks Python's arguments: the wrappers of the scene's records
     were two thirds of all compile time. A call from Python is a TypeError.
     """
-    dispatcher = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_FLAGS)(function)
+    dispatcher = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_FLAGS)(
+        function
+    )
 
     # Numba would register the missing wrapper as a null pointer and jump to it
     def add_overload(compiled: Any) -> None:

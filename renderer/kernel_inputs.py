@@ -8,25 +8,11 @@ import numpy as np
 
 from renderer.accelerators.build import build_accelerators
 from renderer.camera import kernel_camera
-from renderer.integrators.render_tile import FirstHitMethod, PathMethod, WhittedMethod
 from renderer.kernel_scene import KernelScene, Settings, Surfaces
 from renderer.light_tables import light_tables
-from renderer.plan import Plan, stratified_cells
+from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
 from renderer.sampling import Independent, Multijitter, Stratified
 from renderer.scene import KINDS, Scene
-
-_METHODS = {
-    "direct": PathMethod,
-    "path": PathMethod,
-    "whitted": WhittedMethod,
-    "depth": FirstHitMethod,
-    "aov": FirstHitMethod,
-}
-
-
-def kernel_method(plan: Plan) -> Any:
-    """Return the record that selects the integrator at compile time."""
-    return _METHODS[plan.method]()
 
 
 def kernel_sampler(plan: Plan, seed: int) -> Any:
@@ -61,6 +47,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         1 if plan.follow else None,
         1 if plan.hide_emitters else 0,
         plan.cutoff,
+        *RAY_OFFSETS[plan.ray_offset],
     )
     return KernelScene(
         accelerators,

@@ -227,7 +227,7 @@ class Lights(NamedTuple):
 
 
 class Camera(NamedTuple):
-    """A pinhole: rays from `origin` through corner + x right + y down, x and y in pixels."""
+    """A pinhole: rays from `origin` along corner + x right + y down, in pixels."""
 
     origin: NDArray[np.float32]  # (3, 1)
     corner: NDArray[np.float32]  # (3, 1) towards pixel position (0, 0)
@@ -249,6 +249,8 @@ class Settings(NamedTuple):
     follow: int | None  # None: rays end at diffuse surfaces
     hide_emitters: int  # 1: the camera looks through them
     cutoff: float  # Whitted: weight below which a ray is dropped
+    rounding_offset: float  # rays start so many rounding errors off their surface ...
+    fixed_offset: float  # ... plus this times (1 + the largest coordinate)
 
 
 class KernelScene(NamedTuple):

@@ -42,7 +42,9 @@ _KIND = {
 
 def light_tables(scene: Scene) -> Lights | None:
     """Return the kernels' record of all lights, None for a scene without any."""
-    shining = [(i, s) for i, s in enumerate(scene.description.shapes) if s.radiance is not None]
+    shining = [
+        (i, s) for i, s in enumerate(scene.description.shapes) if s.radiance is not None
+    ]
     emitters = scene.description.emitters
     count = len(shining) + len(emitters)
     if count == 0:
@@ -95,7 +97,9 @@ def _spots(count: int, lights: dict[int, SpotLight]) -> SpotLights | None:
         return None
     cutoff = {i: np.radians(e.cutoff_angle) for i, e in lights.items()}
     beam = {i: np.radians(e.beam_width) for i, e in lights.items()}
-    axes = {i: e.to_world[:3, 2] / np.linalg.norm(e.to_world[:3, 2]) for i, e in lights.items()}
+    axes = {
+        i: e.to_world[:3, 2] / np.linalg.norm(e.to_world[:3, 2]) for i, e in lights.items()
+    }
     widths = {i: cutoff[i] - beam[i] for i in lights}
     return SpotLights(
         _columns(count, {i: e.to_world[:3, 3] for i, e in lights.items()}),
@@ -113,7 +117,9 @@ def _directionals(
 ) -> DirectionalLights | None:
     if not lights:
         return None
-    to_light = {i: -np.array(e.direction) / np.linalg.norm(e.direction) for i, e in lights.items()}
+    to_light = {
+        i: -np.array(e.direction) / np.linalg.norm(e.direction) for i, e in lights.items()
+    }
     irradiance = {i: e.irradiance for i, e in lights.items()}
     return DirectionalLights(_columns(count, to_light), _columns(count, irradiance), beyond)
 
@@ -123,7 +129,9 @@ def _constants(
 ) -> ConstantLights | None:
     if not lights:
         return None
-    return ConstantLights(_columns(count, {i: e.radiance for i, e in lights.items()}), beyond)
+    return ConstantLights(
+        _columns(count, {i: e.radiance for i, e in lights.items()}), beyond
+    )
 
 
 def _areas(count: int, scene: Scene, shining: list[tuple[int, Shape]]) -> AreaLights:
@@ -144,7 +152,10 @@ def _areas(count: int, scene: Scene, shining: list[tuple[int, Shape]]) -> AreaLi
         prims,
         _row(count, orientation),
         _triangle_lights(count, tables) if tables else None,
-        *(1 if emits(scene, k) else None for k in ("rectangles", "disks", "spheres", "cylinders")),
+        *(
+            1 if emits(scene, k) else None
+            for k in ("rectangles", "disks", "spheres", "cylinders")
+        ),
     )
 
 
@@ -183,7 +194,9 @@ def _triangle_lights(count: int, tables: dict[int, Any]) -> TriangleLights:
     )
 
 
-def alias_table(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def alias_table(
+    weights: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return (keep, alias) for drawing indices in proportion to `weights` in constant time.
 
     Draw a column uniformly; stay with probability keep, else go to alias [Walker1977],

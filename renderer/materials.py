@@ -53,7 +53,9 @@ def shape_stages(shape: Shape) -> int:
     return sum(kinds) | (EMIT if shape.radiance is not None else 0)
 
 
-def texture_rows(textures: Iterable[BitmapTexture | CheckerboardTexture]) -> Textures | None:
+def texture_rows(
+    textures: Iterable[BitmapTexture | CheckerboardTexture],
+) -> Textures | None:
     """Pack textures into one record; None if there are none."""
     textures = list(textures)
     if not textures:

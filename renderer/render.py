@@ -1,4 +1,4 @@
-"""Rendering: tiles over a thread pool, with progress, and a picture even when interrupted."""
+"""Rendering: tiles over a thread pool, with progress; an interrupt keeps the picture."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 
 from renderer.accelerators.build import NAMES as ACCELERATORS
-from renderer.aovs import split_channels
+from renderer.accelerators.build import compile_builders
+from renderer.aovs import nested_scene, split_channels, with_picture
 from renderer.batch import CAPACITY, Workspace, make_workspace
 from renderer.errors import SceneError
 from renderer.film import Film, FilterTable, filter_border, filter_table, tile_sums
 from renderer.image import Image
-from renderer.integrators.render_tile import render_tile
+from renderer.integrators.render_tile import RENDER_TILE
 from renderer.integrators.whitted import REGION
-from renderer.kernel_inputs import kernel_method, kernel_scene
+from renderer.kernel_inputs import kernel_scene
 from renderer.kernel_scene import KernelScene
 from renderer.plan import Plan, make_plan
 from renderer.scene import Scene
@@ -71,12 +72,12 @@ class Rendering:
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
         self.kernel_scene: KernelScene = kernel_scene(scene, plan, accel, seed)
-        self.method = kernel_method(plan)
+        self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
         self.rfilter: FilterTable | None = filter_table(film.rfilter)
         self.border = filter_border(self.rfilter)
         self.film = Film(
-            self.method.channels,
+            self.channels,
             film.crop_offset_x,
             film.crop_offset_y,
             film.crop_width,
@@ -93,14 +94,13 @@ class Rendering:
         return make_workspace(
             ray_capacity=max(REGION * depths, CAPACITY),
             shadow_capacity=2 * asked * CAPACITY,
-            channels=self.method.channels,
+            channels=self.channels,
             depths=depths,
         )
 
     def _render(self, job: _Job) -> Any:
-        sums = tile_sums(self.method.channels, self.border)
-        render_tile(
-            self.method,
+        sums = tile_sums(self.channels, self.border)
+        self._render_tile(
             self.kernel_scene,
             self.rfilter,
             job.tile,
@@ -168,7 +168,11 @@ class Rendering:
 
 def default_threads() -> int:
     """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count() or 1
+    )
 
 
 def render(
@@ -180,6 +184,7 @@ def render(
     accel: str | None = None,
     sampler: str | None = None,
     progress: Callable[[Progress], None] | None = None,
+    ray_offset: str | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -202,6 +207,8 @@ def render(
         A sampler's name instead of the file's.
     progress : callable, optional
         Called with a `Progress` in the calling thread, several times a second.
+    ray_offset : str, optional
+        `tight` (the default) or `mitsuba`: how far off their surface new rays start.
 
     Returns
     -------
@@ -223,19 +230,36 @@ def render(
     if accel not in ACCELERATORS:
         known = ", ".join(ACCELERATORS)
         raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
-    plan = make_plan(scene, integrator=integrator, sampler=sampler, spp=spp)
+    plan = make_plan(
+        scene, integrator=integrator, sampler=sampler, spp=spp, ray_offset=ray_offset
+    )
+    if progress is not None:
+        progress(Progress("compile", 0, 1, 0.0))
+    compile_seconds = compile_builders(scene, accel)
     started = time.perf_counter()
     rendering = Rendering(scene, plan, accel=accel, seed=seed, threads=threads)
     build_seconds = time.perf_counter() - started
-    if progress is not None:
-        progress(Progress("compile", 0, 1, 0.0))
-    compile_seconds = rendering.compile()
+    compile_seconds += rendering.compile()
     if progress is not None:
         progress(Progress("compile", 1, 1, compile_seconds))
     started = time.perf_counter()
     complete = rendering.run(progress)
     seconds = time.perf_counter() - started + build_seconds
-    return _image(rendering, seconds, compile_seconds, complete)
+    image = _image(rendering, seconds, compile_seconds, complete)
+    nested = nested_scene(scene, plan)
+    if nested is None or not complete:
+        return image
+    picture = render(
+        nested,
+        spp,
+        seed,
+        threads,
+        accel=accel,
+        sampler=sampler,
+        progress=progress,
+        ray_offset=ray_offset,
+    )
+    return with_picture(image, picture)
 
 
 def _image(

@@ -154,7 +154,7 @@ def _draw_stratified(sampler, pixel, sample, block):
     # jitter; keys of the shuffles; a longer render starts a new, independent grid
     grid = sample // count
     jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
-    k0, k1, k2, k3 = hash4(
+    k0, k1, k2, _ = hash4(
         pixel,
         splat_u32(np.uint32(grid)),
         splat_u32(np.uint32(2 * block + 1)),
@@ -196,7 +196,8 @@ def _draw_multijitter(sampler, pixel, sample, block):
     inner_y = to_f32(permute(as_u32(column), columns, k3 ^ as_u32(row * 0x1B873593)))
     one = np.float32(1.0 / count)
     return (
-        (to_f32(column) + (inner_x + jx) * np.float32(1.0 / rows)) * np.float32(1.0 / columns),
+        (to_f32(column) + (inner_x + jx) * np.float32(1.0 / rows))
+        * np.float32(1.0 / columns),
         (to_f32(row) + (inner_y + jy) * np.float32(1.0 / columns)) * np.float32(1.0 / rows),
         (to_f32(permute(index, count, k1)) + jz) * one,
         (to_f32(permute(index, count, k2)) + jw) * one,
@@ -250,6 +251,6 @@ def square_to_sphere(x, y):
 
 @kernel
 def power_heuristic(pdf, other_pdf):
-    """Return the weight of a sample drawn with `pdf` beside one with `other_pdf` [Veach1997]."""
+    """Return the weight of a sample of `pdf` beside one of `other_pdf` [Veach1997]."""
     a = pdf * pdf
     return a / (a + other_pdf * other_pdf)

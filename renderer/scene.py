@@ -58,7 +58,9 @@ class Scene:
     @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Lower and upper corner of the world, (2, 3); empty scenes give a point at 0."""
-        boxes = [primitive_bounds(kind, surfaces) for kind, surfaces in self.surfaces.items()]
+        boxes = [
+            primitive_bounds(kind, surfaces) for kind, surfaces in self.surfaces.items()
+        ]
         if not boxes:
             return np.zeros((2, 3))
         lower = np.min([low.min(axis=1) for low, _ in boxes], axis=0)
@@ -105,7 +107,7 @@ def _triangles(meshes: list[Mesh], first: int, with_uv: bool) -> TriangleSurface
 
 
 def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return (9, F) vertex normals; a faceted mesh next to a smooth one repeats its face's."""
+    """Return (9, F) vertex normals; a faceted mesh beside a smooth one repeats its own."""
     if mesh.normals is not None:
         return mesh.normals[mesh.faces].reshape(len(p), 9).T.astype(np.float64)
     q = p.astype(np.float64)
@@ -119,7 +121,9 @@ def _flat(shapes: list[Any], first: int, record: Any) -> Any:
     is_rectangle = record is RectangleSurfaces
     matrices = np.array([shape.to_world for shape in shapes])
     x, y, center = matrices[:, :3, 0], matrices[:, :3, 1], matrices[:, :3, 3]
-    corner, edge1, edge2 = (center - x - y, 2 * x, 2 * y) if is_rectangle else (center, x, y)
+    corner, edge1, edge2 = (
+        (center - x - y, 2 * x, 2 * y) if is_rectangle else (center, x, y)
+    )
     return record(
         first, first + len(shapes), _float32(corner.T), _float32(edge1.T), _float32(edge2.T)
     )

@@ -531,21 +531,28 @@ def test_every_truncation_is_an_error_or_a_valid_mesh(tmp_path: Path):
     assert errors > 1000
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
-def test_every_flipped_byte_is_an_error_or_a_valid_mesh(tmp_path: Path, encoding: str):
-    """Damage one byte at a time, counts and types of the header among them."""
-    content = write_ply(tmp_path / "full.ply", encoding, normals=True).read_bytes()
-    damaged = tmp_path / "damaged.ply"
+@pytest.mark.parametrize("form", ["obj", "ascii", "binary_little_endian"])
+def test_every_flipped_byte_is_an_error_or_a_valid_mesh(tmp_path: Path, form: str):
+    """Damage one byte at a time, counts and types of a header among them."""
+    path = tmp_path / "mesh"
+    read = read_ply
+    if form == "obj":
+        path.write_text(OBJ_FILES["both"])
+        read = read_obj
+    else:
+        write_ply(path, form, normals=True)
+    content = path.read_bytes()
     for index in range(len(content)):
-        for flip in (0x01, 0x80, 0xFF):
+        for flip in (0x01, 0x10, 0x80, 0xFF):
             broken = bytearray(content)
             broken[index] ^= flip
-            damaged.write_bytes(broken)
+            path.write_bytes(broken)
             try:
-                mesh = build(read_ply(damaged))
-            except SceneError:
-                continue
-            assert_valid(mesh)
+                mesh = build(read(path))
+            except SceneError as error:
+                assert "\n" not in str(error)
+            else:
+                assert_valid(mesh)
 
 
 def assert_valid(mesh: Mesh) -> None:

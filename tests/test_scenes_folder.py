@@ -56,7 +56,7 @@ def test_folder_is_complete(name: str):
     assert readme.startswith(f"# {proof.title}\n\n{proof.shows}\n\n")
     assert proof.shows.endswith(".")
     assert proof.demo is not None and proof.test is not None
-    assert proof.test.width * proof.test.height <= 100 * 100
+    assert proof.test.width * proof.test.height <= 160 * 160
     assert proof.reason
     assert proof.deterministic == (name in DETERMINISTIC)
 
@@ -250,3 +250,10 @@ def test_an_analytic_normal_is_that_of_nearby_points(script):
             )
             numeric /= np.linalg.norm(numeric)
             np.testing.assert_allclose(numeric, normals[v, u], atol=1e-4)
+
+
+def test_the_table_of_scenes_lists_each_of_them():
+    table = (SCENES / "README.md").read_text(encoding="utf-8")
+    for name in NAMES:
+        proof = read_proof(SCENES / name / "scene.xml")
+        assert f"| [{name}]({name}/README.md) | {proof.shows} |" in table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,16 @@ def build_accelerator(kind: str, surfaces: Any, order: NDArray[np.int64], name: 
     )
     group = primitive_group(kind, surfaces, order[tree.order])
     return Bvh(tree.bounds, tree.child, tree.count, group)
+
+
+def compile_builders(scene: Scene, name: str) -> float:
+    """Compile what `build_accelerators` will need; return the seconds it took."""
+    started = time.perf_counter()
+    few = all(s.end - s.first <= FEW for s in scene.surfaces.values())
+    if name == "bvh" or (name == "auto" and not few):
+        box = np.zeros((3, 1), np.float32)
+        build_bvh(box, box)
+    return time.perf_counter() - started
 
 
 def build_accelerators(

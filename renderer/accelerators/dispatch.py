@@ -37,7 +37,9 @@ _TRAVERSALS = {
 }
 
 
-def closest_hit(accel: Any, rays: Any, hits: Any, first: int, count: int, coherent: bool) -> None:
+def closest_hit(
+    accel: Any, rays: Any, hits: Any, first: int, count: int, coherent: bool
+) -> None:
     """Update the hits of `count` rays with the nearer ones among this group."""
     raise TypeError("inside kernels only")
 

@@ -1,0 +1,1 @@
+"""Methods of light transport, each a loop over the stages."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from renderer.bsdfs.diffuse import diffuse_albedo
 from renderer.jit import kernel
 from renderer.kernel_scene import ANY, DIFFUSE
-from renderer.lanes.functions import first_lanes, lane, select, splat_f32, to_f32
+from renderer.lanes.functions import first_lanes, lane, select, splat_f32, splat_i32, to_f32
 from renderer.lanes.memory import gather_row, load_row
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import collect, intersect
@@ -20,7 +20,7 @@ UV = 4
 GEO_NORMAL = 6
 SH_NORMAL = 9
 PRIM_INDEX = 12
-SHAPE_INDEX = 13
+SHAPE_INDEX = 13  # counted from 1; 0 is a miss
 ALBEDO = 14
 CHANNELS = 17
 
@@ -49,11 +49,22 @@ def _albedo(diffuse, scene, points, i, valid):
         return black
     face = facing(scene, points, i, valid, DIFFUSE)
     shape = load_row(points.shape, 0, i)
-    bsdf = select(face.bsdf >= 0, face.bsdf, gather_row(scene.shapes.front, 0, shape, valid))
+    front = gather_row(scene.shapes.front, 0, shape, valid)
+    bsdf = select(face.bsdf >= 0, face.bsdf, front)
     lambert = valid & (gather_row(scene.bsdfs.kind, 0, bsdf, valid) == DIFFUSE)
     u = load_row(points.uv, 0, i)
     v = load_row(points.uv, 1, i)
     return select3(lambert, diffuse_albedo(diffuse, bsdf, u, v, lambert), black)
+
+
+@kernel
+def _second_half(rectangles, prim, mask, points, i, face):
+    """Return the face, 1 for the far half of a rectangle: Mitsuba's is two triangles."""
+    if rectangles is None:
+        return face
+    mine = mask & (prim >= rectangles.first) & (prim < rectangles.end)
+    beyond = load_row(points.uv, 0, i) + load_row(points.uv, 1, i) > 1.0
+    return select(mine & beyond, splat_i32(1), face)
 
 
 @kernel
@@ -71,6 +82,7 @@ def trace_first_hits(scene, tile, sample, work):
         shape = load_row(points.shape, 0, i)
         prim = load_row(points.prim, 0, i)
         face = gather_row(scene.face, 0, prim, mask)
+        face = _second_half(scene.surfaces.rectangles, prim, mask, points, i, face)
         _store(radiance, DEPTH, slot, valid, load_row(points.t, 0, i))
         _store3(radiance, POSITION, slot, valid, load3(points.position, i))
         _store(radiance, UV, slot, valid, load_row(points.uv, 0, i))
@@ -78,6 +90,6 @@ def trace_first_hits(scene, tile, sample, work):
         _store3(radiance, GEO_NORMAL, slot, valid, load3(points.normal, i))
         _store3(radiance, SH_NORMAL, slot, valid, load3(points.shading_normal, i))
         _store(radiance, PRIM_INDEX, slot, valid, to_f32(face))
-        _store(radiance, SHAPE_INDEX, slot, valid, to_f32(shape))
+        _store(radiance, SHAPE_INDEX, slot, valid, to_f32(shape + 1))
         albedo = _albedo(scene.bsdfs.diffuse, scene, points, i, mask)
         _store3(radiance, ALBEDO, slot, valid, albedo)

@@ -1,4 +1,4 @@
-"""Recursive ray tracing [Whitted1980]: both the reflected and the refracted ray are followed.
+"""Recursive ray tracing [Whitted1980]: reflected and refracted rays are both followed.
 
 The tree of rays is a queue of weighted rays through the same stages. Each depth has a
 region of the ray arrays of its own; the deepest region goes first, a batch at a time, so

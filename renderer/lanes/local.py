@@ -1,4 +1,4 @@
-"""Small arrays on the processor's stack, for traversal stacks: no allocation, no counting."""
+"""Small arrays on the processor's stack, for traversals: no allocation, no counting."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ def sphere_light_pdf(center, radius, inverse_area, position, wi, distance, cosin
 
 @kernel
 def _sample_spheres(present, surfaces, prim, mask, position, x, y, point, normal):
-    """Choose a direction in the cone that the sphere fills; from inside, a point by area."""
+    """Choose a direction in the cone that the sphere fills; inside it, a point by area."""
     if present is None:
         return point, normal
     mine = _is_kind(surfaces, prim, mask)
@@ -183,7 +183,9 @@ def _sample_spheres(present, surfaces, prim, mask, position, x, y, point, normal
 
 
 @kernel
-def _pdf_on_spheres(present, surfaces, prim, mask, inverse_area, position, wi, r, cosine, pdf):
+def _pdf_on_spheres(
+    present, surfaces, prim, mask, inverse_area, position, wi, r, cosine, pdf
+):
     if present is None:
         return pdf
     mine = _is_kind(surfaces, prim, mask)
@@ -238,15 +240,15 @@ def sample_area_lights(areas, surfaces, light, kind, position, x, y, z, sample):
     p, n = _sample_rectangles(areas.rectangles, surfaces.rectangles, prim, mine, x, y, p, n)
     p, n = _sample_disks(areas.disks, surfaces.disks, prim, mine, x, y, p, n)
     p, n = _sample_cylinders(areas.cylinders, surfaces.cylinders, prim, mine, x, y, p, n)
-    p, n = _sample_spheres(areas.spheres, surfaces.spheres, prim, mine, position, x, y, p, n)
+    p, n = _sample_spheres(
+        areas.spheres, surfaces.spheres, prim, mine, position, x, y, p, n
+    )
     to_light = p - position
     r = length(to_light)
     wi = to_light / r
     cosine = -dot(wi, n) * gather_row(areas.orientation, 0, light, mine)
     shining = cosine > 0.0
-    pdf = pdf_area_light(
-        areas, surfaces, light, prim, mine, position, wi, r, fabs(cosine)
-    )
+    pdf = pdf_area_light(areas, surfaces, light, prim, mine, position, wi, r, fabs(cosine))
     usable = shining & (pdf > 0.0)
     radiance = gather3(areas.radiance, light, mine) * select(usable, 1.0 / pdf, zero)
     return chosen(mine, LightSample(wi, r, radiance, pdf), sample)

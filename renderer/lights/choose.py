@@ -48,4 +48,6 @@ def sample_light(lights, surfaces, light, position, x, y, z):
     sample = sample_spot_lights(lights.spots, light, kind, position, sample)
     sample = sample_directional_lights(lights.directionals, light, kind, sample)
     sample = sample_constant_lights(lights.constants, light, kind, x, y, sample)
-    return sample_area_lights(lights.areas, surfaces, light, kind, position, x, y, z, sample)
+    return sample_area_lights(
+        lights.areas, surfaces, light, kind, position, x, y, z, sample
+    )

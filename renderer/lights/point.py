@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from renderer.jit import kernel
-from renderer.lanes.functions import mask_bits, select, splat_f32
 from renderer.kernel_scene import POINT
+from renderer.lanes.functions import mask_bits, select, splat_f32
 from renderer.lights.light_sample import LightSample
 from renderer.vectors import dot, gather3, length, select3
 

@@ -26,7 +26,9 @@ def sample_spot_lights(spots, light, kind, position, sample):
     cosine = -dot(wi, gather3(spots.axis, light, mine))
     from_cutoff = gather_row(spots.cutoff, 0, light, mine) - arccos(cosine)
     fading = from_cutoff * gather_row(spots.inverse_transition, 0, light, mine)
-    falloff = select(cosine >= gather_row(spots.cos_beam, 0, light, mine), splat_f32(1.0), fading)
+    falloff = select(
+        cosine >= gather_row(spots.cos_beam, 0, light, mine), splat_f32(1.0), fading
+    )
     lit = cosine > gather_row(spots.cos_cutoff, 0, light, mine)
     falloff = select(lit, falloff, splat_f32(0.0))
     radiance = gather3(spots.intensity, light, mine) * (falloff / dot(to_light, to_light))

@@ -153,7 +153,7 @@ class Sphere(Shape):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cylinder(Shape):
-    """The local radius-1 tube around z from 0 to 1, no caps; `to_world` holds p0, p1, radius."""
+    """The local radius-1 tube around z from 0 to 1, without caps."""
 
     to_world: NDArray[np.float64]  # (4, 4)
     flip_normals: bool = False
@@ -263,7 +263,7 @@ AOV_KINDS = (
 
 @dataclass(frozen=True)
 class Integrator:
-    """`direct`, `whitted`, `path`, `depth` or `aov`; the fields that a kind lacks stay put."""
+    """`direct`, `whitted`, `path`, `depth` or `aov`; each uses the fields it needs."""
 
     name: str = "path"
     max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
@@ -286,4 +286,6 @@ class SceneDescription:
     emitters: tuple[Emitter, ...]  # without the area emitters, which are on their shapes
     warnings: tuple[str, ...] = ()  # what the log says: degenerate triangles dropped, ...
     source: str = "<memory>"
-    files: tuple[str, ...] = ()  # everything that was read: the scene, includes, meshes, images
+    files: tuple[
+        str, ...
+    ] = ()  # everything that was read: the scene, includes, meshes, images

@@ -1,0 +1,1 @@
+"""Primitives and their intersection with rays."""

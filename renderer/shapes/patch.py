@@ -32,7 +32,7 @@ class Patch(NamedTuple):
 
 
 class PlaneHit(NamedTuple):
-    """t, u, v of a ray in a plane, all multiplied by `scale` >= 0 to put off the division."""
+    """t, u, v of a ray in a plane, multiplied by `scale` >= 0 to put off the division."""
 
     scale: Any
     t: Any

@@ -52,7 +52,9 @@ def primitives_from(group: Any, k: int) -> Any:
     raise TypeError("inside kernels only")
 
 
-def hit_primitive(group: Any, primitive: Any, origin: Any, direction: Any, t_max: Any) -> Any:
+def hit_primitive(
+    group: Any, primitive: Any, origin: Any, direction: Any, t_max: Any
+) -> Any:
     """Intersect a primitive that came from `group`; return an `Intersection`."""
     raise TypeError("inside kernels only")
 

@@ -1,0 +1,1 @@
+"""The stages of a batch of paths, from camera rays to scattering."""

@@ -44,7 +44,7 @@ def slot_pixel(slot):
 
 @kernel
 def pixel_key(scene, tile, slot):
-    """Return the number of the slots' pixels in the full film, which keys their randomness."""
+    """Return the number of the slots' pixels in the full film: the key of their numbers."""
     x, y = slot_pixel(slot)
     return as_u32((y + tile.y) * scene.camera.film_width + (x + tile.x))
 
@@ -71,7 +71,9 @@ def camera_rays(scene, tile, sample, rays, hits):
             continue
         px, py = film_position(scene, tile, slot, sample)
         direction = normalize(
-            column(camera.corner, 0) + px * column(camera.right, 0) + py * column(camera.down, 0)
+            column(camera.corner, 0)
+            + px * column(camera.right, 0)
+            + py * column(camera.down, 0)
         )
         # the near plane cuts the ray's start, the far plane its end
         along = 1.0 / dot(direction, column(camera.forward, 0))

@@ -39,7 +39,7 @@ def _weight(weigh, light_pdf, cos_i):
 
 @kernel
 def direct_light(scene, lights, tile, sample, bounce, points, start, stop, shadow_rays):
-    """Ask the lights at diffuse points start .. stop - 1; return how many shadow rays it takes."""
+    """Ask the lights at diffuse points start .. stop - 1; return the count of shadow rays."""
     if lights is None:
         return 0
     settings = scene.settings
@@ -52,7 +52,9 @@ def direct_light(scene, lights, tile, sample, bounce, points, start, stop, shado
             if mask_bits(face.mine) == 0:
                 continue
             slot = load_row(points.slot, 0, i)
-            x, y, z, number = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
+            x, y, z, number = draw4(
+                scene.sampler, pixel_key(scene, tile, slot), sample, block
+            )
             light = choose_light(lights, settings.every_light, turn, number)
             position = load3(points.position, i)
             asked = sample_light(lights, scene.surfaces, light, position, x, y, z)

@@ -1,4 +1,4 @@
-"""Stage 5, emission: what a path finds where it arrives, L_e of surfaces and environment."""
+"""Stage 5, emission: what a path finds where it arrives, on surfaces or beyond them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,9 @@ def add_emission(scene, lights, areas, points, count, radiance):
             t,
             cosine,
         )
-        weight = _weight(settings.weigh, load_row(points.pdf, 0, i), light_pdf * probability)
+        weight = _weight(
+            settings.weigh, load_row(points.pdf, 0, i), light_pdf * probability
+        )
         emitted = gather3(areas.radiance, light, shining) * weight
         carried = load3(points.throughput, i) * emitted
         add_lanes(radiance, load_row(points.slot, 0, i), carried, shining)

@@ -71,7 +71,9 @@ def scatter_diffuse(scene, tile, sample, bounce, points, start, stop, rays, end)
         if mask_bits(face.mine) == 0:
             continue
         slot = load_row(points.slot, 0, i)
-        x, y, _, roulette = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
+        x, y, _, roulette = draw4(
+            scene.sampler, pixel_key(scene, tile, slot), sample, block
+        )
         normal = load3(points.shading_normal, i)
         normal = select3(face.front, normal, -normal)
         direction, cos_i = sample_diffuse(normal, x, y)
@@ -111,7 +113,9 @@ def scatter_conductor(scene, tile, sample, bounce, points, start, stop, rays, en
         if mask_bits(face.mine) == 0:
             continue
         slot = load_row(points.slot, 0, i)
-        _, _, _, roulette = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
+        _, _, _, roulette = draw4(
+            scene.sampler, pixel_key(scene, tile, slot), sample, block
+        )
         normal = load3(points.shading_normal, i)
         normal = select3(face.front, normal, -normal)
         wo = load3(points.wo, i)
@@ -196,7 +200,9 @@ def split_dielectric(scene, points, start, stop, rays, end):
         end = append_rays(rays, end, points, i, mirrored, reflection, none, eta, heavy)
 
         squeeze = (1.0 - fresnel) / (crossing * crossing)
-        refraction = throughput * gather3(table.transmittance, face.bsdf, face.mine) * squeeze
+        refraction = (
+            throughput * gather3(table.transmittance, face.bsdf, face.mine) * squeeze
+        )
         heavy = face.mine & (_largest(refraction) > cutoff)
         bent = refract(wo, normal, cos_t, crossing)
         end = append_rays(

@@ -1,4 +1,4 @@
-"""The part of a bounce that all integrators share: emission found, hits grouped, light asked."""
+"""What all integrators share of a bounce: emission found, hits grouped, lights asked."""
 
 from __future__ import annotations
 
@@ -66,7 +66,9 @@ def group_by_bsdf(scene, work, first, count):
     """Fill `work.points`, grouped by BSDF; return where each of the three groups ends."""
     bsdfs = scene.bsdfs
     diffuse = _collect_kind(bsdfs.diffuse, scene, work, first, count, DIFFUSE, np.int64(0))
-    conductor = _collect_kind(bsdfs.conductor, scene, work, first, count, CONDUCTOR, diffuse)
+    conductor = _collect_kind(
+        bsdfs.conductor, scene, work, first, count, CONDUCTOR, diffuse
+    )
     dielectric = _collect_kind(
         bsdfs.dielectric, scene, work, first, count, DIELECTRIC, conductor
     )
@@ -93,7 +95,9 @@ def _scatter_diffuse(diffuse, follow, scene, tile, sample, bounce, work, stop, e
         return end
     if follow is None:
         return end
-    return scatter_diffuse(scene, tile, sample, bounce, work.points, 0, stop, work.rays, end)
+    return scatter_diffuse(
+        scene, tile, sample, bounce, work.points, 0, stop, work.rays, end
+    )
 
 
 @kernel

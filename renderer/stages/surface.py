@@ -25,10 +25,8 @@ from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.sampling import TWO_PI
 from renderer.vectors import cross, dot, gather3, normalize, select3, store3, vec3
 
-# A new ray starts this many times the size of the primitive's coordinates off the surface:
-# 64 units in the last place. Rounding errs by a few, and a fixed distance would be too
-# large for scenes of millimetres and too small for those of kilometres.
-RAY_OFFSET = np.float32(64 * 2.0**-24)
+# The position on a primitive is known up to about this fraction of its coordinates.
+ROUNDING = np.float32(2.0**-24)
 _INV_TWO_PI = np.float32(0.5 / np.pi)
 _INV_PI = np.float32(1.0 / np.pi)
 
@@ -40,7 +38,7 @@ class Surface(NamedTuple):
     normal: Any  # geometric, unit, before the shape's orientation
     shading_normal: Any  # unit, final where the mesh has vertex normals
     smooth: Any  # mask: the shading normal comes from vertex normals
-    offset: Any
+    offset: Any  # rounding error of the position
     u: Any
     v: Any
 
@@ -129,7 +127,7 @@ def _flat_point(patches, index, mask, u, v):
     edge2 = gather3(patches.edge2, index, mask)
     position = corner + edge1 * u + edge2 * v
     size = magnitude(corner) + magnitude(edge1) + magnitude(edge2)
-    return position, normalize(cross(edge1, edge2)), size * RAY_OFFSET
+    return position, normalize(cross(edge1, edge2)), size * ROUNDING
 
 
 @kernel
@@ -202,7 +200,7 @@ def _on_spheres(spheres, prim, mask, hit_point, with_uv, surface):
     radius = gather_row(spheres.radius, 0, index, mine)
     normal = normalize(hit_point - center)
     u, v = _polar_uv(spheres.frame, index, mine, normal, with_uv)
-    offset = (magnitude(center) + radius) * RAY_OFFSET
+    offset = (magnitude(center) + radius) * ROUNDING
     return _choose(mine, center + normal * radius, normal, offset, u, v, surface)
 
 
@@ -232,7 +230,7 @@ def _on_cylinders(cylinders, prim, mask, hit_point, height, with_uv, surface):
     normal = normalize(from_base - axis * along)
     position = base + axis * along + normal * radius
     u, v = _cylinder_uv(cylinders, index, mine, normal, height, with_uv)
-    offset = (magnitude(base) + radius + length) * RAY_OFFSET
+    offset = (magnitude(base) + radius + length) * ROUNDING
     return _choose(mine, position, normal, offset, u, v, surface)
 
 
@@ -252,6 +250,8 @@ def surface_at(surfaces, prim, mask, u, v, hit_point):
 @kernel
 def surface_points(scene, rays, hits, order, start, end, points):
     """Fill `points` from 0 on with the hits `order[start:end]` and their paths' state."""
+    per_rounding = np.float32(scene.settings.rounding_offset)
+    fixed = np.float32(scene.settings.fixed_offset)
     for i in range(start, end, 16):
         valid = first_lanes(end - i)
         ray = load_row(order, 0, i)
@@ -271,7 +271,8 @@ def surface_points(scene, rays, hits, order, start, end, points):
         store3(points.wo, k, -direction)
         store3(points.normal, k, normal)
         store3(points.shading_normal, k, shading_normal)
-        store_row(points.offset, 0, k, s.offset)
+        unlike_rounding = (1.0 + magnitude(s.position)) * fixed
+        store_row(points.offset, 0, k, s.offset * per_rounding + unlike_rounding)
         store_row(points.uv, 0, k, s.u)
         store_row(points.uv, 1, k, s.v)
         store_row(points.shape, 0, k, shape)

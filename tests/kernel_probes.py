@@ -1,0 +1,161 @@
+"""Kernels made callable from Python, one entry for each question, shared by the tests.
+
+A kernel compiles once for each kind of record it is given, and that is where the time of
+these tests goes; so the tests ask through the few functions here.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.accelerators.build import build_accelerator
+from renderer.accelerators.dispatch import any_hit, closest_hit
+from renderer.batch import Rays, ShadowRays, Workspace, make_workspace
+from renderer.jit import entry_kernel
+from renderer.kernel_scene import (
+    CylinderSurfaces,
+    DiskSurfaces,
+    RectangleSurfaces,
+    SphereSurfaces,
+    TriangleSurfaces,
+)
+
+KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
+FIRST_ID = 5  # not 0, so that a column number taken for a primitive id shows
+
+
+# ------------------------------------------------------------------------ primitives
+
+
+def float32(rows: Any) -> np.ndarray:
+    return np.ascontiguousarray(rows, np.float32)
+
+
+def triangles(points: Any) -> TriangleSurfaces:
+    """Triangles from (n, 3 vertices, 3)."""
+    p = np.asarray(points, np.float32)
+    end = FIRST_ID + len(p)
+    edges = [float32((p[:, k] - p[:, 0]).T) for k in (1, 2)]
+    return TriangleSurfaces(FIRST_ID, end, float32(p[:, 0].T), *edges, None, None)
+
+
+def rectangles(corner: Any, edge1: Any, edge2: Any) -> RectangleSurfaces:
+    """Parallelograms from three (n, 3)."""
+    columns = [float32(np.asarray(a).T) for a in (corner, edge1, edge2)]
+    return RectangleSurfaces(FIRST_ID, FIRST_ID + len(corner), *columns)
+
+
+def disks(center: Any, edge1: Any, edge2: Any) -> DiskSurfaces:
+    """Disks from three (n, 3)."""
+    columns = [float32(np.asarray(a).T) for a in (center, edge1, edge2)]
+    return DiskSurfaces(FIRST_ID, FIRST_ID + len(center), *columns)
+
+
+def frames(axis: Any) -> np.ndarray:
+    """Rows x, y, z (9, n) of right-handed frames around unit vectors (n, 3)."""
+    z = np.asarray(axis, np.float64)
+    helper = np.where(np.abs(z[:, :1]) < 0.8, [[1.0, 0, 0]], [[0, 1.0, 0]])
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return float32(np.concatenate((x, np.cross(z, x), z), axis=1).T)
+
+
+def spheres(center: Any, radius: Any) -> SphereSurfaces:
+    """Spheres from (n, 3) and (n,)."""
+    center = np.asarray(center)
+    frame = frames(np.tile([0.0, 0.0, 1.0], (len(center), 1)))
+    return SphereSurfaces(
+        FIRST_ID, FIRST_ID + len(center), float32(center.T), float32(radius), frame
+    )
+
+
+def cylinders(base: Any, axis: Any, radius: Any, height: Any) -> CylinderSurfaces:
+    """Cylinders from (n, 3), unit (n, 3), (n,), (n,)."""
+    base = np.asarray(base)
+    end = FIRST_ID + len(base)
+    return CylinderSurfaces(
+        FIRST_ID, end, float32(base.T), float32(radius), float32(height), frames(axis)
+    )
+
+
+def accelerator(kind: str, surfaces: Any, name: str) -> Any:
+    return build_accelerator(kind, surfaces, np.arange(surfaces.end - surfaces.first), name)
+
+
+# ------------------------------------------------------------------------------ hits
+
+
+class Found(NamedTuple):
+    """The nearest hit of each ray; t is what it was asked with where prim is -1."""
+
+    t: np.ndarray
+    prim: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+
+@entry_kernel
+def run_closest_hit(accel, rays, hits, first, count, coherent):
+    closest_hit(accel, rays, hits, first, count, coherent)
+
+
+@entry_kernel
+def run_any_hit(accel, shadow_rays, count, coherent):
+    any_hit(accel, shadow_rays, count, coherent)
+
+
+def workspace(count: int, channels: int = 3) -> Workspace:
+    return make_workspace(
+        ray_capacity=count, shadow_capacity=count, channels=channels, depths=1
+    )
+
+
+def fill(record: Rays | ShadowRays, origin: Any, direction: Any) -> int:
+    """Write rays given as (n, 3), either of which may be a single (3,); return n."""
+    with np.errstate(over="ignore"):
+        o, d = np.broadcast_arrays(float32(origin), float32(direction))
+    record.origin[:, : len(o)] = o.T
+    record.direction[:, : len(d)] = d.T
+    return len(o)
+
+
+def ray_count(origin: Any, direction: Any) -> int:
+    return np.broadcast_shapes(np.shape(origin), np.shape(direction))[0]
+
+
+def closest(
+    accel: Any, origin: Any, direction: Any, *, t_max: Any = np.inf, coherent: bool = False
+) -> Found:
+    """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one."""
+    work = workspace(ray_count(origin, direction))
+    n = fill(work.rays, origin, direction)
+    work.hits.t[:n] = t_max
+    work.hits.prim[:] = -1
+    run_closest_hit(accel, work.rays, work.hits, 0, n, coherent)
+    return Found(*(row[:n] for row in work.hits))
+
+
+def blocked(
+    accel: Any, origin: Any, direction: Any, *, t_max: Any = np.inf, coherent: bool = False
+) -> np.ndarray:
+    """Whether shadow rays (n, 3) meet anything before t_max."""
+    work = workspace(ray_count(origin, direction))
+    n = fill(work.shadow_rays, origin, direction)
+    work.shadow_rays.t_max[:n] = t_max
+    run_any_hit(accel, work.shadow_rays, n, coherent)
+    return work.shadow_rays.blocked[:n] != 0
+
+
+# ----------------------------------------------------------------------- directions
+
+
+def unit(vectors: Any) -> np.ndarray:
+    v = np.asarray(vectors, np.float64)
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def directions(n: int, rng: np.random.Generator) -> np.ndarray:
+    """Uniformly distributed unit vectors (n, 3)."""
+    return unit(rng.standard_normal((n, 3)))

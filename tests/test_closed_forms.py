@@ -1,0 +1,235 @@
+"""Direct light with an answer on paper: irradiance of points, spheres, disks, polygons, sky.
+
+A Lambert surface of albedo rho under irradiance E has radiance rho E / pi.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import (
+    area,
+    assert_mean,
+    box,
+    diffuse,
+    floor,
+    glass,
+    mirror,
+    placed,
+    point_light,
+    rectangle,
+    scene,
+    sensor,
+    sky,
+    sphere,
+    sun,
+)
+
+import renderer
+
+
+def pixels(content, **arguments):
+    return np.asarray(renderer.render(renderer.load_dict(content), **arguments))
+
+
+# ------------------------------------------------------------ point and parallel light
+
+
+@pytest.mark.parametrize(
+    ("r", "expected"), [(0.0, 0.1591549), (1.0, 0.0562698), (3.0, 0.5 / np.pi / 10**1.5)]
+)
+def test_point_light_over_a_plane_falls_off_as_lambert_says(r, expected):
+    """L = rho / pi I h / (h^2 + r^2)^(3/2): Lambert's cosine and the inverse square."""
+    content = scene(
+        sensor((r, -3, 5), (r, 0, 0)), "path", floor(), point_light((0, 0, 1)), max_depth=2
+    )
+    assert pixels(content) == pytest.approx(expected, rel=2e-5)
+
+
+@pytest.mark.parametrize("h", [1e-1, 1e-2, 1e-3])
+def test_radiance_below_a_very_near_point_light_is_still_the_inverse_square(h):
+    """L = rho I / (pi h^2): the offset that keeps rays off their surface is not in it.
+
+    A fixed offset of 1e-3 would be wrong by a factor of up to 4 at h = 1e-3.
+    """
+    content = scene(
+        sensor((0, -3, 5), (0, 0, 0)), "path", floor(), point_light((0, 0, h)), max_depth=2
+    )
+    assert pixels(content) == pytest.approx(0.5 / (np.pi * h * h), rel=1e-3)
+
+
+def test_mean_over_a_square_is_its_solid_angle():
+    """Mean of L over a 2 x 2 square = rho I Omega / (pi A); seen from h = 2, 0.0640942.
+
+    Omega = 4 arctan(a b / (d sqrt(a^2 + b^2 + d^2))) with a = b = 1, d = 2. A camera
+    that looks straight down samples the square evenly: 64 x 64 pixel centres are the
+    midpoint rule, with an error of 1e-5.
+    """
+    fov = 2 * np.degrees(np.arctan(1 / 3))
+    camera = sensor((0, 0, 3), (0, 0, 0), up=(0, 1, 0), fov=fov, size=(64, 64))
+    content = scene(camera, "path", floor(1.0), point_light((0, 0, 2)), max_depth=2)
+    omega = 4 * np.arctan(1 / (2 * np.sqrt(6)))
+    assert pixels(content).mean() == pytest.approx(omega / (4 * np.pi), rel=1e-4)
+    assert omega / (4 * np.pi) == pytest.approx(0.0640942, abs=1e-7)
+
+
+def test_sphere_under_parallel_light_seen_along_it():
+    """L = rho E / pi sqrt(1 - s^2) on the disc; its mean is 2 / 3 of the middle.
+
+    From a distance d in radii the mean is 2/3 + 1/(2 d) to first order, as the camera
+    sees less than a hemisphere.
+    """
+    d, n = 100.0, 192
+    fov = 2 * np.degrees(np.arctan(1.05 / d))
+    camera = sensor((0, 0, d), (0, 0, 0), up=(0, 1, 0), fov=fov, size=(n, n))
+    picture = pixels(
+        scene(camera, "path", sphere(diffuse(0.5)), sun((0, 0, -1), 2.0), max_depth=2)
+    )
+
+    slope = (np.arange(n) + 0.5 - n / 2) * (2 * 1.05 / d / n)
+    sx, sy = np.meshgrid(slope, slope)
+    a, b = 1 + sx**2 + sy**2, -2 * d  # |t (sx, sy, -1) + (0, 0, d)| = 1
+    root = b * b - 4 * a * (d * d - 1)
+    with np.errstate(invalid="ignore"):
+        cosine = d - (-b - np.sqrt(root)) / (2 * a)
+    expected = np.where(root >= 0, np.pi**-1 * np.maximum(cosine, 0), 0)
+    # the limb, where the cosine falls with infinite slope, is left to the mean below
+    inner = sx**2 + sy**2 < (0.98 / d) ** 2
+    assert picture[inner] == pytest.approx(
+        np.repeat(expected[inner][:, None], 3, axis=1), rel=1e-3
+    )
+    disc_mean = picture[root >= 0].mean() * np.pi
+    assert disc_mean == pytest.approx(2 / 3 + 1 / (2 * d), abs=1e-3)
+
+
+# ---------------------------------------------------------------------- area lights
+
+SMALL = {"size": (32, 32), "fov": 1e-3, "spp": 25, "jitter": True}  # 1024 views of a point
+
+
+@pytest.mark.parametrize("tilt", [0.0, 60.0])
+def test_sphere_light_gives_the_sine_squared_of_its_half_angle(tilt):
+    """E = pi L (R / d)^2 cos(theta) for a sphere above the horizon: R = 1, d = 3."""
+    t = np.radians(tilt)
+    light = sphere(diffuse(0.0), center=(3 * np.sin(t), 0, 3 * np.cos(t)))
+    content = scene(
+        sensor((0, -3, 0.5), (0, 0, 0), **SMALL),
+        "path",
+        floor(0.5),
+        light | {"emitter": area(1.0)},
+        max_depth=2,
+    )
+    assert_mean(content, 0.5 * np.cos(t) / 9, within=1e-3)
+
+
+@pytest.mark.parametrize(("radius", "height"), [(1.0, 1.0), (1.0, 0.25)])
+def test_disk_light_on_its_axis(radius, height):
+    """E = pi L R^2 / (R^2 + h^2)."""
+    light = {
+        "type": "disk",
+        "to_world": placed((0, 0, height), (radius, 0, 0), (0, -radius, 0)),
+        "emitter": area(1.0),
+    }
+    ground = {
+        "type": "disk",
+        "to_world": placed((0, 0, 0), (9, 0, 0), (0, 9, 0)),
+        "bsdf": diffuse(0.5),
+    }
+    camera = sensor((0, -8, 0.1), (0, 0, 0), **SMALL)
+    content = scene(camera, "path", ground, light, max_depth=2)
+    expected = 0.5 * radius**2 / (radius**2 + height**2)
+    assert_mean(content, expected, within=1e-3)
+
+
+def corner_factor(a: float, b: float) -> float:
+    """Return the form factor of a rectangle a x b at height 1 above one of its corners."""
+    p, q = np.hypot(1, a), np.hypot(1, b)
+    return (a / p * np.arctan(b / p) + b / q * np.arctan(a / q)) / (2 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("x", "factor"), [(0.0, 4 * corner_factor(1, 1)), (1.0, corner_factor(2, 2))]
+)
+def test_rectangle_light_parallel_to_the_plane(x, factor):
+    """F = sums of arctangents (Howell); a 2 x 2 light at height 1: 0.5541264 in the middle."""
+    assert 4 * corner_factor(1, 1) == pytest.approx(0.5541264, abs=1e-7)
+    light = rectangle((0, 0, 1), (1, 0, 0), (0, -1, 0), diffuse(0.0), shine=1.0)
+    camera = sensor((x, x - 8, 0.1), (x, x, 0), **SMALL)
+    content = scene(camera, "path", floor(0.5), light, max_depth=2)
+    assert_mean(content, 0.5 * factor, within=1e-3)
+
+
+def lambert_irradiance(corners) -> float:
+    """Return E / L at the origin, normal +z: half the sum of Theta_i Gamma_i . n [Lambert].
+
+    Theta_i is the angle that edge i fills, Gamma_i the unit normal of its plane.
+    """
+    total = 0.0
+    for p, q in zip(corners, [*corners[1:], corners[0]], strict=True):
+        p, q = np.array(p) / np.linalg.norm(p), np.array(q) / np.linalg.norm(q)
+        across = np.cross(p, q)
+        sine = np.linalg.norm(across)
+        total += np.arctan2(sine, p @ q) * across[2] / sine
+    return abs(total) / 2
+
+
+@pytest.mark.parametrize(
+    "corners",
+    [
+        [(-1, -1, 1), (0, 1, 1.5), (1, -1, 1)],
+        [(0.5, 0.2, 0.1), (0.6, 0.9, 0.8), (1.5, -0.4, 0.3)],
+        [(-3, -2, 0.2), (0, 4, 2.5), (2, -1, 0.4)],
+    ],
+    ids=["overhead", "steep", "wide"],
+)
+def test_triangle_light(corners, tmp_path):
+    """E = L / 2 sum Theta_i Gamma_i . n: any polygon above the horizon, exactly."""
+    facing_down = np.cross(np.subtract(corners[1], corners[0]), np.subtract(corners[2], corners[0]))
+    if facing_down @ np.array(corners[0], float) > 0:  # away from the origin: turn round
+        corners = corners[::-1]
+    light, ground = tmp_path / "light.obj", tmp_path / "ground.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    light.write_text("\n".join([*lines, "f 1 2 3"]))
+    ground.write_text("v -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3\nf 1 3 4\n")
+    content = scene(
+        sensor((0, 0, 0.01), (0, 0, 0), up=(0, 1, 0), **SMALL),
+        "path",
+        {"type": "obj", "filename": str(ground), "bsdf": diffuse(0.5)},
+        {"type": "obj", "filename": str(light), "bsdf": diffuse(0.0), "emitter": area(1.0)},
+        max_depth=2,
+    )
+    assert_mean(content, 0.5 * lambert_irradiance(corners) / np.pi, within=2e-3)
+
+
+def test_sky_over_a_convex_body():
+    """A constant sky gives E = pi L on whatever sees all of it: L_o = rho L.
+
+    The mirror and the glass ball are too far away to be seen; with them the kernels are
+    those of the white furnace.
+    """
+    content = scene(
+        sensor((0, 0, 5), (0, 0, 0), up=(0, 1, 0), **SMALL),
+        "path",
+        sphere(diffuse(0.3)),
+        sphere(mirror(), center=(1e3, 0, 0)),
+        sphere(glass(), center=(-1e3, 0, 0)),
+        sky(2.0),
+        max_depth=32,
+        rr_depth=32,
+    )
+    assert_mean(content, 0.6, within=1e-3)
+
+
+def test_a_pixel_on_a_light_shows_its_radiance():
+    """A light is black to incoming light here, so the pixel holds the file's numbers."""
+    cornell = (18.387, 13.9873, 6.75357)
+    content = scene(
+        sensor((0, 0, 0), (0, 0, 1), up=(0, 1, 0), fov=40, size=(4, 4)),
+        "path",
+        *box(0.5),
+        rectangle((0, 0, 0.9), (0.9, 0, 0), (0, -0.9, 0), diffuse(0.0), shine=cornell),
+        max_depth=6,
+        rr_depth=6,
+    )
+    picture = pixels(content)
+    assert (picture == np.array(cornell, np.float32)).all()
