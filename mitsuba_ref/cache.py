@@ -90,7 +90,8 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     """Return the hash that names the entry of `request`; threads change no picture."""
     digest = hashlib.sha256()
     # Of the paths only the file names count: a clone elsewhere finds the same entry.
-    wanted = {**asdict(request), "threads": None, "path": Path(request.path).name}
+    wanted = {**asdict(request), "path": Path(request.path).name}
+    del wanted["threads"]
     digest.update(json.dumps(wanted, sort_keys=True).encode())
     digest.update(mitsuba_version().encode())
     here = Path(__file__).parent

@@ -20,6 +20,9 @@ Array = NDArray[np.float32]
 DETERMINISTIC_TOLERANCE = 1e-4
 """Relative RMSE of pictures without noise, off shadow and silhouette edges."""
 
+NOISY_RMSE_FACTOR = 1.25
+"""Of the noise floor, where a scene's proof.toml says nothing."""
+
 EDGE_DIFFERENCE = 0.01  # relative: a pixel on an edge that differs by more counts
 EDGE_TOLERANCE = 0.02  # fraction of all pixels that may do so
 
@@ -42,7 +45,7 @@ def compare(
     reference_aovs: Mapping[str, Array] | None = None,
     *,
     deterministic: bool = False,
-    rmse_factor: float = 1.25,
+    rmse_factor: float | None = None,
 ) -> Comparison:
     """Compare our picture with Mitsuba's of the same scene.
 
@@ -58,13 +61,16 @@ def compare(
     deterministic
         The scene has no noise: compare pixel by pixel.
     rmse_factor
-        How much larger than the noise floor the RMSE may be.
+        How much larger than the noise floor, or without noise than 1e-4 relative, the
+        RMSE may be.
 
     Notes
     -----
     Values that are not finite, a missing reference and a different size fail before
     anything else is measured.
     """
+    if rmse_factor is None:
+        rmse_factor = 1.0 if deterministic else NOISY_RMSE_FACTOR
     aov_arrays = [*(ours_aovs or {}).values()], [*(reference_aovs or {}).values()]
     finite = count_non_finite([ours, *aov_arrays[0]], [*references, *aov_arrays[1]])
     obstacle = _obstacle(ours, references, finite)
@@ -76,7 +82,7 @@ def compare(
     if reference_aovs is not None:
         aovs = compare_aovs(ours_aovs or {}, reference_aovs)
     if deterministic:
-        measured |= _without_noise(ours, references, reference_aovs)
+        measured |= _without_noise(ours, references, reference_aovs, rmse_factor)
     else:
         measured |= _with_noise(ours, references, rmse_factor)
     reasons = tuple(_reasons(measured, aovs))
@@ -200,7 +206,10 @@ def _with_noise(
 
 
 def _without_noise(
-    ours: Array, references: Sequence[Array], aovs: Mapping[str, Array] | None
+    ours: Array,
+    references: Sequence[Array],
+    aovs: Mapping[str, Array] | None,
+    factor: float,
 ) -> dict[str, Metric]:
     """Return the metrics that decide for a picture without noise."""
     reference, other = references[0], references[1]
@@ -211,7 +220,7 @@ def _without_noise(
     off = ~edge
     masked = float(edge.mean())
     scale = metrics.rmse(reference, np.zeros_like(reference))
-    limit = DETERMINISTIC_TOLERANCE * scale
+    limit = factor * DETERMINISTIC_TOLERANCE * scale
     value = metrics.rmse(ours, reference, off) if off.any() else None
     floor = metrics.rmse(other, reference, off) if off.any() else None
     worst = np.max(np.abs(ours.astype(np.float64) - reference), axis=-1)
@@ -225,8 +234,9 @@ def _without_noise(
             floor,
             limit,
             value is not None and floor is not None and max(value, floor) <= limit,
-            "off shadow and silhouette edges; tolerance: 1e-4 of the picture's root mean "
-            "square, for the floor as well: a scene called deterministic has no noise",
+            f"off shadow and silhouette edges; tolerance: {factor:g} times 1e-4 of the "
+            "picture's root mean square, for the floor as well: a scene called "
+            "deterministic has no noise",
         ),
         "edge_disagreement": Metric(
             on_edges,

@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.request import RenderRequest
-from renderer.scene_file.description import ReconstructionFilter, SceneDescription
+from renderer.scene_file.description import (
+    AOV_KINDS,
+    Integrator,
+    ReconstructionFilter,
+    SceneDescription,
+)
 
 Array = NDArray[np.float32]
 
@@ -58,14 +63,15 @@ def render_ours(request: RenderRequest) -> OurPicture:
     edited = edit_description(
         description,
         box_filter=request.box_filter or wants_aovs,
-        pixel_centres=wants_aovs,
+        first_hits=wants_aovs,
     )
     image = renderer.render(
         build_scene(edited),
         spp=1 if wants_aovs else request.spp,
         seed=request.seed,
         threads=request.threads,
-        integrator="aov" if wants_aovs else None,
+        # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
+        ray_offset="mitsuba",
     )
     return OurPicture(
         arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},
@@ -87,18 +93,31 @@ def _method(explanation: str) -> str:
 
 
 def edit_description(
-    description: SceneDescription, *, box_filter: bool, pixel_centres: bool
+    description: SceneDescription, *, box_filter: bool, first_hits: bool
 ) -> SceneDescription:
-    """Return the scene with the changes that Mitsuba's side makes too."""
+    """Return the scene with the changes that Mitsuba's side makes too.
+
+    Parameters
+    ----------
+    description
+        As the file says.
+    box_filter
+        Pixels that share no samples.
+    first_hits
+        All AOVs, of one ray through the centre of each pixel.
+    """
     camera = description.camera
     if box_filter:
         film = dataclasses.replace(
             camera.film, rfilter=ReconstructionFilter(name="box", radius=0.5)
         )
         camera = dataclasses.replace(camera, film=film)
-    if pixel_centres:
+    if first_hits:
         sampler = dataclasses.replace(
             camera.sampler, name="stratified", sample_count=1, jitter=False
         )
         camera = dataclasses.replace(camera, sampler=sampler)
+        all_kinds = tuple((kind, kind) for kind in AOV_KINDS)
+        integrator = Integrator(name="aov", aovs=all_kinds)
+        description = dataclasses.replace(description, integrator=integrator)
     return dataclasses.replace(description, camera=camera)

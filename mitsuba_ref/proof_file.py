@@ -9,8 +9,6 @@ from typing import Any
 
 from renderer.errors import SceneError
 
-DEFAULT_RMSE_FACTOR = 1.25
-
 
 @dataclass(frozen=True)
 class Size:
@@ -35,7 +33,7 @@ class Proof:
     deterministic: bool | None = None  # None: find out from Mitsuba's pictures
     demo: Size | None = None  # None: as the scene file says
     test: Size | None = None
-    rmse_factor: float = DEFAULT_RMSE_FACTOR
+    rmse_factor: float | None = None  # None: the default of `compare`
     reason: str = "default"
 
     def size(self, name: str) -> Size | None:
@@ -66,14 +64,10 @@ def read_proof(scene: Path) -> Proof:
         deterministic=table.get("deterministic", bool, False),
         demo=_size(table.table("demo")),
         test=_size(table.table("test")),
-        rmse_factor=float(tolerance.get("rmse_factor", (int, float), DEFAULT_RMSE_FACTOR)),
+        rmse_factor=_factor(tolerance),
         # A tolerance without a reason is one that was tuned until the light went green.
-        reason=tolerance.get(
-            "reason", str, None if "rmse_factor" in tolerance.data else ""
-        ),
+        reason=tolerance.get("reason", str, None if tolerance.data else "default"),
     )
-    if not proof.rmse_factor >= 1.0:
-        raise SceneError(f"{path}: rmse_factor {proof.rmse_factor:g}; it is 1 or more")
     tolerance.refuse_others()
     table.refuse_others()
     return proof
@@ -112,6 +106,15 @@ class _Table:
             if key not in self.known:
                 known = ", ".join(self.known)
                 raise SceneError(f"{self.where}: unknown key {key!r}; known: {known}")
+
+
+def _factor(tolerance: _Table) -> float | None:
+    if not tolerance.data:
+        return None
+    factor = float(tolerance.get("rmse_factor", (int, float), None))
+    if not factor >= 1.0:
+        raise SceneError(f"{tolerance.where}: rmse_factor = {factor:g}; it is 1 or more")
+    return factor
 
 
 def _size(table: _Table) -> Size:

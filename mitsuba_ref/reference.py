@@ -73,19 +73,14 @@ def render_reference(request: RenderRequest) -> Reference:
     except RuntimeError as error:
         raise MitsubaError(f"Mitsuba: {_one_line(str(error))}") from None
     pixels = np.array(image, dtype=np.float32)
-    changes = edited.changes
-    arrays = {"pixels": pixels[..., :3]}
-    if wants_aovs:
-        arrays = _split_aovs(integrator, pixels)
-        _number_meshes_alone(scene, arrays)
-        changes = (*changes, "primitive index 0 on shapes that are no meshes")
+    arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
     return Reference(
         arrays=arrays,
         seconds=seconds,
         threads=threads,
         spp=int(sensor.sampler().sample_count()),
         integrator="aov" if wants_aovs else edited.integrator,
-        changes=changes,
+        changes=edited.changes,
     )
 
 
@@ -100,18 +95,6 @@ def _split_aovs(integrator: Any, pixels: Array) -> dict[str, Array]:
         kind: np.ascontiguousarray(pixels[..., [k == kind for k in kinds]])
         for kind in dict.fromkeys(kinds)
     }
-
-
-def _number_meshes_alone(scene: Any, arrays: dict[str, Array]) -> None:
-    """Set the primitive index to 0 on analytic shapes.
-
-    Embree intersects some of them as two triangles, and Mitsuba lets that show: a fact
-    about the ray tracer's inside, not about the scene.
-    """
-    # In the AOV a shape's number is its place in the scene plus 1; a miss is 0.
-    for number, shape in enumerate(scene.shapes(), start=1):
-        if not shape.is_mesh():
-            arrays["prim_index"][arrays["shape_index"] == number] = 0.0
 
 
 def _one_line(text: str) -> str:

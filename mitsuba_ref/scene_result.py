@@ -61,7 +61,7 @@ def describe_scene(
             ours_threads=ours.threads or request.threads,
         ),
         commands=_commands(blank.path, request, options),
-        settings=_settings(proof, request, reference, blank.deterministic),
+        settings=_settings(proof, request, reference),
     )
 
 
@@ -87,15 +87,12 @@ def _commands(path: str, request: RenderRequest, options: Options) -> dict[str, 
     }
 
 
-def _settings(
-    proof: Proof, request: RenderRequest, reference: Reference, deterministic: bool
-) -> dict[str, str]:
+def _settings(proof: Proof, request: RenderRequest, reference: Reference) -> dict[str, str]:
     cached = "; rendered in an earlier run, from the cache" if reference.from_cache else ""
     return metrics.SETTINGS | {
         "filter": "box on both sides" if request.box_filter else "as in the scene file",
-        "tolerance": "relative RMSE 1e-4 off edges"
-        if deterministic
-        else f"{proof.rmse_factor:g} times the noise floor: {proof.reason}",
+        "tolerance_reason": proof.reason,
+        "ray_offset": "Mitsuba's rule on both sides",
         "reference_spp": str(reference.spp),
         "reference_seconds": f"{reference.threads} workers{cached}",
         "aovs": "one ray through each pixel's centre on both sides",

@@ -7,10 +7,18 @@ that gives the same answer, and says so in words (`--explain`).
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from renderer.accelerators.build import FEW
 from renderer.errors import SceneError
+from renderer.explanation import (
+    Explanation,
+    describe_integrator,
+    explain_accelerators,
+    explain_geometry,
+    explain_materials_and_lights,
+    explain_samples,
+)
 from renderer.scene import Scene
 from renderer.scene_file.description import (
     Conductor,
@@ -51,14 +59,6 @@ class Plan:
     sampler: Sampler
     ray_offset: str = "tight"
     lines: tuple[str, ...] = ()
-
-
-@dataclass
-class _Explanation:
-    lines: list[str] = field(default_factory=list)
-
-    def say(self, topic: str, text: str) -> None:
-        self.lines.append(f"{topic:<14}{text}")
 
 
 def _has_extended_lights(scene: Scene) -> bool:
@@ -131,10 +131,10 @@ def make_plan(
         For a name that does not exist or a number of samples that is out of range.
     """
     plan = _decide(scene, integrator, sampler, spp)
+    why = Explanation(list(plan.lines))
+    explain_accelerators(scene, accel or "auto", FEW, why)
     return dataclasses.replace(
-        plan,
-        ray_offset=_known_ray_offset(ray_offset),
-        lines=(*plan.lines, *_explain_accelerators(scene, accel or "auto")),
+        plan, ray_offset=_known_ray_offset(ray_offset), lines=tuple(why.lines)
     )
 
 
@@ -150,7 +150,7 @@ def _known_ray_offset(name: str | None) -> str:
 def _decide(
     scene: Scene, integrator: str | None, sampler: str | None, spp: int | None
 ) -> Plan:
-    why = _Explanation()
+    why = Explanation()
     asked = _choose_integrator(scene, integrator)
     reduce = integrator in (None, "auto")
     chosen_sampler = _choose_sampler(scene, sampler)
@@ -163,7 +163,7 @@ def _decide(
     mirrors = materials.has(Conductor) or materials.has(Dielectric)
     method = asked.name
     depth = NO_LIMIT if asked.max_depth < 0 else asked.max_depth
-    why.say("file asks", _describe(asked))
+    why.say("file asks", describe_integrator(asked))
 
     if method in ("depth", "aov"):
         why.say("method", f"{method}: the first hit alone; no light, no BSDF is sampled")
@@ -210,7 +210,8 @@ def _decide(
     if method == "direct" and not mirrors and not follow and depth > 1:
         why.say("left out", "scattering: nothing is reflected towards another surface")
 
-    _explain_scene(scene, why)
+    explain_geometry(scene, why)
+    explain_materials_and_lights(scene, why)
     plan = Plan(
         method,
         depth,
@@ -223,27 +224,13 @@ def _decide(
         chosen_sampler.sample_count,
         chosen_sampler,
     )
-    _explain_samples(
-        plan, _is_random(plan, extended, materials.has(Dielectric)), count, why
-    )
+    random = _is_random(plan, extended, materials.has(Dielectric))
+    explain_samples(chosen_sampler, count, random, why)
     return dataclasses.replace(plan, lines=tuple(why.lines))
 
 
-def _describe(asked: Integrator) -> str:
-    depth = "no limit" if asked.max_depth < 0 else str(asked.max_depth)
-    match asked.name:
-        case "path":
-            return f"path, max_depth {depth}, rr_depth {asked.rr_depth}"
-        case "whitted":
-            return f"whitted, max_depth {depth}"
-        case "aov" if asked.nested is not None:
-            return f"aov, and the colours of {_describe(asked.nested)}"
-        case _:
-            return asked.name
-
-
 def _first_hit_plan(
-    scene: Scene, asked: Integrator, sampler: Sampler, count: int, why: _Explanation
+    scene: Scene, asked: Integrator, sampler: Sampler, count: int, why: Explanation
 ) -> Plan:
     plan = Plan(
         method=asked.name,
@@ -257,8 +244,8 @@ def _first_hit_plan(
         spp=sampler.sample_count,
         sampler=sampler,
     )
-    _explain_geometry(scene, why)
-    _explain_samples(plan, False, count, why)
+    explain_geometry(scene, why)
+    explain_samples(sampler, count, False, why)
     return dataclasses.replace(plan, lines=tuple(why.lines))
 
 
@@ -271,34 +258,6 @@ def _is_random(plan: Plan, extended: bool, glass: bool) -> bool:
     return extended or (plan.method == "direct" and glass)
 
 
-_PATTERNS = {
-    "stratified": "a square number",
-    "multijitter": "the cells of a grid",
-    "orthogonal": "the square of a prime",
-    "ldsampler": "a power of 4",
-}
-
-
-def _explain_samples(plan: Plan, random: bool, asked: int, why: _Explanation) -> None:
-    sampler = plan.sampler
-    text = f"{plan.spp} per pixel"
-    if sampler.name != "stratified" or sampler.jitter:
-        text += f", {sampler.name}"
-    elif plan.spp == 1:
-        text += ", at its centre"
-    else:
-        columns, rows = stratified_cells(plan.spp)
-        text += f", on a fixed grid of {columns} x {rows}"
-    if not random and sampler.name == "stratified" and not sampler.jitter:
-        text += ": nothing is random"
-    if asked != plan.spp:
-        pattern = _PATTERNS[sampler.name]
-        text += f" ({asked} asked for; the sampler needs {pattern}, as in Mitsuba)"
-    if sampler.name in ("orthogonal", "ldsampler"):
-        text += " (by correlated multi-jittering, of the same order of convergence)"
-    why.say("samples", text)
-
-
 def stratified_cells(sample_count: int) -> tuple[int, int]:
     """Return (columns, rows) of the grid for a number of samples, as square as possible."""
     root = int(sample_count**0.5 + 1e-9)
@@ -306,58 +265,3 @@ def stratified_cells(sample_count: int) -> tuple[int, int]:
         if sample_count % rows == 0:
             return sample_count // rows, rows
     return sample_count, 1
-
-
-def _primitives(scene: Scene) -> dict[str, int]:
-    return {kind: s.end - s.first for kind, s in scene.surfaces.items()}
-
-
-def _counted(count: int, kind: str) -> str:
-    return f"{count} {kind.removesuffix('s') if count == 1 else kind}"
-
-
-def _explain_geometry(scene: Scene, why: _Explanation) -> None:
-    counts = _primitives(scene).items()
-    shapes = ", ".join(_counted(count, kind) for kind, count in counts)
-    why.say("geometry", shapes or "nothing")
-
-
-def _explain_accelerators(scene: Scene, name: str) -> tuple[str, ...]:
-    """Return a line for each kind of primitive: how the nearest hit is found."""
-    why = _Explanation()
-    for kind, count in _primitives(scene).items():
-        chosen, reason = name, ", as asked for"
-        if name == "auto":
-            chosen = "brute" if count <= FEW else "bvh"
-            reason = f": up to {FEW}, that is faster than a tree" if count <= FEW else ""
-        text = {
-            "brute": "each ray tests all of them",
-            "bvh": "a tree of boxes, by the surface area heuristic",
-        }.get(chosen, chosen)
-        why.say("accelerator", f"{chosen} for {_counted(count, kind)}: {text}{reason}")
-    return tuple(why.lines)
-
-
-def _explain_scene(scene: Scene, why: _Explanation) -> None:
-    _explain_geometry(scene, why)
-    materials = scene.materials
-    kinds = [
-        k.__name__.lower() for k in (Diffuse, Conductor, Dielectric) if materials.has(k)
-    ]
-    why.say("BSDFs", ", ".join(kinds) or "none")
-    lights: dict[str, int] = {}
-    for emitter in scene.description.emitters:
-        name = type(emitter).__name__.removesuffix("Light").lower()
-        lights[name] = lights.get(name, 0) + 1
-    area = sum(shape.radiance is not None for shape in scene.description.shapes)
-    if area:
-        lights["area"] = area
-    listed = ", ".join(f"{count} {name}" for name, count in lights.items())
-    why.say("lights", listed or "none")
-    if not materials.textured:
-        why.say("left out", "textures and uv: no BSDF looks at them")
-    missing = [
-        k.__name__.lower() for k in (Diffuse, Conductor, Dielectric) if not materials.has(k)
-    ]
-    if missing:
-        why.say("left out", f"{', '.join(missing)}: no shape has it; not compiled")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +19,7 @@ from renderer.accelerators.build import NAMES as ACCELERATORS
 from renderer.accelerators.build import compile_builders
 from renderer.aovs import nested_scene, split_channels, with_picture
 from renderer.batch import CAPACITY, Workspace, make_workspace
+from renderer.compilation import CompilationWatch
 from renderer.errors import SceneError
 from renderer.film import Film, FilterTable, filter_border, filter_table, tile_sums
 from renderer.image import Image
@@ -29,13 +33,18 @@ from renderer.stages.camera_rays import Tile
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
+MOST_THREADS = 1024
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a render is: handed to the `progress` callback."""
+    """Where a render is: handed to the `progress` callback.
 
-    stage: str  # "compile" once, then "render"
+    There is no stage "compile" when all kernels are in the cache. The callback may raise
+    KeyboardInterrupt, which ends the render as Ctrl-C does.
+    """
+
+    stage: str  # "compile", done 0 and then 1 of 1, then "render"
     done: int  # samples so far
     total: int
     seconds: float  # in this stage
@@ -84,7 +93,9 @@ class Rendering:
             film.crop_height,
             self.border,
         )
+        self.seed = seed
         self.samples_done = 0
+        self.samples_in_all = film.crop_width * film.crop_height * plan.spp
         self._workspaces = _Workspaces(self._make_workspace)
 
     def _make_workspace(self) -> Workspace:
@@ -129,36 +140,46 @@ class Rendering:
         """Trace all samples; return whether it went to the end.
 
         Tiles are added to the film in a fixed order whatever order they are done in. An
-        interrupt (Ctrl-C) ends the render after the jobs that are under way.
+        interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
+        while these end is raised.
         """
-        start = time.perf_counter()
-        film = self.scene.description.camera.film
-        total = film.crop_width * film.crop_height * self.plan.spp
-        jobs = self._jobs()
-        waiting: list[tuple[_Job, Future[Any]]] = []
+        waiting: deque[tuple[_Job, Future[Any]]] = deque()
         pool = ThreadPoolExecutor(self.threads)
         try:
-            while True:
-                while len(waiting) < 4 * self.threads:
-                    job = next(jobs, None)
-                    if job is None:
-                        break
-                    waiting.append((job, pool.submit(self._render, job)))
-                if not waiting:
-                    return True
-                job, future = waiting[0]
-                self._finish(job, future.result())
-                waiting.pop(0)
-                if progress is not None:
-                    seconds = time.perf_counter() - start
-                    progress(Progress("render", self.samples_done, total, seconds))
+            self._trace(pool, waiting, progress)
+            return True
         except KeyboardInterrupt:
-            for job, future in waiting:
-                if not future.cancel():
-                    self._finish(job, future.result())
+            under_way = [(job, future) for job, future in waiting if not future.cancel()]
+            for job, future in under_way:
+                self._finish(job, future.result())
             return False
         finally:
             pool.shutdown(cancel_futures=True)
+
+    def _trace(
+        self,
+        pool: ThreadPoolExecutor,
+        waiting: deque[tuple[_Job, Future[Any]]],
+        progress: Callable[[Progress], None] | None,
+    ) -> None:
+        start = time.perf_counter()
+        jobs = self._jobs()
+        while True:
+            if progress is not None:
+                seconds = time.perf_counter() - start
+                progress(
+                    Progress("render", self.samples_done, self.samples_in_all, seconds)
+                )
+            for job in itertools.islice(jobs, 4 * self.threads - len(waiting)):
+                waiting.append((job, pool.submit(self._render, job)))
+            if not waiting:
+                return
+            job, future = waiting[0]
+            sums = future.result()
+            # First out of the queue, then into the film: an interrupt between the two loses
+            # a job and its weights; the other way round the job would count twice.
+            waiting.popleft()
+            self._finish(job, sums)
 
     def _finish(self, job: _Job, sums: Any) -> None:
         self.film.add(job.tile, sums)
@@ -222,8 +243,8 @@ def render(
         For a name that does not exist or a number that is out of range.
     """
     threads = default_threads() if threads is None else threads
-    if threads < 1:
-        raise SceneError(f"threads is {threads}; at least 1 is possible")
+    if not 1 <= threads <= MOST_THREADS:
+        raise SceneError(f"threads is {threads}; 1 to {MOST_THREADS} are possible")
     if not 0 <= seed < 2**32:
         raise SceneError(f"seed is {seed}; 0 to {2**32 - 1} are possible")
     accel = accel or "auto"
@@ -231,16 +252,26 @@ def render(
         known = ", ".join(ACCELERATORS)
         raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
     plan = make_plan(
-        scene, integrator=integrator, sampler=sampler, spp=spp, ray_offset=ray_offset
+        scene,
+        integrator=integrator,
+        sampler=sampler,
+        spp=spp,
+        accel=accel,
+        ray_offset=ray_offset,
     )
-    if progress is not None:
-        progress(Progress("compile", 0, 1, 0.0))
-    compile_seconds = compile_builders(scene, accel)
-    started = time.perf_counter()
-    rendering = Rendering(scene, plan, accel=accel, seed=seed, threads=threads)
-    build_seconds = time.perf_counter() - started
-    compile_seconds += rendering.compile()
-    if progress is not None:
+
+    def announce() -> None:
+        if progress is not None:
+            progress(Progress("compile", 0, 1, 0.0))
+
+    watch = CompilationWatch(announce)
+    with watch.installed():
+        compile_seconds = compile_builders(scene, accel)
+        started = time.perf_counter()
+        rendering = Rendering(scene, plan, accel=accel, seed=seed, threads=threads)
+        build_seconds = time.perf_counter() - started
+        compile_seconds += rendering.compile()
+    if progress is not None and watch.compiled:
         progress(Progress("compile", 1, 1, compile_seconds))
     started = time.perf_counter()
     complete = rendering.run(progress)
@@ -249,17 +280,23 @@ def render(
     nested = nested_scene(scene, plan)
     if nested is None or not complete:
         return image
-    picture = render(
-        nested,
-        spp,
-        seed,
-        threads,
-        accel=accel,
-        sampler=sampler,
-        progress=progress,
-        ray_offset=ray_offset,
-    )
-    return with_picture(image, picture)
+    try:
+        picture = render(
+            nested,
+            spp,
+            seed,
+            threads,
+            accel=accel,
+            sampler=sampler,
+            progress=progress,
+            ray_offset=ray_offset,
+        )
+    except KeyboardInterrupt:  # before its first sample
+        interrupted = {"interrupted": "before the first sample of the colours"}
+        metadata = {**image.metadata, **interrupted}
+        return dataclasses.replace(image, complete=False, metadata=metadata)
+    both = with_picture(image, picture)
+    return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
 
 
 def _image(
@@ -282,5 +319,22 @@ def _image(
         threads=rendering.threads,
         integrator=plan.method,
         explain="\n".join(plan.lines),
+        metadata=_metadata(rendering, complete),
         complete=complete,
     )
+
+
+def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
+    """Return what a file should say about its making; the same for the same picture."""
+    from renderer import __version__
+
+    metadata = {
+        "lightproof": __version__,
+        "integrator": rendering.plan.method,
+        "sampler": rendering.plan.sampler.name,
+        "seed": str(rendering.seed),
+    }
+    if not complete:
+        done, samples = rendering.samples_done, rendering.samples_in_all
+        metadata["interrupted"] = f"after {done} of {samples} samples"
+    return metadata

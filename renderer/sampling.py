@@ -17,6 +17,7 @@ from renderer.lanes.functions import (
     fabs,
     mask_bits,
     maximum,
+    minimum,
     select,
     splat_f32,
     splat_mask,
@@ -33,6 +34,7 @@ INV_PI = np.float32(1.0 / np.pi)
 _QUARTER_PI = np.float32(np.pi / 4.0)
 _HALF_PI = np.float32(np.pi / 2.0)
 _TO_UNIT = np.float32(2.0**-24)
+_BELOW_ONE = np.float32(1.0 - 2.0**-24)
 
 # Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
 # a bounce draws the BSDF, the following ones the lights.
@@ -103,6 +105,12 @@ def hash_floats(seed, pixel, sample, block):
     return unit_float(a), unit_float(b), unit_float(c), unit_float(d)
 
 
+@kernel
+def _in_unit(x):
+    """Return x, or the largest number below 1 where a sum was rounded up to 1."""
+    return minimum(x, splat_f32(_BELOW_ONE))
+
+
 def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
     """Draw four numbers in [0, 1) for each of 16 pixels.
 
@@ -122,7 +130,9 @@ def permute(index, size, key):
     """Return where lanes of random permutations of 0 .. size - 1 put `index`.
 
     Xor, odd multiplication and shifts are invertible modulo a power of two; what falls
-    outside is walked on until it is inside, which keeps it a permutation.
+    outside is walked on until it is inside, which keeps it a permutation. That favours
+    some places (an estimate would be biased by it); a random rotation at the end makes
+    every place equally likely for every index.
     """
     bits = 1
     while (1 << bits) < size:
@@ -143,7 +153,11 @@ def permute(index, size, key):
         y ^= y >> half
         x = select(inside, x, y)
         inside = x < np.uint32(size)
-    return x
+    turn = key * 0x9E3779B1
+    turn = (turn ^ (turn >> 15)) * 0x85EBCA77
+    turn = as_u32(to_i32(unit_float(turn ^ (turn >> 13)) * np.float32(size)))
+    turned = x + turn
+    return select(turned < np.uint32(size), turned, turned - np.uint32(size))
 
 
 @kernel
@@ -168,10 +182,10 @@ def _draw_stratified(sampler, pixel, sample, block):
     column = cell - row * columns
     one = np.float32(1.0 / count)
     return (
-        (to_f32(column) + jx) * np.float32(1.0 / columns),
-        (to_f32(row) + jy) * np.float32(1.0 / rows),
-        (to_f32(permute(index, count, k1)) + jz) * one,
-        (to_f32(permute(index, count, k2)) + jw) * one,
+        _in_unit((to_f32(column) + jx) * np.float32(1.0 / columns)),
+        _in_unit((to_f32(row) + jy) * np.float32(1.0 / rows)),
+        _in_unit((to_f32(permute(index, count, k1)) + jz) * one),
+        _in_unit((to_f32(permute(index, count, k2)) + jw) * one),
     )
 
 
@@ -192,15 +206,17 @@ def _draw_multijitter(sampler, pixel, sample, block):
     row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
     column = cell - row * columns
     # the place inside the cell is stratified over the cells of the same column or row
-    inner_x = to_f32(permute(as_u32(row), rows, k3 ^ as_u32(column * 0x2545F491)))
-    inner_y = to_f32(permute(as_u32(column), columns, k3 ^ as_u32(row * 0x1B873593)))
+    kx, ky, _, _ = hash4(k0, k1, k2, k3)
+    inner_x = to_f32(permute(as_u32(row), rows, kx ^ as_u32(column * 0x2545F491)))
+    inner_y = to_f32(permute(as_u32(column), columns, ky ^ as_u32(row * 0x1B873593)))
+    x = to_f32(column) + (inner_x + jx) * np.float32(1.0 / rows)
+    y = to_f32(row) + (inner_y + jy) * np.float32(1.0 / columns)
     one = np.float32(1.0 / count)
     return (
-        (to_f32(column) + (inner_x + jx) * np.float32(1.0 / rows))
-        * np.float32(1.0 / columns),
-        (to_f32(row) + (inner_y + jy) * np.float32(1.0 / columns)) * np.float32(1.0 / rows),
-        (to_f32(permute(index, count, k1)) + jz) * one,
-        (to_f32(permute(index, count, k2)) + jw) * one,
+        _in_unit(x * np.float32(1.0 / columns)),
+        _in_unit(y * np.float32(1.0 / rows)),
+        _in_unit((to_f32(permute(index, count, k1)) + jz) * one),
+        _in_unit((to_f32(permute(index, count, k2)) + jw) * one),
     )
 
 

@@ -184,13 +184,14 @@ def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np
         points = [s.center - s.radius, s.center + s.radius]
     else:
         axis = s.frame[6:9]
-        reach = s.radius * np.sqrt(np.maximum(1 - axis**2, 0))
+        x, y, z = axis  # not sqrt(1 - axis^2), which is 0 for a slightly tilted axis
+        reach = s.radius * np.hypot([y, z, x], [z, x, y])
         top = s.base + axis * s.height
         points = [s.base - reach, s.base + reach, top - reach, top + reach]
     lower = np.minimum.reduce(points)
     upper = np.maximum.reduce(points)
     # the sums above are rounded, and the hit test rounds in another way: pad by that
-    slack = np.float32(4e-7) * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
+    slack = np.float32(32 * 2.0**-24) * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
     return _float32(lower - slack), _float32(upper + slack)
 
 

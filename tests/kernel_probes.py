@@ -138,11 +138,18 @@ def closest(
 
 
 def blocked(
-    accel: Any, origin: Any, direction: Any, *, t_max: Any = np.inf, coherent: bool = False
+    accel: Any,
+    origin: Any,
+    direction: Any,
+    *,
+    t_max: Any = np.inf,
+    coherent: bool = False,
+    before: Any = False,
 ) -> np.ndarray:
-    """Whether shadow rays (n, 3) meet anything before t_max."""
+    """Whether shadow rays (n, 3) meet anything before t_max, or were blocked `before`."""
     work = workspace(ray_count(origin, direction))
     n = fill(work.shadow_rays, origin, direction)
+    work.shadow_rays.blocked[:n] = before
     work.shadow_rays.t_max[:n] = t_max
     run_any_hit(accel, work.shadow_rays, n, coherent)
     return work.shadow_rays.blocked[:n] != 0
@@ -159,3 +166,20 @@ def unit(vectors: Any) -> np.ndarray:
 def directions(n: int, rng: np.random.Generator) -> np.ndarray:
     """Uniformly distributed unit vectors (n, 3)."""
     return unit(rng.standard_normal((n, 3)))
+
+
+def soup(
+    kind: str, n: int, rng: np.random.Generator, *, size: float = 0.1, center: float = 0.0
+) -> Any:
+    """Random primitives of a kind, about `size` large, in a cube of edge 2."""
+    c = center + rng.uniform(-1, 1, (n, 3))
+    a, b = (size * rng.random((n, 1)) * directions(n, rng) for _ in range(2))
+    if kind == "triangles":
+        return triangles(np.stack((c, c + a, c + b), axis=1))
+    if kind == "rectangles":
+        return rectangles(c, a, b)
+    if kind == "disks":
+        return disks(c, a, b)
+    if kind == "spheres":
+        return spheres(c, size * rng.random(n))
+    return cylinders(c, unit(a), size * rng.random(n), 3 * size * rng.random(n))

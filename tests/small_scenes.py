@@ -32,9 +32,7 @@ def placed(center: Vector, half_x: Vector, half_y: Vector) -> NDArray[np.float64
     """Return a to_world for flat shapes: a centre and half edges, normal half_x x half_y."""
     normal = np.cross(half_x, half_y).astype(float)
     matrix = np.eye(4)
-    matrix[:3] = np.column_stack(
-        [half_x, half_y, normal / np.linalg.norm(normal), center]
-    )
+    matrix[:3] = np.column_stack([half_x, half_y, normal / np.linalg.norm(normal), center])
     return matrix
 
 
@@ -95,7 +93,12 @@ def glass(index: float = 1.5) -> dict[str, Any]:
 
 
 def rectangle(
-    center: Vector, half_x: Vector, half_y: Vector, bsdf: dict[str, Any], *, shine: Any = None
+    center: Vector,
+    half_x: Vector,
+    half_y: Vector,
+    bsdf: dict[str, Any],
+    *,
+    shine: Any = None,
 ) -> dict[str, Any]:
     """Return a rectangle with normal half_x x half_y; `shine` makes it an area light."""
     shape = {
@@ -112,7 +115,11 @@ def floor(reflectance: float = 0.5, half: float = 10.0) -> dict[str, Any]:
 
 
 def sphere(
-    bsdf: dict[str, Any], *, center: Vector = (0, 0, 0), radius: float = 1.0, inward: bool = False
+    bsdf: dict[str, Any],
+    *,
+    center: Vector = (0, 0, 0),
+    radius: float = 1.0,
+    inward: bool = False,
 ) -> dict[str, Any]:
     return {
         "type": "sphere",
@@ -145,7 +152,10 @@ def sky(radiance: float = 1.0) -> dict[str, Any]:
 
 
 def scene(
-    camera: dict[str, Any], integrator: str | dict[str, Any], *parts: dict[str, Any], **settings: Any
+    camera: dict[str, Any],
+    integrator: str | dict[str, Any],
+    *parts: dict[str, Any],
+    **settings: Any,
 ) -> dict[str, Any]:
     """Return a scene; `settings` are the integrator's properties."""
     kind = {"type": integrator, **settings} if isinstance(integrator, str) else integrator

@@ -104,39 +104,46 @@ def test_sphere_under_parallel_light_seen_along_it():
 
 # ---------------------------------------------------------------------- area lights
 
-SMALL = {"size": (32, 32), "fov": 1e-3, "spp": 25, "jitter": True}  # 1024 views of a point
+# 1024 views of one point
+SMALL = {"size": (32, 32), "fov": 1e-3, "spp": 25, "jitter": True}
+
+
+def under_light(camera, light, tmp_path):
+    """Return a grey floor under one light.
+
+    The lights of other shapes lie below the floor, where they cannot be seen: with them all
+    scenes are made of the same kinds of things, and their kernels are compiled once.
+    """
+    (tmp_path / "below.obj").write_text("v 0 0 -9\nv 1 0 -9\nv 0 1 -9\nf 1 2 3\n")
+    flat = placed((0, 0, -9), (1, 0, 0), (0, -1, 0))
+    black = {"bsdf": diffuse(0.0), "emitter": area(1.0)}
+    kinds = [
+        {"type": "obj", "filename": str(tmp_path / "below.obj")} | black,
+        {"type": "disk", "to_world": flat} | black,
+        {"type": "rectangle", "to_world": flat} | black,
+        sphere(diffuse(0.0), center=(0, 0, -9)) | black,
+    ]
+    others = [kind for kind in kinds if kind["type"] != light["type"]]
+    return scene(camera, "path", floor(0.5), light | black, *others, max_depth=2)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 60.0])
-def test_sphere_light_gives_the_sine_squared_of_its_half_angle(tilt):
+def test_sphere_light_gives_the_sine_squared_of_its_half_angle(tilt, tmp_path):
     """E = pi L (R / d)^2 cos(theta) for a sphere above the horizon: R = 1, d = 3."""
     t = np.radians(tilt)
     light = sphere(diffuse(0.0), center=(3 * np.sin(t), 0, 3 * np.cos(t)))
-    content = scene(
-        sensor((0, -3, 0.5), (0, 0, 0), **SMALL),
-        "path",
-        floor(0.5),
-        light | {"emitter": area(1.0)},
-        max_depth=2,
-    )
+    content = under_light(sensor((0, -3, 0.5), (0, 0, 0), **SMALL), light, tmp_path)
     assert_mean(content, 0.5 * np.cos(t) / 9, within=1e-3)
 
 
 @pytest.mark.parametrize(("radius", "height"), [(1.0, 1.0), (1.0, 0.25)])
-def test_disk_light_on_its_axis(radius, height):
+def test_disk_light_on_its_axis(radius, height, tmp_path):
     """E = pi L R^2 / (R^2 + h^2)."""
     light = {
         "type": "disk",
         "to_world": placed((0, 0, height), (radius, 0, 0), (0, -radius, 0)),
-        "emitter": area(1.0),
     }
-    ground = {
-        "type": "disk",
-        "to_world": placed((0, 0, 0), (9, 0, 0), (0, 9, 0)),
-        "bsdf": diffuse(0.5),
-    }
-    camera = sensor((0, -8, 0.1), (0, 0, 0), **SMALL)
-    content = scene(camera, "path", ground, light, max_depth=2)
+    content = under_light(sensor((0, -8, 0.1), (0, 0, 0), **SMALL), light, tmp_path)
     expected = 0.5 * radius**2 / (radius**2 + height**2)
     assert_mean(content, expected, within=1e-3)
 
@@ -150,12 +157,12 @@ def corner_factor(a: float, b: float) -> float:
 @pytest.mark.parametrize(
     ("x", "factor"), [(0.0, 4 * corner_factor(1, 1)), (1.0, corner_factor(2, 2))]
 )
-def test_rectangle_light_parallel_to_the_plane(x, factor):
+def test_rectangle_light_parallel_to_the_plane(x, factor, tmp_path):
     """F = sums of arctangents (Howell); a 2 x 2 light at height 1: 0.5541264 in the middle."""
     assert 4 * corner_factor(1, 1) == pytest.approx(0.5541264, abs=1e-7)
-    light = rectangle((0, 0, 1), (1, 0, 0), (0, -1, 0), diffuse(0.0), shine=1.0)
+    light = rectangle((0, 0, 1), (1, 0, 0), (0, -1, 0), diffuse(0.0))
     camera = sensor((x, x - 8, 0.1), (x, x, 0), **SMALL)
-    content = scene(camera, "path", floor(0.5), light, max_depth=2)
+    content = under_light(camera, light, tmp_path)
     assert_mean(content, 0.5 * factor, within=1e-3)
 
 
@@ -184,20 +191,13 @@ def lambert_irradiance(corners) -> float:
 )
 def test_triangle_light(corners, tmp_path):
     """E = L / 2 sum Theta_i Gamma_i . n: any polygon above the horizon, exactly."""
-    facing_down = np.cross(np.subtract(corners[1], corners[0]), np.subtract(corners[2], corners[0]))
-    if facing_down @ np.array(corners[0], float) > 0:  # away from the origin: turn round
+    if np.linalg.det(np.array(corners, float)) > 0:  # it shines away from the origin
         corners = corners[::-1]
-    light, ground = tmp_path / "light.obj", tmp_path / "ground.obj"
-    lines = [f"v {x} {y} {z}" for x, y, z in corners]
-    light.write_text("\n".join([*lines, "f 1 2 3"]))
-    ground.write_text("v -9 -9 0\nv 9 -9 0\nv 9 9 0\nv -9 9 0\nf 1 2 3\nf 1 3 4\n")
-    content = scene(
-        sensor((0, 0, 0.01), (0, 0, 0), up=(0, 1, 0), **SMALL),
-        "path",
-        {"type": "obj", "filename": str(ground), "bsdf": diffuse(0.5)},
-        {"type": "obj", "filename": str(light), "bsdf": diffuse(0.0), "emitter": area(1.0)},
-        max_depth=2,
-    )
+    lines = [f"v {x} {y} {z}\n" for x, y, z in corners]
+    (tmp_path / "light.obj").write_text("".join([*lines, "f 1 2 3\n"]))
+    light = {"type": "obj", "filename": str(tmp_path / "light.obj")}
+    camera = sensor((0, 0, 0.01), (0, 0, 0), up=(0, 1, 0), **SMALL)
+    content = under_light(camera, light, tmp_path)
     assert_mean(content, 0.5 * lambert_irradiance(corners) / np.pi, within=2e-3)
 
 

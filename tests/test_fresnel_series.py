@@ -35,7 +35,8 @@ def interface(degrees, index=1.5, *, from_inside=False):
     """Return (reflected, refracted) radiance of unit lamps at a glass surface.
 
     The camera looks at the origin of the plane z = 0, glass below; one lamp, red, is where
-    the reflected ray goes, the other, green, where the refracted one does.
+    the reflected ray goes (behind the camera, at normal incidence), the other, green, where
+    the refracted one does.
     """
     angle = np.radians(degrees)
     side = -1.0 if from_inside else 1.0
@@ -44,7 +45,6 @@ def interface(degrees, index=1.5, *, from_inside=False):
     bent = sine / eta
     parts = [
         rectangle((0, 0, 0), (3, 0, 0), (0, 3, 0), glass(index)),
-        # slightly above the camera's own place at normal incidence: it is not an object
         lamp((2 * sine, 0, side * 2 * cosine), (1.0, 0.0, 0.0)),
     ]
     if bent < 1:
@@ -124,35 +124,32 @@ def test_glass_slab_is_a_geometric_series_approached_from_below(index):
     assert (seen < limit * (1 + 1e-6)).all()
 
 
-@pytest.mark.parametrize("bounces", range(6))
-def test_mirror_corridor_dims_by_its_reflectance_each_time(bounces):
-    """L = r^k rho / pi I / h^2 at the end of a corridor of mirrors, seen after k of them.
+def corridor(bounces, **settings):
+    """Return a corridor of mirrors, whose end is seen after some reflections.
 
-    Unfolded, the view is a straight line that crosses k walls; the lamp lights the middle
-    of the end wall directly (mirrors throw no light on walls in Whitted's model).
+    Unfolded, the view is a straight line that crosses a wall each time; the lamp lights
+    the middle of the end directly (mirrors throw no light on walls in Whitted's model).
     """
-    parts = [
+    return scene(
+        sensor((0, 0, 0), (2 * bounces, 10, 0)),
+        "whitted",
         rectangle((-1, 5, 0), (0, 6, 0), (0, 0, 2), mirror(0.5)),
         rectangle((1, 5, 0), (0, 6, 0), (0, 0, -2), mirror(0.5)),
         rectangle((0, 10, 0), (1, 0, 0), (0, 0, 1), diffuse(0.5)),
         point_light((0, 8, 0)),
-    ]
-    camera = sensor((0, 0, 0), (2 * bounces, 10, 0))
-    content = scene(camera, "whitted", *parts, max_depth=8)
+        max_depth=8,
+        **settings,
+    )
+
+
+@pytest.mark.parametrize("bounces", range(6))
+def test_mirror_corridor_dims_by_its_reflectance_each_time(bounces):
+    """L = r^k rho / pi I / h^2 after k reflections, whatever way the light has gone."""
     expected = 0.5**bounces * 0.5 / np.pi / 4
-    assert radiance(content) == pytest.approx(expected, rel=2e-5)
+    assert radiance(corridor(bounces)) == pytest.approx(expected, rel=2e-5)
 
 
 def test_weights_below_the_cutoff_are_dropped():
-    """After k mirrors the weight is 0.5^k: with cutoff 0.2 the third bounce is not followed."""
-    for bounces in (2, 3):
-        parts = [
-            rectangle((-1, 5, 0), (0, 6, 0), (0, 0, 2), mirror(0.5)),
-            rectangle((1, 5, 0), (0, 6, 0), (0, 0, -2), mirror(0.5)),
-            rectangle((0, 10, 0), (1, 0, 0), (0, 0, 1), diffuse(0.5)),
-            point_light((0, 8, 0)),
-        ]
-        content = scene(
-            sensor((0, 0, 0), (2 * bounces, 10, 0)), "whitted", *parts, cutoff=0.2
-        )
-        assert (radiance(content) > 0).all() == (bounces == 2)
+    """After k mirrors the weight is 0.5^k: with cutoff 0.2 the third is not followed."""
+    assert (radiance(corridor(2, cutoff=0.2)) > 0).all()
+    assert (radiance(corridor(3, cutoff=0.2)) == 0).all()

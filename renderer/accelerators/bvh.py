@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.jit import kernel
 from renderer.lanes.functions import (
+    fabs,
     first_lanes,
     lane,
     lowest_bit,
@@ -32,6 +33,10 @@ STACK = 64  # the builder keeps the depth below 60
 # A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding
 # would leave in the boxes of flat primitives [Ize2013].
 STRETCH = np.float32(1.0000004)
+# Boxes are tested as if they were larger by this fraction of the origin's coordinates (32
+# units in the last place), and `primitive_bounds` pads by the same fraction of their own:
+# the rounding of a hit's t and (u, v) must not put it outside of its own box.
+MARGIN = np.float32(32 * 2.0**-24)
 _INFINITY = np.float32(np.inf)
 
 
@@ -45,19 +50,26 @@ class Bvh(NamedTuple):
 
 
 @kernel
-def _packet_enters(bounds, node, origin, inverse, zero, t):
+def _margins(origin):
+    """Return the origin moved down and up by the margin along every axis."""
+    far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
+    return origin - far * MARGIN, origin + far * MARGIN
+
+
+@kernel
+def _packet_enters(bounds, node, low, high, inverse, zero, t):
     """Return the mask of the 16 rays that enter a node's box before t.
 
     An axis-parallel ray on a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
     return their second operand then, so each distance is compared with the running bound
     before the two are compared with each other: such a ray is inside the slab.
     """
-    x0 = (bounds[node, 0] - origin.x) * inverse.x
-    x1 = (bounds[node, 3] - origin.x) * inverse.x
-    y0 = (bounds[node, 1] - origin.y) * inverse.y
-    y1 = (bounds[node, 4] - origin.y) * inverse.y
-    z0 = (bounds[node, 2] - origin.z) * inverse.z
-    z1 = (bounds[node, 5] - origin.z) * inverse.z
+    x0 = (bounds[node, 0] - high.x) * inverse.x
+    x1 = (bounds[node, 3] - low.x) * inverse.x
+    y0 = (bounds[node, 1] - high.y) * inverse.y
+    y1 = (bounds[node, 4] - low.y) * inverse.y
+    z0 = (bounds[node, 2] - high.z) * inverse.z
+    z1 = (bounds[node, 5] - low.z) * inverse.z
     enter = minimum(maximum(x0, zero), maximum(x1, zero))
     enter = minimum(maximum(y0, enter), maximum(y1, enter))
     enter = minimum(maximum(z0, enter), maximum(z1, enter))
@@ -80,14 +92,14 @@ def _sooner(a, bound):
 
 
 @kernel
-def _ray_enters(bounds, node, origin, inverse, t):
+def _ray_enters(bounds, node, low, high, inverse, t):
     """Return where one ray enters a node's box, or infinity if not before t."""
-    x0 = (bounds[node, 0] - origin.x) * inverse.x
-    x1 = (bounds[node, 3] - origin.x) * inverse.x
-    y0 = (bounds[node, 1] - origin.y) * inverse.y
-    y1 = (bounds[node, 4] - origin.y) * inverse.y
-    z0 = (bounds[node, 2] - origin.z) * inverse.z
-    z1 = (bounds[node, 5] - origin.z) * inverse.z
+    x0 = (bounds[node, 0] - high.x) * inverse.x
+    x1 = (bounds[node, 3] - low.x) * inverse.x
+    y0 = (bounds[node, 1] - high.y) * inverse.y
+    y1 = (bounds[node, 4] - low.y) * inverse.y
+    z0 = (bounds[node, 2] - high.z) * inverse.z
+    z1 = (bounds[node, 5] - low.z) * inverse.z
     enter = np.float32(0.0)
     enter = _sooner(_later(x0, enter), _later(x1, enter))
     enter = _sooner(_later(y0, enter), _later(y1, enter))
@@ -117,6 +129,7 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
         inverse = 1.0 / direction
+        low, high = _margins(origin)
         active = first_lanes(first + count - i)
         t = select(active, load_row(hits.t, 0, i), -1.0)
         prim = load_row(hits.prim, 0, i)
@@ -130,7 +143,7 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            if mask_bits(_packet_enters(bounds, node, origin, inverse, zero, t)) == 0:
+            if mask_bits(_packet_enters(bounds, node, low, high, inverse, zero, t)) == 0:
                 continue
             child = bvh.child[node]
             if bvh.count[node] == 0:
@@ -168,12 +181,13 @@ def closest_hit_bvh(bvh, rays, hits, first, count):
         origin = column(rays.origin, i)
         direction = column(rays.direction, i)
         inverse = np.float32(1.0) / direction
+        low, high = _margins(origin)
         t = hits.t[i]
         prim = hits.prim[i]
         u = hits.u[i]
         v = hits.v[i]
         depth = 0
-        enter = _ray_enters(bounds, 0, origin, inverse, t)
+        enter = _ray_enters(bounds, 0, low, high, inverse, t)
         if enter < _INFINITY:
             stack[0] = 0
             entries[0] = enter
@@ -187,8 +201,8 @@ def closest_hit_bvh(bvh, rays, hits, first, count):
             if bvh.count[node] == 0:
                 near = child
                 far = child + 1
-                enter_near = _ray_enters(bounds, near, origin, inverse, t)
-                enter_far = _ray_enters(bounds, far, origin, inverse, t)
+                enter_near = _ray_enters(bounds, near, low, high, inverse, t)
+                enter_far = _ray_enters(bounds, far, low, high, inverse, t)
                 if enter_far < enter_near:
                     near, far = far, near
                     enter_near, enter_far = enter_far, enter_near
@@ -232,6 +246,7 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
         origin = load3(shadow_rays.origin, i)
         direction = load3(shadow_rays.direction, i)
         inverse = 1.0 / direction
+        low, high = _margins(origin)
         t_max = load_row(shadow_rays.t_max, 0, i)
         blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(count - i)
         zero = t_max * 0.0
@@ -241,7 +256,7 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
         while depth > 0 and mask_bits(blocked) != 0xFFFF:
             depth -= 1
             node = stack[depth]
-            enters = _packet_enters(bounds, node, origin, inverse, zero, t_max)
+            enters = _packet_enters(bounds, node, low, high, inverse, zero, t_max)
             if mask_bits(enters & ~blocked) == 0:
                 continue
             child = bvh.child[node]
@@ -269,13 +284,14 @@ def any_hit_bvh(bvh, shadow_rays, count):
         origin = column(shadow_rays.origin, i)
         direction = column(shadow_rays.direction, i)
         inverse = np.float32(1.0) / direction
+        low, high = _margins(origin)
         t_max = shadow_rays.t_max[i]
         stack[0] = 0
         depth = 1
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            if _ray_enters(bounds, node, origin, inverse, t_max) == _INFINITY:
+            if _ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
                 continue
             child = bvh.child[node]
             if bvh.count[node] == 0:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.shapes.patch import divided, meet_plane
+from renderer.shapes.patch import Intersection, divided, meet_plane
 
 
 class Disks(NamedTuple):
@@ -26,5 +26,6 @@ class Disks(NamedTuple):
 def hit_disk(disk, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max, u and v are the local x and y."""
     p = meet_plane(disk, origin, direction)
-    inside = p.u * p.u + p.v * p.v <= p.scale * p.scale
-    return divided(p, inside, t_max)
+    # divided first: the squares of the undivided numbers of a tiny disk would underflow
+    x = divided(p, p.scale > 0.0, t_max)
+    return Intersection(x.hit & (x.u * x.u + x.v * x.v <= 1.0), x.t, x.u, x.v)

@@ -39,7 +39,7 @@ def _weight(weigh, light_pdf, cos_i):
 
 @kernel
 def direct_light(scene, lights, tile, sample, bounce, points, start, stop, shadow_rays):
-    """Ask the lights at diffuse points start .. stop - 1; return the count of shadow rays."""
+    """Ask the lights at diffuse points start .. stop - 1; return how many rays."""
     if lights is None:
         return 0
     settings = scene.settings

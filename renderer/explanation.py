@@ -1,0 +1,147 @@
+"""The plan in words: lines of a topic and a text, for `--explain` and the report.
+
+What is modelled, what is left out and why; nothing here decides anything.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from renderer.scene import Scene
+from renderer.scene_file.description import (
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Integrator,
+    Sampler,
+)
+
+TOPIC_WIDTH = 14  # columns before the text
+
+_PATTERNS = {
+    "stratified": "a square number",
+    "multijitter": "the cells of a grid",
+    "orthogonal": "the square of a prime",
+    "ldsampler": "a power of 4",
+}
+_ACCELERATORS = {
+    "brute": "brute force",
+    "bvh": "a bounding volume hierarchy by the surface area heuristic",
+}
+
+
+@dataclass
+class Explanation:
+    """Lines, in the order in which things were decided."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def say(self, topic: str, text: str) -> None:
+        """Add a line; "left out" is the topic of what is not done."""
+        self.lines.append(f"{topic:<{TOPIC_WIDTH}}{text}")
+
+
+def describe_integrator(asked: Integrator) -> str:
+    """Return the integrator's name and the properties that it has."""
+    depth = "no limit" if asked.max_depth < 0 else str(asked.max_depth)
+    match asked.name:
+        case "path":
+            return f"path, max_depth {depth}, rr_depth {asked.rr_depth}"
+        case "whitted":
+            return f"whitted, max_depth {depth}"
+        case "aov" if asked.nested is not None:
+            return f"aov, and the colours of {describe_integrator(asked.nested)}"
+        case _:
+            return asked.name
+
+
+def explain_geometry(scene: Scene, why: Explanation) -> None:
+    """Count the primitives."""
+    shapes = (_counted(count, kind) for kind, count in _primitives(scene).items())
+    why.say("geometry", ", ".join(shapes) or "nothing")
+
+
+def explain_accelerators(scene: Scene, asked: str, few: int, why: Explanation) -> None:
+    """Say how the nearest hit is found among the primitives of each kind.
+
+    Parameters
+    ----------
+    scene : Scene
+        The primitives.
+    asked : str
+        An accelerator's name, or "auto".
+    few : int
+        Up to so many of a kind, `auto` is brute force, and the tree beyond.
+    """
+    chosen: dict[str, list[str]] = {}
+    for kind, count in _primitives(scene).items():
+        least = "brute" if count <= few else "bvh"
+        name = least if asked == "auto" else asked
+        chosen.setdefault(name, []).append(_counted(count, kind))
+    for name, kinds in chosen.items():
+        text = _ACCELERATORS.get(name, name)
+        if asked != "auto":
+            text += ", as asked for"
+        elif name == "brute":
+            text += f", which up to {few} of a kind is faster than a tree"
+        why.say("accelerator", f"{', '.join(kinds)}: {text}")
+
+
+def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
+    """List BSDFs and lights, and what of these the scene does not have."""
+    materials = scene.materials
+    kinds = {k.__name__.lower(): materials.has(k) for k in (Diffuse, Conductor, Dielectric)}
+    why.say(
+        "BSDFs", ", ".join(kind for kind, present in kinds.items() if present) or "none"
+    )
+    lights: dict[str, int] = {}
+    for emitter in scene.description.emitters:
+        name = type(emitter).__name__.removesuffix("Light").lower()
+        lights[name] = lights.get(name, 0) + 1
+    area = sum(shape.radiance is not None for shape in scene.description.shapes)
+    if area:
+        lights["area"] = area
+    listed = ", ".join(f"{count} {name}" for name, count in lights.items())
+    why.say("lights", listed or "none")
+    if not materials.textured:
+        why.say("left out", "textures and uv: no BSDF looks at them")
+    missing = ", ".join(kind for kind, present in kinds.items() if not present)
+    if missing:
+        why.say("left out", f"{missing}: no shape has it; not compiled")
+
+
+def explain_samples(sampler: Sampler, asked: int, random: bool, why: Explanation) -> None:
+    """Say how many samples a pixel gets, where they lie, and why not as many as asked for.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        With the number that is taken.
+    asked : int
+        The number before rounding.
+    random : bool
+        Whether more is drawn at random than the position in the pixel.
+    """
+    count, name = sampler.sample_count, sampler.name
+    text = f"{count} per pixel"
+    if name != "stratified" or sampler.jitter:
+        text += f", {name}"
+    else:
+        side = math.isqrt(count)
+        text += ", at its centre" if count == 1 else f", on a fixed grid of {side} x {side}"
+        if not random:
+            text += ": nothing is random"
+    if asked != count:
+        text += f" ({asked} asked for; the sampler needs {_PATTERNS[name]}, as in Mitsuba)"
+    if name in ("orthogonal", "ldsampler"):
+        text += " (by correlated multi-jittering, of the same order of convergence)"
+    why.say("samples", text)
+
+
+def _primitives(scene: Scene) -> dict[str, int]:
+    return {kind: s.end - s.first for kind, s in scene.surfaces.items()}
+
+
+def _counted(count: int, kind: str) -> str:
+    return f"{count} {kind.removesuffix('s') if count == 1 else kind}"

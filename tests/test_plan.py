@@ -1,0 +1,209 @@
+"""No more than a scene needs: the plan takes the least method, says so, and is right.
+
+First the decisions alone, then pictures: for three scenes the leaner set of stages gives
+the same picture as a fuller one, bit for bit, and leaving out one thing more changes it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from small_scenes import (
+    box,
+    diffuse,
+    floor,
+    glass,
+    mirror,
+    point_light,
+    rectangle,
+    scene,
+    sensor,
+    sky,
+    sphere,
+)
+
+import renderer
+from renderer.plan import WHITTED_DEPTH, Plan, make_plan
+from renderer.render import Rendering
+
+CAMERA = sensor((0, -3, 2), (0, 0, 0))
+LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
+
+
+def plan_of(integrator, *parts, **settings) -> Plan:
+    return make_plan(renderer.load_dict(scene(CAMERA, integrator, *parts, **settings)))
+
+
+def explained(plan: Plan) -> str:
+    return "\n".join(" ".join(line.split()) for line in plan.lines)
+
+
+# ------------------------------------------------------------------------ decisions
+
+
+def test_a_path_of_two_segments_is_direct_light():
+    """Camera to surface, surface to light: every light can be asked, none at random."""
+    plan = plan_of("path", floor(), point_light((0, 0, 1)), max_depth=2)
+    assert (plan.method, plan.max_depth, plan.every_light) == ("direct", 2, True)
+    assert "method direct: with max_depth <= 2 a path is direct light" in explained(plan)
+
+
+def test_a_longer_path_stays_a_path():
+    plan = plan_of("path", floor(), point_light((0, 0, 1)), max_depth=3)
+    assert (plan.method, plan.max_depth, plan.follow) == ("path", 3, True)
+
+
+@pytest.mark.parametrize(
+    ("max_depth", "rr_depth", "roulette"),
+    [(5, 5, None), (6, 5, 5), (-1, 7, 7), (4, 9, None)],
+)
+def test_roulette_only_where_a_path_gets_that_far(max_depth, rr_depth, roulette):
+    plan = plan_of("path", floor(), LAMP, max_depth=max_depth, rr_depth=rr_depth)
+    assert plan.roulette_depth == roulette
+    assert ("left out Russian roulette" in explained(plan)) == (roulette is None)
+
+
+@pytest.mark.parametrize("max_depth", [2, 4])
+def test_importance_sampling_of_two_kinds_needs_lights_that_can_be_hit(max_depth):
+    """No ray meets a point: BSDF samples find no point lights, so nothing is weighed."""
+    points = plan_of("path", floor(), point_light((0, 0, 1)), max_depth=max_depth)
+    assert not points.weigh
+    assert "left out multiple importance sampling" in explained(points)
+    for extended in (LAMP, sky()):
+        plan = plan_of("path", floor(), extended, max_depth=max_depth)
+        assert plan.weigh
+        assert plan.follow
+        assert "multiple importance sampling" not in explained(plan)
+
+
+def test_direct_with_point_lights_sends_no_rays_on():
+    plan = plan_of("direct", floor(), point_light((0, 0, 1)))
+    assert not plan.follow
+    assert "left out scattering" in explained(plan)
+
+
+def test_direct_without_bsdf_samples_weighs_nothing():
+    plan = plan_of("direct", floor(), LAMP, bsdf_samples=0, emitter_samples=1)
+    assert (plan.weigh, plan.follow) == (False, False)
+
+
+def test_mirrors_alone_need_no_weights():
+    """Where nothing is diffuse, lights are found by mirror reflection and never asked."""
+    shining = sphere(mirror(), center=(0, 0, 3)) | {
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
+    }
+    plan = plan_of("path", shining, max_depth=8)
+    assert (plan.weigh, plan.follow) == (False, False)
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+def test_without_light_there_are_no_bounces(integrator):
+    plan = plan_of(integrator, floor(), sphere(mirror()))
+    assert (plan.method, plan.max_depth) == ("direct", 1)
+    assert "without a light every path is black" in explained(plan)
+
+
+def test_whitted_without_mirrors_does_not_recurse():
+    plan = plan_of("whitted", floor(), point_light((0, 0, 1)))
+    assert (plan.method, plan.max_depth) == ("whitted", 2)
+    for smooth in (mirror(), glass()):
+        plan = plan_of("whitted", floor(), sphere(smooth), point_light((0, 0, 3)))
+        assert (plan.method, plan.max_depth) == ("whitted", 8)
+        unlimited = plan_of("whitted", sphere(smooth), point_light((0, 0, 3)), max_depth=-1)
+        assert unlimited.max_depth == WHITTED_DEPTH
+
+
+@pytest.mark.parametrize("integrator", ["depth", "aov"])
+def test_depth_and_aovs_sample_no_light(integrator):
+    settings = {"aovs": "dd:depth"} if integrator == "aov" else {}
+    plan = plan_of(integrator, floor(), LAMP, **settings)
+    assert (plan.method, plan.max_depth) == (integrator, 1)
+    assert not plan.weigh
+    assert not plan.every_light
+    assert not plan.follow
+    assert "the first hit alone; no light, no BSDF is sampled" in explained(plan)
+
+
+def test_a_fixed_pattern_is_one_sample_a_pixel_and_said_to_be_exact():
+    """Pixel centres and point lights: nothing is random, and the plan says so."""
+    plan = plan_of("path", floor(), point_light((0, 0, 1)), max_depth=2)
+    assert plan.spp == 1
+    assert "samples 1 per pixel, at its centre: nothing is random" in explained(plan)
+    noisy = plan_of("path", floor(), LAMP, max_depth=2)
+    assert "nothing is random" not in explained(noisy)
+
+
+def test_an_explicit_integrator_is_taken_at_its_word():
+    """`auto` may choose a lesser method; a name that was asked for is what runs."""
+    loaded = renderer.load_dict(
+        scene(CAMERA, "path", floor(), point_light((0, 0, 1)), max_depth=2)
+    )
+    assert make_plan(loaded, integrator="auto").method == "direct"
+    for name in ("path", "whitted", "direct", "depth", "aov"):
+        assert make_plan(loaded, integrator=name).method == name
+
+
+def test_the_explanation_lists_what_is_there_and_what_is_not():
+    text = explained(plan_of("path", floor(), sphere(glass()), LAMP, max_depth=8))
+    assert "file asks path, max_depth 8, rr_depth 5" in text
+    assert "geometry 2 rectangles, 1 sphere" in text
+    assert "BSDFs diffuse, dielectric" in text
+    assert "lights 1 area" in text
+    assert "left out conductor: no shape has it; not compiled" in text
+    assert "left out textures and uv" in text
+
+
+# ------------------------------------------------------------------------- pictures
+
+
+def picture(loaded, plan: Plan, **changes) -> np.ndarray:
+    changed = dataclasses.replace(plan, **changes)
+    rendering = Rendering(loaded, changed, accel="auto", seed=3, threads=2)
+    assert rendering.run()
+    return rendering.film.develop()
+
+
+def planned(integrator, *parts, **settings):
+    camera = sensor(
+        (0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(24, 20), spp=4, jitter=True
+    )
+    loaded = renderer.load_dict(scene(camera, integrator, *parts, **settings))
+    return loaded, make_plan(loaded)
+
+
+def test_point_lights_over_diffuse_surfaces():
+    """Left out: weights, rays that go on, roulette. Not to be left out: any of the lights."""
+    lights = point_light((0.3, 0, 0.8)), point_light((-0.5, 0.2, 0.5), 0.3)
+    loaded, plan = planned("path", *box(0.5), *lights, max_depth=2)
+    lean = picture(loaded, plan)
+    assert lean.min() > 0
+    fuller = picture(loaded, plan, weigh=True, follow=True, roulette_depth=1)
+    assert np.array_equal(lean, fuller)
+    assert not np.array_equal(lean, picture(loaded, plan, every_light=False))
+    assert not picture(loaded, plan, max_depth=1).any()
+
+
+def test_closed_box_with_an_area_light():
+    """Left out: roulette that would never be played. Not to be left out: weights, a bounce."""
+    loaded, plan = planned("path", *box(0.7), LAMP, max_depth=5, rr_depth=5)
+    lean = picture(loaded, plan)
+    assert np.array_equal(lean, picture(loaded, plan, roulette_depth=5))
+    unweighted = picture(loaded, plan, weigh=False)
+    assert unweighted.mean() > 1.2 * lean.mean()  # light counted twice
+    assert not np.array_equal(lean, picture(loaded, plan, roulette_depth=2))
+    assert not np.array_equal(lean, picture(loaded, plan, max_depth=4))
+
+
+def test_mirrors_and_point_lights_by_whitted():
+    """Left out: weights and any cut-off that no ray meets. Not: a generation of rays."""
+    walls = box(0.5)
+    walls[2]["bsdf"] = walls[3]["bsdf"] = mirror(0.8)  # ahead and behind the camera
+    loaded, plan = planned(
+        "whitted", *walls, point_light((0.3, 0, 0.5)), max_depth=4, cutoff=1e-3
+    )
+    lean = picture(loaded, plan)
+    assert np.array_equal(lean, picture(loaded, plan, weigh=True, cutoff=0.0))
+    assert not np.array_equal(lean, picture(loaded, plan, max_depth=3))
+    assert not np.array_equal(lean, picture(loaded, plan, cutoff=0.7))

@@ -1,0 +1,249 @@
+"""Ray against triangle: both methods of the lecture, against each other and float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernel_probes import directions, float32, unit
+
+from renderer.jit import entry_kernel
+from renderer.lanes.functions import select, splat_f32
+from renderer.lanes.memory import load_row, store_row
+from renderer.shapes.patch import Patch
+from renderer.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
+from renderer.vectors import load3
+
+N = 16_384
+
+
+@entry_kernel
+def run_both(corner, edge1, edge2, normal, origin, direction, t_max, out):
+    """Lane k is triangle k against ray k; out[method] has rows hit, t, u, v."""
+    for i in range(0, t_max.size, 16):
+        patch = Patch(load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i))
+        o, d, end = load3(origin, i), load3(direction, i), load_row(t_max, 0, i)
+        method = 0
+        for x in (
+            hit_triangle(patch, o, d, end),
+            hit_triangle_moeller_trumbore(patch, o, d, end),
+        ):
+            store_row(out[method], 0, i, select(x.hit, splat_f32(1.0), splat_f32(0.0)))
+            store_row(out[method], 1, i, x.t)
+            store_row(out[method], 2, i, x.u)
+            store_row(out[method], 3, i, x.v)
+            method += 1
+
+
+class Result:
+    """What one method found: `hit`, and t, u, v as float64."""
+
+    def __init__(self, rows):
+        self.hit = rows[0] != 0
+        self.t, self.u, self.v = rows[1:].astype(float)
+
+
+def both(p, origin, direction, t_max=np.inf):
+    """Triangles (n, 3, 3) against rays (n, 3): results of the two methods."""
+    p = np.asarray(p, np.float32)
+    n = len(p)
+    m = n + -n % 16
+    edges = [p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]]
+    normal = np.cross(edges[1].astype(float), edges[2].astype(float))
+    arrays = [*edges, normal, np.broadcast_to(origin, (n, 3)), np.broadcast_to(direction, (n, 3))]
+    padded = [np.pad(float32(a), ((0, m - n), (0, 0))).T.copy() for a in arrays]
+    out = np.zeros((2, 4, m), np.float32)
+    ends = np.pad(np.broadcast_to(np.float32(t_max), n), (0, m - n))
+    run_both(*padded, np.ascontiguousarray(ends), out)
+    return [Result(rows[:, :n]) for rows in out]
+
+
+def in_float64(p, origin, direction):
+    """Return (t, u, v) with the plane by solving [e1 e2 -d] (u, v, t) = o - p1."""
+    p = np.asarray(p, np.float32).astype(float)
+    o, d = (np.asarray(a, np.float32).astype(float) for a in (origin, direction))
+    matrix = np.stack((p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], -d), axis=2)
+    u, v, t = np.linalg.solve(matrix, (o - p[:, 0])[..., None])[..., 0].T
+    return t, u, v
+
+
+def random_rays(n, seed, spread=1.0):
+    """Random triangles and rays towards points of their planes, half of them inside."""
+    rng = np.random.default_rng(seed)
+    p = rng.standard_normal((n, 3, 3)).astype(np.float32)
+    u, v = rng.uniform(-0.2, 1.0, (2, n, 1))
+    target = p[:, 0] + u * (p[:, 1] - p[:, 0]) + v * (p[:, 2] - p[:, 0])
+    d = directions(n, rng)
+    return p, target - spread * rng.uniform(0.1, 4, (n, 1)) * d, d.astype(np.float32)
+
+
+def well_shaped(p, d):
+    """|cos| of the angle at which a ray meets its triangle's plane, times its shape's."""
+    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    lengths = np.linalg.norm(e1, axis=1) * np.linalg.norm(e2, axis=1)
+    return np.abs(np.sum(np.cross(e1, e2) * d, axis=1)) / lengths
+
+
+def test_both_methods_against_float64():
+    """Where determinant / (|e1||e2|) > 0.05, so that rounding grows at most 20-fold."""
+    p, o, d = random_rays(N, 0)
+    t, u, v = in_float64(p, o, d)
+    good = well_shaped(p, d) > 0.05
+    margin = np.minimum.reduce([u, v, 1 - u - v])
+    clear = good & (np.abs(margin) > 1e-4)
+    inside = (margin > 0) & (t > 0)
+    assert 0.2 < inside[clear].mean() < 0.8 and clear.mean() > 0.8
+    for found in both(p, o, d):
+        np.testing.assert_array_equal(found.hit[clear], inside[clear])
+        hit = found.hit & good
+        np.testing.assert_allclose(found.t[hit], t[hit], rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(found.u[hit], u[hit], atol=5e-5)
+        np.testing.assert_allclose(found.v[hit], v[hit], atol=5e-5)
+        # typical, not worst: a few units in the last place
+        assert np.median(np.abs(found.t[hit] / t[hit] - 1)) < 3e-7
+
+
+def test_the_methods_differ_at_edges_only():
+    """A hit of one and not of the other lies within rounding of an edge."""
+    p, o, d = random_rays(N, 1)
+    plane, trumbore = both(p, o, d)
+    differ = plane.hit != trumbore.hit
+    t, u, v = in_float64(p, o, d)
+    margin = np.abs(np.minimum.reduce([u, v, 1 - u - v]))
+    assert (margin[differ] * well_shaped(p, d)[differ] < 1e-5).all()
+    assert differ.mean() < 1e-3
+
+
+@pytest.mark.parametrize("method", [0, 1], ids=["plane", "moeller_trumbore"])
+def test_edges_and_vertices_belong_to_the_triangle(method):
+    """Exact numbers: u = 0, v = 0, u + v = 1 are hits, one step outside is none."""
+    unit_triangle = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    inside = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0, 0.5), (0.5, 0.5), (0.25, 0.75), (0.25, 0.5)]
+    step = 2.0**-23
+    outside = [(-step, 0.5), (0.5, -step), (0.5 + step, 0.5), (1 + step, 0), (0, -step), (-1, 2)]
+    points = np.array(inside + outside)
+    o = np.column_stack((points, np.full(len(points), 2.0)))
+    found = both([unit_triangle] * len(points), o, [0.0, 0.0, -1.0])[method]
+    np.testing.assert_array_equal(found.hit, [True] * len(inside) + [False] * len(outside))
+    np.testing.assert_array_equal(found.t[found.hit], 2)
+    np.testing.assert_array_equal(np.stack((found.u, found.v), 1)[found.hit], inside)
+
+
+@pytest.mark.parametrize("method", [0, 1], ids=["plane", "moeller_trumbore"])
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+def test_both_sides_are_hit_and_what_lies_behind_is_not(method, towards):
+    triangle = [[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]] * 3
+    o = np.array([[0.25, 0.25, 3.0], [0.25, 0.25, -3.0], [0.25, 0.25, 0.0]])
+    found = both(triangle, o, [0.0, 0.0, towards])[method]
+    np.testing.assert_array_equal(found.hit, [towards < 0, towards > 0, False])
+
+
+@pytest.mark.parametrize("method", [0, 1], ids=["plane", "moeller_trumbore"])
+def test_parallel_rays_miss(method):
+    """In the plane, through the triangle or beside it, and above the plane."""
+    rng = np.random.default_rng(2)
+    n = 1024
+    angle = rng.uniform(0, 2 * np.pi, n)
+    d = np.stack((np.cos(angle), np.sin(angle), np.zeros(n)), 1)
+    o = np.stack((*rng.uniform(-1, 1, (2, n)), rng.choice([0.0, -0.0, 1e-6, 1.0], n)), 1)
+    found = both([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]] * n, o, d)[method]
+    assert not found.hit.any()
+
+
+def test_degenerate_triangles_are_never_hit():
+    """Points and collinear corners, axis-parallel and not, from any side (row 14).
+
+    The plane method has it from the stored normal, which is exactly 0. Moeller-Trumbore
+    computes the determinant anew for each ray, and what rounding leaves of a zero is
+    taken for a triangle: the method that is known to fail here, and not the renderer's.
+    """
+    rng = np.random.default_rng(3)
+    n = 4096
+    a = rng.integers(-4, 5, (n, 3)).astype(float)
+    b = a + rng.integers(-3, 4, (n, 3))
+    k = rng.integers(-2, 4, (n, 1))
+    c = a + k * (b - a)  # exact in float32, so the area is exactly 0
+    p = np.stack((a, b, c), 1)
+    target = a + rng.random((n, 1)) * (b - a)
+    d = directions(n, rng)
+    phantoms = 0
+    for o in (target - 2 * d, target, a):
+        plane, trumbore = both(p, o, d)
+        assert not plane.hit.any()
+        phantoms += trumbore.hit.sum()
+    assert phantoms > 0
+
+
+def test_pbrt_s_collinear_triangle():
+    """Corners that a public renderer once hit although they lie on a line (row 14)."""
+    p = [[[-1113.45459, -79.0499, -56.2431], [-1113.45459, -87.0499, -56.2431],
+          [-1113.45459, -79.2, -56.2431]]]
+    o = np.array([[-1081.47925, 99.9999542, 87.7701111]])
+    d = unit([[-32.1072998, -183.355865, -144.607635]])
+    for found in both(p, o, d):
+        assert not found.hit.any()
+
+
+@pytest.mark.parametrize("exponent", [-20, -13, 13, 20])
+def test_hits_do_not_depend_on_the_scale(exponent):
+    """Scaled by a power of two, 10^-6 to 10^6, t scales and u, v stay, bit for bit.
+
+    A fixed bound on the determinant fails here: edges of 10^-4 give 10^-8 (row 14).
+    """
+    p, o, d = random_rays(N, 4)
+    scale = 2.0**exponent
+    for before, after in zip(both(p, o, d), both(p * np.float32(scale), o * scale, d), strict=True):
+        np.testing.assert_array_equal(after.hit, before.hit)
+        hit = before.hit
+        assert hit.any()
+        np.testing.assert_array_equal(after.t[hit], before.t[hit] * scale)
+        np.testing.assert_array_equal(after.u[hit], before.u[hit])
+        np.testing.assert_array_equal(after.v[hit], before.v[hit])
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e3, 1e6])
+def test_hits_at_decimal_scales(scale):
+    """The same with rounding: all hits that are not at an edge, t within 1e-4."""
+    p, o, d = random_rays(N, 5)
+    scaled = (p * scale).astype(np.float32)
+    t, u, v = in_float64(scaled, o * scale, d)
+    good = (well_shaped(p, d) > 0.05) & (np.abs(np.minimum.reduce([u, v, 1 - u - v])) > 1e-4)
+    for found in both(scaled, o * scale, d):
+        np.testing.assert_array_equal(
+            found.hit[good], ((np.minimum.reduce([u, v, 1 - u - v]) > 0) & (t > 0))[good]
+        )
+        hit = found.hit & good
+        np.testing.assert_allclose(found.t[hit] / scale, t[hit] / scale, rtol=1e-4, atol=1e-5)
+
+
+def test_a_fixed_bound_on_the_determinant_loses_small_triangles():
+    """The method known to fail: |det| > 1e-8 sees nothing at edges of 1e-4 (row 14)."""
+    p, o, d = random_rays(N, 4)
+    small = p * np.float32(1e-5)
+    e1, e2 = small[:, 1] - small[:, 0], small[:, 2] - small[:, 0]
+    determinant = np.sum(e1 * np.cross(d, e2), axis=1)
+    ours = both(small, o * 1e-5, d)[0].hit
+    assert ours.mean() > 0.2
+    assert (ours & (np.abs(determinant) > 1e-8)).sum() == 0
+
+
+@pytest.mark.parametrize("method", [0, 1], ids=["plane", "moeller_trumbore"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_none_miss(method, value):
+    """In every component of origin and direction, and NaN as the end (row 9)."""
+    p, o, d = random_rays(64, 6)
+    end = np.full(64, np.inf)
+    for k in range(6):
+        (o if k < 3 else d)[k::8, k % 3] = value
+    end[6::8] = np.nan
+    end[7::8] = -np.inf
+    assert not both(p, o, d, end)[method].hit.any()
+
+
+def test_the_end_of_the_ray_is_inclusive():
+    p, o, d = random_rays(1024, 7)
+    for method, found in enumerate(both(p, o, d)):
+        t = found.t.astype(np.float32)
+        at_end = both(p, o, d, t)[method].hit
+        np.testing.assert_array_equal(at_end, found.hit)
+        before = np.nextafter(t, np.float32(-np.inf))
+        assert not both(p, o, d, before)[method].hit.any()
