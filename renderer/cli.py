@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import shlex
 import sys
 import warnings
@@ -55,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError:
         _complain("error: there is not enough memory for this picture or scene")
     except BrokenPipeError:  # the reader of our output has seen enough
-        sys.stderr.close()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         _complain(f"interrupted; wrote {_listed(written) or 'nothing'}")
         return 130
@@ -87,11 +88,11 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     image = _render(scene, options, interrupts)
     if interrupts.count > 1:
         raise KeyboardInterrupt
-    whole = _write(image, outputs, written)
+    _write(image, outputs, written)
     _report(image, written, quiet=options.quiet)
     if interrupts.count:
         return 130
-    return 0 if whole else 1
+    return 0 if len(written) == len(outputs) else 1
 
 
 def default_output(scene: Path) -> Path:
@@ -140,8 +141,8 @@ def _command(options: argparse.Namespace) -> str:
     return shlex.join(words)
 
 
-def _write(image: Image, outputs: list[Path], written: list[Path]) -> bool:
-    """Write all that can be written; return whether that is everything."""
+def _write(image: Image, outputs: list[Path], written: list[Path]) -> None:
+    """Write what can be written: one full disk is no reason to lose the picture."""
     for output in outputs:
         try:
             with warnings.catch_warnings(record=True) as caught:
@@ -152,7 +153,6 @@ def _write(image: Image, outputs: list[Path], written: list[Path]) -> bool:
             _complain(f"error: {error}")
         for warning in caught:
             _complain(f"warning: {output}: {warning.message}")
-    return len(written) == len(outputs)
 
 
 def _report(image: Image, written: list[Path], *, quiet: bool) -> None:

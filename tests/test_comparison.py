@@ -5,6 +5,7 @@ Mitsuba stands on both sides, so that each injected error is the only one.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -132,6 +133,27 @@ def test_a_missing_cosine_fails(still):
     hit = still.aovs["depth"] > 0
     broken = np.where(hit, still.references[0] / np.maximum(cosine, 0.05), 0.0)
     assert {"rmse", "edge_disagreement"} <= failed(still.compare(broken.astype(np.float32)))
+
+
+def test_swapped_indices_of_refraction_fail(noisy, tmp_path):
+    """A glass ball against a bubble of air in glass: the same geometry, other light."""
+    glass = '<bsdf type="dielectric"><float name="{}" value="1.5"/>{}</bsdf>'
+    other = '<float name="{}" value="1.0"/>'
+    text = noisy.path.read_text()
+    ball = '<shape type="sphere">\n    <ref id="red"/>'
+    assert ball in text
+    pictures = {}
+    for inside, outside in (("int_ior", "ext_ior"), ("ext_ior", "int_ior")):
+        bsdf = glass.format(inside, other.format(outside))
+        path = tmp_path / f"{inside}.xml"
+        path.write_text(text.replace(ball, f'<shape type="sphere">{bsdf}'))
+        request = RenderRequest(str(path), SIZE | {"spp": "64"})
+        pictures[inside] = [
+            render_reference(replace(request, seed=seed)).pixels for seed in range(5)
+        ]
+    right, wrong = pictures["int_ior"], pictures["ext_ior"]
+    assert failed(compare(right[0], right[1:])) == set()
+    assert {"rmse", "tile_bias"} <= failed(compare(wrong[0], right[1:]))
 
 
 def test_half_a_per_cent_of_scale_fails(noisy):

@@ -86,19 +86,24 @@ def test_from_inside_the_far_root_counts():
 
 
 def test_from_a_point_of_the_sphere():
-    """Exactly on it: outward no hit, inward t = 2 r cos (row 17)."""
+    """Exactly on it: outward no hit, inward t = 2 r cos (row 17).
+
+    The root is that of a difference, r^2 - (distance of the ray from the centre)^2, known to
+    1e-7: so is t to 1e-7 / cos, and to 1e-6 of itself away from grazing.
+    """
     rng = np.random.default_rng(2)
     poles = np.concatenate((np.eye(3), -np.eye(3)))[rng.integers(0, 6, N)]
     direction = float32(directions(N, rng))
     cosine = np.sum(-poles * direction.astype(float), axis=1)
-    clear = np.abs(cosine) > 1e-3
     found = hit_one("spheres", spheres([[0.0] * 3], [2.0]), 2 * poles, direction)
+    clear = np.abs(cosine) > 1e-3
     np.testing.assert_array_equal(found.prim[clear] >= 0, cosine[clear] > 0)
     inward = clear & (cosine > 0)
-    length = np.sum(direction.astype(float) ** 2, axis=1)
-    expected = (4 * cosine / length)[inward]
-    # absolute: the cosine of the float32 direction is itself known to 6e-8 only
-    np.testing.assert_allclose(found.t[inward], expected, rtol=1e-6, atol=1e-6)
+    expected = 4 * cosine / np.sum(direction.astype(float) ** 2, axis=1)
+    error = np.abs(found.t - expected)
+    assert (error * cosine)[inward].max() < 1e-6
+    steep = cosine > 0.7
+    assert (error / expected)[steep].max() < 1e-6
 
 
 def test_a_ray_beside_the_sphere_misses():

@@ -67,6 +67,22 @@ def test_a_bug_in_our_renderer_is_an_error_of_that_scene(scene, capsys):
     assert "unexpected KeyError: 'spheres'" in capsys.readouterr().out
 
 
+def test_ctrl_c_shows_the_scenes_so_far(scene, tmp_path, capsys):
+    """The first scene's result and report are not lost with the second scene."""
+    second = write_scene(tmp_path / "second", width=24, height=18, spp=16)
+    perfect = stand_in()
+
+    def interrupted(request):
+        if "second" in request.path:
+            raise KeyboardInterrupt
+        return perfect(request)
+
+    report = tmp_path / "report"
+    assert run(scene, second, "--report", report, ours=interrupted) == 130
+    assert "ball" in capsys.readouterr().out
+    assert [s.name for s in read_results(report / "results.json").scenes] == ["ball"]
+
+
 def test_a_wrong_proof_file_is_an_error_of_that_scene(scene, capsys):
     scene.with_name("proof.toml").write_text("titel = 1")
     assert run(scene) == 1

@@ -1,0 +1,514 @@
+"""The command `lightproof`: what it writes, says and returns, also when it is interrupted."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import renderer
+from renderer import cli, image_files
+from renderer.cli import main
+from renderer.film import tile_sums
+from renderer.image import Image
+from renderer.plan import make_plan
+from renderer.progress_display import ProgressDisplay
+from renderer.render import SAMPLES_PER_JOB, Progress, Rendering
+
+ROOT = Path(__file__).parent.parent
+SCENES = ROOT / "scenes"
+CORNELL = str(SCENES / "cornell-box" / "scene.xml")
+SMALL = [CORNELL, "-D", "width=32", "-D", "height=32", "--spp", "4"]
+ENDLESS = [CORNELL, "-D", "width=64", "-D", "height=64", "--spp", "4000000"]
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def header(path):
+    with OpenEXR.File(str(path)) as file:
+        return dict(file.header())
+
+
+def pixels(path):
+    with OpenEXR.File(str(path)) as file:
+        return np.array(file.channels()["RGB"].pixels)
+
+
+def start(*arguments, **environment):
+    """Start the command in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "renderer", *arguments],
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(process, beginning):
+    """Read the process's standard error to the line that begins so."""
+    for line in process.stderr:
+        if line.startswith(beginning):
+            return
+    raise AssertionError(f"the process ended before it said {beginning!r}")
+
+
+# ------------------------------------------------------------------------------- files
+
+
+def test_every_output_is_written_and_the_summary_names_them(capsys, tmp_path):
+    """EXR, PNG and NPY of one render; the last line says size, samples, speed, files."""
+    outputs = [tmp_path / name for name in ("a.exr", "b.png", "c.npy")]
+    status = main(SMALL + [word for path in outputs for word in ("-o", str(path))])
+    assert status == 0
+    np.testing.assert_array_equal(pixels(outputs[0]), np.load(outputs[2]))
+    assert outputs[1].read_bytes().startswith(b"\x89PNG")
+    last = capsys.readouterr().out.splitlines()[-1]
+    files = ", ".join(map(str, outputs))
+    pattern = r"32 x 32 pixels, 4 spp, [\d.]+ s, [\d.]+ Msamples/s; wrote " + re.escape(
+        files
+    )
+    assert re.fullmatch(pattern, last)
+
+
+def test_the_picture_is_that_of_the_api(tmp_path):
+    main([*SMALL, "--seed", "7", "-o", "a.exr"])
+    scene = renderer.load_file(CORNELL, width=32, height=32)
+    np.testing.assert_array_equal(pixels("a.exr"), renderer.render(scene, 4, seed=7).pixels)
+
+
+def test_without_output_the_picture_is_named_after_the_scene(capsys, tmp_path):
+    """A scene.xml gives the name of its folder; the folder alone will do as the scene."""
+    assert main([str(SCENES / "cornell-box"), *SMALL[1:]]) == 0
+    assert capsys.readouterr().out.endswith("; wrote cornell-box.exr\n")
+    assert pixels("cornell-box.exr").shape == (32, 32, 3)
+    assert cli.default_output(Path("/models/teapot.xml")) == Path("teapot.exr")
+    assert cli.default_output(Path("scene.xml")) == Path(f"{tmp_path.name}.exr")
+
+
+def test_equal_renders_give_equal_bytes_at_any_number_of_threads():
+    """Nothing of time, machine, threads or file name is in a file."""
+    for threads in ("1", "2"):
+        main([*SMALL, "--threads", threads, "-o", f"{threads}.exr", "-o", f"{threads}.png"])
+    assert Path("1.exr").read_bytes() == Path("2.exr").read_bytes()
+    assert Path("1.png").read_bytes() == Path("2.png").read_bytes()
+
+
+def test_the_header_says_how_to_make_the_picture_again():
+    main([*SMALL, "--seed", "3", "--threads", "2", "-o", "a.exr"])
+    found = header("a.exr")
+    assert found["lightproof"] == renderer.__version__
+    assert found["integrator"] == "path"
+    assert found["sampler"] == "independent"
+    assert found["seed"] == "3"
+    assert found["spp"] == 4
+    assert found["command"].endswith("--spp 4 --seed 3 -D width=32 -D height=32")
+    assert "interrupted" not in found
+
+
+def test_what_can_be_written_is_written(capsys, monkeypatch):
+    """A folder that vanishes while rendering costs its file alone; NaN is a warning."""
+    Path("gone").mkdir()
+
+    def render(scene, **_):
+        shutil.rmtree("gone")
+        return Image(np.full((2, 2, 3), np.nan, np.float32), spp=1)
+
+    monkeypatch.setattr(renderer, "render", render)
+    assert main([CORNELL, "-o", "gone/a.exr", "-o", "b.png"]) == 1
+    out, err = capsys.readouterr()
+    assert "error: gone/a.exr: there is no folder 'gone' to write to\n" in err
+    assert "warning: b.png: 4 of 4 pixels are NaN or infinite" in err
+    assert out.endswith("; wrote b.png\n")
+    assert Path("b.png").is_file()
+
+
+# ------------------------------------------------------------------ what was wrong
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "SCENE.xml"),
+        ([CORNELL, "--integrator", "bdpt"], "'bdpt' (choose from 'auto', 'direct'"),
+        ([CORNELL, "--accel", "octopus"], "'octopus' (choose from 'auto', 'brute'"),
+        ([CORNELL, "--sampler", "sobol"], "'sobol' (choose from 'independent', 'str"),
+        ([CORNELL, "--spp", "0"], "argument --spp: 0 is less than 1"),
+        ([CORNELL, "--spp", "many"], "argument --spp: 'many' is no whole number"),
+        ([CORNELL, "--threads", "-1"], "argument --threads: -1 is less than 1"),
+        ([CORNELL, "--seed", "4294967296"], "4294967296 is not in 0 to 4294967295"),
+        ([CORNELL, "-D", "width"], "'width' is not of the form name=value"),
+        ([CORNELL, "-D", "=3"], "'=3' is not of the form name=value"),
+        ([CORNELL, "--sp", "3"], "unrecognized arguments: --sp 3"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_and_status_2(capsys, arguments, complaint):
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("lightproof: error: ")
+    assert err.count("\n") == 1
+    assert complaint in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["nowhere.xml"], "nowhere.xml: no such scene file"),
+        ([CORNELL, "-D", "widht=3"], "no use of the parameter widht=3; the scene has: he"),
+        ([CORNELL, "-D", "path=3"], "no use of the parameter path=3"),
+        ([CORNELL, "-D", "width=wide"], "cornell-box/scene.xml:22: "),
+        ([CORNELL, "--spp", "99999999"], "spp is 99999999; 1 to 16777216 are possible"),
+        ([CORNELL, "--threads", "5000"], "threads is 5000; 1 to 1024 are possible"),
+        (
+            [CORNELL, "-o", "a.jpg"],
+            "a.jpg: the ending '.jpg'; pictures are written as .exr",
+        ),
+        ([CORNELL, "-o", "nowhere/a.exr"], "there is no folder 'nowhere' to write to"),
+    ],
+)
+def test_what_cannot_be_rendered_is_one_line_and_status_1(capsys, arguments, complaint):
+    assert main(arguments) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert complaint in err
+    assert not list(Path().iterdir())
+
+
+def test_a_folder_that_is_not_writable_is_noticed_before_rendering(capsys, monkeypatch):
+    """By a stand-in for os.access, as nothing is closed to the superuser."""
+    monkeypatch.setattr(image_files.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(renderer, "render", None)  # calling it would be a TypeError
+    assert main([CORNELL, "-o", "a.exr"]) == 1
+    assert capsys.readouterr().err == "error: a.exr: the folder '.' is not writable\n"
+
+
+def test_too_little_memory_is_one_line(capsys, monkeypatch):
+    def render(scene, **_):
+        raise MemoryError
+
+    monkeypatch.setattr(renderer, "render", render)
+    assert main([CORNELL]) == 1
+    assert capsys.readouterr().err.startswith("error: there is not enough memory")
+
+
+def test_the_module_runs_as_a_program():
+    """`python -m renderer` takes its exit status and its output from `main`."""
+    process = start("nowhere.xml", "--bogus")
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (2, "")
+    assert err == (
+        "lightproof: error: unrecognized arguments: --bogus; --help lists the options\n"
+    )
+
+
+def test_a_reader_that_goes_away_is_no_traceback():
+    """As in `lightproof --explain | head -1`."""
+    process = start(CORNELL, "--explain")
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait(timeout=60) == 1
+    process.stderr.close()
+
+
+# ------------------------------------------------------------------------ explanation
+
+
+def test_help_and_version(capsys):
+    """Help shows examples and every name that can be chosen."""
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    for word in ("examples:", "whitted", "bvh", "multijitter", "name=value", "Ctrl-C"):
+        assert word in text
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"lightproof {renderer.__version__}\n"
+
+
+EXPLAINED = {
+    "cornell-box": [
+        "method        path, as asked for",
+        "as the mean of random paths (Kajiya 1986)",
+        "accelerator   24 triangles, 6 rectangles: brute force",
+        "- conductor, dielectric: no shape has it; not compiled",
+        "- textures and uv: no BSDF looks at them",
+    ],
+    "appel-teapot": [
+        "method        direct, as asked for",
+        "accelerator   6348 triangles: a bounding volume hierarchy",
+        "1 per pixel, at its centre: nothing is random",
+        "- multiple importance sampling, emission at hits: all lights are points or",
+    ],
+    "depth-and-normals": [
+        "file asks     aov, and the colours of direct",
+        "accelerator   2 rectangles, 1 sphere, 1 cylinder: brute force",
+        "The colours, by the integrator inside",
+    ],
+}
+
+
+@pytest.mark.parametrize("name", EXPLAINED)
+def test_explain_says_what_is_done_and_what_is_left_out(capsys, monkeypatch, name):
+    """Without rendering: no file, and `render` is not called."""
+    monkeypatch.setattr(renderer, "render", None)
+    assert main([str(SCENES / name), "--explain"]) == 0
+    text = capsys.readouterr().out
+    for line in EXPLAINED[name]:
+        assert line in text
+    assert text.index("What is done") < text.index("samples")
+    assert max(map(len, text.splitlines()[1:])) <= 92
+    assert not list(Path().iterdir())
+
+
+def test_explain_follows_the_options(capsys):
+    given = ["--integrator", "direct", "--accel", "bvh", "-D", "width=40"]
+    assert main([CORNELL, "--explain", *given]) == 0
+    text = capsys.readouterr().out
+    assert "40 x 192 pixels" in text
+    assert "(Appel 1968)" in text
+    assert "hierarchy by the surface area heuristic, as asked for" in " ".join(text.split())
+
+
+def test_explain_with_an_output_renders_too(capsys):
+    assert main([*SMALL, "--explain", "-o", "a.exr"]) == 0
+    out = capsys.readouterr().out
+    assert out.index("What is done") < out.index("wrote a.exr")
+    assert Path("a.exr").is_file()
+
+
+@pytest.mark.parametrize(
+    ("sampler", "asked", "count"),
+    [
+        ("independent", 5, 5),
+        ("stratified", 5, 9),
+        ("multijitter", 5, 6),
+        ("orthogonal", 10, 25),
+        ("ldsampler", 5, 16),
+        ("stratified", 16, 16),
+    ],
+)
+def test_samples_are_rounded_as_mitsuba_rounds_them(capsys, sampler, asked, count):
+    """The numbers are Mitsuba's `set_sample_count` [run, 3.9.1]; the explanation says so."""
+    assert main([CORNELL, "--explain", "--sampler", sampler, "--spp", str(asked)]) == 0
+    words = " ".join(capsys.readouterr().out.split())
+    assert f"samples {count} per pixel, {sampler}" in words
+    assert (f"({asked} asked for; the sampler needs" in words) == (asked != count)
+
+
+def test_more_samples_of_a_fixed_grid_are_a_finer_grid():
+    """Mitsuba's `stratified` without jitter takes 16 positions when asked for 16."""
+    scene = renderer.load_file(SCENES / "appel-teapot" / "scene.xml")
+    plan = make_plan(scene, spp=16)
+    assert (plan.spp, plan.sampler.jitter) == (16, False)
+    assert "on a fixed grid of 4 x 4: nothing is random" in "\n".join(plan.lines)
+
+
+# --------------------------------------------------------------------------- progress
+
+
+def test_warnings_of_the_scene_are_said(capsys):
+    main([str(SCENES / "depth-and-normals"), "-D", "spp=5", "--explain"])
+    err = capsys.readouterr().err
+    assert err.startswith("warning: ")
+    assert "rounds 5 samples up to 9" in err
+
+
+def test_quiet_says_nothing(capsys):
+    assert main([*SMALL, "--quiet", "-o", "a.exr"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert Path("a.exr").is_file()
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+STEPS = [
+    Progress("compile", 0, 1, 0.0),
+    Progress("compile", 1, 1, 12.34),
+    Progress("render", 0, 1000000, 0.0),
+    Progress("render", 250000, 1000000, 10.0),
+    Progress("render", 1000000, 1000000, 12.0),
+]
+
+
+def test_a_terminal_shows_a_bar_with_time_left_and_speed(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    stream = Terminal()
+    with ProgressDisplay(stream) as display:
+        for step in STEPS:
+            display(step)
+    text = stream.getvalue()
+    assert "compiling kernels for this scene (once; cached)..." in text
+    assert "compiled in 12.3 s" in text
+    assert "30 s left, 0.0 Msamples/s" in text or "0 s left, 0.1 Msamples/s" in text
+    assert "\x1b[?25h" in text  # the cursor is back
+
+
+def test_without_a_terminal_there_are_plain_lines():
+    """No escape sequence, no carriage return; a line every ten seconds."""
+    stream = io.StringIO()
+    with ProgressDisplay(stream) as display:
+        for step in STEPS:
+            display(step)
+    assert stream.getvalue().splitlines() == [
+        "compiling kernels for this scene (once; cached)...",
+        "compiled in 12.3 s",
+        "rendering 1000000 samples",
+        "25%, 30 s left, 0.0 Msamples/s",
+    ]
+
+
+# ------------------------------------------------------------------------- interrupts
+
+
+def test_ctrl_c_writes_the_picture_so_far():
+    """From outside, as a terminal sends it, into a render without end."""
+    process = start(*ENDLESS, "-o", "a.exr")
+    wait_for(process, "rendering")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, "")
+    found = re.fullmatch(r"interrupted (after (\d+) of (\d+) samples); wrote a.exr\n", err)
+    assert found is not None
+    done, samples = int(found[2]), int(found[3])
+    assert 0 <= done < samples == 64 * 64 * 4000000
+    assert header("a.exr")["interrupted"] == found[1]
+    assert np.isfinite(pixels("a.exr")).all()
+
+
+def test_ctrl_c_while_compiling_quits_at_once(tmp_path):
+    """There is no picture to write; an empty cache makes it compile."""
+    process = start(*ENDLESS, "-o", "a.exr", LIGHTPROOF_CACHE=str(tmp_path / "cache"))
+    wait_for(process, "compiling")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (130, "", "interrupted; wrote nothing\n")
+    assert not Path("a.exr").exists()
+
+
+def interrupt_after(monkeypatch, samples, times):
+    """Send SIGINT so many times once so many samples are done."""
+    show = ProgressDisplay.__call__
+
+    def call(self, progress):
+        show(self, progress)
+        if progress.stage == "render" and progress.done >= samples:
+            for _ in range(times):
+                signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(ProgressDisplay, "__call__", call)
+
+
+def test_the_picture_so_far_is_that_of_the_samples_so_far(capsys, monkeypatch):
+    """One tile and one thread: after the first job, it is the picture of 16 samples."""
+    one = [CORNELL, "-D", "width=32", "-D", "height=32", "--threads", "1"]
+    assert main([*one, "--spp", "16", "-o", "whole.exr"]) == 0
+    interrupt_after(monkeypatch, samples=32 * 32 * 16, times=1)
+    assert main([*one, "--spp", "4000000", "-o", "part.exr"]) == 130
+    said = re.search(r"after (\d+) of", capsys.readouterr().err)
+    # a second job was under way and is kept
+    assert int(said[1]) in (32 * 32 * 16, 32 * 32 * 32)
+    if int(said[1]) == 32 * 32 * 16:
+        np.testing.assert_array_equal(pixels("part.exr"), pixels("whole.exr"))
+    assert pixels("part.exr").mean() == pytest.approx(pixels("whole.exr").mean(), rel=0.1)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_quits_without_the_picture(capsys, monkeypatch):
+    interrupt_after(monkeypatch, samples=1, times=2)
+    assert main([*ENDLESS, "-o", "a.exr"]) == 130
+    assert capsys.readouterr().err.endswith("interrupted; wrote nothing\n")
+    assert not list(Path().iterdir())
+
+
+def test_ctrl_c_while_writing_waits_for_the_file(capsys, monkeypatch):
+    """The picture is whole by then; the status still says that somebody wanted to stop."""
+    save = Image.save
+
+    def interrupted_save(self, path):
+        signal.raise_signal(signal.SIGINT)
+        save(self, path)
+
+    monkeypatch.setattr(Image, "save", interrupted_save)
+    assert main([*SMALL, "-o", "a.exr"]) == 130
+    assert capsys.readouterr().out.endswith("; wrote a.exr\n")
+    assert "interrupted" not in header("a.exr")
+
+
+def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
+    """A job's sums are one digit, 0 or 1, of a number in base 4, for every tile.
+
+    Here the interrupt comes as it does to users of the API: as a KeyboardInterrupt
+    anywhere in Python's code, at forty moments spread over the render.
+    """
+    scene = renderer.load_file(CORNELL, width=64, height=64)
+    plan = make_plan(scene, spp=12 * SAMPLES_PER_JOB)
+
+    def render(self, job):
+        time.sleep(2e-4)
+        sums = tile_sums(self.channels, self.border)
+        sums[:] = 4.0 ** (job.first_sample // SAMPLES_PER_JOB)
+        return sums
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Rendering, "_render", render)
+    previous = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        outcomes = set()
+        for moment in range(1, 41):
+            rendering = Rendering(scene, plan, accel="auto", seed=0, threads=2)
+            signal.setitimer(signal.ITIMER_REAL, moment * 4e-4)
+            try:
+                complete = rendering.run()
+            except KeyboardInterrupt:  # before the first job, or after the last one
+                continue
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+            outcomes.add(complete)
+            for weight in np.unique(rendering.film._sums):
+                digits = np.base_repr(int(weight), 4)
+                assert set(digits) <= {"0", "1"}
+                assert not complete or digits == 12 * "1"
+        assert False in outcomes  # otherwise nothing was tested
+    finally:
+        signal.signal(signal.SIGALRM, previous)
+
+
+def test_ctrl_c_before_the_colours_of_an_aov_keeps_the_aovs(monkeypatch):
+    """The nested integrator's render is the second one; the first one's work is not lost."""
+    scene = renderer.load_file(
+        SCENES / "depth-and-normals" / "scene.xml", width=32, height=24
+    )
+    nested = dataclasses.replace(scene.description.integrator.nested)
+    assert nested.name == "direct"
+    starts = []
+
+    def progress(now):
+        if now.stage == "render" and now.done == 0:
+            starts.append(now)
+            if len(starts) == 2:
+                raise KeyboardInterrupt
+
+    image = renderer.render(scene, progress=progress)
+    assert not image.complete
+    assert image.aovs["depth"].max() > 0.0
+    assert image.metadata["interrupted"] == "after 0 of 768 samples"
