@@ -13,7 +13,8 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.image import Image
-from renderer.render import Progress, render
+from renderer.render import render
+from renderer.rendering import Progress
 from renderer.scene import Scene, build_scene
 from renderer.scene_file import read_dict, read_file, read_string
 
@@ -30,7 +31,7 @@ __all__ = [
 ]
 
 
-def load_file(path: str | Path, **parameters: object) -> Scene:
+def load_file(path: str | Path, /, **parameters: object) -> Scene:
     """Load a Mitsuba 3 XML scene; keyword arguments replace the file's `<default>` values.
 
     Raises
@@ -42,7 +43,7 @@ def load_file(path: str | Path, **parameters: object) -> Scene:
 
 
 def load_string(
-    xml: str, *, base_dir: str | Path | None = None, **parameters: object
+    xml: str, /, *, base_dir: str | Path | None = None, **parameters: object
 ) -> Scene:
     """Load a scene from XML text; files it names are looked up in `base_dir`."""
     return build_scene(read_string(xml, base_dir=base_dir, **parameters))

@@ -95,7 +95,7 @@ def make_workspace(
     ray_capacity : int
         Rays that can wait: `CAPACITY` for a path, more for Whitted's tree.
     shadow_capacity : int
-        Shadow rays of one batch: lights asked at each point times `CAPACITY`.
+        Shadow rays of one batch for one light.
     channels : int
         Numbers for each pixel: 3, and those of the AOVs.
     depths : int

@@ -18,10 +18,10 @@ from renderer.errors import SceneError
 from renderer.image import Image
 from renderer.image_files import check_output_path
 from renderer.interrupts import Interrupts
-from renderer.plan import INTEGRATORS, SAMPLERS
+from renderer.plan import INTEGRATORS, RAY_OFFSETS, SAMPLERS
 from renderer.plan_text import plan_text
 from renderer.progress_display import ProgressDisplay
-from renderer.render import Progress
+from renderer.rendering import Progress
 from renderer.scene import Scene, build_scene
 from renderer.scene_file import read_file
 
@@ -123,6 +123,7 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
             integrator=options.integrator,
             accel=options.accel,
             sampler=options.sampler,
+            ray_offset=options.ray_offset,
             progress=progress,
         )
     metadata = {**image.metadata, "command": _command(options)}
@@ -234,6 +235,12 @@ def _parser() -> argparse.ArgumentParser:
         choices=SAMPLERS,
         metavar="NAME",
         help=f"{', '.join(SAMPLERS)} (default: the file's)",
+    )
+    add(
+        "--ray-offset",
+        choices=tuple(RAY_OFFSETS),
+        metavar="NAME",
+        help="how far off their surface rays start: tight (default) or mitsuba",
     )
     add(
         "-D",

@@ -18,7 +18,20 @@ import numba
 
 _FLAGS = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 # what no kernel calls: an edit there need not compile anything anew
-_WITHOUT_KERNELS = ("scene_file/", "cli.py", "__main__.py", "image", "srgb.py", "plan.py")
+_WITHOUT_KERNELS = (
+    "__main__.py",
+    "cli.py",
+    "compilation.py",
+    "explanation.py",
+    "image",
+    "interrupts.py",
+    "plan",
+    "progress_display.py",
+    "render.py",
+    "rendering.py",
+    "scene_file/",
+    "srgb.py",
+)
 
 
 def _sources_hash() -> str:

@@ -8,10 +8,10 @@ import numpy as np
 
 from renderer.accelerators.build import build_accelerators
 from renderer.camera import kernel_camera
-from renderer.kernel_scene import KernelScene, Settings, Surfaces
+from renderer.kernel_scene import Bsdfs, KernelScene, Settings, Surfaces
 from renderer.light_tables import light_tables
 from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
-from renderer.sampling import Independent, Multijitter, Stratified
+from renderer.sampling import Independent, Stratified
 from renderer.scene import KINDS, Scene
 
 
@@ -22,9 +22,14 @@ def kernel_sampler(plan: Plan, seed: int) -> Any:
     if name == "independent":
         return Independent(mixed)
     columns, rows = stratified_cells(plan.spp)
-    if name == "stratified":
-        return Stratified(mixed, columns, rows, 1.0 if plan.sampler.jitter else 0.0)
-    return Multijitter(mixed, columns, rows)
+    jitter = 1.0 if plan.sampler.jitter else 0.0
+    return Stratified(mixed, columns, rows, jitter, None if name == "stratified" else 1)
+
+
+def _bsdfs(scene: Scene, plan: Plan) -> Bsdfs:
+    """Return the tables of the BSDFs that the plan's paths go on from."""
+    bsdfs = scene.materials.records()
+    return bsdfs if plan.mirrors else bsdfs._replace(conductor=None, dielectric=None)
 
 
 def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene:
@@ -57,7 +62,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         scene.shape,
         scene.face,
         scene.shapes,
-        scene.materials.records(),
+        _bsdfs(scene, plan),
         None if first_hit else light_tables(scene),
         kernel_camera(scene.description.camera),
         kernel_sampler(plan, seed),

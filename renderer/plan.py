@@ -41,6 +41,7 @@ RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
 NO_LIMIT = 1 << 30
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
 WHITTED_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves
+DEEPEST_TREE = 256  # each depth of a ray tree has rays of its own that wait: 120 KB
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Plan:
     max_depth: int
     roulette_depth: int | None  # None: no Russian roulette
     weigh: bool  # multiple importance sampling
+    mirrors: bool  # go on from mirrors and glass
     every_light: bool  # ask all lights at each point instead of one at random
     follow: bool  # go on from diffuse surfaces
     hide_emitters: bool
@@ -155,11 +157,13 @@ def _decide(
     reduce = integrator in (None, "auto")
     chosen_sampler = _choose_sampler(scene, sampler)
     count = chosen_sampler.sample_count if spp is None else spp
-    chosen_sampler = _with_sample_count(chosen_sampler, count)
-
     materials = scene.materials
     extended = _has_extended_lights(scene)
     lights = extended or bool(scene.description.emitters)
+    if reduce and not lights and asked.name in ("direct", "whitted", "path"):
+        count = 1  # the picture is black
+        why.say("left out", "all samples but one per pixel: without a light nothing varies")
+    chosen_sampler = _with_sample_count(chosen_sampler, count)
     mirrors = materials.has(Conductor) or materials.has(Dielectric)
     method = asked.name
     depth = NO_LIMIT if asked.max_depth < 0 else asked.max_depth
@@ -171,8 +175,8 @@ def _decide(
 
     if method == "direct":
         depth = min(depth, 2) if asked.max_depth >= 0 else 2
-    if method == "whitted" and asked.max_depth < 0:
-        depth = WHITTED_DEPTH
+    if method == "whitted":
+        depth = WHITTED_DEPTH if asked.max_depth < 0 else min(depth, DEEPEST_TREE)
     if reduce and method == "path" and depth <= 2:
         method = "direct"
         why.say("method", "direct: with max_depth <= 2 a path is direct light alone")
@@ -185,6 +189,9 @@ def _decide(
     else:
         why.say("method", f"{method}, as asked for")
 
+    if method == "direct" and max(asked.emitter_samples, asked.bsdf_samples) > 1:
+        why.say("samples", "one of each light and of the BSDF, whatever the file asks for")
+    mirrors = mirrors and not (method == "direct" and asked.bsdf_samples == 0)
     every_light = method in ("direct", "whitted")
     # BSDF samples look for lights only where lights can be hit
     follow = method == "path" or (
@@ -217,6 +224,7 @@ def _decide(
         depth,
         roulette,
         weigh,
+        mirrors,
         every_light,
         follow,
         asked.hide_emitters,
@@ -237,6 +245,7 @@ def _first_hit_plan(
         max_depth=1,
         roulette_depth=None,
         weigh=False,
+        mirrors=False,
         every_light=False,
         follow=False,
         hide_emitters=asked.hide_emitters,

@@ -6,7 +6,7 @@ import os
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from renderer.render import Progress
+from renderer.rendering import Progress
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -91,7 +91,15 @@ class ProgressDisplay:
 def _speed(progress: Progress) -> str:
     rate = progress.done / progress.seconds
     left = (progress.total - progress.done) / rate
-    return f"{left:.0f} s left, {rate / 1e6:.1f} Msamples/s"
+    return f"{_duration(left)} left, {rate / 1e6:.1f} Msamples/s"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
 
 
 def _make_bar(stream: TextIO) -> Bar:
@@ -102,7 +110,7 @@ def _make_bar(stream: TextIO) -> Bar:
 
     return Bar(
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=30),
         TaskProgressColumn(),
         TextColumn("{task.fields[speed]}"),
         console=Console(file=stream),

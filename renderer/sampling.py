@@ -39,7 +39,7 @@ _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 # Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
 # a bounce draws the BSDF, the following ones the lights.
 FILM_BLOCK = 0
-BLOCKS_PER_BOUNCE = 256
+BLOCKS_PER_BOUNCE = 1 << 20
 
 
 class Independent(NamedTuple):
@@ -55,14 +55,7 @@ class Stratified(NamedTuple):
     columns: int  # cells in x
     rows: int  # cells in y
     jitter: float  # 1: anywhere in the cell, 0: its centre
-
-
-class Multijitter(NamedTuple):
-    """Stratified in the grid's cells and in each of the two axes alone [Kensler2013]."""
-
-    seed: int
-    columns: int
-    rows: int
+    multi: int | None  # not None: also once in each of columns * rows parts of either axis
 
 
 @kernel
@@ -161,6 +154,25 @@ def permute(index, size, key):
 
 
 @kernel
+def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
+    """Return the place inside a cell, in [0, 1) along each axis.
+
+    Plain strata take the jitter. Correlated multi-jittering [Kensler2013] first divides
+    the cell again, one part for each of the other cells of its column or row.
+    """
+    if multi is None:
+        return jx, jy
+    k0, k1, k2, k3 = keys
+    kx, ky, _, _ = hash4(k0, k1, k2, k3)
+    part_x = to_f32(permute(as_u32(row), rows, kx ^ as_u32(column * 0x2545F491)))
+    part_y = to_f32(permute(as_u32(column), columns, ky ^ as_u32(row * 0x1B873593)))
+    return (
+        (part_x + jx) * np.float32(1.0 / rows),
+        (part_y + jy) * np.float32(1.0 / columns),
+    )
+
+
+@kernel
 def _draw_stratified(sampler, pixel, sample, block):
     columns, rows = sampler.columns, sampler.rows
     count = columns * rows
@@ -168,7 +180,7 @@ def _draw_stratified(sampler, pixel, sample, block):
     # jitter; keys of the shuffles; a longer render starts a new, independent grid
     grid = sample // count
     jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
-    k0, k1, k2, _ = hash4(
+    keys = hash4(
         pixel,
         splat_u32(np.uint32(grid)),
         splat_u32(np.uint32(2 * block + 1)),
@@ -177,53 +189,22 @@ def _draw_stratified(sampler, pixel, sample, block):
     amount = np.float32(sampler.jitter)
     jx = (jx - 0.5) * amount + 0.5
     jy = (jy - 0.5) * amount + 0.5
-    cell = to_i32(to_f32(permute(index, count, k0)))
+    cell = to_i32(to_f32(permute(index, count, keys[0])))
     row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
     column = cell - row * columns
+    x, y = _inside_cell(sampler.multi, column, row, columns, rows, keys, jx, jy)
     one = np.float32(1.0 / count)
     return (
-        _in_unit((to_f32(column) + jx) * np.float32(1.0 / columns)),
-        _in_unit((to_f32(row) + jy) * np.float32(1.0 / rows)),
-        _in_unit((to_f32(permute(index, count, k1)) + jz) * one),
-        _in_unit((to_f32(permute(index, count, k2)) + jw) * one),
-    )
-
-
-@kernel
-def _draw_multijitter(sampler, pixel, sample, block):
-    columns, rows = sampler.columns, sampler.rows
-    count = columns * rows
-    index = splat_u32(np.uint32(sample % count))
-    grid = sample // count
-    jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
-    k0, k1, k2, k3 = hash4(
-        pixel,
-        splat_u32(np.uint32(grid)),
-        splat_u32(np.uint32(2 * block + 1)),
-        splat_u32(np.uint32(sampler.seed)),
-    )
-    cell = to_i32(to_f32(permute(index, count, k0)))
-    row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
-    column = cell - row * columns
-    # the place inside the cell is stratified over the cells of the same column or row
-    kx, ky, _, _ = hash4(k0, k1, k2, k3)
-    inner_x = to_f32(permute(as_u32(row), rows, kx ^ as_u32(column * 0x2545F491)))
-    inner_y = to_f32(permute(as_u32(column), columns, ky ^ as_u32(row * 0x1B873593)))
-    x = to_f32(column) + (inner_x + jx) * np.float32(1.0 / rows)
-    y = to_f32(row) + (inner_y + jy) * np.float32(1.0 / columns)
-    one = np.float32(1.0 / count)
-    return (
-        _in_unit(x * np.float32(1.0 / columns)),
-        _in_unit(y * np.float32(1.0 / rows)),
-        _in_unit((to_f32(permute(index, count, k1)) + jz) * one),
-        _in_unit((to_f32(permute(index, count, k2)) + jw) * one),
+        _in_unit((to_f32(column) + x) * np.float32(1.0 / columns)),
+        _in_unit((to_f32(row) + y) * np.float32(1.0 / rows)),
+        _in_unit((to_f32(permute(index, count, keys[1])) + jz) * one),
+        _in_unit((to_f32(permute(index, count, keys[2])) + jw) * one),
     )
 
 
 _DRAW = {
     Independent: _draw_independent,
     Stratified: _draw_stratified,
-    Multijitter: _draw_multijitter,
 }
 
 

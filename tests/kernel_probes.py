@@ -12,15 +12,24 @@ import numpy as np
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.batch import Rays, ShadowRays, Workspace, make_workspace
+from renderer.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
 from renderer.jit import entry_kernel
+from renderer.kernel_inputs import kernel_scene
 from renderer.kernel_scene import (
+    ANY,
     CylinderSurfaces,
     DiskSurfaces,
+    KernelScene,
     RectangleSurfaces,
     SphereSurfaces,
     TriangleSurfaces,
 )
+from renderer.plan import RAY_OFFSETS, make_plan
+from renderer.scene import Scene
+from renderer.stages.intersect import collect, intersect
+from renderer.stages.shading_frame import leave_surface
+from renderer.stages.surface import surface_points
+from renderer.vectors import load3, store3
 
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 FIRST_ID = 5  # not 0, so that a column number taken for a primitive id shows
@@ -155,6 +164,87 @@ def blocked(
     return work.shadow_rays.blocked[:n] != 0
 
 
+# ------------------------------------------------------------------- surface points
+
+
+class Seen(NamedTuple):
+    """The surface points of n rays that all hit; vectors are (n, 3) float64."""
+
+    t: np.ndarray
+    shape: np.ndarray
+    prim: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray  # geometric, after flip_normals
+    shading_normal: np.ndarray
+    uv: np.ndarray  # (n, 2)
+    offset: np.ndarray
+    wo: np.ndarray
+    leaving: np.ndarray  # where a ray starts that leaves along `outgoing`
+
+
+def kernel_inputs(scene: Scene, ray_offset: str = "tight") -> KernelScene:
+    """What the kernels get for first hits; the kinds of shapes decide what compiles."""
+    inputs = kernel_scene(scene, make_plan(scene, integrator="aov"), "brute", 0)
+    rounding, fixed = RAY_OFFSETS[ray_offset]
+    settings = inputs.settings._replace(rounding_offset=rounding, fixed_offset=fixed)
+    return inputs._replace(settings=settings)
+
+
+@entry_kernel
+def run_intersect(accelerators, rays, hits, count):
+    intersect(accelerators, rays, hits, 0, count, False)
+
+
+@entry_kernel
+def run_surface_points(scene, work, count):
+    """Points of all hits among the first `count` rays; their number."""
+    intersect(scene.accelerators, work.rays, work.hits, 0, count, False)
+    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    surface_points(scene, work.rays, work.hits, work.order, 0, found, work.points)
+    return found
+
+
+@entry_kernel
+def run_leave_surface(points, count, direction, origin):
+    for i in range(0, count, 16):
+        store3(origin, i, leave_surface(points, i, load3(direction, i)))
+
+
+def nearest(inputs: KernelScene, origin: Any, direction: Any, t_max: Any = np.inf) -> Found:
+    """The nearest hit among all kinds of primitives of rays (n, 3)."""
+    work = workspace(ray_count(origin, direction))
+    n = fill(work.rays, origin, direction)
+    work.hits.t[:n] = t_max
+    work.hits.prim[:] = -1
+    run_intersect(inputs.accelerators, work.rays, work.hits, n)
+    return Found(*(row[:n] for row in work.hits))
+
+
+def look(inputs: KernelScene, origin: Any, direction: Any, outgoing: Any = None) -> Seen:
+    """Surface points of rays (n, 3) that must all hit something.
+
+    New rays leave in the directions `outgoing` (n, 3); None goes straight on.
+    """
+    parts = []
+    for first in range(0, len(origin), CAPACITY):
+        part = slice(first, first + CAPACITY)
+        work = workspace(CAPACITY)
+        n = fill(work.rays, origin[part], direction[part])
+        work.hits.t[:n] = np.inf
+        work.hits.prim[:] = -1
+        assert run_surface_points(inputs, work, n) == n, "a ray missed"
+        p = work.points
+        going = np.zeros_like(p.wo)
+        going[:, :n] = float32(direction[part] if outgoing is None else outgoing[part]).T
+        leaving = np.zeros_like(p.wo)
+        run_leave_surface(p, n, going, leaving)
+        rows = (p.t, p.shape, p.prim, p.position, p.normal, p.shading_normal)
+        rows = (*rows, p.uv, p.offset, p.wo, leaving)
+        parts.append([row[..., :n].T for row in rows])
+    whole = [np.concatenate(rows) for rows in zip(*parts, strict=True)]
+    return Seen(*(a.astype(float) if a.dtype == np.float32 else a for a in whole))
+
+
 # ----------------------------------------------------------------------- directions
 
 
@@ -183,3 +273,25 @@ def soup(
     if kind == "spheres":
         return spheres(c, size * rng.random(n))
     return cylinders(c, unit(a), size * rng.random(n), 3 * size * rng.random(n))
+
+
+# ------------------------------------------------------------------------ statistics
+
+
+def chi_square_z(counts: Any, expected: Any = None) -> float:
+    """How many sigma a chi-square of counts (equal probabilities, or `expected`) is off.
+
+    By Wilson and Hilferty's cube root, good to a percent of a sigma from ten cells on.
+    One-sided: 4.5 has a false alarm rate of 3.4e-6.
+    """
+    counts = np.asarray(counts, float).ravel()
+    mean = counts.mean() if expected is None else np.asarray(expected, float).ravel()
+    k = counts.size - 1
+    ratio = np.sum((counts - mean) ** 2 / mean) / k
+    return float((np.cbrt(ratio) - (1 - 2 / (9 * k))) / np.sqrt(2 / (9 * k)))
+
+
+def mean_z(values: Any, expected: float) -> float:
+    """How many standard errors the mean of independent values is off."""
+    values = np.asarray(values, float)
+    return float((values.mean() - expected) / (values.std() / np.sqrt(values.size)))

@@ -29,7 +29,7 @@ def look_at(origin: Vector, target: Vector, up: Vector = (0, 0, 1)) -> NDArray[n
 
 
 def placed(center: Vector, half_x: Vector, half_y: Vector) -> NDArray[np.float64]:
-    """Return a to_world for flat shapes: a centre and half edges, normal half_x x half_y."""
+    """Return a to_world for flat shapes: centre, half edges, normal half_x x half_y."""
     normal = np.cross(half_x, half_y).astype(float)
     matrix = np.eye(4)
     matrix[:3] = np.column_stack([half_x, half_y, normal / np.linalg.norm(normal), center])
@@ -177,6 +177,11 @@ def box(
             y[(axis + 2) % 3] = -np.sign(side) * half  # x cross y points inwards
             walls.append(rectangle(center, x, y, diffuse(*colour), shine=shine))
     return walls
+
+
+def pixels(content: dict[str, Any], **arguments: Any) -> NDArray[np.float32]:
+    """Render a scene; `arguments` are those of `renderer.render`."""
+    return np.asarray(renderer.render(renderer.load_dict(content), **arguments))
 
 
 def mean_and_error(content: dict[str, Any], *, seeds: int = 16, **arguments: Any) -> tuple:

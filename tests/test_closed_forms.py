@@ -1,4 +1,4 @@
-"""Direct light with an answer on paper: irradiance of points, spheres, disks, polygons, sky.
+"""Direct light with an answer on paper: from points, spheres, disks, polygons, the sky.
 
 A Lambert surface of albedo rho under irradiance E has radiance rho E / pi.
 """
@@ -15,6 +15,7 @@ from small_scenes import (
     floor,
     glass,
     mirror,
+    pixels,
     placed,
     point_light,
     rectangle,
@@ -24,13 +25,6 @@ from small_scenes import (
     sphere,
     sun,
 )
-
-import renderer
-
-
-def pixels(content, **arguments):
-    return np.asarray(renderer.render(renderer.load_dict(content), **arguments))
-
 
 # ------------------------------------------------------------ point and parallel light
 
@@ -158,7 +152,7 @@ def corner_factor(a: float, b: float) -> float:
     ("x", "factor"), [(0.0, 4 * corner_factor(1, 1)), (1.0, corner_factor(2, 2))]
 )
 def test_rectangle_light_parallel_to_the_plane(x, factor, tmp_path):
-    """F = sums of arctangents (Howell); a 2 x 2 light at height 1: 0.5541264 in the middle."""
+    """F = sums of arctangents (Howell); 2 x 2 at height 1: 0.5541264 in the middle."""
     assert 4 * corner_factor(1, 1) == pytest.approx(0.5541264, abs=1e-7)
     light = rectangle((0, 0, 1), (1, 0, 0), (0, -1, 0), diffuse(0.0))
     camera = sensor((x, x - 8, 0.1), (x, x, 0), **SMALL)

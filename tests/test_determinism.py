@@ -13,9 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_scenes import box, diffuse, rectangle, scene, sensor
-
-import renderer
+from small_scenes import box, diffuse, pixels, rectangle, scene, sensor
 
 WIDTH, HEIGHT = 45, 37  # no multiple of a tile, four tiles
 SAMPLES = 36  # more than one job for each tile
@@ -36,31 +34,27 @@ def noisy_box(**film):
     return scene(camera, "path", *box((0.7, 0.5, 0.3)), lamp, max_depth=-1, rr_depth=3)
 
 
-def render(content, **arguments) -> np.ndarray:
-    return np.asarray(renderer.render(renderer.load_dict(content), **arguments))
-
-
 @pytest.fixture(scope="module")
 def one_thread():
-    return render(noisy_box(), threads=1)
+    return pixels(noisy_box(), threads=1)
 
 
 @pytest.mark.parametrize("threads", [2, 5])
 def test_threads_do_not_change_a_bit(one_thread, threads):
-    assert np.array_equal(one_thread, render(noisy_box(), threads=threads))
+    assert np.array_equal(one_thread, pixels(noisy_box(), threads=threads))
 
 
 def test_a_wide_filter_sums_in_a_fixed_order():
     """A gaussian adds the samples of a tile to its neighbours' pixels as well."""
     content = noisy_box(rfilter="gaussian", spp=4)
-    first = render(content, threads=1)
+    first = pixels(content, threads=1)
     for threads in (2, 5):
-        assert np.array_equal(first, render(content, threads=threads))
+        assert np.array_equal(first, pixels(content, threads=threads))
 
 
 def test_the_seed_decides(one_thread):
-    assert np.array_equal(one_thread, render(noisy_box(), seed=0))
-    other = render(noisy_box(), seed=1)
+    assert np.array_equal(one_thread, pixels(noisy_box(), seed=0))
+    other = pixels(noisy_box(), seed=1)
     assert not np.array_equal(one_thread, other)
     assert (one_thread != other).mean() > 0.9  # everywhere, not here and there
     assert other.mean() == pytest.approx(one_thread.mean(), rel=0.05)
@@ -74,7 +68,7 @@ def test_the_seed_decides(one_thread):
 def test_a_crop_window_is_a_part_of_the_picture(one_thread, window):
     """The tiles of the crop lie elsewhere, but the pixels keep their random numbers."""
     x, y, width, height = window
-    part = render(noisy_box(crop=window))
+    part = pixels(noisy_box(crop=window))
     assert part.shape == (height, width, 3)
     assert np.array_equal(part, one_thread[y : y + height, x : x + width])
 
@@ -85,7 +79,7 @@ def test_two_processes_give_the_same_bytes(one_thread):
     code = (
         f"import sys; sys.path[:0] = [{str(tests)!r}, {str(tests.parent)!r}]; "
         "import test_determinism as t; "
-        "sys.stdout.buffer.write(t.render(t.noisy_box()).tobytes())"
+        "sys.stdout.buffer.write(t.pixels(t.noisy_box()).tobytes())"
     )
     output = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, check=True, timeout=300

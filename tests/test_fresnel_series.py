@@ -1,4 +1,4 @@
-"""Reflection and refraction as `whitted` follows them: Fresnel's formulas and their series."""
+"""Reflection and refraction as `whitted` follows them: Fresnel's formulas, their series."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from small_scenes import (
     diffuse,
     glass,
     mirror,
+    pixels,
     point_light,
     rectangle,
     scene,
     sensor,
 )
 
-import renderer
 
-
-def radiance(content, **arguments):
-    return np.asarray(renderer.render(renderer.load_dict(content), **arguments))[0, 0]
+def radiance(content):
+    return pixels(content)[0, 0]
 
 
 def lamp(position, radiance):
@@ -91,7 +90,7 @@ def test_total_internal_reflection(degrees):
 
 @pytest.mark.parametrize("index", [1.5, 3.0])
 def test_glass_slab_is_a_geometric_series_approached_from_below(index):
-    """R = 2 r / (1 + r), T = (1 - r) / (1 + r) for a slab; 0.0769231 and 0.9230769 at n = 1.5.
+    """R = 2 r / (1 + r), T = (1 - r) / (1 + r) of a slab; 0.0769231, 0.9230769 at n = 1.5.
 
     Each further depth adds one term of r + r t^2 (1 + r^2 + ...) or t^2 (1 + r^2 + ...).
     """

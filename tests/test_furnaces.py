@@ -16,6 +16,7 @@ from small_scenes import (
     floor,
     glass,
     mirror,
+    pixels,
     point_light,
     scene,
     sensor,
@@ -24,10 +25,6 @@ from small_scenes import (
 )
 
 import renderer
-
-
-def pixels(content, **arguments):
-    return np.asarray(renderer.render(renderer.load_dict(content), **arguments))
 
 
 def furnace(albedo, **settings):
@@ -52,16 +49,16 @@ def test_furnace_of_finite_depth_is_a_partial_sum(albedo, terms, expected):
 def test_russian_roulette_keeps_the_furnace_at_its_limit(albedo, expected):
     """With roulette and no depth limit the sum is Le / (1 - a): nothing is lost or gained.
 
-    Roulette that forgets to divide by the survival probability ends near 4.2, not 5.
+    Roulette that forgets to divide by the survival probability ends at 2.95, not 5.
     """
     assert_mean(furnace(albedo, max_depth=-1, rr_depth=3), expected, within=3e-3)
 
 
 @pytest.mark.parametrize("max_depth", [2, 3, 4, 9])
 def test_lamp_in_the_middle_of_a_sphere(max_depth):
-    """I = pi, R = 1, albedo 1/2: each bounce adds half of the last; 1/2, 3/4, ... without noise.
+    """I = pi, R = 1, albedo 1/2: each bounce adds half of the last; 1/2, 3/4, 7/8, ...
 
-    All of the wall has the same radiance, so every path has the same value.
+    All of the wall has the same radiance, so every path has the same value, without noise.
     """
     content = scene(
         sensor((0.3, 0.2, 0.1), (-0.5, 0.8, 0.3), fov=90, size=(8, 8)),
@@ -119,7 +116,7 @@ def white_furnace(**film):
 
 
 def test_white_furnace_shows_nothing_at_all():
-    """What absorbs nothing is invisible under an even sky: L = 1, glass and mirror included."""
+    """What absorbs nothing is invisible under an even sky: L = 1, glass and mirror too."""
     film = {"fov": 55, "size": (24, 8), "spp": 16, "jitter": True}
     assert_mean(white_furnace(**film), 1.0, within=1e-3)
 

@@ -26,7 +26,7 @@ from small_scenes import (
 
 import renderer
 from renderer.plan import WHITTED_DEPTH, Plan, make_plan
-from renderer.render import Rendering
+from renderer.rendering import Rendering
 
 CAMERA = sensor((0, -3, 2), (0, 0, 0))
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
@@ -174,7 +174,7 @@ def planned(integrator, *parts, **settings):
 
 
 def test_point_lights_over_diffuse_surfaces():
-    """Left out: weights, rays that go on, roulette. Not to be left out: any of the lights."""
+    """Left out: weights, rays that go on, roulette. Not to be left out: any light."""
     lights = point_light((0.3, 0, 0.8)), point_light((-0.5, 0.2, 0.5), 0.3)
     loaded, plan = planned("path", *box(0.5), *lights, max_depth=2)
     lean = picture(loaded, plan)
@@ -186,7 +186,7 @@ def test_point_lights_over_diffuse_surfaces():
 
 
 def test_closed_box_with_an_area_light():
-    """Left out: roulette that would never be played. Not to be left out: weights, a bounce."""
+    """Left out: roulette that is never played. Not to be left out: weights, a bounce."""
     loaded, plan = planned("path", *box(0.7), LAMP, max_depth=5, rr_depth=5)
     lean = picture(loaded, plan)
     assert np.array_equal(lean, picture(loaded, plan, roulette_depth=5))

@@ -43,7 +43,7 @@ def test_path_depths_are_those_of_mitsuba(content: str) -> None:
         "",
         integer("emitter_samples", 3),
         integer("bsdf_samples", 0),
-        integer("emitter_samples", 0) + integer("bsdf_samples", 2),
+        integer("emitter_samples", 1) + integer("bsdf_samples", 2),
         integer("shading_samples", 4),
     ],
 )
@@ -141,11 +141,6 @@ def aovs(text: str) -> str:
         ),
         (
             "direct",
-            integer("emitter_samples", 0) + integer("bsdf_samples", 0),
-            "takes no samples; expected emitter_samples or bsdf_samples above 0",
-        ),
-        (
-            "direct",
             integer("shading_samples", 2) + integer("bsdf_samples", 0),
             'found a value beside "shading_samples", expected one of the two',
         ),
@@ -199,3 +194,9 @@ def test_supported_lists_name_every_property() -> None:
         "supported: max_depth, rr_depth, "
         "hide_emitters, block_size, samples_per_pass, timeout"
     )
+
+
+def test_no_light_samples_at_all_are_refused() -> None:
+    """Mitsuba takes `emitter_samples` 0 and then shows no point light; we say so instead."""
+    text = TEXT.format("direct", integer("emitter_samples", 0))
+    assert 'property "emitter_samples": found 0, expected at least 1' in error_of(text)

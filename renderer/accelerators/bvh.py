@@ -12,6 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.accelerators.packets import (
+    Nearest,
+    blocked_by,
+    load_nearest,
+    nearest_of,
+    store_nearest,
+)
 from renderer.jit import kernel
 from renderer.lanes.functions import (
     fabs,
@@ -26,7 +33,7 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.memory import load_row, store_row
-from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.shapes.primitives import hit_primitive, primitives_from
 from renderer.vectors import column, load3, vec3
 
 STACK = 64  # the builder keeps the depth below 60
@@ -130,11 +137,10 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
         direction = load3(rays.direction, i)
         inverse = 1.0 / direction
         low, high = _margins(origin)
-        active = first_lanes(first + count - i)
-        t = select(active, load_row(hits.t, 0, i), -1.0)
-        prim = load_row(hits.prim, 0, i)
-        u = load_row(hits.u, 0, i)
-        v = load_row(hits.v, 0, i)
+        # lanes beyond the last ray end before they begin
+        given = load_nearest(hits, i)
+        t = select(first_lanes(first + count - i), given.t, -1.0)
+        nearest = Nearest(t, given.prim, given.u, given.v)
         zero = t * 0.0
         zero = select(zero == zero, zero, 0.0)
         leading = vec3(lane(direction.x, 0), lane(direction.y, 0), lane(direction.z, 0))
@@ -143,7 +149,8 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            if mask_bits(_packet_enters(bounds, node, low, high, inverse, zero, t)) == 0:
+            enters = _packet_enters(bounds, node, low, high, inverse, zero, nearest.t)
+            if mask_bits(enters) == 0:
                 continue
             child = bvh.child[node]
             if bvh.count[node] == 0:
@@ -154,21 +161,9 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
                 stack[depth + 1] = near
                 depth += 2
                 continue
-            for k in range(child, child + bvh.count[node]):
-                x = hit_primitive(
-                    primitives, primitive_at(primitives, k), origin, direction, t
-                )
-                id_k = primitives.id[k]
-                tie = (x.t == t) & ((prim < 0) | (prim > id_k))
-                nearer = x.hit & ((x.t < t) | tie)
-                t = select(nearer, x.t, t)
-                prim = select(nearer, splat_i32(id_k), prim)
-                u = select(nearer, x.u, u)
-                v = select(nearer, x.v, v)
-        store_row(hits.t, 0, i, t)
-        store_row(hits.prim, 0, i, prim)
-        store_row(hits.u, 0, i, u)
-        store_row(hits.v, 0, i, v)
+            end = child + bvh.count[node]
+            nearest = nearest_of(primitives, child, end, origin, direction, nearest)
+        store_nearest(hits, i, nearest)
 
 
 @kernel
@@ -265,11 +260,8 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
                 stack[depth + 1] = child + 1
                 depth += 2
                 continue
-            for k in range(child, child + bvh.count[node]):
-                x = hit_primitive(
-                    primitives, primitive_at(primitives, k), origin, direction, t_max
-                )
-                blocked = blocked | x.hit
+            end = child + bvh.count[node]
+            blocked = blocked_by(primitives, child, end, origin, direction, t_max, blocked)
         store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))
 
 

@@ -18,6 +18,8 @@ from renderer.stages.shade import arrive, group_by_bsdf, light_diffuse, scatter
 def trace_paths(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
+    if settings.max_depth < 1:
+        return
     count = camera_rays(scene, tile, sample, rays, hits)
     intersect(scene.camera_accelerators, rays, hits, 0, count, True)
     bounce = np.int64(0)  # a literal would compile every stage twice
@@ -26,7 +28,7 @@ def trace_paths(scene, tile, sample, work):
         if bounce + 1 >= settings.max_depth:
             break
         groups = group_by_bsdf(scene, work, 0, count)
-        light_diffuse(scene.bsdfs.diffuse, scene, tile, sample, bounce, work, groups[0])
+        light_diffuse(scene, tile, sample, bounce, work, groups[0])
         count = scatter(scene, tile, sample, bounce, work, groups)
         reset_hits(hits, 0, count)
         intersect(scene.accelerators, rays, hits, 0, count, False)

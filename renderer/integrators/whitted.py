@@ -39,6 +39,8 @@ def _mirror(conductor, scene, tile, sample, bounce, work, start, stop, end):
 def trace_ray_trees(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings, bsdfs = work.rays, work.hits, scene.settings, scene.bsdfs
+    if settings.max_depth < 1:
+        return
     waiting = work.waiting
     waiting[0] = camera_rays(scene, tile, sample, rays, hits)
     intersect(scene.camera_accelerators, rays, hits, 0, waiting[0], True)
@@ -57,7 +59,7 @@ def trace_ray_trees(scene, tile, sample, work):
         if depth + 1 >= settings.max_depth:
             continue
         groups = group_by_bsdf(scene, work, first, count)
-        light_diffuse(bsdfs.diffuse, scene, tile, sample, depth, work, groups[0])
+        light_diffuse(scene, tile, sample, depth, work, groups[0])
         end = start = (depth + 1) * REGION
         end = _mirror(
             bsdfs.conductor, scene, tile, sample, depth, work, groups[0], groups[1], end

@@ -66,16 +66,12 @@ def _direct(properties: Properties) -> Integrator:
     separate = [n for n in ("emitter_samples", "bsdf_samples") if properties.has(n)]
     if both and separate:
         properties.fail(separate[0], 'a value beside "shading_samples"', "one of the two")
-    shared = properties.integer("shading_samples", 1, at_least=0, at_most=_MOST)
+    shared = properties.integer("shading_samples", 1, at_least=1, at_most=_MOST)
+    # Mitsuba takes 0 and then shows no point light; nobody can want that
     emitter_samples = properties.integer(
-        "emitter_samples", shared, at_least=0, at_most=_MOST
+        "emitter_samples", shared, at_least=1, at_most=_MOST
     )
     bsdf_samples = properties.integer("bsdf_samples", shared, at_least=0, at_most=_MOST)
-    if emitter_samples + bsdf_samples == 0:
-        raise SceneError(
-            f"{properties.location}: {properties.element} takes no samples; expected "
-            "emitter_samples or bsdf_samples above 0"
-        )
     return Integrator(
         "direct",
         max_depth=2,

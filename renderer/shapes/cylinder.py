@@ -11,6 +11,7 @@ from renderer.jit import kernel
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.memory import load_row
 from renderer.shapes.patch import Intersection
+from renderer.shapes.sphere import ordered_roots
 from renderer.vectors import column, dot, load3
 
 
@@ -75,10 +76,7 @@ def hit_cylinder(cylinder, origin, direction, t_max):
     root = sqrt(a * select(discriminant > 0.0, discriminant, 0.0 * discriminant))
     q = b + select(b < 0.0, -root, root)
     c = dot(f_across, f_across) - cylinder.radius * cylinder.radius
-    t_q = q / a
-    t_c = c / q
-    first = select(t_q < t_c, t_q, t_c)
-    second = select(t_q < t_c, t_c, t_q)
+    first, second = ordered_roots(q, a, c)
     h_first = f_axis + first * d_axis
     h_second = f_axis + second * d_axis
     near = (first > 0.0) & (h_first >= 0.0) & (h_first <= cylinder.height)

@@ -48,6 +48,17 @@ def spheres_from(spheres, k):
 
 
 @kernel
+def ordered_roots(q, a, c):
+    """Return both roots of a t^2 - 2 b t + c in order, from q = b +- sqrt(b^2 - a c).
+
+    Vieta: their product is c / a, so neither is a difference of nearly equal numbers.
+    """
+    t_q = q / a
+    t_c = c / q
+    return select(t_q < t_c, t_q, t_c), select(t_q < t_c, t_c, t_q)
+
+
+@kernel
 def hit_sphere(sphere, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max. u and v are 0: the surface finds its own."""
     f = origin - sphere.center
@@ -59,10 +70,7 @@ def hit_sphere(sphere, origin, direction, t_max):
     root = sqrt(a * select(discriminant > 0.0, discriminant, 0.0 * discriminant))
     q = b + select(b < 0.0, -root, root)
     c = dot(f, f) - sphere.radius * sphere.radius
-    t_q = q / a
-    t_c = c / q
-    first = select(t_q < t_c, t_q, t_c)
-    second = select(t_q < t_c, t_c, t_q)
+    first, second = ordered_roots(q, a, c)
     t = select(first > 0.0, first, second)
     hit = (discriminant >= 0.0) & (t > 0.0) & (t <= t_max)
     return Intersection(hit, t, t * 0.0, t * 0.0)

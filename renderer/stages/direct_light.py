@@ -15,7 +15,6 @@ from renderer.lanes.memory import append_row, load_row
 from renderer.lights.choose import (
     choose_light,
     light_probability,
-    lights_asked,
     sample_light,
 )
 from renderer.sampling import BLOCKS_PER_BOUNCE, draw4, power_heuristic
@@ -38,46 +37,44 @@ def _weight(weigh, light_pdf, cos_i):
 
 
 @kernel
-def direct_light(scene, lights, tile, sample, bounce, points, start, stop, shadow_rays):
-    """Ask the lights at diffuse points start .. stop - 1; return how many rays."""
-    if lights is None:
-        return 0
+def direct_light(scene, lights, turn, tile, sample, bounce, points, stop, shadow_rays):
+    """Ask one light at each of the first `stop` points; return the count of shadow rays.
+
+    The same light for all, number `turn`, or one of all for each, as the settings say.
+    """
     settings = scene.settings
     probability = light_probability(lights, settings.every_light)
-    cast = 0
-    for turn in range(lights_asked(lights, settings.every_light)):
-        block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
-        for i in range(start, stop, 16):
-            face = facing(scene, points, i, first_lanes(stop - i), DIFFUSE)
-            if mask_bits(face.mine) == 0:
-                continue
-            slot = load_row(points.slot, 0, i)
-            x, y, z, number = draw4(
-                scene.sampler, pixel_key(scene, tile, slot), sample, block
-            )
-            light = choose_light(lights, settings.every_light, turn, number)
-            position = load3(points.position, i)
-            asked = sample_light(lights, scene.surfaces, light, position, x, y, z)
+    cast = np.int64(0)
+    block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
+    for i in range(0, stop, 16):
+        face = facing(scene, points, i, first_lanes(stop - i), DIFFUSE)
+        if mask_bits(face.mine) == 0:
+            continue
+        slot = load_row(points.slot, 0, i)
+        x, y, z, number = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
+        light = choose_light(lights, settings.every_light, turn, number)
+        position = load3(points.position, i)
+        asked = sample_light(lights, scene.surfaces, light, position, x, y, z)
 
-            normal = load3(points.shading_normal, i)
-            normal = select3(face.front, normal, -normal)
-            cos_i = dot(asked.wi, normal)
-            u = load_row(points.uv, 0, i)
-            v = load_row(points.uv, 1, i)
-            albedo = diffuse_albedo(scene.bsdfs.diffuse, face.bsdf, u, v, face.mine)
-            weight = _weight(settings.weigh, asked.pdf * probability, cos_i) / probability
-            throughput = load3(points.throughput, i)
-            carried = throughput * eval_diffuse(albedo, cos_i) * asked.radiance * weight
+        normal = load3(points.shading_normal, i)
+        normal = select3(face.front, normal, -normal)
+        cos_i = dot(asked.wi, normal)
+        u = load_row(points.uv, 0, i)
+        v = load_row(points.uv, 1, i)
+        albedo = diffuse_albedo(scene.bsdfs.diffuse, face.bsdf, u, v, face.mine)
+        weight = _weight(settings.weigh, asked.pdf * probability, cos_i) / probability
+        throughput = load3(points.throughput, i)
+        carried = throughput * eval_diffuse(albedo, cos_i) * asked.radiance * weight
 
-            brightest = carried.x + carried.y + carried.z
-            lit = face.mine & (cos_i > 0.0) & (brightest > 0.0)
-            origin = leave_surface(points, i, asked.wi)
-            to_light = position + asked.wi * asked.distance - origin
-            distance = length(to_light)
-            append3(shadow_rays.origin, cast, origin, lit)
-            append3(shadow_rays.direction, cast, to_light / distance, lit)
-            append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
-            append3(shadow_rays.radiance, cast, carried, lit)
-            append_row(shadow_rays.slot, 0, cast, slot, lit)
-            cast += popcount(mask_bits(lit))
+        brightest = carried.x + carried.y + carried.z
+        lit = face.mine & (cos_i > 0.0) & (brightest > 0.0)
+        origin = leave_surface(points, i, asked.wi)
+        to_light = position + asked.wi * asked.distance - origin
+        distance = length(to_light)
+        append3(shadow_rays.origin, cast, origin, lit)
+        append3(shadow_rays.direction, cast, to_light / distance, lit)
+        append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
+        append3(shadow_rays.radiance, cast, carried, lit)
+        append_row(shadow_rays.slot, 0, cast, slot, lit)
+        cast += popcount(mask_bits(lit))
     return cast

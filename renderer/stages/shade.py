@@ -6,6 +6,7 @@ import numpy as np
 
 from renderer.jit import kernel
 from renderer.kernel_scene import CONDUCTOR, DIELECTRIC, DIFFUSE, EMIT
+from renderer.lights.choose import lights_asked
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import add_emission, add_environment
 from renderer.stages.intersect import collect, trace_shadow_rays
@@ -77,16 +78,24 @@ def group_by_bsdf(scene, work, first, count):
 
 
 @kernel
-def light_diffuse(diffuse, scene, tile, sample, bounce, work, stop):
-    """Add the direct light at the diffuse points, which are the first `stop`."""
+def _light_diffuse(diffuse, lights, scene, tile, sample, bounce, work, stop):
     if diffuse is None:
         return
-    cast = direct_light(
-        scene, scene.lights, tile, sample, bounce, work.points, 0, stop, work.shadow_rays
-    )
-    trace_shadow_rays(
-        scene.accelerators, work.shadow_rays, cast, bounce == 0, work.radiance
-    )
+    if lights is None:
+        return
+    rays = work.shadow_rays
+    for turn in range(lights_asked(lights, scene.settings.every_light)):
+        cast = direct_light(
+            scene, lights, turn, tile, sample, bounce, work.points, stop, rays
+        )
+        trace_shadow_rays(scene.accelerators, rays, cast, bounce == 0, work.radiance)
+
+
+@kernel
+def light_diffuse(scene, tile, sample, bounce, work, stop):
+    """Add the direct light at the diffuse points, which are the first `stop`."""
+    diffuse, lights = scene.bsdfs.diffuse, scene.lights
+    _light_diffuse(diffuse, lights, scene, tile, sample, bounce, work, stop)
 
 
 @kernel

@@ -1,0 +1,174 @@
+"""One render under way: tiles over a thread pool; an interrupt keeps the picture so far."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from renderer.batch import CAPACITY, Workspace, make_workspace
+from renderer.film import Film, FilterTable, filter_border, filter_table, tile_sums
+from renderer.integrators.render_tile import RENDER_TILE
+from renderer.integrators.whitted import REGION
+from renderer.kernel_inputs import kernel_scene
+from renderer.kernel_scene import KernelScene
+from renderer.plan import Plan
+from renderer.scene import Scene
+from renderer.stages.camera_rays import Tile
+
+# One job of a thread: so many samples of a tile that it takes some 10 ms.
+SAMPLES_PER_JOB = 16
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a render is: handed to the `progress` callback.
+
+    There is no stage "compile" when all kernels are in the cache. The callback may raise
+    KeyboardInterrupt, which ends the render as Ctrl-C does.
+    """
+
+    stage: str  # "compile", done 0 and then 1 of 1, then "render"
+    done: int  # samples so far
+    total: int
+    seconds: float  # in this stage
+
+
+@dataclass(frozen=True)
+class _Job:
+    tile: Tile
+    first_sample: int
+    end_sample: int
+
+
+class _Workspaces(threading.local):
+    """One workspace for each thread of the pool."""
+
+    def __init__(self, make: Callable[[], Workspace]) -> None:
+        self.make = make
+        self.work: Workspace | None = None
+
+    def get(self) -> Workspace:
+        if self.work is None:
+            self.work = self.make()
+        return self.work
+
+
+class Rendering:
+    """One render: everything prepared, then `run`.
+
+    Parameters are those of `render`.
+    """
+
+    def __init__(
+        self, scene: Scene, plan: Plan, *, accel: str, seed: int, threads: int
+    ) -> None:
+        self.scene, self.plan, self.threads = scene, plan, threads
+        self.kernel_scene: KernelScene = kernel_scene(scene, plan, accel, seed)
+        self._render_tile, self.channels = RENDER_TILE[plan.method]
+        film = scene.description.camera.film
+        self.rfilter: FilterTable | None = filter_table(film.rfilter)
+        self.border = filter_border(self.rfilter)
+        self.film = Film(
+            self.channels,
+            film.crop_offset_x,
+            film.crop_offset_y,
+            film.crop_width,
+            film.crop_height,
+            self.border,
+        )
+        self.seed = seed
+        self.samples_done = 0
+        self.samples_in_all = film.crop_width * film.crop_height * plan.spp
+        self._workspaces = _Workspaces(self._make_workspace)
+
+    def _make_workspace(self) -> Workspace:
+        depths = self.plan.max_depth + 1 if self.plan.method == "whitted" else 1
+        return make_workspace(
+            ray_capacity=max(REGION * depths, CAPACITY),
+            shadow_capacity=2 * CAPACITY,
+            channels=self.channels,
+            depths=depths,
+        )
+
+    def _render(self, job: _Job) -> Any:
+        sums = tile_sums(self.channels, self.border)
+        self._render_tile(
+            self.kernel_scene,
+            self.rfilter,
+            job.tile,
+            job.first_sample,
+            job.end_sample,
+            self._workspaces.get(),
+            sums,
+            self.border,
+        )
+        return sums
+
+    def compile(self) -> float:
+        """Compile the kernels, or load them from the cache; return the seconds it took."""
+        start = time.perf_counter()
+        tile = self.film.tiles()[0]
+        self._render(_Job(tile, 0, 0))
+        return time.perf_counter() - start
+
+    def _jobs(self) -> Iterator[_Job]:
+        tiles = self.film.tiles()
+        for first in range(0, self.plan.spp, SAMPLES_PER_JOB):
+            for tile in tiles:
+                yield _Job(tile, first, min(first + SAMPLES_PER_JOB, self.plan.spp))
+
+    def run(self, progress: Callable[[Progress], None] | None = None) -> bool:
+        """Trace all samples; return whether it went to the end.
+
+        Tiles are added to the film in a fixed order whatever order they are done in. An
+        interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
+        while these end is raised.
+        """
+        waiting: deque[tuple[_Job, Future[Any]]] = deque()
+        pool = ThreadPoolExecutor(self.threads)
+        try:
+            self._trace(pool, waiting, progress)
+            return True
+        except KeyboardInterrupt:
+            under_way = [(job, future) for job, future in waiting if not future.cancel()]
+            for job, future in under_way:
+                self._finish(job, future.result())
+            return False
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _trace(
+        self,
+        pool: ThreadPoolExecutor,
+        waiting: deque[tuple[_Job, Future[Any]]],
+        progress: Callable[[Progress], None] | None,
+    ) -> None:
+        start = time.perf_counter()
+        jobs = self._jobs()
+        while True:
+            if progress is not None:
+                seconds = time.perf_counter() - start
+                progress(
+                    Progress("render", self.samples_done, self.samples_in_all, seconds)
+                )
+            for job in itertools.islice(jobs, 4 * self.threads - len(waiting)):
+                waiting.append((job, pool.submit(self._render, job)))
+            if not waiting:
+                return
+            job, future = waiting[0]
+            sums = future.result()
+            # First out of the queue, then into the film: an interrupt between the two loses
+            # a job and its weights; the other way round the job would count twice.
+            waiting.popleft()
+            self._finish(job, sums)
+
+    def _finish(self, job: _Job, sums: Any) -> None:
+        self.film.add(job.tile, sums)
+        samples = job.end_sample - job.first_sample
+        self.samples_done += job.tile.width * job.tile.height * samples
