@@ -17,10 +17,10 @@ demo: $(INSTALLED) ## render every scene in both renderers, write the HTML page
 	@$(BIN)/python -m reports --out $(OUT)
 
 test: $(INSTALLED) ## the regression suite
-	@$(BIN)/python -m pytest -m 'not slow'
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
 
 test-all: $(INSTALLED) ## the suite with the longer comparisons
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(INSTALLED) ## style, format, types, the import contract
 	@$(BIN)/ruff check .

@@ -133,10 +133,10 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
 def _command(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
-    for name in ("spp", "seed", "integrator", "accel", "sampler"):
+    for name in ("spp", "seed", "integrator", "accel", "sampler", "ray_offset"):
         value = getattr(options, name)
         if value != _parser().get_default(name):
-            words += [f"--{name}", str(value)]
+            words += [f"--{name.replace('_', '-')}", str(value)]
     for name, value in options.define:
         words += ["-D", f"{name}={value}"]
     return shlex.join(words)
