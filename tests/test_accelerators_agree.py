@@ -134,7 +134,9 @@ def test_one_huge_and_many_tiny():
     """The teapot in the stadium: sizes differ by 10^7."""
     rng = np.random.default_rng(6)
     c = rng.uniform(-1, 1, (2000, 3))
-    tiny = np.stack((c, c + 1e-3 * directions(2000, rng), c + 1e-3 * directions(2000, rng)), 1)
+    tiny = np.stack(
+        (c, c + 1e-3 * directions(2000, rng), c + 1e-3 * directions(2000, rng)), 1
+    )
     huge = [[[-1e4, -1e4, -2.0], [1e4, -1e4, -2], [0, 1e4, -2]]]
     surfaces = triangles(np.concatenate((tiny, huge)))
     truth = assert_same_hits("triangles", surfaces, *rays_through(c, RAYS, rng))
@@ -148,7 +150,9 @@ def test_slivers():
     start, along = rng.uniform(-1, 1, (n, 3)), directions(n, rng)
     across = 1e-6 * directions(n, rng)
     surfaces = triangles(np.stack((start, start + along, start + along / 2 + across), 1))
-    on = (start + rng.random((n, 1)) * along + rng.random((n, 1)) * across / 2).astype(np.float32)
+    on = (start + rng.random((n, 1)) * along + rng.random((n, 1)) * across / 2).astype(
+        np.float32
+    )
     some(assert_same_hits("triangles", surfaces, *rays_through(on, RAYS, rng, 3.0)), 0)
 
 
@@ -167,7 +171,9 @@ def test_tilted_cylinders(tilt):
     rim += rng.integers(0, 2, (n, 1)) * 0.2 * axis
     # nearly across the axis: the ray grazes the end of the tube, and so its box
     k = rng.integers(0, n, RAYS)
-    direction = unit(np.cross(axis[k], directions(RAYS, rng)) + 1e-6 * directions(RAYS, rng))
+    direction = unit(
+        np.cross(axis[k], directions(RAYS, rng)) + 1e-6 * directions(RAYS, rng)
+    )
     origin = rim[k] - rng.uniform(0.1, 3, (RAYS, 1)) * direction
     some(assert_same_hits("cylinders", surfaces, origin, direction))
 
@@ -301,7 +307,9 @@ def test_rays_at_edges_and_vertices_of_a_closed_mesh():
 
 def test_parity_of_a_closed_mesh_is_not_asked_of_the_nearest_hit():
     """An edge hit twice gives one hit: the smaller id of two equal distances (row 5)."""
-    square = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]])
+    square = np.array(
+        [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]]
+    )
     s = np.linspace(0.125, 0.875, 49)  # the diagonal, exactly
     origin = np.stack((s, s, np.ones(49)), 1)
     truth = assert_same_hits("triangles", triangles(square), origin, [0.0, 0.0, -1.0])
@@ -367,10 +375,14 @@ def test_overlapping_quads_in_one_plane(height, distance):
     corner = np.stack((*rng.random((2, n)), np.full(n, height)), 1)
     w, h = rng.uniform(0.1, 1, (2, n))
     zero = np.zeros(n)
-    surfaces = rectangles(corner, np.stack((w, zero, zero), 1), np.stack((zero, h, zero), 1))
+    surfaces = rectangles(
+        corner, np.stack((w, zero, zero), 1), np.stack((zero, h, zero), 1)
+    )
     target = np.stack((*rng.random((2, RAYS)), np.full(RAYS, height)), 1)
     direction = directions(RAYS, rng)
-    truth = assert_same_hits("rectangles", surfaces, target - distance * direction, direction)
+    truth = assert_same_hits(
+        "rectangles", surfaces, target - distance * direction, direction
+    )
     some(truth, 0.5)
 
 
@@ -425,7 +437,9 @@ def test_a_hit_at_the_very_end_of_a_ray_counts(kind):
     origin, direction, t = origin[hit], direction[hit], truth.t[hit]
     at_end = assert_same_hits(kind, surfaces, origin, direction, t)
     np.testing.assert_array_equal(at_end.prim, truth.prim[hit])
-    before = assert_same_hits(kind, surfaces, origin, direction, np.nextafter(t, np.float32(0)))
+    before = assert_same_hits(
+        kind, surfaces, origin, direction, np.nextafter(t, np.float32(0))
+    )
     np.testing.assert_array_equal(before.prim, -1)
 
 
@@ -495,9 +509,7 @@ def test_a_nearer_hit_of_another_kind_stays(coherent):
     run_closest_hit(bvh, work.rays, work.hits, 0, RAYS, coherent)
     beaten = alone.t < before
     assert 0.05 < beaten.mean() < 0.95
-    np.testing.assert_array_equal(
-        work.hits.prim[:RAYS], np.where(beaten, alone.prim, 9999)
-    )
+    np.testing.assert_array_equal(work.hits.prim[:RAYS], np.where(beaten, alone.prim, 9999))
     np.testing.assert_array_equal(work.hits.t[:RAYS], np.minimum(alone.t, before))
 
 

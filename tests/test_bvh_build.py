@@ -17,6 +17,7 @@ from renderer.accelerators.bvh_build import (
     bvh_depth,
     validate_bvh,
 )
+from renderer.jit import entry_kernel
 
 
 def soup(n, seed=0, size=0.02):
@@ -211,6 +212,11 @@ def test_a_swapped_primitive_is_seen():
         validate_bvh(tree._replace(order=order), lower, upper)
 
 
+@entry_kernel
+def _median_of(boxes, order, middle, centres):
+    bvh_build._split_at_median(boxes, order, 0, len(order), middle, centres)
+
+
 def test_the_median_split_alone_builds_a_tree(monkeypatch):
     """The way out at great depth is right by itself, also where nothing is degenerate."""
     lower, upper = soup(777)
@@ -219,7 +225,7 @@ def test_the_median_split_alone_builds_a_tree(monkeypatch):
         np.concatenate(((boxes[:, :3] + boxes[:, 3:]).min(0), (lower + upper).max(1))) / 2
     )
     order = np.arange(777, dtype=np.int32)
-    bvh_build._split_at_median(boxes, order, 0, 777, 388, centres.astype(np.float32))
+    _median_of(boxes, order, 388, centres.astype(np.float32))
     axis = np.argmax(centres[3:] - centres[:3])
     middle = boxes[:, axis] + boxes[:, axis + 3]
     assert middle[:388].max() <= middle[388:].min()

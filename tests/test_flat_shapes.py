@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_probes import FIRST_ID, accelerator, closest, directions, disks, float32, rectangles
+from kernel_probes import (
+    FIRST_ID,
+    accelerator,
+    closest,
+    directions,
+    disks,
+    float32,
+    rectangles,
+)
 
 N = 16_384
 MAKE = {"rectangles": rectangles, "disks": disks}
@@ -64,7 +72,9 @@ def test_random_rays_against_float64(kind, scale):
         np.testing.assert_array_equal((found.prim == FIRST_ID)[clear], expected[clear])
         good = clear & expected
         hits += good.sum()
-        np.testing.assert_allclose(found.t[good] / scale, t[good] / scale, rtol=1e-4, atol=2e-5)
+        np.testing.assert_allclose(
+            found.t[good] / scale, t[good] / scale, rtol=1e-4, atol=2e-5
+        )
         np.testing.assert_allclose(found.u[good], u[good], atol=3e-4)
         np.testing.assert_allclose(found.v[good], v[good], atol=3e-4)
     assert hits > 3000
@@ -72,19 +82,42 @@ def test_random_rays_against_float64(kind, scale):
 
 def test_the_border_of_a_rectangle_belongs_to_it():
     step = 2.0**-23
-    inside = [(0, 0), (1, 0), (0, 1), (1, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.75, 0.75)]
-    outside = [(-step, 0.5), (1 + step, 0.5), (0.5, -step), (0.5, 1 + step), (2, 2), (-1, -1)]
+    inside = [
+        (0, 0),
+        (1, 0),
+        (0, 1),
+        (1, 1),
+        (0.5, 0),
+        (1, 0.5),
+        (0.5, 1),
+        (0, 0.5),
+        (0.75, 0.75),
+    ]
+    outside = [
+        (-step, 0.5),
+        (1 + step, 0.5),
+        (0.5, -step),
+        (0.5, 1 + step),
+        (2, 2),
+        (-1, -1),
+    ]
     points = np.array(inside + outside)
     origin = np.column_stack((points, np.full(len(points), 3.0)))
-    _, found = trace("rectangles", np.zeros(3), np.eye(3)[0], np.eye(3)[1], origin, [0.0, 0, -1])
-    np.testing.assert_array_equal(found.prim >= 0, [True] * len(inside) + [False] * len(outside))
+    _, found = trace(
+        "rectangles", np.zeros(3), np.eye(3)[0], np.eye(3)[1], origin, [0.0, 0, -1]
+    )
+    np.testing.assert_array_equal(
+        found.prim >= 0, [True] * len(inside) + [False] * len(outside)
+    )
     hit = found.prim >= 0
     np.testing.assert_array_equal(np.stack((found.u, found.v), 1)[hit], inside)
 
 
 def test_the_border_of_a_disk_belongs_to_it():
     step = 2.0**-23
-    points = np.array([(1, 0), (0, -1), (-1, 0), (0, 0), (1 + step, 0), (0.75, 0.75), (-1, 2**-10)])
+    points = np.array(
+        [(1, 0), (0, -1), (-1, 0), (0, 0), (1 + step, 0), (0.75, 0.75), (-1, 2**-10)]
+    )
     origin = np.column_stack((points, np.full(len(points), 3.0)))
     _, found = trace("disks", np.zeros(3), np.eye(3)[0], np.eye(3)[1], origin, [0.0, 0, -1])
     np.testing.assert_array_equal(found.prim >= 0, [True] * 4 + [False] * 3)
@@ -149,7 +182,11 @@ def test_at_a_million_millionth_the_same_rays_hit(kind, exponent):
 def test_a_shape_without_area_is_never_hit(kind):
     rng = np.random.default_rng(6)
     d = directions(N, rng)
-    for e1, e2 in (([0.0, 0, 0], [0.0, 0, 0]), ([1.0, 2, 3], [2.0, 4, 6]), ([1.0, 0, 0], [0.0] * 3)):
+    for e1, e2 in (
+        ([0.0, 0, 0], [0.0, 0, 0]),
+        ([1.0, 2, 3], [2.0, 4, 6]),
+        ([1.0, 0, 0], [0.0] * 3),
+    ):
         target = rng.random((N, 1)) * np.array(e1)
         _, found = trace(kind, np.zeros(3), np.array(e1), np.array(e2), target - 2 * d, d)
         assert (found.prim == -1).all()

@@ -36,7 +36,9 @@ def scene(offset, scale, axis_parallel=False):
         matrix[:3, :3] = scale * (np.eye(3) if axis_parallel else turned(k))
         matrix[:3, 3] = center(k, offset, scale)
         shapes[name] = {"type": name, "to_world": matrix}
-    return renderer.load_dict({"type": "scene", "camera": {"type": "perspective"}, **shapes})
+    return renderer.load_dict(
+        {"type": "scene", "camera": {"type": "perspective"}, **shapes}
+    )
 
 
 def hits_from_outside(inputs, k, offset, scale, seed=0):
@@ -58,7 +60,9 @@ def hits_from_outside(inputs, k, offset, scale, seed=0):
     outgoing = directions(keep.sum(), rng)
     normal = seen.normal[keep] * np.sign(side[keep])[:, None]
     outgoing *= np.sign(np.sum(outgoing * normal, axis=1, keepdims=True))
-    again = look(inputs, origin[hit][keep][:HITS], direction[hit][keep][:HITS], outgoing[:HITS])
+    again = look(
+        inputs, origin[hit][keep][:HITS], direction[hit][keep][:HITS], outgoing[:HITS]
+    )
     assert len(again.t) > HITS / 2
     return again, outgoing[:HITS], normal[:HITS]
 
@@ -106,7 +110,10 @@ def test_shadow_rays_to_visible_lights_are_free(name, offset, scale):
     to_light = light - seen.leaving
     length = np.linalg.norm(to_light, axis=1)
     free = length * (1 - 1e-3)
-    assert own_hits(inputs, inputs.shape, k, seen.leaving, to_light / length[:, None], free) == 0
+    assert (
+        own_hits(inputs, inputs.shape, k, seen.leaving, to_light / length[:, None], free)
+        == 0
+    )
 
 
 @everywhere
@@ -180,7 +187,9 @@ def gap_scene(gap):
         "disk": {"type": "disk", "to_world": at(0, 0, -9, 0.1)},
         "tube": {"type": "cylinder", "to_world": at(0, 0, -9, 0.1)},
     }
-    return renderer.load_dict({"type": "scene", "camera": {"type": "perspective"}, **shapes})
+    return renderer.load_dict(
+        {"type": "scene", "camera": {"type": "perspective"}, **shapes}
+    )
 
 
 def leaks(gap, ray_offset="tight"):

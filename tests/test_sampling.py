@@ -167,7 +167,9 @@ def test_each_cell_is_hit_once(columns, rows):
             x, y, z, w = numbers.transpose(1, 0, 2)
             cells = (x * columns).astype(int) + columns * (y * rows).astype(int)
             for place in (cells, (z * count).astype(int), (w * count).astype(int)):
-                np.testing.assert_array_equal(np.sort(place, axis=0), np.indices((count, 512))[0])
+                np.testing.assert_array_equal(
+                    np.sort(place, axis=0), np.indices((count, 512))[0]
+                )
 
 
 @pytest.mark.parametrize(("columns", "rows"), GRIDS)
@@ -256,7 +258,9 @@ def places(index, size, keys):
     return out
 
 
-@pytest.mark.parametrize("sizes", [range(1, 24), range(24, 48), range(48, 71), (1000, 1024)])
+@pytest.mark.parametrize(
+    "sizes", [range(1, 24), range(24, 48), range(48, 71), (1000, 1024)]
+)
 def test_permute_is_a_permutation(sizes):
     """For every size and key: each place exactly once."""
     keys = np.random.default_rng(1).integers(0, 2**32, 64, np.uint32)
@@ -345,7 +349,9 @@ def test_the_warps_keep_neighbours():
 def test_the_corners_of_the_square_are_safe():
     """0, the centre (where both halves of the disk's map meet) and the largest below 1."""
     last = np.float32(1 - 2.0**-24)
-    special = np.array([0.0, 0.25, 0.5, 0.75, last, np.nextafter(np.float32(0.5), np.float32(0))])
+    special = np.array(
+        [0.0, 0.25, 0.5, 0.75, last, np.nextafter(np.float32(0.5), np.float32(0))]
+    )
     x, y = (a.ravel() for a in np.meshgrid(special, special))
     disk, hemisphere, sphere, _ = warped(x, y)
     for points in (disk, hemisphere, sphere):

@@ -197,6 +197,6 @@ def test_supported_lists_name_every_property() -> None:
 
 
 def test_no_light_samples_at_all_are_refused() -> None:
-    """Mitsuba takes `emitter_samples` 0 and then shows no point light; we say so instead."""
+    """Mitsuba takes `emitter_samples` 0, and then shows no point light."""
     text = TEXT.format("direct", integer("emitter_samples", 0))
     assert 'property "emitter_samples": found 0, expected at least 1' in error_of(text)

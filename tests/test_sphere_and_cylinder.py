@@ -124,7 +124,10 @@ def test_spheres_scale(exponent):
     """By powers of two, 10^-6 to 10^6, bit for bit."""
     scale = 2.0**exponent
     rng = np.random.default_rng(4)
-    origin, direction = rng.uniform(-2, 2, (4096, 3)).astype(np.float32), directions(4096, rng)
+    origin, direction = (
+        rng.uniform(-2, 2, (4096, 3)).astype(np.float32),
+        directions(4096, rng),
+    )
     before = hit_one("spheres", spheres([[0.25, 0.5, 0]], [0.75]), origin, direction)
     small = spheres([[0.25 * scale, 0.5 * scale, 0]], [0.75 * scale])
     after = hit_one("spheres", small, origin * scale, direction)

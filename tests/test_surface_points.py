@@ -117,7 +117,9 @@ def pair(tmp_path_factory):
     rng = np.random.default_rng(31)
     k = np.repeat(np.arange(len(SHAPES)), PER_SHAPE)
     middle = np.array([place(i) for i in k])
-    origin = (middle + rng.uniform(2, 3, (k.size, 1)) * directions(k.size, rng)).astype(np.float32)
+    origin = (middle + rng.uniform(2, 3, (k.size, 1)) * directions(k.size, rng)).astype(
+        np.float32
+    )
     target = middle + rng.uniform(0, 1.2, (k.size, 1)) * directions(k.size, rng)
     direction = unit(target - origin).astype(np.float32)
     hit = nearest(inputs, origin, direction).prim >= 0

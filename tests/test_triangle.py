@@ -49,7 +49,12 @@ def both(p, origin, direction, t_max=np.inf):
     m = n + -n % 16
     edges = [p[:, 0], p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]]
     normal = np.cross(edges[1].astype(float), edges[2].astype(float))
-    arrays = [*edges, normal, np.broadcast_to(origin, (n, 3)), np.broadcast_to(direction, (n, 3))]
+    arrays = [
+        *edges,
+        normal,
+        np.broadcast_to(origin, (n, 3)),
+        np.broadcast_to(direction, (n, 3)),
+    ]
     padded = [np.pad(float32(a), ((0, m - n), (0, 0))).T.copy() for a in arrays]
     out = np.zeros((2, 4, m), np.float32)
     ends = np.pad(np.broadcast_to(np.float32(t_max), n), (0, m - n))
@@ -117,9 +122,25 @@ def test_the_methods_differ_at_edges_only():
 def test_edges_and_vertices_belong_to_the_triangle(method):
     """Exact numbers: u = 0, v = 0, u + v = 1 are hits, one step outside is none."""
     unit_triangle = [[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]
-    inside = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0, 0.5), (0.5, 0.5), (0.25, 0.75), (0.25, 0.5)]
+    inside = [
+        (0, 0),
+        (1, 0),
+        (0, 1),
+        (0.5, 0),
+        (0, 0.5),
+        (0.5, 0.5),
+        (0.25, 0.75),
+        (0.25, 0.5),
+    ]
     step = 2.0**-23
-    outside = [(-step, 0.5), (0.5, -step), (0.5 + step, 0.5), (1 + step, 0), (0, -step), (-1, 2)]
+    outside = [
+        (-step, 0.5),
+        (0.5, -step),
+        (0.5 + step, 0.5),
+        (1 + step, 0),
+        (0, -step),
+        (-1, 2),
+    ]
     points = np.array(inside + outside)
     o = np.column_stack((points, np.full(len(points), 2.0)))
     found = both([unit_triangle] * len(points), o, [0.0, 0.0, -1.0])[method]
@@ -175,8 +196,13 @@ def test_degenerate_triangles_are_never_hit():
 
 def test_pbrt_s_collinear_triangle():
     """Corners that a public renderer once hit although they lie on a line (row 14)."""
-    p = [[[-1113.45459, -79.0499, -56.2431], [-1113.45459, -87.0499, -56.2431],
-          [-1113.45459, -79.2, -56.2431]]]
+    p = [
+        [
+            [-1113.45459, -79.0499, -56.2431],
+            [-1113.45459, -87.0499, -56.2431],
+            [-1113.45459, -79.2, -56.2431],
+        ]
+    ]
     o = np.array([[-1081.47925, 99.9999542, 87.7701111]])
     d = unit([[-32.1072998, -183.355865, -144.607635]])
     for found in both(p, o, d):
@@ -191,7 +217,9 @@ def test_hits_do_not_depend_on_the_scale(exponent):
     """
     p, o, d = random_rays(N, 4)
     scale = 2.0**exponent
-    for before, after in zip(both(p, o, d), both(p * np.float32(scale), o * scale, d), strict=True):
+    for before, after in zip(
+        both(p, o, d), both(p * np.float32(scale), o * scale, d), strict=True
+    ):
         np.testing.assert_array_equal(after.hit, before.hit)
         hit = before.hit
         assert hit.any()
@@ -206,13 +234,17 @@ def test_hits_at_decimal_scales(scale):
     p, o, d = random_rays(N, 5)
     scaled = (p * scale).astype(np.float32)
     t, u, v = in_float64(scaled, o * scale, d)
-    good = (well_shaped(p, d) > 0.05) & (np.abs(np.minimum.reduce([u, v, 1 - u - v])) > 1e-4)
+    good = (well_shaped(p, d) > 0.05) & (
+        np.abs(np.minimum.reduce([u, v, 1 - u - v])) > 1e-4
+    )
     for found in both(scaled, o * scale, d):
         np.testing.assert_array_equal(
             found.hit[good], ((np.minimum.reduce([u, v, 1 - u - v]) > 0) & (t > 0))[good]
         )
         hit = found.hit & good
-        np.testing.assert_allclose(found.t[hit] / scale, t[hit] / scale, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(
+            found.t[hit] / scale, t[hit] / scale, rtol=1e-4, atol=1e-5
+        )
 
 
 def test_a_fixed_bound_on_the_determinant_loses_small_triangles():

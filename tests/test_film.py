@@ -1,0 +1,217 @@
+"""The film: filter weights of every sample against NumPy, tiles, crop window, double sums."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from renderer.batch import CAPACITY
+from renderer.film import Film, add_to_tile, filter_border, filter_table, tile_sums
+from renderer.jit import entry_kernel
+from renderer.lanes.functions import lane_index
+from renderer.lanes.memory import store_row
+from renderer.reconstruction import lookup_weight, pixels_touched
+from renderer.sampling import Independent
+from renderer.scene_file.description import ReconstructionFilter
+from renderer.stages.camera_rays import TILE_SIZE, Tile, film_position
+
+
+class FilmCamera(NamedTuple):
+    film_width: int
+
+
+class FilmScene(NamedTuple):
+    """The little of a scene that the film looks at."""
+
+    camera: FilmCamera
+    sampler: Any
+
+
+@entry_kernel
+def run_add_to_tile(rfilter, scene, tile, sample, radiance, sums, border):
+    add_to_tile(rfilter, scene, tile, sample, radiance, sums, border)
+
+
+@entry_kernel
+def run_positions(scene, tile, sample, out):
+    for first in range(0, CAPACITY, 16):
+        x, y = film_position(scene, tile, lane_index() + first, sample)
+        store_row(out, 0, first, x)
+        store_row(out, 1, first, y)
+
+
+FILTERS = [
+    ReconstructionFilter("box", 0.5),
+    ReconstructionFilter("tent", 1.0),
+    ReconstructionFilter("gaussian", 2.0),
+    ReconstructionFilter("mitchell", 2.0),
+    ReconstructionFilter("catmullrom", 2.0),
+    ReconstructionFilter("lanczos", 3.0),
+    ReconstructionFilter("tent", 1.7),
+    ReconstructionFilter("gaussian", 0.8, stddev=0.2),
+]
+every_filter = pytest.mark.parametrize(
+    "rfilter", FILTERS, ids=lambda f: f"{f.name} {f.radius}"
+)
+CHANNELS = 2
+SCENE = FilmScene(FilmCamera(200), Independent(5))
+
+
+def slots():
+    """x and y in the tile of each slot: 4 x 4 pixels at a time."""
+    s = np.arange(CAPACITY)
+    return (s & 3) | (((s >> 4) & 7) << 2), ((s >> 2) & 3) | ((s >> 7) << 2)
+
+
+def samples(tile, sample, seed=0):
+    """Film positions (2, slots), radiance (2, slots), and the slots inside the tile."""
+    positions = np.empty((2, CAPACITY), np.float32)
+    run_positions(SCENE, tile, sample, positions)
+    radiance = np.random.default_rng([seed, tile.x, tile.y, sample]).random(
+        (CHANNELS, CAPACITY)
+    )
+    x, y = slots()
+    return positions, radiance.astype(np.float32), (x < tile.width) & (y < tile.height)
+
+
+def by_hand(rfilter, tiles, window, sample_count):
+    """The window's sums, sample by sample, with `renderer.reconstruction`."""
+    x0, y0, width, height = window
+    sums = np.zeros((CHANNELS + 1, height, width))
+    table = filter_table(rfilter)
+    for tile in tiles:
+        slot_x, slot_y = slots()
+        for sample in range(sample_count):
+            positions, radiance, inside = samples(tile, sample)
+            for s in np.flatnonzero(inside):
+                value = np.append(radiance[:, s].astype(float), 1.0)
+                if table is None:
+                    row, column = slot_y[s] + tile.y - y0, slot_x[s] + tile.x - x0
+                    sums[:, row, column] += value
+                    continue
+                px, py = positions[:, s].astype(float) - [x0, y0]
+                rows = pixels_touched(py, table.radius, height)
+                columns = pixels_touched(px, table.radius, width)
+                wy = lookup_weight(table.weights, table.radius, np.array(rows) + 0.5 - py)
+                wx = lookup_weight(
+                    table.weights, table.radius, np.array(columns) + 0.5 - px
+                )
+                weights = np.multiply.outer(wy, wx)
+                part = np.s_[:, rows.start : rows.stop, columns.start : columns.stop]
+                sums[part] += value[:, None, None] * weights
+    return sums
+
+
+def by_kernel(rfilter, film, sample_count, constant=None):
+    table, border = filter_table(rfilter), film.border
+    for tile in film.tiles():
+        sums = tile_sums(CHANNELS, border)
+        for sample in range(sample_count):
+            _, radiance, _ = samples(tile, sample)
+            if constant is not None:
+                radiance[:] = constant
+            run_add_to_tile(table, SCENE, tile, sample, radiance, sums, border)
+        film.add(tile, sums)
+    return film
+
+
+def make_film(rfilter, window):
+    return Film(CHANNELS, *window, filter_border(filter_table(rfilter)))
+
+
+@every_filter
+def test_one_whole_tile(rfilter):
+    """A film of 32 x 32: each sample reaches exactly the pixels it should, by its weight."""
+    window = (0, 0, 32, 32)
+    film = by_kernel(rfilter, make_film(rfilter, window), 2)
+    expected = by_hand(rfilter, film.tiles(), window, 2)
+    np.testing.assert_allclose(film._sums, expected, rtol=1e-12, atol=1e-13)
+
+
+@every_filter
+def test_tiles_of_a_crop_window(rfilter):
+    """37 x 35 pixels from (5, 7) on: four tiles, three of them cut, borders overlapping."""
+    window = (5, 7, 37, 35)
+    film = by_kernel(rfilter, make_film(rfilter, window), 1)
+    assert [(t.width, t.height) for t in film.tiles()] == [
+        (32, 32),
+        (5, 32),
+        (32, 3),
+        (5, 3),
+    ]
+    expected = by_hand(rfilter, film.tiles(), window, 1)
+    np.testing.assert_allclose(film._sums, expected, rtol=1e-12, atol=1e-13)
+
+
+@every_filter
+def test_a_crop_is_a_piece_of_the_whole_picture(rfilter):
+    """Away from the rim: the same samples, the same sums, however tiles are cut."""
+    whole = by_hand(rfilter, make_film(rfilter, (0, 0, 40, 36)).tiles(), (0, 0, 40, 36), 1)
+    film = make_film(rfilter, (0, 0, 40, 36))
+    assert by_kernel(rfilter, film, 1)._sums == pytest.approx(whole, rel=1e-12, abs=1e-13)
+
+
+@every_filter
+def test_a_constant_stays_constant(rfilter):
+    """sum(w v) / sum(w) up to the rim, where neighbours are missing, negative lobes or not."""
+    film = by_kernel(rfilter, make_film(rfilter, (3, 0, 40, 20)), 4, constant=0.7)
+    picture = film.develop()
+    assert picture.shape == (20, 40, CHANNELS) and picture.dtype == np.float32
+    np.testing.assert_allclose(picture, np.float32(0.7), rtol=1e-6)
+
+
+def test_tiles_cover_the_window_once():
+    for window in ((0, 0, 1, 1), (3, 5, 32, 32), (0, 0, 33, 65), (100, 7, 95, 31)):
+        film = Film(3, *window, 0)
+        count = np.zeros((window[3], window[2]), int)
+        for tile in film.tiles():
+            assert 0 < tile.width <= TILE_SIZE and 0 < tile.height <= TILE_SIZE
+            left, top = tile.x - window[0], tile.y - window[1]
+            count[top : top + tile.height, left : left + tile.width] += 1
+        assert (count == 1).all()
+
+
+def test_sums_are_double():
+    """Beyond 2^24 single precision cannot count any more, and 0.1 drifts by 9 % (row 26)."""
+    tile = Tile(0, 0, 32, 32)
+    sums = tile_sums(CHANNELS, 0)
+    sums[:] = 2.0**24
+    radiance = np.full((CHANNELS, CAPACITY), 0.1, np.float32)
+    for sample in range(1000):
+        run_add_to_tile(None, SCENE, tile, sample, radiance, sums, 0)
+    np.testing.assert_allclose(sums[-1] - 2.0**24, 1000, rtol=0)
+    tenth = float(np.float32(0.1))
+    np.testing.assert_allclose(sums[0] - 2.0**24, 1000 * tenth, rtol=1e-6)
+    single = np.float32(2.0**24)
+    assert single + np.float32(1) == single
+
+
+def test_no_weight_is_black_and_not_nan():
+    film = Film(1, 0, 0, 4, 3, 0)
+    tile = Tile(0, 0, 4, 3)
+    sums = tile_sums(1, 0)
+    sums[:, 0, 0] = 3, 2
+    sums[:, 0, 1] = -3, -2  # a pixel can have negative lobes alone
+    film.add(tile, sums)
+    picture = film.develop()[:, :, 0]
+    assert picture[0, 0] == picture[0, 1] == 1.5
+    assert np.count_nonzero(picture) == 2 and np.isfinite(picture).all()
+
+
+def test_what_lies_beyond_the_window_is_dropped():
+    """A tile's border reaches over the rim on every side."""
+    film = Film(1, 10, 20, 4, 3, 2)
+    film.add(Tile(10, 20, 4, 3), np.ones((2, TILE_SIZE + 4, TILE_SIZE + 4)))
+    np.testing.assert_array_equal(film._sums, np.ones((2, 3, 4)))
+
+
+def test_borders_hold_the_widest_reach():
+    """A sample at the very rim of its pixel, half a pixel off the centre."""
+    for rfilter in FILTERS:
+        border = filter_border(filter_table(rfilter))
+        if rfilter.name == "box":
+            assert border == 0
+        else:
+            assert rfilter.radius + 0.5 <= border < rfilter.radius + 1.5
