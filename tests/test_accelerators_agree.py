@@ -1,4 +1,4 @@
-"""Brute force against BVH, hit for hit and bit for bit, where boxes and rounding are awkward.
+"""Brute force against BVH, hit for hit and bit for bit, where rounding is awkward.
 
 Every comparison asks each traversal for the same rays: nearest hit and any hit, single
 rays and packets, and the answers may not differ in one bit of t, u or v. Failure modes
@@ -367,8 +367,8 @@ def test_of_coincident_primitives_the_smallest_id_wins(kind):
 def test_overlapping_quads_in_one_plane(height, distance):
     """Different boxes, equal t (row 18).
 
-    The first box's own hit may lie nearer than where rounding puts the second box; without a
-    margin the BVH lost up to 70 % of these ties.
+    The first box's own hit may lie nearer than where rounding puts the second box;
+    without a margin the BVH lost up to 70 % of these ties.
     """
     rng = np.random.default_rng(14)
     n = 500

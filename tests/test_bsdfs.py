@@ -1,4 +1,4 @@
-"""Fresnel, reflection, refraction and the diffuse BSDF: closed forms, float64 and Mitsuba."""
+"""Fresnel, reflection, refraction, diffuse: closed forms, float64 and Mitsuba."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def test_the_ends_of_the_range():
 
 
 def test_snell_s_law():
-    """sin_i = n sin_t for 0 to 90 degrees (row 20), squared: a cosine near 1 hides its sine."""
+    """sin_i = n sin_t for 0 to 90 degrees (row 20), squared as small sines are lost."""
     degrees = np.linspace(0, 90, 721)
     cosine = np.float32(np.cos(np.radians(degrees)))
     far = fresnel(cosine, 1.5)[1]
@@ -225,7 +225,7 @@ def random_sides(n=16_384, seed=3):
 
 
 def test_reflection():
-    """Unit length, in the plane of incidence, same angle on the other side; twice: itself."""
+    """Unit length, in the plane of incidence, at the same angle; twice: itself."""
     wo, normal = random_sides()
     reflected, _ = mirrored(wo, normal, 1.5)
     np.testing.assert_allclose(np.linalg.norm(reflected, axis=1), 1, rtol=1e-6)
@@ -237,7 +237,7 @@ def test_reflection():
 
 @pytest.mark.parametrize("eta", [1.5, 1 / 1.5, 2.4, 1.0])
 def test_refraction(eta):
-    """Snell's law as vectors: the tangential part shrinks by the index ratio, the side changes."""
+    """Snell's law as vectors: the tangent shrinks by the index ratio, the side changes."""
     wo, normal = random_sides()
     _, refracted = mirrored(wo, normal, eta)
     cosine = np.sum(wo * normal, axis=1)

@@ -1,4 +1,4 @@
-"""The film: filter weights of every sample against NumPy, tiles, crop window, double sums."""
+"""The film: filter weights of each sample against NumPy, tiles, crop, double sums."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def make_film(rfilter, window):
 
 @every_filter
 def test_one_whole_tile(rfilter):
-    """A film of 32 x 32: each sample reaches exactly the pixels it should, by its weight."""
+    """32 x 32 pixels: each sample reaches exactly the pixels it should, by its weight."""
     window = (0, 0, 32, 32)
     film = by_kernel(rfilter, make_film(rfilter, window), 2)
     expected = by_hand(rfilter, film.tiles(), window, 2)
@@ -155,7 +155,7 @@ def test_a_crop_is_a_piece_of_the_whole_picture(rfilter):
 
 @every_filter
 def test_a_constant_stays_constant(rfilter):
-    """sum(w v) / sum(w) up to the rim, where neighbours are missing, negative lobes or not."""
+    """sum(w v) / sum(w) up to the rim, where neighbours are missing; negative lobes too."""
     film = by_kernel(rfilter, make_film(rfilter, (3, 0, 40, 20)), 4, constant=0.7)
     picture = film.develop()
     assert picture.shape == (20, 40, CHANNELS) and picture.dtype == np.float32
@@ -174,7 +174,7 @@ def test_tiles_cover_the_window_once():
 
 
 def test_sums_are_double():
-    """Beyond 2^24 single precision cannot count any more, and 0.1 drifts by 9 % (row 26)."""
+    """Beyond 2^24 single precision cannot count, and 0.1 drifts by 9 % (row 26)."""
     tile = Tile(0, 0, 32, 32)
     sums = tile_sums(CHANNELS, 0)
     sums[:] = 2.0**24

@@ -1,4 +1,4 @@
-"""Light sampling: closed forms of irradiance, densities that add up to 1, no light from behind.
+"""Light sampling: closed forms of irradiance, densities, no light from behind.
 
 Irradiance E is the mean of radiance times cosine over samples of a light, where radiance
 already is divided by the density. Answers are those of the project's table of ground
@@ -82,9 +82,11 @@ def run_choose_light(lights, number, light):
 # ------------------------------------------------------------------------ the scene
 
 
-def at(x, linear=np.eye(3)):
+def at(x, linear=None):
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = linear, (x, 0, 0)
+    matrix[:3, 3] = x, 0, 0
+    if linear is not None:
+        matrix[:3, :3] = linear
     return matrix
 
 
@@ -194,6 +196,11 @@ def center(name):
     return AREA_SHAPES[name]["to_world"][:3, 3]
 
 
+def beside(name, *where):
+    """A point given relative to a light."""
+    return center(name) + np.array(where, float)
+
+
 # --------------------------------------------------------- lights without an area
 
 
@@ -222,7 +229,7 @@ def test_spot_light(setup):
 
 
 def test_directional_light(setup):
-    """The same from everywhere, against the direction it travels in, from beyond the scene."""
+    """The same from everywhere, against its direction, from beyond the scene."""
     where = np.array([[0.0, 0, 0], [400, 1, 2]])
     wi, radiance, distance, pdf = setup.sample("directional", where, np.zeros((3, 2)))
     np.testing.assert_allclose(wi, np.tile(-unit([1.0, 2, -3]), (2, 1)), atol=1e-7)
@@ -285,7 +292,7 @@ def test_sphere_light(setup, distance, cosine):
 @pytest.mark.parametrize("height", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_just_above_a_sphere_light(setup, height):
     """The cone opens to a half space: still E = pi L (R / d)^2, no NaN."""
-    position = float32(center("sphere") + [0, 0, 1 + height])
+    position = float32(beside("sphere", 0, 0, 1 + height))
     d = position[2].astype(float)
     assert abs(setup.irradiance_z("sphere", position, [0, 0, -1], np.pi / d**2)) < SIGMA
 
@@ -301,7 +308,7 @@ def test_inside_a_sphere_that_shines_inwards(setup, inside):
 @pytest.mark.parametrize("height", [0.1, 1.0, 4.0])
 def test_disk_light_on_its_axis(setup, height):
     """E = pi L R^2 / (R^2 + h^2) (row D)."""
-    position = center("disk") + [0, 0, height]
+    position = beside("disk", 0, 0, height)
     expected = np.pi / (1 + height**2)
     assert abs(setup.irradiance_z("disk", position, [0, 0, -1], expected)) < SIGMA
 
@@ -330,7 +337,7 @@ def test_rectangle_light(setup, name, where, expected):
 
 
 def polygon_irradiance(corners, position, normal):
-    """E / L of a polygon above the horizon [Lambert1760]: half the sum of angle times normal."""
+    """E / L of a polygon above the horizon: half the sum of angle x normal (Lambert)."""
     v = unit(np.asarray(corners) - position)
     w = np.roll(v, -1, axis=0)
     theta = np.arccos(np.clip(np.sum(v * w, axis=1), -1, 1))
@@ -354,7 +361,7 @@ def cube_faces():
 
 @pytest.mark.parametrize("where", [(0, 0, 2), (2, 1, 1), (-3, 0.2, 0.1), (1.5, 2, -1)])
 def test_mesh_light(setup, where):
-    """A box, its faces summed by Lambert's formula (row F); those turned away give nothing."""
+    """A box: its faces by Lambert's formula (row F); those turned away give nothing."""
     position = center("cube") + where
     normal = -unit(where)
     expected = 0.0
@@ -462,7 +469,7 @@ SEEN_FROM = [
 
 
 def seen_by_chance(setup, name, position, n=N):
-    """Uniform directions and what they hit: (wi, found, hits this light's front, cosine)."""
+    """Uniform directions and what they hit: (wi, found, hits this light, points)."""
     wi = float32(directions(n, np.random.default_rng(5)))
     found = nearest(setup.tracing, position, wi)
     shape = NAMES.index(name)
@@ -537,7 +544,7 @@ def test_samples_are_where_they_say(setup, name, where):
 
 def test_a_far_sphere_has_the_density_of_its_solid_angle(setup):
     """Omega = pi (R / d)^2 for R / d = 1e-4, where 1 - cos alone would be 0 in float32."""
-    _, _, _, pdf = setup.sample("sphere", center("sphere") + [0, 0, 1e4])
+    _, _, _, pdf = setup.sample("sphere", beside("sphere", 0, 0, 1e4))
     np.testing.assert_allclose(pdf, 1e8 / np.pi, rtol=1e-5)
 
 
@@ -547,7 +554,7 @@ def test_points_are_spread_evenly_over_the_shapes(setup):
     for name in ("rectangle", "disk", "ellipse", "cylinder", "sphere"):
         position = float32(center(name) + (below if name != "cylinder" else [1, 0.5, 0.7]))
         if name == "sphere":
-            position = float32(center(name) + [0, 0, 3])
+            position = float32(beside(name, 0, 0, 3))
         wi, _, distance, _ = setup.sample(name, position)
         p = position - center(name) + wi * distance[:, None]
         turn = (np.arctan2(p[:, 1], p[:, 0]) / (2 * np.pi)) % 1
@@ -568,7 +575,7 @@ def test_points_are_spread_evenly_over_the_shapes(setup):
 
 def test_triangles_are_chosen_by_their_area(setup):
     """Samples on the faces of a box of 2 x 1 x 0.5, counted."""
-    position = float32(center("cube") + [3, 2, 1])
+    position = float32(beside("cube", 3, 2, 1))
     wi, _, distance, _ = setup.sample("cube", position)
     p = (position - center("cube") + wi * distance[:, None]) / [1, 0.5, 0.25]
     axis = np.abs(p).argmax(axis=1)

@@ -42,7 +42,7 @@ def scene(offset, scale, axis_parallel=False):
 
 
 def hits_from_outside(inputs, k, offset, scale, seed=0):
-    """16384 surface points of shape k, all seen from outside (or from either side if flat)."""
+    """Up to 16384 points of shape k, seen from outside (flat ones from both sides)."""
     rng = np.random.default_rng(seed)
     n = 4 * HITS
     middle = center(k, offset, scale)
@@ -98,7 +98,7 @@ def test_without_an_offset_there_is_acne(name):
 @everywhere
 @every_shape
 def test_shadow_rays_to_visible_lights_are_free(name, offset, scale):
-    """0 false occlusions: lights higher than two offsets above the tangent plane (row 1)."""
+    """0 false occlusions by lights two offsets above the tangent plane (row 1)."""
     k = SHAPES.index(name)
     inputs = kernel_inputs(scene(offset, scale))
     seen, outgoing, normal = hits_from_outside(inputs, k, offset, scale, seed=1)
@@ -136,7 +136,7 @@ def test_positions_are_known_far_better_than_the_offset(name, offset, scale):
 
 @everywhere
 def test_the_offset_is_small(offset, scale):
-    """At most 6e-5 of the sizes and coordinates it follows: 5 (edges, corner) times 64 units."""
+    """At most 6e-5 of sizes and coordinates: 64 units of the sum of edges and corner."""
     inputs = kernel_inputs(scene(offset, scale))
     for k in range(len(SHAPES)):
         seen, _, _ = hits_from_outside(inputs, k, offset, scale)

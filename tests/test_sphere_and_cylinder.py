@@ -1,4 +1,4 @@
-"""Ray against sphere and open cylinder: digits kept far away, roots from inside, open ends."""
+"""Ray against sphere and open cylinder: far away, from inside, through open ends."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def unit_sphere():
 
 
 def rays_at_sphere(distance, seed=0, n=N):
-    """Rays from `distance` that meet the unit sphere, up to 0.99 of its radius off-centre."""
+    """Rays from `distance` that meet the unit sphere up to 0.99 off its centre."""
     rng = np.random.default_rng(seed)
     away = directions(n, rng)
     target = 0.99 * rng.random((n, 1)) ** 0.5 * unit(np.cross(away, directions(n, rng)))
@@ -93,8 +93,8 @@ def test_from_inside_the_far_root_counts():
 def test_from_a_point_of_the_sphere():
     """Exactly on it: outward no hit, inward t = 2 r cos (row 17).
 
-    The root is that of a difference, r^2 - (distance of the ray from the centre)^2, known to
-    1e-7: so is t to 1e-7 / cos, and to 1e-6 of itself away from grazing.
+    The root is that of r^2 less the squared distance of ray and centre, known to 1e-7:
+    so is t to 1e-7 / cos, and to 1e-6 of itself away from grazing.
     """
     rng = np.random.default_rng(2)
     poles = np.concatenate((np.eye(3), -np.eye(3)))[rng.integers(0, 6, N)]
@@ -170,7 +170,8 @@ def test_cylinders_against_float64(axis):
     n = 20_000
     surfaces = cylinders([[0.3, -0.2, 0.1]], unit([axis]), [0.5], [1.5])
     origin = float32(rng.uniform(-1.5, 1.5, (n, 3)))
-    direction = float32(unit(rng.uniform(-0.5, 0.5, (n, 3)) + [0.3, -0.2, 0.5] - origin))
+    target = np.array([0.3, -0.2, 0.5]) + rng.uniform(-0.5, 0.5, (n, 3))
+    direction = float32(unit(target - origin))
     hit, t, height, clear = true_cylinder(surfaces, origin, direction)
     found = hit_one("cylinders", surfaces, origin, direction)
     np.testing.assert_array_equal((found.prim >= 0)[clear], hit[clear])

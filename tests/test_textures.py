@@ -132,7 +132,7 @@ def picture():
 
 @pytest.mark.parametrize("k", range(len(ALL)), ids=label)
 def test_against_mitsuba(picture, tmp_path, k):
-    """Within rounding of u: 6e-5 of a texel at 200 repetitions; at most 1 % lie on a border."""
+    """To the rounding of u (6e-5 of a texel at u = 200); 1 % may lie on a border."""
     uv, got = picture
     texture = in_mitsuba(ALL[k], tmp_path)
     si = mi.SurfaceInteraction3f()
@@ -150,7 +150,7 @@ def test_the_comparison_sees_every_texel(picture):
 
 
 def test_a_bitmap_by_hand():
-    """2 x 2 texels: row 0 of the description is at v near 1 (the reader turns files over)."""
+    """Row 0 of the description is at v near 1 (the reader turns files over)."""
     pixels = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32)
     nearest = BitmapTexture(pixels, "nearest", "clamp")
     smooth = BitmapTexture(pixels, "bilinear", "clamp")

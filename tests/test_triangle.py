@@ -112,7 +112,7 @@ def test_the_methods_differ_at_edges_only():
     p, o, d = random_rays(N, 1)
     plane, trumbore = both(p, o, d)
     differ = plane.hit != trumbore.hit
-    t, u, v = in_float64(p, o, d)
+    _, u, v = in_float64(p, o, d)
     margin = np.abs(np.minimum.reduce([u, v, 1 - u - v]))
     assert (margin[differ] * well_shaped(p, d)[differ] < 1e-5).all()
     assert differ.mean() < 1e-3
