@@ -6,7 +6,7 @@ import argparse
 import io
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +21,7 @@ from mitsuba_ref.ours import RenderOurs, render_ours
 from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
 from mitsuba_ref.table import print_table
 from mitsuba_ref.validation import Validated, validate_scene
+from mitsuba_ref.warm import compile_kernels, kernel_requests
 from mitsuba_ref.worker import TIME_LIMIT, MitsubaWorker
 
 EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
@@ -51,6 +52,8 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     try:
         with MitsubaWorker(options.time_limit) as worker, console.status("") as status:
             references = ReferenceCache(worker.render)
+            if len(scenes) > 1 and ours is render_ours:
+                _warm_up(scenes.values(), _options(options), status.update)
             for index, (name, path) in enumerate(scenes.items(), start=1):
                 place = f"{name} ({index} of {len(scenes)}): "
 
@@ -67,6 +70,20 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
         return 130
     _finish(results, given, options.report)
     return 0 if all(scene.verdict == "pass" for scene in results) else 1
+
+
+def _warm_up(
+    scenes: Iterable[Path], options: Options, show: Callable[[str], None]
+) -> None:
+    """Compile the kernels of all scenes before the first is measured."""
+    requests = kernel_requests(scenes, options)
+    if requests:
+        count = len(requests)
+        show(f"compiling our kernels, once: 0 of {count}")
+        compile_kernels(
+            requests,
+            lambda done: show(f"compiling our kernels, once: {done} of {count}"),
+        )
 
 
 def _finish(results: list[SceneResult], given: list[str], report: Path | None) -> None:

@@ -14,6 +14,8 @@ from typing import Any
 
 from mitsuba_ref.variant import VARIANT, load_mitsuba
 
+BOX_INSTEAD = "reconstruction filter replaced by box"
+
 
 @dataclass(frozen=True, eq=False)
 class EditedScene:
@@ -65,7 +67,7 @@ def load_edited_scene(
         # Without it rays slip through shared edges (Mitsuba issue 1149).
         state.root.props["embree_use_robust_intersections"] = True
         if box_filter and nodes.replace("ReconstructionFilter", "box", {}):
-            changes.append("reconstruction filter replaced by box")
+            changes.append(BOX_INSTEAD)
         if pixel_centres:
             nodes.replace("Sampler", "stratified", {"jitter": False, "sample_count": 1})
             changes.append("one sample at each pixel's centre")

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.comparison import compare
+from mitsuba_ref.comparison import Comparison, compare, compare_filtered, with_metric
+from mitsuba_ref.edited_scene import BOX_INSTEAD
 from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ladder import measure_ladder
 from mitsuba_ref.options import Options, scene_name, scene_request, shown_path
@@ -26,6 +27,9 @@ Array = NDArray[np.float32]
 
 REFERENCE_SEEDS = 4
 """Mitsuba pictures of a noisy scene: six pairs for the noise floor."""
+
+FILTERED_SEEDS = 3
+"""Mitsuba pictures with the scene's own filter, where that is not the box."""
 
 # Far from any seed that a user gives: the same seed on both sides proves nothing.
 FIRST_REFERENCE_SEED = 1_000_003
@@ -115,6 +119,9 @@ def _validate(
         deterministic=bool(deterministic),
         rmse_factor=proof.rmse_factor,
     )
+    if BOX_INSTEAD in pictures[0].changes and comparison.finite.passed:
+        progress("with the scene's own filter")
+        comparison = _with_own_filter(comparison, request, render_ours, references)
     blank = replace(blank, deterministic=bool(deterministic))
     result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
     if options.ladder and not deterministic and comparison.finite.passed:
@@ -128,3 +135,21 @@ def _validate(
         "reference_other_seed": pictures[1].pixels,
     }
     return Validated(result, shown)
+
+
+def _with_own_filter(
+    comparison: Comparison,
+    request: RenderRequest,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+) -> Comparison:
+    """Compare once more without the box; the filter's own weights are in no other number."""
+    own = replace(request, box_filter=False)
+    ours = render_ours(own)
+    pictures = [
+        references.get(replace(own, seed=FIRST_REFERENCE_SEED + index), ours.files).pixels
+        for index in range(FILTERED_SEEDS)
+    ]
+    return with_metric(
+        comparison, "rmse_with_filter", compare_filtered(ours.pixels, pictures)
+    )

@@ -50,8 +50,7 @@ def add_to_tile(rfilter, scene, tile, sample, radiance, sums, border):
     channels = sums.shape[0] - 1
     if rfilter is None:
         for slot in range(CAPACITY):
-            x = (slot & 3) | (((slot >> 4) & 7) << 2)
-            y = ((slot >> 2) & 3) | ((slot >> 7) << 2)
+            x, y = slot_pixel(slot)
             if x < tile.width and y < tile.height:
                 for c in range(channels):
                     sums[c, y, x] += radiance[c, slot]
@@ -128,6 +127,7 @@ class Film:
         """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight."""
         weight = self._sums[-1]
         inverse: Any = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight != 0)
-        return np.ascontiguousarray(
-            np.moveaxis(self._sums[:-1] * inverse, 0, -1), dtype=np.float32
-        )
+        picture = np.empty((*weight.shape, len(self._sums) - 1), np.float32)
+        for channel, sums in enumerate(self._sums[:-1]):  # one at a time, for the memory
+            picture[..., channel] = sums * inverse
+        return picture

@@ -43,7 +43,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
     accelerators = build_accelerators(scene, accel)
     seen = accelerators
     if plan.hide_emitters:
-        seen = build_accelerators(scene, accel, without_emitters=True)
+        seen = build_accelerators(scene, accel, without_emitters_of=accelerators)
     settings = Settings(
         plan.max_depth,
         plan.roulette_depth,

@@ -45,6 +45,7 @@ class TriangleSurfaces(NamedTuple):
     corner: NDArray[np.float32]  # (3, n)
     edge1: NDArray[np.float32]  # (3, n)
     edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
     normals: NDArray[np.float32] | None  # (9, n) unit, of the three vertices in turn
     uvs: NDArray[np.float32] | None  # (6, n) of the three vertices in turn
 
@@ -57,6 +58,7 @@ class RectangleSurfaces(NamedTuple):
     corner: NDArray[np.float32]  # (3, n)
     edge1: NDArray[np.float32]  # (3, n)
     edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
 
 
 class DiskSurfaces(NamedTuple):
@@ -67,6 +69,7 @@ class DiskSurfaces(NamedTuple):
     corner: NDArray[np.float32]  # (3, n)
     edge1: NDArray[np.float32]  # (3, n)
     edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
 
 
 class SphereSurfaces(NamedTuple):

@@ -136,8 +136,12 @@ def _constants(
 
 def _areas(count: int, scene: Scene, shining: list[tuple[int, Shape]]) -> AreaLights:
     areas, prims, orientation, tables = {}, np.zeros(count, np.int32), {}, {}
+    by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
+    ends = np.searchsorted(
+        scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
+    )
     for light, (shape_id, shape) in enumerate(shining):
-        ids = np.flatnonzero(scene.shape == shape_id).astype(np.int32)
+        ids = by_shape[ends[shape_id] : ends[shape_id + 1]]
         sizes = np.concatenate(
             [_primitive_areas(scene, kind, ids) for kind in scene.surfaces]
         )

@@ -41,7 +41,7 @@ RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
 NO_LIMIT = 1 << 30
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
 WHITTED_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves
-DEEPEST_TREE = 256  # each depth of a ray tree has rays of its own that wait: 120 KB
+DEEPEST_TREE = 256  # each depth of a ray tree has waiting rays of its own: 130 KB
 
 
 @dataclass(frozen=True)
@@ -177,6 +177,8 @@ def _decide(
         depth = min(depth, 2) if asked.max_depth >= 0 else 2
     if method == "whitted":
         depth = WHITTED_DEPTH if asked.max_depth < 0 else min(depth, DEEPEST_TREE)
+        if depth != asked.max_depth:
+            why.say("method", f"whitted to depth {depth}: its trees of rays need a limit")
     if reduce and method == "path" and depth <= 2:
         method = "direct"
         why.say("method", "direct: with max_depth <= 2 a path is direct light alone")

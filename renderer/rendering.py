@@ -88,10 +88,11 @@ class Rendering:
         self._workspaces = _Workspaces(self._make_workspace)
 
     def _make_workspace(self) -> Workspace:
-        depths = self.plan.max_depth + 1 if self.plan.method == "whitted" else 1
+        tree = self.plan.method == "whitted"
+        depths = self.plan.max_depth + 1 if tree else 1
         return make_workspace(
-            ray_capacity=max(REGION * depths, CAPACITY),
-            shadow_capacity=2 * CAPACITY,
+            ray_capacity=REGION * depths if tree else CAPACITY,
+            shadow_capacity=CAPACITY,
             channels=self.channels,
             depths=depths,
         )
@@ -119,9 +120,12 @@ class Rendering:
 
     def _jobs(self) -> Iterator[_Job]:
         tiles = self.film.tiles()
-        for first in range(0, self.plan.spp, SAMPLES_PER_JOB):
+        lights = self.kernel_scene.lights
+        asked = lights.count if lights is not None and self.plan.every_light else 1
+        step = max(1, SAMPLES_PER_JOB // asked)
+        for first in range(0, self.plan.spp, step):
             for tile in tiles:
-                yield _Job(tile, first, min(first + SAMPLES_PER_JOB, self.plan.spp))
+                yield _Job(tile, first, min(first + step, self.plan.spp))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> bool:
         """Trace all samples; return whether it went to the end.

@@ -13,6 +13,7 @@ from numba.extending import overload
 
 from renderer.jit import kernel, record_class
 from renderer.lanes.functions import (
+    as_i32,
     as_u32,
     fabs,
     mask_bits,
@@ -189,8 +190,11 @@ def _draw_stratified(sampler, pixel, sample, block):
     amount = np.float32(sampler.jitter)
     jx = (jx - 0.5) * amount + 0.5
     jy = (jy - 0.5) * amount + 0.5
-    cell = to_i32(to_f32(permute(index, count, keys[0])))
+    cell = as_i32(permute(index, count, keys[0]))
     row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
+    # float32 rounds the quotient of cells beyond 2^22 up or down by one
+    column = cell - row * columns
+    row = select(column < 0, row - 1, select(column >= columns, row + 1, row))
     column = cell - row * columns
     x, y = _inside_cell(sampler.multi, column, row, columns, rows, keys, jx, jy)
     one = np.float32(1.0 / count)
@@ -249,5 +253,5 @@ def square_to_sphere(x, y):
 @kernel
 def power_heuristic(pdf, other_pdf):
     """Return the weight of a sample of `pdf` beside one of `other_pdf` [Veach1997]."""
-    a = pdf * pdf
-    return a / (a + other_pdf * other_pdf)
+    ratio = other_pdf / pdf  # the square of a density above 1.8e19 would overflow
+    return 1.0 / (1.0 + ratio * ratio)

@@ -35,6 +35,7 @@ from renderer.scene_file.description import (
     Sphere,
 )
 
+_FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 
 
@@ -72,8 +73,15 @@ def _float32(rows: Any) -> NDArray[np.float32]:
     return np.ascontiguousarray(rows, dtype=np.float32)
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vector / np.linalg.norm(vector)
+def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
+    """Return edge1 x edge2 / |edge1 x edge2|, all (3, n).
+
+    In double precision: the square of an area leaves float32 for edges beyond 4e9. What
+    has no area has the normal 0; no ray hits it.
+    """
+    n = np.cross(np.asarray(edge1, np.float64).T, np.asarray(edge2, np.float64).T)
+    area = np.linalg.norm(n, axis=1, keepdims=True)
+    return _float32((n / np.where(area > 0.0, area, 1.0)).T)
 
 
 def _triangles(meshes: list[Mesh], first: int, with_uv: bool) -> TriangleSurfaces:
@@ -95,12 +103,14 @@ def _triangles(meshes: list[Mesh], first: int, with_uv: bool) -> TriangleSurface
             )
             uvs.append(corner_uvs.reshape(len(p), 6).T)
     count = sum(mesh.faces.shape[0] for mesh in meshes)
+    edge1, edge2 = np.concatenate(edges1, axis=1), np.concatenate(edges2, axis=1)
     return TriangleSurfaces(
         first,
         first + count,
         _float32(np.concatenate(corners, axis=1)),
-        _float32(np.concatenate(edges1, axis=1)),
-        _float32(np.concatenate(edges2, axis=1)),
+        _float32(edge1),
+        _float32(edge2),
+        unit_normals(edge1, edge2),
         _float32(np.concatenate(normals, axis=1)) if smooth else None,
         _float32(np.concatenate(uvs, axis=1)) if with_uv else None,
     )
@@ -125,7 +135,12 @@ def _flat(shapes: list[Any], first: int, record: Any) -> Any:
         (center - x - y, 2 * x, 2 * y) if is_rectangle else (center, x, y)
     )
     return record(
-        first, first + len(shapes), _float32(corner.T), _float32(edge1.T), _float32(edge2.T)
+        first,
+        first + len(shapes),
+        _float32(corner.T),
+        _float32(edge1.T),
+        _float32(edge2.T),
+        unit_normals(edge1.T, edge2.T),
     )
 
 
@@ -178,7 +193,7 @@ def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np
         points = [s.corner, s.corner + s.edge1, s.corner + s.edge2]
         points.append(s.corner + s.edge1 + s.edge2)
     elif kind == "disks":
-        reach = np.sqrt(s.edge1**2 + s.edge2**2)
+        reach = np.hypot(s.edge1, s.edge2)
         points = [s.corner - reach, s.corner + reach]
     elif kind == "spheres":
         points = [s.center - s.radius, s.center + s.radius]
@@ -201,7 +216,7 @@ def build_scene(description: SceneDescription) -> Scene:
     Raises
     ------
     SceneError
-        If a vertex or transform leaves the range of single precision.
+        If a coordinate is too large for single precision.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return _build_scene(description)
@@ -247,12 +262,12 @@ def _build_scene(description: SceneDescription) -> Scene:
                 faces.append(np.zeros(1))
             shape_ids.append(np.full(count, index))
         first = record.end
-        for field in record[2:]:
-            if field is not None and not np.isfinite(field).all():
-                raise SceneError(
-                    f"{description.source}: {kind} reach beyond the range of single "
-                    "precision (1e38); scale the scene down"
-                )
+        finite = all(f is None or np.isfinite(f).all() for f in record[2:])
+        if not (finite and np.abs(primitive_bounds(kind, record)).max() < _FARTHEST):
+            raise SceneError(
+                f"{description.source}: {kind} reach farther than {_FARTHEST:g}, where "
+                "single precision cannot square distances any more; scale the scene down"
+            )
 
     shape = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
     stages = np.array([shape_stages(s) for s in description.shapes] or [0], np.int32)

@@ -25,7 +25,7 @@ from renderer.kernel_scene import (
     TriangleSurfaces,
 )
 from renderer.plan import RAY_OFFSETS, make_plan
-from renderer.scene import Scene
+from renderer.scene import Scene, unit_normals
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.shading_frame import leave_surface
 from renderer.stages.surface import surface_points
@@ -47,19 +47,24 @@ def triangles(points: Any) -> TriangleSurfaces:
     p = np.asarray(points, np.float32)
     end = FIRST_ID + len(p)
     edges = [float32((p[:, k] - p[:, 0]).T) for k in (1, 2)]
-    return TriangleSurfaces(FIRST_ID, end, float32(p[:, 0].T), *edges, None, None)
+    normal = unit_normals(*edges)
+    return TriangleSurfaces(
+        FIRST_ID, end, float32(p[:, 0].T), *edges, normal, None, None
+    )
 
 
 def rectangles(corner: Any, edge1: Any, edge2: Any) -> RectangleSurfaces:
     """Parallelograms from three (n, 3)."""
     columns = [float32(np.asarray(a).T) for a in (corner, edge1, edge2)]
-    return RectangleSurfaces(FIRST_ID, FIRST_ID + len(corner), *columns)
+    normal = unit_normals(*columns[1:])
+    return RectangleSurfaces(FIRST_ID, FIRST_ID + len(corner), *columns, normal)
 
 
 def disks(center: Any, edge1: Any, edge2: Any) -> DiskSurfaces:
     """Disks from three (n, 3)."""
     columns = [float32(np.asarray(a).T) for a in (center, edge1, edge2)]
-    return DiskSurfaces(FIRST_ID, FIRST_ID + len(center), *columns)
+    normal = unit_normals(*columns[1:])
+    return DiskSurfaces(FIRST_ID, FIRST_ID + len(center), *columns, normal)
 
 
 def frames(axis: Any) -> np.ndarray:
@@ -200,7 +205,7 @@ def run_surface_points(scene, work, count):
     """Points of all hits among the first `count` rays; their number."""
     intersect(scene.accelerators, work.rays, work.hits, 0, count, False)
     found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
-    surface_points(scene, work.rays, work.hits, work.order, 0, found, work.points)
+    surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     return found
 
 

@@ -1,4 +1,4 @@
-"""The two tests that tell a bias from noise: they stay silent, and they speak up."""
+"""The tests that tell a bias from noise: they stay silent, and they speak up."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def test_no_false_alarm_in_two_hundred_equal_pictures(noise):
     for _ in range(200):
         pictures = [noise(rng) for _ in range(5)]
         assert mean_test(pictures[0], pictures[1:]).passed
-        assert tile_test(pictures[0], pictures[1:]).passed
+        tiles = tile_test(pictures[0], pictures[1:])
+        assert tiles.passed
+        assert tiles.worst_passed
 
 
 def test_standard_error_is_that_of_the_mean_difference():
@@ -62,6 +64,18 @@ def test_bias_that_cancels_is_found_by_the_tiles_alone():
     ours[:, 20:] *= 0.92
     assert mean_test(ours, references).passed
     assert not tile_test(ours, references).passed
+
+
+def test_one_wrong_tile_among_many_is_found_by_the_worst_tile_alone():
+    """Half as bright on 64 of 27,648 pixels: in a sum over 432 tiles it drowns."""
+    rng = np.random.default_rng(6)
+    pictures = [1.0 + 0.3 * rng.standard_normal((144, 192, 3)) for _ in range(5)]
+    ours, references = pictures[0], pictures[1:]
+    assert tile_test(ours, references).worst_passed
+    ours[64:72, 80:88] *= 0.5
+    result = tile_test(ours, references)
+    assert result.passed
+    assert not result.worst_passed
 
 
 def test_rounding_in_a_picture_without_noise_is_forgiven():

@@ -165,7 +165,7 @@ def test_ladder_measures_both_renderers_at_the_same_rungs(scene, tmp_path):
 
 
 def test_rungs_double_and_end_at_the_scene_s_samples():
-    assert rungs(64) == [2, 4, 8, 16, 32, 64]
+    assert rungs(64) == [4, 8, 16, 32, 64]
     assert rungs(3) == [1, 3]
 
 

@@ -13,7 +13,7 @@ from renderer.accelerators.bvh import Bvh
 from renderer.accelerators.bvh_build import build_bvh
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
-from renderer.scene import KINDS, Scene, primitive_bounds
+from renderer.scene import KINDS, Scene, emits, primitive_bounds
 from renderer.shapes.cylinder import Cylinders
 from renderer.shapes.disk import Disks
 from renderer.shapes.rectangle import Rectangles
@@ -85,7 +85,7 @@ def compile_builders(scene: Scene, name: str) -> float:
 
 
 def build_accelerators(
-    scene: Scene, name: str, *, without_emitters: bool = False
+    scene: Scene, name: str, *, without_emitters_of: Accelerators | None = None
 ) -> Accelerators:
     """Build for all kinds; None for kinds that the scene lacks.
 
@@ -95,8 +95,9 @@ def build_accelerators(
         The primitives.
     name : str
         One of `NAMES`; `auto` takes brute force for a few primitives, else the BVH.
-    without_emitters : bool
-        Leave area lights out: what a camera sees that hides them.
+    without_emitters_of : Accelerators, optional
+        The accelerators of all primitives; given, area lights are left out: what a camera
+        sees that hides them. Kinds that have none are taken over as they are.
 
     Raises
     ------
@@ -108,7 +109,10 @@ def build_accelerators(
     built: dict[str, Any] = dict.fromkeys(KINDS)
     for kind, surfaces in scene.surfaces.items():
         order = np.arange(surfaces.end - surfaces.first)
-        if without_emitters:
+        if without_emitters_of is not None:
+            if not emits(scene, kind):
+                built[kind] = getattr(without_emitters_of, kind)
+                continue
             order = order[(scene.stages[surfaces.first : surfaces.end] & EMIT) == 0]
         if len(order):
             built[kind] = build_accelerator(kind, surfaces, order, name)

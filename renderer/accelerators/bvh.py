@@ -29,6 +29,7 @@ from renderer.lanes.functions import (
     maximum,
     minimum,
     select,
+    splat_f32,
     splat_i32,
 )
 from renderer.lanes.local import local_f32, local_i32
@@ -64,7 +65,7 @@ def _margins(origin):
 
 
 @kernel
-def _packet_enters(bounds, node, low, high, inverse, zero, t):
+def _packet_enters(bounds, node, low, high, inverse, t):
     """Return the mask of the 16 rays that enter a node's box before t.
 
     An axis-parallel ray on a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
@@ -77,6 +78,7 @@ def _packet_enters(bounds, node, low, high, inverse, zero, t):
     y1 = (bounds[node, 4] - low.y) * inverse.y
     z0 = (bounds[node, 2] - high.z) * inverse.z
     z1 = (bounds[node, 5] - low.z) * inverse.z
+    zero = splat_f32(0.0)
     enter = minimum(maximum(x0, zero), maximum(x1, zero))
     enter = minimum(maximum(y0, enter), maximum(y1, enter))
     enter = minimum(maximum(z0, enter), maximum(z1, enter))
@@ -141,15 +143,13 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
         given = load_nearest(hits, i)
         t = select(first_lanes(first + count - i), given.t, -1.0)
         nearest = Nearest(t, given.prim, given.u, given.v)
-        zero = t * 0.0
-        zero = select(zero == zero, zero, 0.0)
         leading = vec3(lane(direction.x, 0), lane(direction.y, 0), lane(direction.z, 0))
         stack[0] = 0
         depth = 1
         while depth > 0:
             depth -= 1
             node = stack[depth]
-            enters = _packet_enters(bounds, node, low, high, inverse, zero, nearest.t)
+            enters = _packet_enters(bounds, node, low, high, inverse, nearest.t)
             if mask_bits(enters) == 0:
                 continue
             child = bvh.child[node]
@@ -244,14 +244,12 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
         low, high = _margins(origin)
         t_max = load_row(shadow_rays.t_max, 0, i)
         blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(count - i)
-        zero = t_max * 0.0
-        zero = select(zero == zero, zero, 0.0)
         stack[0] = 0
         depth = 1
         while depth > 0 and mask_bits(blocked) != 0xFFFF:
             depth -= 1
             node = stack[depth]
-            enters = _packet_enters(bounds, node, low, high, inverse, zero, t_max)
+            enters = _packet_enters(bounds, node, low, high, inverse, t_max)
             if mask_bits(enters & ~blocked) == 0:
                 continue
             child = bvh.child[node]

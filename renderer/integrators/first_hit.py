@@ -74,7 +74,7 @@ def trace_first_hits(scene, tile, sample, work):
     count = camera_rays(scene, tile, sample, rays, hits)
     intersect(scene.camera_accelerators, rays, hits, 0, count, True)
     found = collect(scene, hits, 0, count, ANY, work.order, 0)
-    surface_points(scene, rays, hits, work.order, 0, found, points)
+    surface_points(scene, rays, hits, work.order, found, points)
     for i in range(0, found, 16):
         mask = first_lanes(found - i)
         valid = select(mask, splat_f32(1.0), splat_f32(0.0))

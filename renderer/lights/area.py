@@ -25,8 +25,8 @@ from renderer.lanes.memory import gather_row
 from renderer.lights.light_sample import LightSample
 from renderer.lights.point import chosen
 from renderer.sampling import TWO_PI, square_to_disk, square_to_sphere
+from renderer.stages.surface import interpolated_normal
 from renderer.vectors import (
-    cross,
     dot,
     gather3,
     length,
@@ -43,18 +43,22 @@ def _patch_point(patches, index, mask, u, v):
     edge1 = gather3(patches.edge1, index, mask)
     edge2 = gather3(patches.edge2, index, mask)
     point = gather3(patches.corner, index, mask) + edge1 * u + edge2 * v
-    return point, normalize(cross(edge1, edge2))
+    return point, gather3(patches.normal, index, mask)
 
 
 @kernel
-def _sample_triangles(table, surfaces, light, x, y, z, point, normal):
-    """Choose a triangle of the mesh by its area, then a point in it, uniformly."""
+def _sample_triangles(table, surfaces, light, orientation, x, y, z, point, normal):
+    """Choose a triangle of the mesh by its area, then a point in it, uniformly.
+
+    Returns point, geometric normal and the normal of the side that shines: the shading
+    normal, as where a path arrives by itself (`add_emission`).
+    """
     if table is None:
-        return point, normal
+        return point, normal, normal
     count = gather_row(table.count, 0, light, light >= 0)
     mine = count > 0
     if mask_bits(mine) == 0:
-        return point, normal
+        return point, normal, normal
     scaled = z * to_f32(count)
     column = to_i32(minimum(scaled, to_f32(count) - 1.0))
     entry = gather_row(table.first, 0, light, mine) + column
@@ -62,8 +66,18 @@ def _sample_triangles(table, surfaces, light, x, y, z, point, normal):
     entry = select(stay, entry, gather_row(table.alias, 0, entry, mine))
     index = gather_row(table.prim, 0, entry, mine) - surfaces.first
     root = sqrt(1.0 - x)
-    p, n = _patch_point(surfaces, index, mine, 1.0 - root, y * root)
-    return select3(mine, p, point), select3(mine, n, normal)
+    u, v = 1.0 - root, y * root
+    p, n = _patch_point(surfaces, index, mine, u, v)
+    s = interpolated_normal(surfaces.normals, index, mine, u, v, n * orientation)
+    return select3(mine, p, point), select3(mine, n, normal), s
+
+
+@kernel
+def _mesh_or(table, light, mesh_side, side):
+    """Return `mesh_side` where the light is a mesh, else `side`."""
+    if table is None:
+        return side
+    return select3(gather_row(table.count, 0, light, light >= 0) > 0, mesh_side, side)
 
 
 @kernel
@@ -137,28 +151,40 @@ def _cone(distance2, radius):
     return sine2 / (1.0 + cosine), sine2
 
 
-_INSIDE = np.float32(1.00001)  # this near the surface the cone is a half space: use areas
+_ROUNDING = np.float32(1e-5)
+_TOUCHING = np.float32(1e-7)  # of the radius: a light that is touched is still somewhere
 
 
 @kernel
-def sphere_light_pdf(center, radius, inverse_area, position, wi, distance, cosine):
-    """Return the density [1/sr] with which `_sample_spheres` chooses the direction wi."""
+def _outside(distance2, radius, orientation):
+    """Return the mask of points that see the sphere from outside.
+
+    On the surface itself the side that shines decides, not rounding.
+    """
+    return distance2 > radius * radius * (1.0 - _ROUNDING * orientation)
+
+
+@kernel
+def sphere_light_pdf(center, radius, orientation, inverse_area, position, distance, cosine):
+    """Return the density [1/sr] with which `_sample_spheres` chooses a direction."""
     to_center = center - position
     distance2 = dot(to_center, to_center)
     one_minus_cos, _ = _cone(distance2, radius)
-    outside = distance2 > radius * radius * _INSIDE
+    outside = _outside(distance2, radius, orientation)
     by_area = distance * distance * inverse_area / cosine
     return select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
 
 
 @kernel
-def _sample_spheres(present, surfaces, prim, mask, position, x, y, point, normal):
-    """Choose a direction in the cone that the sphere fills; inside it, a point by area."""
+def _sample_spheres(
+    present, surfaces, prim, mask, orientation, position, x, y, to_light, normal
+):
+    """Choose a direction in the cone of the sphere; from inside, a point by area."""
     if present is None:
-        return point, normal
+        return to_light, normal
     mine = _is_kind(surfaces, prim, mask)
     if mask_bits(mine) == 0:
-        return point, normal
+        return to_light, normal
     index = prim - surfaces.first
     center = gather3(surfaces.center, index, mine)
     radius = gather_row(surfaces.radius, 0, index, mine)
@@ -166,25 +192,29 @@ def _sample_spheres(present, surfaces, prim, mask, position, x, y, point, normal
     distance2 = dot(to_center, to_center)
     distance = sqrt(distance2)
     one_minus_cos, sine2_max = _cone(distance2, radius)
-    # direction in the cone, seen from the centre: cos alpha = sin^2 / s + cos sqrt(1 - ...)
     small = x * one_minus_cos  # 1 - cos theta
     sine2 = small * (2.0 - small)
-    inner = sqrt(maximum(1.0 - sine2 / sine2_max, splat_f32(0.0)))
-    ratio = sqrt(sine2_max)
-    cos_alpha = sine2 / ratio + (1.0 - small) * inner
-    sin_alpha = sqrt(maximum(1.0 - cos_alpha * cos_alpha, splat_f32(0.0)))
+    sine_theta = sqrt(sine2)
     sine, cosine = sincos(TWO_PI * y)
-    axis = to_center / distance
-    s, t = orthonormal_basis(axis)
-    cap = s * (sin_alpha * cosine) + t * (sin_alpha * sine) - axis * cos_alpha
-    outside = distance2 > radius * radius * _INSIDE
-    n = select3(outside, cap, square_to_sphere(x, y))
-    return select3(mine, center + n * radius, point), select3(mine, n, normal)
+    s, t = orthonormal_basis(to_center / distance)
+    wi = s * (sine_theta * cosine) + t * (sine_theta * sine)
+    wi = wi + to_center / distance * (1.0 - small)
+    # the nearer root as a quotient: as a difference it would be 0 close to the surface
+    inner = sqrt(maximum(1.0 - sine2 / sine2_max, splat_f32(0.0)))
+    excess = (distance - radius) * (distance + radius)
+    near = excess / (distance * (1.0 - small) + radius * inner)
+    near = maximum(near, radius * _TOUCHING)
+    cap = wi * near - to_center
+    ball = square_to_sphere(x, y)
+    outside = _outside(distance2, radius, orientation)
+    chosen_light = select3(outside, wi * near, to_center + ball * radius)
+    n = select3(outside, normalize(cap), ball)
+    return select3(mine, chosen_light, to_light), select3(mine, n, normal)
 
 
 @kernel
 def _pdf_on_spheres(
-    present, surfaces, prim, mask, inverse_area, position, wi, r, cosine, pdf
+    present, surfaces, prim, mask, orientation, inverse_area, position, r, cosine, pdf
 ):
     if present is None:
         return pdf
@@ -194,15 +224,17 @@ def _pdf_on_spheres(
     index = prim - surfaces.first
     center = gather3(surfaces.center, index, mine)
     radius = gather_row(surfaces.radius, 0, index, mine)
-    on_sphere = sphere_light_pdf(center, radius, inverse_area, position, wi, r, cosine)
+    on_sphere = sphere_light_pdf(
+        center, radius, orientation, inverse_area, position, r, cosine
+    )
     return select(mine, on_sphere, pdf)
 
 
 @kernel
-def pdf_area_light(areas, surfaces, light, prim, mask, position, wi, distance, cosine):
-    """Return the density [1/sr] with which an area light is sampled along wi.
+def pdf_area_light(areas, surfaces, light, prim, mask, position, distance, cosine):
+    """Return the density [1/sr] with which an area light is sampled in a direction.
 
-    Parameters are lanes: the light and the primitive that wi meets, the point that asks,
+    Parameters are lanes: the light and the primitive that it meets, the point that asks,
     the distance to the light and the |cosine| at it.
     """
     inverse_area = gather_row(areas.inverse_area, 0, light, mask)
@@ -212,9 +244,9 @@ def pdf_area_light(areas, surfaces, light, prim, mask, position, wi, distance, c
         surfaces.spheres,
         prim,
         mask,
+        gather_row(areas.orientation, 0, light, mask),
         inverse_area,
         position,
-        wi,
         distance,
         cosine,
         pdf,
@@ -233,22 +265,31 @@ def sample_area_lights(areas, surfaces, light, kind, position, x, y, z, sample):
     if mask_bits(mine) == 0:
         return sample
     prim = gather_row(areas.prim, 0, light, mine)
+    orientation = gather_row(areas.orientation, 0, light, mine)
     zero = splat_f32(0.0)
-    p = vec3(zero, zero, zero)
-    n = p
-    p, n = _sample_triangles(areas.triangles, surfaces.triangles, light, x, y, z, p, n)
+    none = vec3(zero, zero, zero)
+    p, n, mesh_side = _sample_triangles(
+        areas.triangles, surfaces.triangles, light, orientation, x, y, z, none, none
+    )
     p, n = _sample_rectangles(areas.rectangles, surfaces.rectangles, prim, mine, x, y, p, n)
     p, n = _sample_disks(areas.disks, surfaces.disks, prim, mine, x, y, p, n)
     p, n = _sample_cylinders(areas.cylinders, surfaces.cylinders, prim, mine, x, y, p, n)
-    p, n = _sample_spheres(
-        areas.spheres, surfaces.spheres, prim, mine, position, x, y, p, n
+    to_light, n = _sample_spheres(
+        areas.spheres,
+        surfaces.spheres,
+        prim,
+        mine,
+        orientation,
+        position,
+        x,
+        y,
+        p - position,
+        n,
     )
-    to_light = p - position
     r = length(to_light)
     wi = to_light / r
-    cosine = -dot(wi, n) * gather_row(areas.orientation, 0, light, mine)
-    shining = cosine > 0.0
-    pdf = pdf_area_light(areas, surfaces, light, prim, mine, position, wi, r, fabs(cosine))
-    usable = shining & (pdf > 0.0)
+    pdf = pdf_area_light(areas, surfaces, light, prim, mine, position, r, fabs(dot(wi, n)))
+    side = _mesh_or(areas.triangles, light, mesh_side, n * orientation)
+    usable = (dot(wi, side) < 0.0) & (pdf > 0.0)
     radiance = gather3(areas.radiance, light, mine) * select(usable, 1.0 / pdf, zero)
     return chosen(mine, LightSample(wi, r, radiance, pdf), sample)

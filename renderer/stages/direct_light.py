@@ -10,7 +10,7 @@ import numpy as np
 from renderer.bsdfs.diffuse import diffuse_albedo, eval_diffuse, pdf_diffuse
 from renderer.jit import kernel
 from renderer.kernel_scene import DIFFUSE
-from renderer.lanes.functions import first_lanes, mask_bits, popcount, select
+from renderer.lanes.functions import first_lanes, mask_bits, popcount, select, splat_f32
 from renderer.lanes.memory import append_row, load_row
 from renderer.lights.choose import (
     choose_light,
@@ -28,10 +28,10 @@ BEFORE_LIGHT = np.float32(1.0 - 1e-3)
 
 
 @kernel
-def _weight(weigh, light_pdf, cos_i):
+def _light_sample_weight(weigh, light_pdf, cos_i):
     """Return the weight of a light sample beside BSDF sampling; point lights get 1."""
     if weigh is None:
-        return light_pdf * 0.0 + 1.0
+        return splat_f32(1.0)
     weight = power_heuristic(light_pdf, pdf_diffuse(cos_i))
     return select(light_pdf > 0.0, weight, 1.0)
 
@@ -62,7 +62,10 @@ def direct_light(scene, lights, turn, tile, sample, bounce, points, stop, shadow
         u = load_row(points.uv, 0, i)
         v = load_row(points.uv, 1, i)
         albedo = diffuse_albedo(scene.bsdfs.diffuse, face.bsdf, u, v, face.mine)
-        weight = _weight(settings.weigh, asked.pdf * probability, cos_i) / probability
+        weight = (
+            _light_sample_weight(settings.weigh, asked.pdf * probability, cos_i)
+            / probability
+        )
         throughput = load3(points.throughput, i)
         carried = throughput * eval_diffuse(albedo, cos_i) * asked.radiance * weight
 

@@ -11,6 +11,7 @@ from renderer.lanes.functions import (
     lowest_bit,
     mask_bits,
     select,
+    splat_f32,
 )
 from renderer.lanes.memory import gather_row, load_row
 from renderer.lights.area import pdf_area_light
@@ -34,10 +35,10 @@ def add_lanes(radiance, slot, value, mask):
 
 
 @kernel
-def _weight(weigh, pdf, light_pdf):
+def _bsdf_sample_weight(weigh, pdf, light_pdf):
     """Return the weight of a BSDF sample beside light sampling; mirrors (pdf 0) get 1."""
     if weigh is None:
-        return pdf * 0.0 + 1.0
+        return splat_f32(1.0)
     return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)
 
 
@@ -67,11 +68,10 @@ def add_emission(scene, lights, areas, points, count, radiance):
             load_row(points.prim, 0, i),
             shining,
             previous,
-            -wo,
             t,
             cosine,
         )
-        weight = _weight(
+        weight = _bsdf_sample_weight(
             settings.weigh, load_row(points.pdf, 0, i), light_pdf * probability
         )
         emitted = gather3(areas.radiance, light, shining) * weight
@@ -95,6 +95,8 @@ def add_environment(settings, lights, constants, rays, hits, first, count, radia
         if mask_bits(missed) == 0:
             continue
         pdf = load_row(rays.pdf, 0, i)
-        weight = _weight(settings.weigh, pdf, SPHERE_PDF * probability + pdf * 0.0)
+        weight = _bsdf_sample_weight(
+            settings.weigh, pdf, splat_f32(SPHERE_PDF * probability)
+        )
         carried = load3(rays.throughput, i) * weight * color
         add_lanes(radiance, load_row(rays.slot, 0, i), carried, missed)

@@ -36,6 +36,13 @@ def _largest(color):
 
 
 @kernel
+def _heavy(weight, cutoff):
+    """Return where a ray of some weight is worth following."""
+    largest = _largest(weight)
+    return (largest > 0.0) & (largest >= cutoff)
+
+
+@kernel
 def _survive(roulette_depth, depth, throughput, eta, number, alive):
     """Play Russian roulette; return who survives and their raised throughput.
 
@@ -124,7 +131,7 @@ def scatter_conductor(scene, tile, sample, bounce, points, start, stop, rays, en
         )
         throughput = load3(points.throughput, i) * reflectance
         eta = load_row(points.eta, 0, i)
-        alive = face.mine & (_largest(throughput) > np.float32(scene.settings.cutoff))
+        alive = face.mine & _heavy(throughput, np.float32(scene.settings.cutoff))
         alive, throughput = _survive(
             scene.settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
         )
@@ -151,7 +158,7 @@ def scatter_dielectric(scene, tile, sample, bounce, points, start, stop, rays, e
         wo = load3(points.wo, i)
         index = gather_row(table.eta, 0, face.bsdf, face.mine)
         fresnel, cos_t, crossing = fresnel_dielectric(dot(wo, normal), index)
-        reflected = choice <= fresnel
+        reflected = choice < fresnel
         direction = select3(
             reflected, reflect(wo, normal), refract(wo, normal, cos_t, crossing)
         )
@@ -195,7 +202,7 @@ def split_dielectric(scene, points, start, stop, rays, end):
         none = splat_f32(0.0)
 
         reflection = throughput * gather3(table.reflectance, face.bsdf, face.mine) * fresnel
-        heavy = face.mine & (_largest(reflection) > cutoff)
+        heavy = face.mine & _heavy(reflection, cutoff)
         mirrored = reflect(wo, normal)
         end = append_rays(rays, end, points, i, mirrored, reflection, none, eta, heavy)
 
@@ -203,7 +210,7 @@ def split_dielectric(scene, points, start, stop, rays, end):
         refraction = (
             throughput * gather3(table.transmittance, face.bsdf, face.mine) * squeeze
         )
-        heavy = face.mine & (_largest(refraction) > cutoff)
+        heavy = face.mine & _heavy(refraction, cutoff)
         bent = refract(wo, normal, cos_t, crossing)
         end = append_rays(
             rays, end, points, i, bent, refraction, none, eta * crossing, heavy

@@ -33,7 +33,7 @@ def _arrive_at_lights(scene, areas, work, first, count):
     if areas is None:
         return
     found = collect(scene, work.hits, first, count, EMIT, work.order, 0)
-    surface_points(scene, work.rays, work.hits, work.order, 0, found, work.points)
+    surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     add_emission(scene, scene.lights, areas, work.points, found, work.radiance)
 
 
@@ -73,7 +73,7 @@ def group_by_bsdf(scene, work, first, count):
     dielectric = _collect_kind(
         bsdfs.dielectric, scene, work, first, count, DIELECTRIC, conductor
     )
-    surface_points(scene, work.rays, work.hits, work.order, 0, dielectric, work.points)
+    surface_points(scene, work.rays, work.hits, work.order, dielectric, work.points)
     return diffuse, conductor, dielectric
 
 

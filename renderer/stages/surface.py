@@ -23,7 +23,7 @@ from renderer.lanes.functions import (
 from renderer.lanes.mathematics import arccos, arctan2
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.sampling import TWO_PI
-from renderer.vectors import cross, dot, gather3, normalize, select3, store3, vec3
+from renderer.vectors import dot, gather3, normalize, select3, store3, vec3
 
 # The position on a primitive is known up to about this fraction of its coordinates.
 ROUNDING = np.float32(2.0**-24)
@@ -74,18 +74,26 @@ def _rows3(array, row, index, mask):
 
 
 @kernel
-def _interpolated_normal(normals, index, mask, u, v, surface):
+def interpolated_normal(normals, index, mask, u, v, flat):
+    """Return the unit normals between the vertices' own; `flat` where there are none."""
     if normals is None:
-        return surface
-    n = (
+        return flat
+    return normalize(
         _rows3(normals, 0, index, mask) * (1.0 - u - v)
         + _rows3(normals, 3, index, mask) * u
         + _rows3(normals, 6, index, mask) * v
     )
+
+
+@kernel
+def _with_vertex_normals(normals, index, mask, u, v, surface):
+    if normals is None:
+        return surface
+    n = interpolated_normal(normals, index, mask, u, v, surface.normal)
     return Surface(
         surface.position,
         surface.normal,
-        select3(mask, normalize(n), surface.shading_normal),
+        select3(mask, n, surface.shading_normal),
         surface.smooth | mask,
         surface.offset,
         surface.u,
@@ -127,7 +135,7 @@ def _flat_point(patches, index, mask, u, v):
     edge2 = gather3(patches.edge2, index, mask)
     position = corner + edge1 * u + edge2 * v
     size = magnitude(corner) + magnitude(edge1) + magnitude(edge2)
-    return position, normalize(cross(edge1, edge2)), size * ROUNDING
+    return position, gather3(patches.normal, index, mask), size * ROUNDING
 
 
 @kernel
@@ -140,7 +148,7 @@ def _on_triangles(triangles, prim, mask, u, v, surface):
     index = prim - triangles.first
     position, normal, offset = _flat_point(triangles, index, mine, u, v)
     found = _choose(mine, position, normal, offset, u, v, surface)
-    found = _interpolated_normal(triangles.normals, index, mine, u, v, found)
+    found = _with_vertex_normals(triangles.normals, index, mine, u, v, found)
     return _interpolated_uv(triangles.uvs, index, mine, u, v, found)
 
 
@@ -248,12 +256,12 @@ def surface_at(surfaces, prim, mask, u, v, hit_point):
 
 
 @kernel
-def surface_points(scene, rays, hits, order, start, end, points):
-    """Fill `points` from 0 on with the hits `order[start:end]` and their paths' state."""
+def surface_points(scene, rays, hits, order, count, points):
+    """Fill `points` with the hits `order[:count]` and the state of their paths."""
     per_rounding = np.float32(scene.settings.rounding_offset)
     fixed = np.float32(scene.settings.fixed_offset)
-    for i in range(start, end, 16):
-        valid = first_lanes(end - i)
+    for i in range(0, count, 16):
+        valid = first_lanes(count - i)
         ray = load_row(order, 0, i)
         prim = gather_row(hits.prim, 0, ray, valid)
         t = gather_row(hits.t, 0, ray, valid)
@@ -266,19 +274,18 @@ def surface_points(scene, rays, hits, order, start, end, points):
         orientation = gather_row(scene.shapes.orientation, 0, shape, valid)
         normal = s.normal * orientation
         shading_normal = select3(s.smooth, s.shading_normal, normal)
-        k = i - start
-        store3(points.position, k, s.position)
-        store3(points.wo, k, -direction)
-        store3(points.normal, k, normal)
-        store3(points.shading_normal, k, shading_normal)
+        store3(points.position, i, s.position)
+        store3(points.wo, i, -direction)
+        store3(points.normal, i, normal)
+        store3(points.shading_normal, i, shading_normal)
         unlike_rounding = (1.0 + magnitude(s.position)) * fixed
-        store_row(points.offset, 0, k, s.offset * per_rounding + unlike_rounding)
-        store_row(points.uv, 0, k, s.u)
-        store_row(points.uv, 1, k, s.v)
-        store_row(points.shape, 0, k, shape)
-        store_row(points.prim, 0, k, prim)
-        store_row(points.t, 0, k, t)
-        store3(points.throughput, k, gather3(rays.throughput, ray, valid))
-        store_row(points.pdf, 0, k, gather_row(rays.pdf, 0, ray, valid))
-        store_row(points.eta, 0, k, gather_row(rays.eta, 0, ray, valid))
-        store_row(points.slot, 0, k, gather_row(rays.slot, 0, ray, valid))
+        store_row(points.offset, 0, i, s.offset * per_rounding + unlike_rounding)
+        store_row(points.uv, 0, i, s.u)
+        store_row(points.uv, 1, i, s.v)
+        store_row(points.shape, 0, i, shape)
+        store_row(points.prim, 0, i, prim)
+        store_row(points.t, 0, i, t)
+        store3(points.throughput, i, gather3(rays.throughput, ray, valid))
+        store_row(points.pdf, 0, i, gather_row(rays.pdf, 0, ray, valid))
+        store_row(points.eta, 0, i, gather_row(rays.eta, 0, ray, valid))
+        store_row(points.slot, 0, i, gather_row(rays.slot, 0, ray, valid))
