@@ -1,8 +1,8 @@
 """Mitsuba's pictures, kept outside the repository and found again by what made them.
 
 The name of an entry is a hash of everything that decides its content: the bytes of the
-scene and of each file that it names, the parameters, Mitsuba's version and our own code
-on its side. Nothing is ever out of date; a damaged entry is rendered anew.
+scene and of each file that it names, the parameters, the versions of Mitsuba and Dr.Jit and
+our own code on their side. Nothing is ever out of date; a damaged entry is rendered anew.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ import numpy as np
 from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.variant import mitsuba_version
+from mitsuba_ref.variant import drjit_version, mitsuba_version
 from renderer.jit import cache_root
+from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
-SOURCES = ("edited_scene.py", "reference.py", "whitted.py")
+SOURCES = ("edited_scene.py", "reference.py", "variant.py", "whitted.py")
 
 RenderFunction = Callable[[RenderRequest, Path], None]
 """Renders a request and writes the entry to the path (see `write_entry`)."""
@@ -93,7 +94,8 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     wanted = {**asdict(request), "path": Path(request.path).name}
     del wanted["threads"]
     digest.update(json.dumps(wanted, sort_keys=True).encode())
-    digest.update(mitsuba_version().encode())
+    for made_by in (mitsuba_version(), drjit_version(), *AOV_KINDS):
+        digest.update(f"\0{made_by}\0".encode())
     here = Path(__file__).parent
     named = sorted({Path(file).resolve() for file in [request.path, *files]})
     for file in [here / source for source in SOURCES] + named:

@@ -21,6 +21,7 @@ from mitsuba_ref.ours import RenderOurs, render_ours
 from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
 from mitsuba_ref.table import print_table
 from mitsuba_ref.validation import Validated, validate_scene
+from mitsuba_ref.variant import MIN_THREADS
 from mitsuba_ref.warm import compile_kernels, kernel_requests
 from mitsuba_ref.worker import TIME_LIMIT, MitsubaWorker
 
@@ -72,9 +73,7 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     return 0 if all(scene.verdict == "pass" for scene in results) else 1
 
 
-def _warm_up(
-    scenes: Iterable[Path], options: Options, show: Callable[[str], None]
-) -> None:
+def _warm_up(scenes: Iterable[Path], options: Options, show: Callable[[str], None]) -> None:
     """Compile the kernels of all scenes before the first is measured."""
     requests = kernel_requests(scenes, options)
     if requests:
@@ -171,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--spp", type=_positive, help="samples per pixel, instead of the proof's")
     add("--seed", type=_seed, default=0, help="seed of our side (default: 0)")
-    add("--threads", type=_positive, help="workers of each renderer, at least 2")
+    add("--threads", type=_workers, help="workers of each renderer, at least 2")
     add(
         "-D",
         dest="define",
@@ -196,6 +195,15 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{value}: must be 1 or more")
+    return value
+
+
+def _workers(text: str) -> int:
+    value = int(text)
+    if value < MIN_THREADS:
+        raise argparse.ArgumentTypeError(
+            f"{value}: must be {MIN_THREADS} or more, which Mitsuba needs"
+        )
     return value
 
 

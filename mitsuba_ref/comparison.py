@@ -112,7 +112,7 @@ def compare_filtered(ours: Array, references: Sequence[Array]) -> Metric:
     limit = NOISY_RMSE_FACTOR * floor
     meaning = (
         f"distance to {len(references)} Mitsuba pictures, all made with the file's own "
-        f"filter; floor: the same among those; at most {NOISY_RMSE_FACTOR:g} times the floor"
+        f"filter; floor: the same among those; at most {NOISY_RMSE_FACTOR:g} times that"
     )
     return Metric(value, floor, limit, value <= limit, meaning)
 

@@ -6,7 +6,8 @@ nothing here comes from the cache but the reference that both are measured again
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +33,7 @@ REFERENCE_SEEDS = (3_000_017, 3_000_018)
 def measure_ladder(
     request: RenderRequest,
     ours: OurPicture,
-    reference: Reference,
+    pictures: Sequence[Reference],
     render_ours: RenderOurs,
     references: ReferenceCache,
     progress: Callable[[str], None] = lambda stage: None,
@@ -43,22 +44,29 @@ def measure_ladder(
     ----------
     request
         As the scene was compared; its samples are the top rung.
-    ours, reference
-        What was rendered at that size: tells how many samples and how long.
+    ours, pictures
+        What was rendered at that size: tells how many samples and how long. Where better
+        ones would take too long, Mitsuba's pictures are the reference.
     render_ours, references
         The two renderers.
     progress
         Told what is being done.
     """
-    top = reference.spp
-    halves = []
-    spp = top * _reference_factor(reference.seconds)
-    for seed in REFERENCE_SEEDS:
-        progress(f"ladder: reference, {spp} samples per pixel")
-        halves.append(references.get(_rung(request, spp, seed), ours.files).pixels)
-    truth = (halves[0].astype(np.float64) + halves[1]) / 2.0
-    # Half the distance of two equal halves is the noise of their mean.
-    noise = metrics.rmse(halves[0], halves[1]) / 2.0
+    top = pictures[0].spp
+    spp = top * _reference_factor(pictures[0].seconds)
+    parts = [picture.pixels for picture in pictures]
+    if 2 * spp > len(parts) * top:
+        parts = []
+        for seed in REFERENCE_SEEDS:
+            progress(f"ladder: reference, {spp} samples per pixel")
+            parts.append(references.get(_rung(request, spp, seed), ours.files).pixels)
+    else:
+        spp = top
+    truth = np.mean(parts, axis=0, dtype=np.float64)
+    # Of n parts with noise s, two are sqrt(2) s apart, and their mean is off by s / sqrt(n).
+    squares = [metrics.rmse(a, b) ** 2 for a, b in itertools.combinations(parts, 2)]
+    noise = float(np.sqrt(np.mean(squares) / (2.0 * len(parts))))
+    spp *= len(parts)
 
     renderers = {OURS: _timed_ours(render_ours), MITSUBA: _timed_mitsuba(references)}
     points = []
@@ -79,10 +87,10 @@ def measure_ladder(
                 )
             )
     note = (
-        f"RMSE against Mitsuba at {2 * spp} samples per pixel, whose own RMSE is about "
+        f"RMSE against Mitsuba at {spp} samples per pixel, whose own RMSE is about "
         f"{noise:.2g}; {request.threads} workers each, in turn, warm"
     )
-    return Ladder(2 * spp, note, tuple(points))
+    return Ladder(spp, note, tuple(points))
 
 
 def rungs(top: int) -> list[int]:

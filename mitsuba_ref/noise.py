@@ -29,13 +29,13 @@ MEAN_LIMIT = 4.5
 fireflies carry all of the variance, (1 / (S + 1))^5, 3e-4 with four references."""
 
 TILE_FALSE_ALARMS = 1e-4
-"""For each channel, by the bound of Laurent and Massart (2000), Lemma 1. A picture has three,
-and fails if one does: at most 3e-4."""
+"""For each channel, by the bound of Laurent and Massart (2000), Lemma 1. A picture has
+three and fails if one does: at most 3e-4."""
 
 WORST_TILE_LIMIT = 7.0
-"""Standard errors of one tile. Simulated, not proven: in 18,000 equal pictures, among them
-with Pareto noise of index 1.1, 1.8 and 3 and with sparse fireflies, the largest was 5.3 (four
-references). A bound in Hoeffding's manner, which holds for any noise, gives 9.5."""
+"""Standard errors of one tile. Simulated, not proven: in 18,000 equal pictures, some with
+Pareto noise of index 1.1, 1.8 and 3 and some with sparse fireflies, the largest was 5.3
+(four references). A bound in Hoeffding's manner, which holds for any noise, gives 9.5."""
 
 Picture = NDArray[np.floating]
 

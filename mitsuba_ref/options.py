@@ -10,6 +10,7 @@ from mitsuba_ref.machine import usable_cores
 from mitsuba_ref.proof_file import Proof
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.variant import MIN_THREADS
+from renderer.errors import SceneError
 
 
 @dataclass(frozen=True)
@@ -34,20 +35,33 @@ def scene_request(path: Path, proof: Proof, options: Options) -> RenderRequest:
 
     Noisy scenes are rendered with the box filter on both sides: other filters share
     samples between pixels, and then neither the floor nor a test of the mean is valid.
+
+    Raises
+    ------
+    SceneError
+        If -D gives a scene that has a proof.toml no sample count.
     """
     size = proof.size(options.size)
-    parameters = dict(size.parameters) if size else {}
-    spp = options.spp or (size.spp if size else None)
-    if size and spp:
+    parameters = (size.parameters if size else {}) | options.parameters
+    spp = options.spp
+    if size:
+        spp = spp or _sample_count(parameters["spp"])
         parameters["spp"] = str(spp)
     return RenderRequest(
         path=str(path.resolve()),
-        parameters=parameters | options.parameters,
+        parameters=parameters,
         spp=spp,
         seed=options.seed,
         threads=options.workers,
         box_filter=not proof.deterministic,
     )
+
+
+def _sample_count(text: str) -> int:
+    """Return the proof's samples per pixel, or those of -D spp=..., which go before."""
+    if not (text.isdecimal() and int(text) >= 1):
+        raise SceneError(f"-D spp={text}: a whole number of 1 or more is possible")
+    return int(text)
 
 
 def scene_name(path: Path) -> str:

@@ -138,21 +138,6 @@ def to_json(results: Results) -> str:
     return json.dumps(_finite_or_null(fields), indent=1, allow_nan=False) + "\n"
 
 
-def from_json(text: str) -> Results:
-    """Return the records of results.json.
-
-    Raises
-    ------
-    ValueError
-        If it is of another schema.
-    """
-    data = json.loads(text)
-    if data.pop("schema", None) != SCHEMA:
-        raise ValueError(f"not a results file of schema {SCHEMA}")
-    data["scenes"] = tuple(_scene(scene) for scene in data["scenes"])
-    return Results(**data)
-
-
 def write_results(results: Results, path: Path) -> None:
     """Write results.json in one step; a reader never sees half of it."""
     write_atomically(path, to_json(results).encode())
@@ -171,22 +156,6 @@ def write_atomically(path: Path, content: bytes) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-
-
-def _scene(data: dict[str, Any]) -> SceneResult:
-    ladder = data["ladder"]
-    if ladder is not None:
-        points = tuple(LadderPoint(**point) for point in ladder["points"])
-        ladder = Ladder(**{**ladder, "points": points})
-    changed = {
-        "reasons": tuple(data["reasons"]),
-        "finite": Finite(**data["finite"]),
-        "metrics": {name: Metric(**metric) for name, metric in data["metrics"].items()},
-        "aovs": tuple(AovResult(**aov) for aov in data["aovs"]),
-        "seconds": Seconds(**data["seconds"]),
-        "ladder": ladder,
-    }
-    return SceneResult(**{**data, **changed})
 
 
 def _finite_or_null(value: Any) -> Any:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Mapping
 from dataclasses import replace
 
 from mitsuba_ref import metrics
 from mitsuba_ref.comparison import Comparison
+from mitsuba_ref.edited_scene import BOX_INSTEAD
 from mitsuba_ref.options import Options
 from mitsuba_ref.ours import OurPicture
 from mitsuba_ref.proof_file import Proof
@@ -41,7 +44,7 @@ def describe_scene(
         blank,
         integrator=ours.integrator,
         reference_integrator=reference.integrator,
-        reference_note=reference.note + _whitted_note(reference),
+        reference_note=_note(reference),
         method=ours.method,
         explain=ours.explain,
         width=width,
@@ -60,37 +63,54 @@ def describe_scene(
             reference_threads=reference.threads,
             ours_threads=ours.threads or request.threads,
         ),
-        commands=_commands(blank.path, request, options),
+        commands=_commands(blank.path, request, options, reference),
         settings=_settings(proof, request, reference),
     )
 
 
-def _whitted_note(reference: Reference) -> str:
-    if reference.integrator != "whitted":
-        return ""
-    return (
-        " Mitsuba has no Whitted integrator: the recursion is this harness's, in Python; "
-        "intersections, BSDFs and emitters are Mitsuba's."
-    )
+def _note(reference: Reference) -> str:
+    note = reference.note + " Changed on ours: rays start as far off a surface as Mitsuba's"
+    note += f"; {BOX_INSTEAD}." if BOX_INSTEAD in reference.changes else "."
+    if reference.integrator == "whitted":
+        note += (
+            " Mitsuba has no Whitted integrator: the recursion is this harness's, in "
+            "Python; intersections, BSDFs and emitters are Mitsuba's."
+        )
+    return note
 
 
-def _commands(path: str, request: RenderRequest, options: Options) -> dict[str, str]:
-    sets = "".join(f" -D {name}={value}" for name, value in request.parameters.items())
-    spp = f" --spp {request.spp}" if request.spp else ""
-    own = "".join(f" -D {name}={value}" for name, value in options.parameters.items())
+def _commands(
+    path: str, request: RenderRequest, options: Options, reference: Reference
+) -> dict[str, str]:
+    """Return a line for each side that a shell takes as it is."""
+    ours = ["python", "-m", "renderer", path, "--seed", str(request.seed)]
+    ours += ["--spp", str(request.spp)] if request.spp else []
+    ours += ["--ray-offset", "mitsuba", *_definitions(request.parameters)]
+    both = ["python", "-m", "mitsuba_ref", path, "--size", options.size]
+    both += ["--seed", str(request.seed)]
+    both += ["--spp", str(options.spp)] if options.spp else []
+    both += _definitions(options.parameters)
+    remark = "  # with the file's own filter; the comparison took the box"
     return {
-        "ours": f"python -m renderer {path}{spp} --seed {request.seed}{sets}",
-        "reference": (
-            f"python -m mitsuba_ref {path} --size {options.size} --seed {request.seed}"
-            f"{f' --spp {options.spp}' if options.spp else ''}{own}"
-        ),
+        "ours": shlex.join(ours) + (remark if BOX_INSTEAD in reference.changes else ""),
+        "reference": shlex.join(both),
     }
+
+
+def _definitions(parameters: Mapping[str, str]) -> list[str]:
+    return [word for item in parameters.items() for word in ("-D", "=".join(item))]
+
+
+def _filter(request: RenderRequest, reference: Reference) -> str:
+    if BOX_INSTEAD in reference.changes:
+        return "box on both sides; the file's own for RMSE with filter alone"
+    return "box on both sides" if request.box_filter else "as in the scene file"
 
 
 def _settings(proof: Proof, request: RenderRequest, reference: Reference) -> dict[str, str]:
     cached = "; rendered in an earlier run, from the cache" if reference.from_cache else ""
     return metrics.SETTINGS | {
-        "filter": "box on both sides" if request.box_filter else "as in the scene file",
+        "filter": _filter(request, reference),
         "tolerance_reason": proof.reason,
         "ray_offset": "Mitsuba's rule on both sides",
         "reference_spp": str(reference.spp),

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -138,7 +139,9 @@ class TimedMitsuba:
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout, self._errors):
             if stream is not None:
-                stream.close()
+                # A request that a dead process has not read is still in the buffer.
+                with suppress(BrokenPipeError):
+                    stream.close()
 
     def _answer(self) -> dict[str, Any]:
         stream = self._process.stdout

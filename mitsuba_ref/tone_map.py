@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from renderer.srgb import srgb_from_linear
+
 DESCRIPTION = "Reinhard x / (1 + x) per channel, then the sRGB transfer curve; exposure 1"
 
 
@@ -20,9 +22,4 @@ def tone_map(image: ArrayLike) -> NDArray[np.float64]:
         (H, W, 3), linear sRGB, finite.
     """
     linear = np.maximum(np.asarray(image, dtype=np.float64), 0.0)
-    compressed = linear / (1.0 + linear)
-    return np.where(
-        compressed <= 0.0031308,
-        12.92 * compressed,
-        1.055 * compressed ** (1.0 / 2.4) - 0.055,
-    )
+    return srgb_from_linear(linear / (1.0 + linear))

@@ -126,7 +126,7 @@ def _validate(
     result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
     if options.ladder and not deterministic and comparison.finite.passed:
         ladder = measure_ladder(
-            request, ours, pictures[0], render_ours, references, progress=progress
+            request, ours, pictures, render_ours, references, progress=progress
         )
         result = replace(result, ladder=ladder)
     shown = {
@@ -143,7 +143,7 @@ def _with_own_filter(
     render_ours: RenderOurs,
     references: ReferenceCache,
 ) -> Comparison:
-    """Compare once more without the box; the filter's own weights are in no other number."""
+    """Compare once more without the box: no other number sees the filter's weights."""
     own = replace(request, box_filter=False)
     ours = render_ours(own)
     pictures = [

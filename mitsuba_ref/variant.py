@@ -49,3 +49,8 @@ def set_threads(threads: int | None) -> int:
 def mitsuba_version() -> str:
     """Return the installed version without importing Mitsuba (an import takes a while)."""
     return importlib.metadata.version("mitsuba")
+
+
+def drjit_version() -> str:
+    """Return the installed version of Dr.Jit, whose arithmetic Mitsuba uses."""
+    return importlib.metadata.version("drjit")

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -114,13 +115,11 @@ def _feed(
     """Give the worker one request after the other until none is left or it has ended."""
     assert worker.stdin is not None
     assert worker.stdout is not None
-    with worker.stdin, worker.stdout:
+    # Closing a pipe to a dead process fails as writing to it does: outside of both.
+    with suppress(queue.Empty, BrokenPipeError), worker.stdin, worker.stdout:
         while True:
-            try:
-                request = waiting.get_nowait()
-                print(json.dumps(asdict(request)), file=worker.stdin, flush=True)
-            except (queue.Empty, BrokenPipeError):
-                return
+            request = waiting.get_nowait()
+            print(json.dumps(asdict(request)), file=worker.stdin, flush=True)
             if not worker.stdout.readline():
                 return
             done.put(True)

@@ -23,7 +23,7 @@ def register_whitted(mi: Any) -> None:
         Segments of a path as Mitsuba's `path` counts them: 1 is emitted light alone, 2
         adds direct light, each more one reflection or refraction.
     cutoff : float, default 1/1024
-        A ray whose weight's largest component is below this is dropped.
+        A ray whose weight's largest component is below this is dropped, and a black one.
     hide_emitters : bool, default false
         Camera rays pass through area emitters and see no environment.
     """
@@ -99,7 +99,8 @@ def register_whitted(mi: Any) -> None:
                         continue
                     sample, factor = bsdf.sample(context, si, 0.5, unused)
                     branch = weight * factor
-                    if max(branch) >= self.cutoff:
+                    # With a cutoff of 0 a black ray would still be followed.
+                    if max(branch) >= self.cutoff and max(branch) > 0.0:
                         next_ray = si.spawn_ray(si.to_world(sample.wo))
                         tree.append((scene.ray_intersect(next_ray), branch, depth + 1))
             return radiance, seen, []

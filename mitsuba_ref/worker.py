@@ -13,6 +13,7 @@ import queue
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -89,7 +90,9 @@ class MitsubaWorker:
         process.wait()
         for stream in (process.stdin, process.stdout):
             if stream is not None:
-                stream.close()
+                # A request that a dead process has not read is still in the buffer.
+                with suppress(BrokenPipeError):
+                    stream.close()
 
     def _start(self) -> subprocess.Popen[str]:
         root = str(Path(__file__).parent.parent)

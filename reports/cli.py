@@ -17,6 +17,7 @@ from reports.page import benchmark_page, results_page
 from reports.results import read_results
 
 DEFAULT_OUT = Path("reports/out")
+DEFAULT_SIZE = "demo"
 WRONG_USE, INTERRUPTED = 2, 130
 
 EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
@@ -31,7 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Without the program's name; None: those of the process.
     """
-    given = _parser().parse_args(sys.argv[1:] if arguments is None else arguments)
+    parser = _parser()
+    given = parser.parse_args(sys.argv[1:] if arguments is None else arguments)
+    if given.source is not None and (
+        given.scenes or given.size or given.ladder is not None
+    ):
+        parser.error("--from draws old results: no SCENE, --size or --ladder beside it")
     status = 0
     source: Path = given.source or given.out / "data" / "results.json"
     if given.source is None:
@@ -77,8 +83,8 @@ def draw(source: Path, out: Path) -> bool:
 def _run_harness(given: argparse.Namespace, data: Path) -> int:
     """Let the harness render, compare and write results.json and pictures to `data`."""
     wanted = [str(scene) for scene in given.scenes]
-    wanted += ["--report", str(data), "--size", given.size]
-    if given.ladder:
+    wanted += ["--report", str(data), "--size", given.size or DEFAULT_SIZE]
+    if given.ladder is not False:
         wanted.append("--ladder")
     return harness.main(wanted)
 
@@ -122,13 +128,12 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--size",
         choices=("demo", "test"),
-        default="demo",
-        help="which size of each scene's proof.toml (default: %(default)s)",
+        help=f"which size of each scene's proof.toml (default: {DEFAULT_SIZE})",
     )
     add(
         "--ladder",
         action=argparse.BooleanOptionalAction,
-        default=True,
+        default=None,
         help="measure speed against accuracy too (default: yes)",
     )
     return parser

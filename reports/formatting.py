@@ -8,6 +8,8 @@ METRIC_NAMES = {
     "rmse": "RMSE",
     "trimmed_rmse": "trimmed RMSE",
     "tile_rmse": "tile RMSE",
+    "rmse_everywhere": "RMSE, edges included",
+    "rmse_with_filter": "RMSE with filter",
     "relative_mse": "relative MSE",
     "ssim": "SSIM",
     "flip": "FLIP",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from renderer.srgb import srgb_from_linear
 from reports.errors import ReportError
 
 Picture = NDArray[np.float32]  # (H, W, 3), linear sRGB
@@ -77,10 +78,7 @@ def tone_mapped(pixels: Picture, stops: int) -> NDArray[np.uint8]:
     """Scale linear sRGB by 2^stops, clip to [0, 1], apply the sRGB curve; to bytes."""
     finite: NDArray[np.bool_] = np.all(np.isfinite(pixels), axis=2)
     exposed = np.where(finite[..., None], pixels, 0.0) * np.float64(2.0) ** stops
-    linear = np.clip(exposed, 0.0, 1.0)
-    power_part = 1.055 * linear ** (1.0 / 2.4) - 0.055
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, power_part)
-    shown = np.round(curve * 255.0).astype(np.uint8)
+    shown = np.round(srgb_from_linear(exposed) * 255.0).astype(np.uint8)
     shown[~finite] = NOT_FINITE
     return shown
 

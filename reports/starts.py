@@ -49,13 +49,18 @@ def _start(
         output = Path(folder) / "start.npy"
         command = [sys.executable, *start_command(str(scene), parameters, str(output))]
         begin = time.perf_counter()
-        run = subprocess.run(
-            command,
-            env={**environment, "PYTHONPATH": os.pathsep.join(paths)},
-            capture_output=True,
-            text=True,
-            timeout=TIME_LIMIT,
-        )
+        try:
+            run = subprocess.run(
+                command,
+                env={**environment, "PYTHONPATH": os.pathsep.join(paths)},
+                capture_output=True,
+                text=True,
+                timeout=TIME_LIMIT,
+            )
+        except subprocess.TimeoutExpired:
+            raise ReportError(
+                f"python -m renderer: no picture within {TIME_LIMIT:g} s"
+            ) from None
         seconds = time.perf_counter() - begin
         if run.returncode != 0 or not output.is_file():
             words = run.stderr.strip().splitlines() or ["no message"]

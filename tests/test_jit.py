@@ -64,13 +64,12 @@ def test_cache_moves_when_a_kernel_source_changes(tmp_path: Path) -> None:
     changed formula would go on being rendered from the cache.
     """
     package = tmp_path / "renderer"
-    shutil.copytree(
-        Path(renderer.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
-    )
+    quiet = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(renderer.__file__).parent, package, ignore=quiet)
     (package / "__init__.py").write_text("")
     before = _hash_of(package)
-    for quiet in ("scene_file/colors.py", "plan.py"):
-        with (package / quiet).open("a") as source:
+    for left_out in ("scene_file/colors.py", "plan.py"):
+        with (package / left_out).open("a") as source:
             source.write("# an edit\n")
     assert _hash_of(package) == before
     with (package / "bsdfs" / "diffuse.py").open("a") as source:

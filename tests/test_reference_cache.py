@@ -91,9 +91,18 @@ def test_an_edit_of_any_file_makes_a_new_entry(scene, cache, renderer, changed):
     assert len(renderer.requests) == 2
 
 
-def test_another_version_of_mitsuba_makes_a_new_entry(scene, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("mitsuba_version", lambda: "3.10.0"),
+        ("drjit_version", lambda: "1.5.0"),
+        ("AOV_KINDS", ("depth",)),
+    ],
+    ids=["mitsuba", "drjit", "AOV kinds"],
+)
+def test_another_version_or_other_aovs_make_a_new_entry(scene, monkeypatch, name, other):
     before = entry_name(RenderRequest(str(scene)), [])
-    monkeypatch.setattr(cache_module, "mitsuba_version", lambda: "3.10.0")
+    monkeypatch.setattr(cache_module, name, other)
     assert entry_name(RenderRequest(str(scene)), []) != before
 
 
@@ -176,6 +185,21 @@ def test_worker_survives_a_refused_scene(tmp_path):
         worker.render(RenderRequest(str(scene), size, spp=1), tmp_path / "entry.npz")
     assert read_entry(tmp_path / "entry.npz") is not None
     assert not (tmp_path / "refused.npz").exists()
+
+
+def test_a_worker_that_died_between_two_requests_is_named_and_replaced(tmp_path):
+    """Killed from outside, say for its memory: one sentence, and the next scene renders."""
+    scene = write_scene(tmp_path / "scene")
+    request = RenderRequest(str(scene), {"width": "8", "height": "6"}, spp=1)
+    with MitsubaWorker() as worker:
+        worker.render(request, tmp_path / "first.npz")
+        worker._process.kill()
+        worker._process.wait()
+        with pytest.raises(MitsubaError, match="ended with status -9"):
+            worker.render(request, tmp_path / "second.npz")
+        worker.render(request, tmp_path / "third.npz")
+    assert not (tmp_path / "second.npz").exists()
+    assert read_entry(tmp_path / "third.npz") is not None
 
 
 def test_silent_worker_is_ended_and_replaced(tmp_path):

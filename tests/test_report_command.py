@@ -42,6 +42,20 @@ def test_arguments_are_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
+    "beside",
+    [["scenes/a"], ["--size", "demo"], ["--ladder"], ["--no-ladder"]],
+    ids=" ".join,
+)
+def test_from_takes_nothing_that_only_a_render_could_obey(
+    capsys: pytest.CaptureFixture[str], beside: list[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["--from", "results.json", *beside])
+    assert stopped.value.code == 2
+    assert "--from draws old results" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("status", "verdict", "expected"),
     [(0, "pass", 0), (1, "fail", 1), (1, "error", 1), (130, "pass", 130)],
 )

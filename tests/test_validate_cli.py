@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -91,7 +92,14 @@ def test_a_wrong_proof_file_is_an_error_of_that_scene(scene, capsys):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--size", "huge"], ["--spp", "0"], ["-D", "width"], ["--threads", "x"], ["gone.xml"]],
+    [
+        ["--size", "huge"],
+        ["--spp", "0"],
+        ["-D", "width"],
+        ["--threads", "x"],
+        ["--threads", "1"],
+        ["gone.xml"],
+    ],
     ids=" ".join,
 )
 def test_bad_usage_is_status_2(scene, capsys, arguments):
@@ -137,6 +145,49 @@ def test_scene_without_proof_file_is_rendered_as_it_says(scene, tmp_path):
     assert run(scene, "-D", "width=20", "--report", report) == 0
     (result,) = read_results(report / "results.json").scenes
     assert (result.width, result.height, result.spp) == (20, 24, 16)
+
+
+def test_a_sample_count_given_by_D_goes_before_the_proof_s(scene, tmp_path, capsys):
+    """The file's $spp and the number that both renderers are asked for are one thing."""
+    report = tmp_path / "report"
+    assert run(scene, "-D", "spp=9", "--report", report) == 0
+    (result,) = read_results(report / "results.json").scenes
+    assert result.spp == 9
+    assert result.settings["reference_spp"] == "9"
+    assert run(scene, "-D", "spp=many") == 1
+    assert "-D spp=many: a whole number of 1 or more" in capsys.readouterr().out
+
+
+def test_a_filter_of_the_file_s_own_is_compared_too(scene, tmp_path):
+    """With the box on both sides all else is right, and only the filter's number is wrong."""
+    scene.write_text(scene.read_text().replace('rfilter type="box"', 'rfilter type="tent"'))
+    perfect = stand_in()
+
+    def wrong_filter(request):
+        picture = perfect(request)
+        if request.kind == "image" and not request.box_filter:
+            picture.arrays["pixels"] = np.roll(picture.pixels, 1, axis=0)
+        return picture
+
+    report = tmp_path / "report"
+    assert run(scene, "--report", report) == 0
+    (result,) = read_results(report / "results.json").scenes
+    assert result.metrics["rmse_with_filter"].passed
+    assert "took the box" in result.commands["ours"]
+    assert "Changed on ours: " in result.reference_note
+    assert run(scene, "--report", report, ours=wrong_filter) == 1
+    (result,) = read_results(report / "results.json").scenes
+    assert [reason.split()[0] for reason in result.reasons] == ["rmse_with_filter"]
+
+
+def test_the_command_of_our_side_starts_rays_as_the_comparison_did(scene, tmp_path):
+    report = tmp_path / "report"
+    run(scene, "--report", report)
+    (result,) = read_results(report / "results.json").scenes
+    words = shlex.split(result.commands["ours"])
+    assert words[:3] == ["python", "-m", "renderer"]
+    assert words[words.index("--ray-offset") + 1] == "mitsuba"
+    assert "#" not in result.commands["ours"]
 
 
 def test_deterministic_scene_keeps_its_filter_and_has_no_noise(tmp_path):
