@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,25 +10,11 @@ from numpy.typing import NDArray
 
 from mitsuba_ref import metrics
 from mitsuba_ref.aov_comparison import compare_aovs
-from mitsuba_ref.edges import MAX_MASKED_FRACTION, dilated, discontinuities, silhouettes
-from mitsuba_ref.noise import WORST_TILE_LIMIT, mean_test, tile_test
 from mitsuba_ref.results import AovResult, Finite, Metric, Verdict
+from mitsuba_ref.with_noise import NOISY_RMSE_FACTOR, judge_with_noise
+from mitsuba_ref.without_noise import judge_without_noise
 
 Array = NDArray[np.float32]
-
-DETERMINISTIC_TOLERANCE = 1e-4
-"""Relative RMSE of pictures without noise, off shadow and silhouette edges."""
-
-NOISY_RMSE_FACTOR = 1.25
-"""Of the noise floor, where a scene's proof.toml says nothing."""
-
-EDGE_DIFFERENCE = 0.01  # relative: a pixel on an edge that differs by more counts
-EDGE_TOLERANCE = 0.002  # fraction of all pixels that may do so
-
-EVERYWHERE_TOLERANCE = 2e-3
-"""Relative RMSE of pictures without noise over all pixels, edges included. Four of the five
-scenes stay below 2e-5. In many-lights at 96 x 72 one of sixteen lights falls on the other
-side of a shadow's edge in one pixel of 6,912, and that alone is 1.4e-3."""
 
 
 @dataclass(frozen=True)
@@ -87,34 +72,11 @@ def compare(
     if reference_aovs is not None:
         aovs = compare_aovs(ours_aovs or {}, reference_aovs)
     if deterministic:
-        measured |= _without_noise(ours, references, reference_aovs, rmse_factor)
+        measured |= judge_without_noise(ours, references, reference_aovs, rmse_factor)
     else:
-        measured |= _with_noise(ours, references, rmse_factor)
+        measured |= judge_with_noise(ours, references, rmse_factor)
     reasons = tuple(_reasons(measured, aovs))
     return Comparison("fail" if reasons else "pass", reasons, finite, measured, aovs)
-
-
-def compare_filtered(ours: Array, references: Sequence[Array]) -> Metric:
-    """Judge pictures made with the scene's own filter instead of the box.
-
-    Neighbours share samples then, so that no test of independent pixels holds; the RMSE
-    beside its floor does.
-
-    Parameters
-    ----------
-    ours, references
-        As `compare` takes them, finite.
-    """
-    pooled = [metrics.rmse(ours, reference) for reference in references]
-    value = float(np.sqrt(np.mean(np.square(pooled))))
-    pairs = [metrics.rmse(a, b) for a, b in itertools.combinations(references, 2)]
-    floor = float(np.sqrt(np.mean(np.square(pairs))))
-    limit = NOISY_RMSE_FACTOR * floor
-    meaning = (
-        f"distance to {len(references)} Mitsuba pictures, all made with the file's own "
-        f"filter; floor: the same among those; at most {NOISY_RMSE_FACTOR:g} times that"
-    )
-    return Metric(value, floor, limit, value <= limit, meaning)
 
 
 def with_metric(comparison: Comparison, name: str, metric: Metric) -> Comparison:
@@ -185,138 +147,6 @@ def _for_the_eye(ours: Array, references: Sequence[Array]) -> dict[str, Metric]:
             None,
             None,
             "99th percentile of the colour difference",
-        ),
-    }
-
-
-def _with_noise(
-    ours: Array, references: Sequence[Array], factor: float
-) -> dict[str, Metric]:
-    """Return the metrics that decide for a noisy picture."""
-    count = len(references)
-    pairs = list(itertools.combinations(references, 2))
-
-    def pooled(
-        function: Callable[[Array, Array], float], pictures: Sequence[tuple[Array, Array]]
-    ) -> float:
-        squares = [function(a, b) ** 2 for a, b in pictures]
-        return float(np.sqrt(np.mean(squares)))
-
-    def against_floor(
-        function: Callable[[Array, Array], float], what: str, factor: float | None = None
-    ) -> Metric:
-        value = pooled(function, [(ours, reference) for reference in references])
-        floor = pooled(function, pairs)
-        meaning = (
-            f"{what} to {count} Mitsuba pictures, root mean square; floor: the same "
-            "among those"
-        )
-        if factor is None:
-            return Metric(value, floor, None, None, meaning)
-        limit = factor * floor
-        meaning += f"; at most {factor:g} times the floor"
-        return Metric(value, floor, limit, value <= limit, meaning)
-
-    mean = mean_test(ours, references)
-    tiles = tile_test(ours, references)
-    return {
-        "rmse": against_floor(metrics.rmse, "distance", factor),
-        "trimmed_rmse": against_floor(
-            metrics.trimmed_rmse,
-            "distance without the worst 0.1 % of the values",
-            # What makes a plain RMSE wander is left out, whatever the scene.
-            NOISY_RMSE_FACTOR,
-        ),
-        "tile_rmse": against_floor(metrics.tile_rmse, "distance of 8 x 8 tile means"),
-        "tile_bias": Metric(
-            tiles.statistic,
-            1.0,
-            tiles.limit,
-            tiles.passed,
-            f"distance of {tiles.tiles} tile means in units of their own noise, worst of "
-            "three channels; at most one false alarm in 10,000 for each channel",
-        ),
-        "worst_tile": Metric(
-            tiles.worst,
-            None,
-            WORST_TILE_LIMIT,
-            tiles.worst_passed,
-            "largest distance of a single tile's mean, in units of its own noise; 5.3 was "
-            "the largest in 18,000 simulated pictures without a bias",
-        ),
-        "mean_difference": Metric(
-            mean.difference,
-            mean.standard_error,
-            mean.limit,
-            mean.passed,
-            "relative difference of the picture means; floor: one standard error; at most "
-            "4.5 of them: one false alarm in 50,000 pictures of ordinary noise",
-        ),
-    }
-
-
-def _without_noise(
-    ours: Array,
-    references: Sequence[Array],
-    aovs: Mapping[str, Array] | None,
-    factor: float,
-) -> dict[str, Metric]:
-    """Return the metrics that decide for a picture without noise."""
-    reference, other = references[0], references[1]
-    edge = discontinuities(reference)
-    if aovs is not None and aovs["depth"].shape[:2] == edge.shape:
-        edge = edge | silhouettes(aovs)
-    edge = dilated(edge)  # a filter of radius 2 carries an edge one pixel further
-    off = ~edge
-    masked = float(edge.mean())
-    scale = metrics.rmse(reference, np.zeros_like(reference))
-    limit = factor * DETERMINISTIC_TOLERANCE * scale
-    value = metrics.rmse(ours, reference, off) if off.any() else None
-    floor = metrics.rmse(other, reference, off) if off.any() else None
-    worst = np.max(np.abs(ours.astype(np.float64) - reference), axis=-1)
-    brightest = np.max(np.abs(reference), axis=-1)
-    differing = worst > EDGE_DIFFERENCE * brightest + limit
-    on_edges = float((differing & edge).mean())
-    everywhere = metrics.relative_rmse(ours, reference)
-    other_everywhere = metrics.relative_rmse(other, reference)
-    mean = metrics.mean_difference(ours, reference)
-    return {
-        "rmse": Metric(
-            value,
-            floor,
-            limit,
-            value is not None and floor is not None and max(value, floor) <= limit,
-            f"off shadow and silhouette edges; tolerance: {factor:g} times 1e-4 of the "
-            "picture's root mean square, for the floor as well: a scene called "
-            "deterministic has no noise",
-        ),
-        "rmse_everywhere": Metric(
-            everywhere,
-            other_everywhere,
-            EVERYWHERE_TOLERANCE,
-            everywhere <= EVERYWHERE_TOLERANCE,
-            "over all pixels, edges included, relative to the picture's root mean square",
-        ),
-        "edge_disagreement": Metric(
-            on_edges,
-            None,
-            EDGE_TOLERANCE,
-            on_edges <= EDGE_TOLERANCE,
-            "fraction of the picture that lies on an edge and differs by over 1 %",
-        ),
-        "masked_fraction": Metric(
-            masked,
-            None,
-            MAX_MASKED_FRACTION,
-            masked <= MAX_MASKED_FRACTION,
-            "fraction of the picture within a pixel of a silhouette or a jump in value",
-        ),
-        "mean_difference": Metric(
-            mean,
-            metrics.mean_difference(other, reference),
-            None,
-            None,
-            "relative difference of the picture means, edges included",
         ),
     }
 

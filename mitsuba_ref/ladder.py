@@ -62,8 +62,8 @@ def measure_ladder(
             parts.append(references.get(_rung(request, spp, seed), ours.files).pixels)
     else:
         spp = top
-    truth = np.mean(parts, axis=0, dtype=np.float64)
-    # Of n parts with noise s, two are sqrt(2) s apart, and their mean is off by s / sqrt(n).
+    truth = np.asarray(np.mean(parts, axis=0, dtype=np.float64))
+    # Of n parts with noise s, two are sqrt(2) s apart, and their mean is s / sqrt(n) off.
     squares = [metrics.rmse(a, b) ** 2 for a, b in itertools.combinations(parts, 2)]
     noise = float(np.sqrt(np.mean(squares) / (2.0 * len(parts))))
     spp *= len(parts)

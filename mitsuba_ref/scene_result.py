@@ -64,7 +64,7 @@ def describe_scene(
             ours_threads=ours.threads or request.threads,
         ),
         commands=_commands(blank.path, request, options, reference),
-        settings=_settings(proof, request, reference),
+        settings=_settings(proof, request, reference, comparison),
     )
 
 
@@ -101,16 +101,19 @@ def _definitions(parameters: Mapping[str, str]) -> list[str]:
     return [word for item in parameters.items() for word in ("-D", "=".join(item))]
 
 
-def _filter(request: RenderRequest, reference: Reference) -> str:
-    if BOX_INSTEAD in reference.changes:
-        return "box on both sides; the file's own for RMSE with filter alone"
-    return "box on both sides" if request.box_filter else "as in the scene file"
+def _filter(request: RenderRequest, comparison: Comparison) -> str:
+    if not request.box_filter:
+        return "as in the scene file"
+    own = "; the file's own for RMSE with filter"
+    return "box on both sides" + (own if "rmse_with_filter" in comparison.metrics else "")
 
 
-def _settings(proof: Proof, request: RenderRequest, reference: Reference) -> dict[str, str]:
+def _settings(
+    proof: Proof, request: RenderRequest, reference: Reference, comparison: Comparison
+) -> dict[str, str]:
     cached = "; rendered in an earlier run, from the cache" if reference.from_cache else ""
     return metrics.SETTINGS | {
-        "filter": _filter(request, reference),
+        "filter": _filter(request, comparison),
         "tolerance_reason": proof.reason,
         "ray_offset": "Mitsuba's rule on both sides",
         "reference_spp": str(reference.spp),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.comparison import Comparison, compare, compare_filtered, with_metric
+from mitsuba_ref.comparison import Comparison, compare, with_metric
 from mitsuba_ref.edited_scene import BOX_INSTEAD
 from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ladder import measure_ladder
@@ -21,6 +21,7 @@ from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import SceneResult
 from mitsuba_ref.scene_result import describe_scene
+from mitsuba_ref.with_noise import compare_filtered
 from renderer.errors import SceneError
 
 Array = NDArray[np.float32]
@@ -119,7 +120,8 @@ def _validate(
         deterministic=bool(deterministic),
         rmse_factor=proof.rmse_factor,
     )
-    if BOX_INSTEAD in pictures[0].changes and comparison.finite.passed:
+    boxed = BOX_INSTEAD in pictures[0].changes
+    if boxed and not deterministic and comparison.finite.passed:
         progress("with the scene's own filter")
         comparison = _with_own_filter(comparison, request, render_ours, references)
     blank = replace(blank, deterministic=bool(deterministic))

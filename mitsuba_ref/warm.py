@@ -171,7 +171,7 @@ def _save_one_at_a_time() -> None:
             fcntl.flock(lock, fcntl.LOCK_EX)
             save(self, key, data)
 
-    IndexDataCacheFile.save = save_alone
+    IndexDataCacheFile.save = save_alone  # type: ignore[method-assign]
 
 
 if __name__ == "__main__":

@@ -77,7 +77,11 @@ def test_page_is_drawn_again_from_json_and_linked_from_the_index(tmp_path: Path)
     write_results(out / "data", [scene("sound", "pass")])
     assert command.main(["--from", str(source), "--out", str(out)]) == 0
     assert "Speed, measured in turn" in (out / "benchmark.html").read_text()
-    assert '<a href="benchmark.html">' in (out / "index.html").read_text()
+    index = (out / "index.html").read_text()
+    assert '<a href="benchmark.html">' in index
+    # An old benchmark beside new pictures must be told from a new one.
+    speed = index.partition('id="speed"')[2].partition("</section>")[0]
+    assert "on 2026-01-02T03:04:05Z at commit <code>0123abc</code>" in speed
 
 
 @pytest.mark.parametrize(

@@ -126,6 +126,17 @@ def test_process_that_dies_is_not_available_and_says_its_last_words(
         TimedMitsuba("scalar_rgb", room, {}, threads=2)
 
 
+def test_process_that_dies_between_two_renders_says_so_to_the_end(room: Path) -> None:
+    """The request that nobody read must not fail once more when the pipe is closed."""
+    with TimedMitsuba("scalar_rgb", room, {"width": "6"}, threads=2) as mitsuba:
+        mitsuba._process.kill()
+        mitsuba._process.wait()
+        with pytest.raises(
+            MitsubaError, match="scalar_rgb: the process ended with status -9"
+        ):
+            mitsuba.render(1, 4)
+
+
 def test_newest_usable_llvm_is_found(tmp_path: Path) -> None:
     """15 aborts and 23 is unknown: neither is taken; names of all styles are read."""
     for name in (
@@ -256,4 +267,15 @@ def test_start_without_a_picture_is_not_a_time(
 ) -> None:
     monkeypatch.setattr(subprocess, "run", Processes(status, writes))
     with pytest.raises(ReportError, match=f"status {status}: it broke"):
+        starts.warm_starts(Path("a.xml"), {}, repeats=1)
+
+
+def test_start_that_takes_too_long_is_an_error_of_the_report(
+    warm_cache: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def endless(command: list[str], **options: object) -> None:
+        raise subprocess.TimeoutExpired(command, 300.0)
+
+    monkeypatch.setattr(subprocess, "run", endless)
+    with pytest.raises(ReportError, match="no picture within 300 s"):
         starts.warm_starts(Path("a.xml"), {}, repeats=1)

@@ -52,6 +52,14 @@ def draw(folder: Path, *scenes: dict) -> str:
     return results_page(read_results(write_results(folder, list(scenes))), folder)
 
 
+def test_a_scene_without_noise_says_why_it_has_no_chart(tmp_path: Path) -> None:
+    """A chart of error over samples is missing on purpose; for noisy scenes it is there."""
+    why = "one sample is the exact answer"
+    still = scene("still", "pass", deterministic=True, ladder=None)
+    assert why in draw(tmp_path, still)
+    assert why not in draw(tmp_path, scene("noisy", "pass"))
+
+
 def test_errors_and_failures_come_before_passes(tmp_path: Path) -> None:
     """Order in the file: pass, fail, error, pass. On the page: what needs eyes first."""
     page = draw(

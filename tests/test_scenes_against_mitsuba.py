@@ -9,7 +9,6 @@ import pytest
 from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.options import Options
 from mitsuba_ref.ours import render_ours
-from mitsuba_ref.proof_file import read_proof
 from mitsuba_ref.validation import validate_scene
 from mitsuba_ref.worker import MitsubaWorker
 
@@ -34,11 +33,9 @@ def test_scene_agrees_with_mitsuba(scene, references):
     assert (result.verdict, result.reasons) == ("pass", ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.parent.name)
-def test_scene_says_what_it_shows_and_why_its_tolerance(scene):
-    proof = read_proof(scene)
-    assert proof.title
-    assert proof.shows
-    assert proof.demo is not None
-    assert proof.test is not None
-    assert proof.deterministic or proof.reason
+def test_scene_agrees_with_mitsuba_at_full_size(scene, references):
+    """The same at the size of the demo, where less bias hides in the noise."""
+    result = validate_scene(scene, Options(size="demo"), render_ours, references).result
+    assert (result.verdict, result.reasons) == ("pass", ())

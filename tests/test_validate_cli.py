@@ -159,7 +159,7 @@ def test_a_sample_count_given_by_D_goes_before_the_proof_s(scene, tmp_path, caps
 
 
 def test_a_filter_of_the_file_s_own_is_compared_too(scene, tmp_path):
-    """With the box on both sides all else is right, and only the filter's number is wrong."""
+    """With the box all is right: one number alone can tell that the filter is wrong."""
     scene.write_text(scene.read_text().replace('rfilter type="box"', 'rfilter type="tent"'))
     perfect = stand_in()
 
@@ -178,6 +178,18 @@ def test_a_filter_of_the_file_s_own_is_compared_too(scene, tmp_path):
     assert run(scene, "--report", report, ours=wrong_filter) == 1
     (result,) = read_results(report / "results.json").scenes
     assert [reason.split()[0] for reason in result.reasons] == ["rmse_with_filter"]
+
+
+def test_a_still_scene_without_proof_needs_no_floor_for_its_filter(tmp_path):
+    """Nothing is random in it, which only Mitsuba's pictures tell: the floor would be 0."""
+    scene = write_scene(tmp_path / "still", deterministic=True)
+    scene.with_name("proof.toml").unlink()
+    scene.write_text(scene.read_text().replace('rfilter type="box"', 'rfilter type="tent"'))
+    report = tmp_path / "report"
+    assert run(scene, "-D", "spp=1", "--report", report) == 0
+    (result,) = read_results(report / "results.json").scenes
+    assert result.deterministic
+    assert "rmse_with_filter" not in result.metrics
 
 
 def test_the_command_of_our_side_starts_rays_as_the_comparison_did(scene, tmp_path):

@@ -43,7 +43,7 @@ class ConstantTexture:
 
 @dataclass(frozen=True, eq=False)
 class BitmapTexture:
-    """An image over (u, v); row 0 of `pixels` is the top, that is v near 1."""
+    """An image over (u, v); row 0 of `pixels`, the last of the file, is v near 1."""
 
     pixels: NDArray[np.float32]  # (H, W, 3), linear, already out of sRGB unless `raw`
     filter_type: Literal["bilinear", "nearest"] = "bilinear"
