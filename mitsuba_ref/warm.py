@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 from mitsuba_ref.machine import usable_cores
 from mitsuba_ref.options import Options, scene_request
@@ -138,7 +137,6 @@ def serve() -> None:
 
     output = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    _save_one_at_a_time()
     for line in sys.stdin:
         request = RenderRequest(**json.loads(line))
         try:
@@ -151,27 +149,6 @@ def serve() -> None:
         except Exception:  # its own comparison will say what is wrong with the scene
             compiled = False
         print(json.dumps(compiled), file=output, flush=True)
-
-
-def _save_one_at_a_time() -> None:
-    """Let processes take turns when they save a kernel.
-
-    Numba reads an index, adds a name that is free, and writes the index: two processes at
-    once would give one name to two kernels, and a later run would call the wrong one.
-    """
-    import fcntl
-
-    from numba.core.caching import IndexDataCacheFile
-
-    save = IndexDataCacheFile.save
-
-    def save_alone(self: Any, key: Any, data: Any) -> None:
-        KERNEL_CACHE.mkdir(parents=True, exist_ok=True)
-        with (KERNEL_CACHE / "save.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            save(self, key, data)
-
-    IndexDataCacheFile.save = save_alone  # type: ignore[method-assign]
 
 
 if __name__ == "__main__":

@@ -15,6 +15,12 @@ from typing import Any
 
 import llvmlite
 import numba
+from numba.core.caching import IndexDataCacheFile
+
+try:
+    import fcntl
+except ImportError:  # not on Windows: there, render one scene at a time for the first time
+    fcntl = None  # type: ignore[assignment]
 
 _FLAGS = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 # what no kernel calls: an edit there need not compile anything anew
@@ -58,6 +64,27 @@ def cache_root() -> Path:
 
 KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 numba.config.CACHE_DIR = str(KERNEL_CACHE)  # read when a kernel is created
+
+
+def _save_one_at_a_time() -> None:
+    """Let processes take turns when they save a kernel.
+
+    Numba reads an index, takes a file name that is free, and writes the index: two
+    processes at once would give one name to two kernels, and a later run would call the
+    wrong one.
+    """
+    save = IndexDataCacheFile.save
+
+    def save_alone(self: Any, key: Any, data: Any) -> None:
+        with open(Path(self._cache_path) / "save.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            save(self, key, data)
+
+    IndexDataCacheFile.save = save_alone
+
+
+if fcntl is not None:
+    _save_one_at_a_time()
 
 
 def builder_kernel(function: Any) -> Any:

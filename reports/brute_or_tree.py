@@ -28,7 +28,7 @@ PAIRS_OF_TURNS = 5
 
 
 @entry_kernel
-def _trace(accel, rays, hits, coherent, repeats):
+def _trace(accel: Any, rays: Any, hits: Any, coherent: bool, repeats: int) -> None:
     for _ in range(repeats):
         reset_hits(hits, 0, CAPACITY)
         closest_hit(accel, rays, hits, 0, CAPACITY, coherent)
@@ -85,7 +85,7 @@ def _row(count: int, coherent: bool) -> tuple[float, float, float]:
     for accel in (brute, tree):
         _trace(accel, work.rays, work.hits, coherent, 1)
         found.append(work.hits.prim[:CAPACITY].copy())
-    if not np.array_equal(*found):
+    if not np.array_equal(found[0], found[1]):
         raise AssertionError(f"{count} triangles: the hits differ, nothing was timed")
     repeats = max(1, 40_000 // count)
     times = [

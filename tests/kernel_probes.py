@@ -48,9 +48,7 @@ def triangles(points: Any) -> TriangleSurfaces:
     end = FIRST_ID + len(p)
     edges = [float32((p[:, k] - p[:, 0]).T) for k in (1, 2)]
     normal = unit_normals(*edges)
-    return TriangleSurfaces(
-        FIRST_ID, end, float32(p[:, 0].T), *edges, normal, None, None
-    )
+    return TriangleSurfaces(FIRST_ID, end, float32(p[:, 0].T), *edges, normal, None, None)
 
 
 def rectangles(corner: Any, edge1: Any, edge2: Any) -> RectangleSurfaces:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -41,6 +42,45 @@ def test_kernels_divide_without_exceptions() -> None:
         return np.float32(1.0) / x
 
     assert inverse(np.float32(0.0)) == np.inf
+
+
+SAVES_MANY = """
+import sys
+import numpy as np
+from renderer.jit import entry_kernel
+
+@entry_kernel
+def total(values):
+    return values.sum() * {factor}
+
+def check():
+    for dtype in {dtypes}:
+        for ndim in (1, 2, 3, 4):
+            values = np.ones((3,) * ndim, dtype)
+            assert total(values) == 3**ndim, (dtype, ndim, total(values))
+"""
+
+
+def test_processes_that_compile_at_once_do_not_mix_their_kernels(tmp_path: Path) -> None:
+    """Two processes save variants of one kernel; a third must be given the right ones.
+
+    Numba alone gives two variants one file name now and then. The kernels here differ in
+    their types only, so a mix-up is a wrong number or a crash.
+    """
+    (tmp_path / "saves_many.py").write_text(
+        SAVES_MANY.format(factor=1, dtypes="sys.argv[1].split()")
+    )
+    environment = os.environ | {
+        "LIGHTPROOF_CACHE": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join(
+            [str(tmp_path), str(Path(renderer.__file__).parents[1])]
+        ),
+    }
+    kinds = ["float32 int32 uint8 float64", "float64 uint8 int32 float32", "int64 int16"]
+    command = [sys.executable, "-c", "import saves_many; saves_many.check()"]
+    for _ in range(2):  # compile, then load what the others compiled
+        running = [subprocess.Popen([*command, kind], env=environment) for kind in kinds]
+        assert [process.wait() for process in running] == [0, 0, 0]
 
 
 def _hash_of(package: Path) -> str:
