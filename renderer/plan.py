@@ -178,7 +178,9 @@ def _decide(
     if method == "whitted":
         depth = WHITTED_DEPTH if asked.max_depth < 0 else min(depth, DEEPEST_TREE)
         if depth != asked.max_depth:
-            why.say("method", f"whitted to depth {depth}: its trees of rays need a limit")
+            why.say(
+                "depth", f"{depth}: a tree of rays needs a limit, and not too deep a one"
+            )
     if reduce and method == "path" and depth <= 2:
         method = "direct"
         why.say("method", "direct: with max_depth <= 2 a path is direct light alone")

@@ -62,7 +62,7 @@ class _Workspaces(threading.local):
 class Rendering:
     """One render: everything prepared, then `run`.
 
-    Parameters are those of `render`.
+    Parameters are those of `render`, with the `plan` made and every choice named.
     """
 
     def __init__(

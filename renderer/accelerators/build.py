@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.brute_force import BruteForce
+from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bvh import Bvh
 from renderer.accelerators.bvh_build import build_bvh
 from renderer.errors import SceneError
@@ -65,7 +65,7 @@ def primitive_group(kind: str, surfaces: Any, order: NDArray[np.int64]) -> Any:
 def build_accelerator(kind: str, surfaces: Any, order: NDArray[np.int64], name: str) -> Any:
     """Build the accelerator `name` over the given columns of one kind of primitive."""
     if name == "brute" or (name == "auto" and len(order) <= FEW):
-        return BruteForce(primitive_group(kind, surfaces, order))
+        return build_brute_force(primitive_group(kind, surfaces, order))
     lower, upper = primitive_bounds(kind, surfaces)
     tree = build_bvh(
         np.ascontiguousarray(lower[:, order]), np.ascontiguousarray(upper[:, order])

@@ -8,7 +8,7 @@ from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.tree import Element
 
-_LARGEST = 2**28  # pixels of the crop window: 3 GiB of float32 RGB
+_LARGEST = 2**28  # pixels of the crop window: 11 GiB, sums in float64 and picture
 _LONGEST = 2**20  # pixels of a side
 
 
