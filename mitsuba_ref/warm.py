@@ -77,10 +77,14 @@ def compile_kernels(
         for thread in threads:
             thread.start()
         finished = 0
-        while any(thread.is_alive() for thread in threads):
+        while True:
+            # asked before the queue is, so that no answer comes between the two
+            working = any(thread.is_alive() for thread in threads)
             try:
-                done.get(timeout=0.1)
+                done.get(timeout=0.1 if working else 0)
             except queue.Empty:
+                if not working:
+                    break
                 continue
             finished += 1
             progress(finished)
