@@ -31,7 +31,7 @@ PAIRS_OF_TURNS = 5
 def _trace(accel: Any, rays: Any, hits: Any, coherent: bool, repeats: int) -> None:
     for _ in range(repeats):
         reset_hits(hits, 0, CAPACITY)
-        closest_hit(accel, rays, hits, 0, CAPACITY, coherent)
+        closest_hit(accel, rays, hits, 0, CAPACITY, coherent, None)
 
 
 def _soup(count: int, generator: np.random.Generator) -> TriangleSurfaces:

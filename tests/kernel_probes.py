@@ -110,12 +110,12 @@ class Found(NamedTuple):
 
 @entry_kernel
 def run_closest_hit(accel, rays, hits, first, count, coherent):
-    closest_hit(accel, rays, hits, first, count, coherent)
+    closest_hit(accel, rays, hits, first, count, coherent, None)
 
 
 @entry_kernel
 def run_any_hit(accel, shadow_rays, count, coherent):
-    any_hit(accel, shadow_rays, count, coherent)
+    any_hit(accel, shadow_rays, count, coherent, None)
 
 
 def workspace(count: int, channels: int = 3) -> Workspace:
@@ -195,13 +195,13 @@ def kernel_inputs(scene: Scene, ray_offset: str = "tight") -> KernelScene:
 
 @entry_kernel
 def run_intersect(accelerators, rays, hits, count):
-    intersect(accelerators, rays, hits, 0, count, False)
+    intersect(accelerators, rays, hits, 0, count, False, None)
 
 
 @entry_kernel
 def run_surface_points(scene, work, count):
     """Points of all hits among the first `count` rays; their number."""
-    intersect(scene.accelerators, work.rays, work.hits, 0, count, False)
+    intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
     found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
     surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     return found

@@ -12,7 +12,7 @@ from renderer.accelerators import bvh_build
 from renderer.accelerators.bvh_build import (
     MAX_DEPTH,
     BvhTree,
-    build_bvh,
+    build_tree,
     bvh_cost,
     bvh_depth,
     validate_bvh,
@@ -36,7 +36,7 @@ def line(x, size=0.0):
 
 def check(lower, upper, leaf_size=8):
     """Build, validate, and bound leaf size and depth."""
-    tree = build_bvh(lower, upper, leaf_size)
+    tree = build_tree(lower, upper, leaf_size)
     validate_bvh(tree, lower, upper)
     assert tree.count.max() <= leaf_size
     assert bvh_depth(tree) <= MAX_DEPTH
@@ -123,7 +123,7 @@ def test_the_heuristic_beats_the_median():
     lower, upper = (
         np.hstack((w, 0.3 + 0.01 * d)) for w, d in zip(wide, dense, strict=True)
     )
-    tree, median = build_bvh(lower, upper), median_tree(lower, upper, 8)
+    tree, median = build_tree(lower, upper), median_tree(lower, upper, 8)
     validate_bvh(median, lower, upper)
     assert bvh_cost(tree) < 0.9 * bvh_cost(median)
 
@@ -131,29 +131,29 @@ def test_the_heuristic_beats_the_median():
 def test_cost_of_a_tree_worked_by_hand():
     """Two unit cubes 3 apart: root 4 x 1 x 1 (half area 9), two leaves (half area 3)."""
     lower, upper = line([0, 3], 1)
-    assert bvh_cost(build_bvh(lower, upper, leaf_size=1)) == pytest.approx(1 + 2 * 3 / 9)
-    assert bvh_cost(build_bvh(lower[:, :1], upper[:, :1])) == 1
+    assert bvh_cost(build_tree(lower, upper, leaf_size=1)) == pytest.approx(1 + 2 * 3 / 9)
+    assert bvh_cost(build_tree(lower[:, :1], upper[:, :1])) == 1
 
 
 def test_a_full_leaf_is_split_only_where_that_pays():
     """Eight boxes are one block of work; two halves far apart spare most rays one."""
     together = line(np.arange(8), 1)
-    assert len(build_bvh(*together).child) == 1
+    assert len(build_tree(*together).child) == 1
     two_blocks = line(np.arange(16) + np.repeat([0, 1000], 8), 1)
-    assert sorted(build_bvh(*two_blocks, leaf_size=16).count.tolist()) == [0, 8, 8]
+    assert sorted(build_tree(*two_blocks, leaf_size=16).count.tolist()) == [0, 8, 8]
 
 
 def test_the_same_boxes_give_the_same_tree_and_stay_as_they_are():
     lower, upper = soup(5000)
     before = lower.copy(), upper.copy()
-    first, second = build_bvh(lower, upper), build_bvh(lower, upper)
+    first, second = build_tree(lower, upper), build_tree(lower, upper)
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal((lower, upper), before)
 
 
 def test_layout_of_the_record():
-    tree = build_bvh(*soup(1000))
+    tree = build_tree(*soup(1000))
     nodes = len(tree.child)
     assert tree.bounds.shape == (nodes, 6) and tree.bounds.dtype == np.float32
     assert tree.bounds.flags.c_contiguous
@@ -171,7 +171,7 @@ def test_layout_of_the_record():
 )
 def test_what_cannot_be_built(lower, upper, leaf_size):
     with pytest.raises(ValueError):
-        build_bvh(lower, upper, leaf_size)
+        build_tree(lower, upper, leaf_size)
 
 
 def broken(tree, field, index, value):
@@ -183,7 +183,7 @@ def broken(tree, field, index, value):
 def test_validation_sees_every_kind_of_damage():
     """The check itself must be able to fail, or it proves nothing."""
     lower, upper = soup(200)
-    tree = build_bvh(lower, upper)
+    tree = build_tree(lower, upper)
     leaf = int(np.flatnonzero(tree.count)[0])
     damages = {
         "permutation": broken(tree, "order", 0, tree.order[1]),
@@ -205,7 +205,7 @@ def test_validation_sees_every_kind_of_damage():
 def test_a_swapped_primitive_is_seen():
     """A leaf that holds another leaf's primitive, with every index in place."""
     lower, upper = soup(200)
-    tree = build_bvh(lower, upper)
+    tree = build_tree(lower, upper)
     order = tree.order.copy()
     order[[0, -1]] = order[[-1, 0]]
     with pytest.raises(ValueError, match="does not hold its boxes"):

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.packets import (
     blocked_by,
     load_nearest,
@@ -25,25 +28,28 @@ class BruteForce(NamedTuple):
     primitives: Any  # a group of one kind, in the scene's order
 
 
-def build_brute_force(primitives: Any) -> BruteForce:
-    """Return the group as it is."""
-    return BruteForce(primitives)
+def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
+    """Return all primitives in their order."""
+    return BruteForce(group(np.arange(extents.lower.shape[1])))
 
 
 @kernel
-def closest_hit_brute_force(accel, rays, hits, first, count):
+def closest_hit_brute_force(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1 with nearer hits."""
     primitives = accel.primitives
     for i in range(first, first + count, 16):
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
         nearest = load_nearest(hits, i)
-        nearest = nearest_of(primitives, 0, primitives.count, origin, direction, nearest)
+        left = first + count - i
+        nearest = nearest_of(
+            primitives, 0, primitives.count, origin, direction, nearest, tally, i, left
+        )
         store_nearest(hits, i, nearest)
 
 
 @kernel
-def any_hit_brute_force(accel, shadow_rays, count):
+def any_hit_brute_force(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
     primitives = accel.primitives
     for i in range(0, count, 16):
@@ -52,6 +58,15 @@ def any_hit_brute_force(accel, shadow_rays, count):
         t_max = load_row(shadow_rays.t_max, 0, i)
         blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(count - i)
         blocked = blocked_by(
-            primitives, 0, primitives.count, origin, direction, t_max, blocked
+            primitives,
+            0,
+            primitives.count,
+            origin,
+            direction,
+            t_max,
+            blocked,
+            tally,
+            i,
+            count - i,
         )
         store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.brute_force import build_brute_force
-from renderer.accelerators.bvh import Bvh
-from renderer.accelerators.bvh_build import build_bvh
+from renderer.accelerators.bvh import build_bvh
+from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
-from renderer.scene import KINDS, Scene, emits, primitive_bounds
+from renderer.scene import KINDS, Scene, emits
 from renderer.shapes.cylinder import Cylinders
 from renderer.shapes.disk import Disks
 from renderer.shapes.rectangle import Rectangles
 from renderer.shapes.sphere import Spheres
 from renderer.shapes.triangle import Triangles
 
-NAMES = ("auto", "brute", "bvh")
+# name -> how it is built
+BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
+    "brute": build_brute_force,
+    "bvh": build_bvh,
+}
+NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any
 # tree's boxes (docs/performance.md, "Brute force or tree").
 FEW = 64
@@ -62,26 +68,40 @@ def primitive_group(kind: str, surfaces: Any, order: NDArray[np.int64]) -> Any:
     )
 
 
-def build_accelerator(kind: str, surfaces: Any, order: NDArray[np.int64], name: str) -> Any:
-    """Build the accelerator `name` over the given columns of one kind of primitive."""
-    if name == "brute" or (name == "auto" and len(order) <= FEW):
-        return build_brute_force(primitive_group(kind, surfaces, order))
-    lower, upper = primitive_bounds(kind, surfaces)
-    tree = build_bvh(
-        np.ascontiguousarray(lower[:, order]), np.ascontiguousarray(upper[:, order])
+def build_accelerator(
+    kind: str, surfaces: Any, order: NDArray[np.int64], name: str, reach: float = 0.0
+) -> Any:
+    """Build the accelerator `name` over the given columns of one kind of primitive.
+
+    `reach` is how far from the world's origin rays start (sum of absolute coordinates).
+    """
+
+    def group(columns: NDArray[np.int64]) -> Any:
+        return primitive_group(kind, surfaces, order[columns])
+
+    return BUILDERS[choose(name, len(order))](
+        extents_of(kind, surfaces, order, reach), group
     )
-    group = primitive_group(kind, surfaces, order[tree.order])
-    return Bvh(tree.bounds, tree.child, tree.count, group)
+
+
+def choose(name: str, count: int) -> str:
+    """Return the structure to build over `count` primitives of one kind."""
+    if name == "auto":
+        return "brute" if count <= FEW else "bvh"
+    return name
 
 
 def compile_builders(scene: Scene, name: str) -> float:
     """Compile what `build_accelerators` will need; return the seconds it took."""
     started = time.perf_counter()
-    few = all(s.end - s.first <= FEW for s in scene.surfaces.values())
-    if name == "bvh" or (name == "auto" and not few):
-        box = np.zeros((3, 1), np.float32)
-        build_bvh(box, box)
+    for chosen in {choose(name, s.end - s.first) for s in scene.surfaces.values()}:
+        BUILDERS[chosen](_one_point(), lambda columns: None)
     return time.perf_counter() - started
+
+
+def _one_point() -> Extents:
+    zero, zeros = np.zeros((3, 1), np.float32), np.zeros((3, 4, 1), np.float32)
+    return Extents(zero, zero, zeros, np.zeros(1, np.float32), zero, 1.0, 1e-6)
 
 
 def build_accelerators(
@@ -107,6 +127,7 @@ def build_accelerators(
     if name not in NAMES:
         raise SceneError(f"accelerator {name!r} is unknown; there are: {', '.join(NAMES)}")
     built: dict[str, Any] = dict.fromkeys(KINDS)
+    reach = _reach(scene)
     for kind, surfaces in scene.surfaces.items():
         order = np.arange(surfaces.end - surfaces.first)
         if without_emitters_of is not None:
@@ -115,5 +136,11 @@ def build_accelerators(
                 continue
             order = order[(scene.stages[surfaces.first : surfaces.end] & EMIT) == 0]
         if len(order):
-            built[kind] = build_accelerator(kind, surfaces, order, name)
+            built[kind] = build_accelerator(kind, surfaces, order, name, reach)
     return Accelerators(**built)
+
+
+def _reach(scene: Scene) -> float:
+    """Return the largest |x| + |y| + |z| where a ray of this scene can start."""
+    starts = [*scene.bounds, scene.description.camera.to_world[:3, 3]]
+    return float(np.abs(starts).sum(axis=1).max())

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.accelerators.bvh_build import build_tree
+from renderer.accelerators.extents import ROUNDING, Extents, PrimitiveGroup
 from renderer.accelerators.packets import (
     Nearest,
     blocked_by,
@@ -19,12 +21,25 @@ from renderer.accelerators.packets import (
     nearest_of,
     store_nearest,
 )
+from renderer.accelerators.single_ray import (
+    blocked_in_range,
+    load_hit,
+    nearest_in_range,
+    store_hit,
+)
+from renderer.accelerators.tally import (
+    BOXES,
+    NODES,
+    add_to,
+    add_to_packet,
+    note_packet_stack,
+    note_stack,
+)
 from renderer.jit import kernel
 from renderer.lanes.functions import (
     fabs,
     first_lanes,
     lane,
-    lowest_bit,
     mask_bits,
     maximum,
     minimum,
@@ -34,7 +49,6 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.memory import load_row, store_row
-from renderer.shapes.primitives import hit_primitive, primitives_from
 from renderer.vectors import column, load3, vec3
 
 STACK = 64  # the builder keeps the depth below 60
@@ -44,7 +58,7 @@ STRETCH = np.float32(1.0000004)
 # Boxes are tested as if they were larger by this fraction of the origin's coordinates (32
 # units in the last place), and `primitive_bounds` pads by the same fraction of their own:
 # the rounding of a hit's t and (u, v) must not put it outside of its own box.
-MARGIN = np.float32(32 * 2.0**-24)
+MARGIN = ROUNDING
 _INFINITY = np.float32(np.inf)
 
 
@@ -55,6 +69,12 @@ class Bvh(NamedTuple):
     child: NDArray[np.int32]  # (nodes,) first of two children, or first primitive
     count: NDArray[np.int32]  # (nodes,) 0 for inner nodes, else primitives of the leaf
     primitives: Any  # a group of one kind, in leaf order
+
+
+def build_bvh(extents: Extents, group: PrimitiveGroup) -> Bvh:
+    """Build by the surface area heuristic."""
+    tree = build_tree(extents.lower, extents.upper)
+    return Bvh(tree.bounds, tree.child, tree.count, group(tree.order))
 
 
 @kernel
@@ -130,7 +150,7 @@ def _second_child_first(bounds, child, direction):
 
 
 @kernel
-def closest_hit_bvh_packets(bvh, rays, hits, first, count):
+def closest_hit_bvh_packets(bvh, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
     stack = local_i32(STACK)
@@ -140,18 +160,22 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
         inverse = 1.0 / direction
         low, high = _margins(origin)
         # lanes beyond the last ray end before they begin
+        left = first + count - i
         given = load_nearest(hits, i)
-        t = select(first_lanes(first + count - i), given.t, -1.0)
+        t = select(first_lanes(left), given.t, -1.0)
         nearest = Nearest(t, given.prim, given.u, given.v)
         leading = vec3(lane(direction.x, 0), lane(direction.y, 0), lane(direction.z, 0))
         stack[0] = 0
         depth = 1
         while depth > 0:
+            note_packet_stack(tally, i, left, depth)
             depth -= 1
             node = stack[depth]
+            add_to_packet(tally, BOXES, i, left, 1)
             enters = _packet_enters(bounds, node, low, high, inverse, nearest.t)
             if mask_bits(enters) == 0:
                 continue
+            add_to_packet(tally, NODES, i, left, 1)
             child = bvh.child[node]
             if bvh.count[node] == 0:
                 near = child
@@ -162,78 +186,67 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count):
                 depth += 2
                 continue
             end = child + bvh.count[node]
-            nearest = nearest_of(primitives, child, end, origin, direction, nearest)
+            nearest = nearest_of(
+                primitives, child, end, origin, direction, nearest, tally, i, left
+            )
         store_nearest(hits, i, nearest)
 
 
 @kernel
-def closest_hit_bvh(bvh, rays, hits, first, count):
+def closest_hit_bvh(bvh, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, one ray at a time."""
-    bounds, primitives = bvh.bounds, bvh.primitives
-    stack = local_i32(STACK)
-    entries = local_f32(STACK)
     for i in range(first, first + count):
         origin = column(rays.origin, i)
         direction = column(rays.direction, i)
-        inverse = np.float32(1.0) / direction
-        low, high = _margins(origin)
-        t = hits.t[i]
-        prim = hits.prim[i]
-        u = hits.u[i]
-        v = hits.v[i]
-        depth = 0
-        enter = _ray_enters(bounds, 0, low, high, inverse, t)
-        if enter < _INFINITY:
-            stack[0] = 0
-            entries[0] = enter
-            depth = 1
-        while depth > 0:
-            depth -= 1
-            if entries[depth] > t:
-                continue
-            node = stack[depth]
-            child = bvh.child[node]
-            if bvh.count[node] == 0:
-                near = child
-                far = child + 1
-                enter_near = _ray_enters(bounds, near, low, high, inverse, t)
-                enter_far = _ray_enters(bounds, far, low, high, inverse, t)
-                if enter_far < enter_near:
-                    near, far = far, near
-                    enter_near, enter_far = enter_far, enter_near
-                if enter_far < _INFINITY:
-                    stack[depth] = far
-                    entries[depth] = enter_far
-                    depth += 1
-                if enter_near < _INFINITY:
-                    stack[depth] = near
-                    entries[depth] = enter_near
-                    depth += 1
-                continue
-            end = child + bvh.count[node]
-            for k in range(child, end, 16):
-                x = hit_primitive(
-                    primitives, primitives_from(primitives, k), origin, direction, t
-                )
-                bits = mask_bits(x.hit & first_lanes(end - k))
-                while bits != 0:
-                    j = lowest_bit(bits)
-                    bits &= bits - 1
-                    t_j = lane(x.t, j)
-                    id_j = primitives.id[k + j]
-                    if t_j < t or (t_j == t and (prim < 0 or id_j < prim)):
-                        t = t_j
-                        prim = id_j
-                        u = lane(x.u, j)
-                        v = lane(x.v, j)
-        hits.t[i] = t
-        hits.prim[i] = prim
-        hits.u[i] = u
-        hits.v[i] = v
+        hit = nearest_below(bvh, 0, origin, direction, load_hit(hits, i), tally, i)
+        store_hit(hits, i, hit)
 
 
 @kernel
-def any_hit_bvh_packets(bvh, shadow_rays, count):
+def nearest_below(bvh, root, origin, direction, hit, tally, i):
+    """Return the nearest hit of one ray after all below a node was tested."""
+    bounds, primitives = bvh.bounds, bvh.primitives
+    inverse = np.float32(1.0) / direction
+    low, high = _margins(origin)
+    stack = local_i32(STACK)
+    entries = local_f32(STACK)
+    stack[0] = root
+    entries[0] = _ray_enters(bounds, root, low, high, inverse, hit.t)
+    add_to(tally, BOXES, i, 1)
+    depth = 1 if entries[0] < _INFINITY else 0
+    while depth > 0:
+        note_stack(tally, i, depth)
+        depth -= 1
+        if entries[depth] > hit.t:
+            continue
+        node = stack[depth]
+        add_to(tally, NODES, i, 1)
+        child = bvh.child[node]
+        if bvh.count[node] == 0:
+            near = child
+            far = child + 1
+            enter_near = _ray_enters(bounds, near, low, high, inverse, hit.t)
+            enter_far = _ray_enters(bounds, far, low, high, inverse, hit.t)
+            add_to(tally, BOXES, i, 2)
+            if enter_far < enter_near:
+                near, far = far, near
+                enter_near, enter_far = enter_far, enter_near
+            if enter_far < _INFINITY:
+                stack[depth] = far
+                entries[depth] = enter_far
+                depth += 1
+            if enter_near < _INFINITY:
+                stack[depth] = near
+                entries[depth] = enter_near
+                depth += 1
+            continue
+        end = child + bvh.count[node]
+        hit = nearest_in_range(primitives, child, end, origin, direction, hit, tally, i)
+    return hit
+
+
+@kernel
+def any_hit_bvh_packets(bvh, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
     stack = local_i32(STACK)
@@ -242,16 +255,20 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
         direction = load3(shadow_rays.direction, i)
         inverse = 1.0 / direction
         low, high = _margins(origin)
+        left = count - i
         t_max = load_row(shadow_rays.t_max, 0, i)
-        blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(count - i)
+        blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(left)
         stack[0] = 0
         depth = 1
         while depth > 0 and mask_bits(blocked) != 0xFFFF:
+            note_packet_stack(tally, i, left, depth)
             depth -= 1
             node = stack[depth]
+            add_to_packet(tally, BOXES, i, left, 1)
             enters = _packet_enters(bounds, node, low, high, inverse, t_max)
             if mask_bits(enters & ~blocked) == 0:
                 continue
+            add_to_packet(tally, NODES, i, left, 1)
             child = bvh.child[node]
             if bvh.count[node] == 0:
                 stack[depth] = child
@@ -259,42 +276,48 @@ def any_hit_bvh_packets(bvh, shadow_rays, count):
                 depth += 2
                 continue
             end = child + bvh.count[node]
-            blocked = blocked_by(primitives, child, end, origin, direction, t_max, blocked)
+            blocked = blocked_by(
+                primitives, child, end, origin, direction, t_max, blocked, tally, i, left
+            )
         store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))
 
 
 @kernel
-def any_hit_bvh(bvh, shadow_rays, count):
+def any_hit_bvh(bvh, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, one ray at a time."""
-    bounds, primitives = bvh.bounds, bvh.primitives
-    stack = local_i32(STACK)
     for i in range(count):
         if shadow_rays.blocked[i] != 0:
             continue
         origin = column(shadow_rays.origin, i)
         direction = column(shadow_rays.direction, i)
-        inverse = np.float32(1.0) / direction
-        low, high = _margins(origin)
-        t_max = shadow_rays.t_max[i]
-        stack[0] = 0
-        depth = 1
-        while depth > 0:
-            depth -= 1
-            node = stack[depth]
-            if _ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
-                continue
-            child = bvh.child[node]
-            if bvh.count[node] == 0:
-                stack[depth] = child
-                stack[depth + 1] = child + 1
-                depth += 2
-                continue
-            end = child + bvh.count[node]
-            for k in range(child, end, 16):
-                x = hit_primitive(
-                    primitives, primitives_from(primitives, k), origin, direction, t_max
-                )
-                if mask_bits(x.hit & first_lanes(end - k)) != 0:
-                    shadow_rays.blocked[i] = 1
-                    depth = 0
-                    break
+        if blocked_below(bvh, 0, origin, direction, shadow_rays.t_max[i], tally, i):
+            shadow_rays.blocked[i] = 1
+
+
+@kernel
+def blocked_below(bvh, root, origin, direction, t_max, tally, i):
+    """Return whether one ray meets anything below a node up to t_max."""
+    bounds, primitives = bvh.bounds, bvh.primitives
+    inverse = np.float32(1.0) / direction
+    low, high = _margins(origin)
+    stack = local_i32(STACK)
+    stack[0] = root
+    depth = 1
+    while depth > 0:
+        note_stack(tally, i, depth)
+        depth -= 1
+        node = stack[depth]
+        add_to(tally, BOXES, i, 1)
+        if _ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
+            continue
+        add_to(tally, NODES, i, 1)
+        child = bvh.child[node]
+        if bvh.count[node] == 0:
+            stack[depth] = child
+            stack[depth + 1] = child + 1
+            depth += 2
+            continue
+        end = child + bvh.count[node]
+        if blocked_in_range(primitives, child, end, origin, direction, t_max, tally, i):
+            return True
+    return False

@@ -29,7 +29,7 @@ from renderer.accelerators.bvh_tree import (
 from renderer.jit import builder_kernel, kernel
 from renderer.lanes.local import local_f32
 
-__all__ = ["MAX_DEPTH", "BvhTree", "build_bvh", "bvh_cost", "bvh_depth", "validate_bvh"]
+__all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 
 BINS = 16
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks
@@ -37,7 +37,7 @@ MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stack
 _INF = np.float32(np.inf)
 
 
-def build_bvh(lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8) -> BvhTree:
+def build_tree(lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8) -> BvhTree:
     """Build the tree over axis-aligned boxes.
 
     Parameters

@@ -6,7 +6,7 @@ nothing is compiled for it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba.core import types
 from numba.extending import overload
@@ -25,61 +25,71 @@ from renderer.accelerators.bvh import (
 )
 from renderer.jit import record_class
 
-# accelerator -> (closest hit of coherent, of incoherent rays, any hit of both)
-_TRAVERSALS = {
-    BruteForce: (
-        closest_hit_brute_force,
-        closest_hit_brute_force,
-        any_hit_brute_force,
-        any_hit_brute_force,
+
+class Traversals(NamedTuple):
+    """The kernels of one structure; many have no other way for coherent rays."""
+
+    closest_hit_coherent: Any
+    closest_hit: Any
+    any_hit_coherent: Any
+    any_hit: Any
+
+
+def _alike(closest_hit: Any, any_hit: Any) -> Traversals:
+    return Traversals(closest_hit, closest_hit, any_hit, any_hit)
+
+
+TRAVERSALS = {
+    BruteForce: _alike(closest_hit_brute_force, any_hit_brute_force),
+    Bvh: Traversals(
+        closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
     ),
-    Bvh: (closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh),
 }
 
 
 def closest_hit(
-    accel: Any, rays: Any, hits: Any, first: int, count: int, coherent: bool
+    accel: Any, rays: Any, hits: Any, first: int, count: int, coherent: bool, tally: Any
 ) -> None:
     """Update the hits of `count` rays with the nearer ones among this group."""
     raise TypeError("inside kernels only")
 
 
-def any_hit(accel: Any, shadow_rays: Any, count: int, coherent: bool) -> None:
+def any_hit(accel: Any, shadow_rays: Any, count: int, coherent: bool, tally: Any) -> None:
     """Set `blocked` of the shadow rays that meet something of this group."""
     raise TypeError("inside kernels only")
 
 
 @overload(closest_hit)
-def _closest_hit(accel, rays, hits, first, count, coherent):
+def _closest_hit(accel, rays, hits, first, count, coherent, tally):
     if isinstance(accel, types.NoneType):
-        return lambda accel, rays, hits, first, count, coherent: None
-    traversals = _TRAVERSALS.get(record_class(accel))
+        return lambda accel, rays, hits, first, count, coherent, tally: None
+    traversals = TRAVERSALS.get(record_class(accel))
     if traversals is None:
         return None
-    together, single = traversals[:2]
+    together, single = traversals.closest_hit_coherent, traversals.closest_hit
 
-    def choose(accel, rays, hits, first, count, coherent):
+    def choose(accel, rays, hits, first, count, coherent, tally):
         if coherent:
-            together(accel, rays, hits, first, count)
+            together(accel, rays, hits, first, count, tally)
         else:
-            single(accel, rays, hits, first, count)
+            single(accel, rays, hits, first, count, tally)
 
     return choose
 
 
 @overload(any_hit)
-def _any_hit(accel, shadow_rays, count, coherent):
+def _any_hit(accel, shadow_rays, count, coherent, tally):
     if isinstance(accel, types.NoneType):
-        return lambda accel, shadow_rays, count, coherent: None
-    traversals = _TRAVERSALS.get(record_class(accel))
+        return lambda accel, shadow_rays, count, coherent, tally: None
+    traversals = TRAVERSALS.get(record_class(accel))
     if traversals is None:
         return None
-    together, single = traversals[2:]
+    together, single = traversals.any_hit_coherent, traversals.any_hit
 
-    def choose(accel, shadow_rays, count, coherent):
+    def choose(accel, shadow_rays, count, coherent, tally):
         if coherent:
-            together(accel, shadow_rays, count)
+            together(accel, shadow_rays, count, tally)
         else:
-            single(accel, shadow_rays, count)
+            single(accel, shadow_rays, count, tally)
 
     return choose

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from renderer.accelerators.tally import PRIMITIVES, add_to_packet
 from renderer.jit import kernel
 from renderer.lanes.functions import mask_bits, select, splat_i32
 from renderer.lanes.memory import load_row, store_row
@@ -40,11 +41,13 @@ def store_nearest(hits, i, nearest):
 
 
 @kernel
-def nearest_of(primitives, start, end, origin, direction, nearest):
+def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, count):
     """Return the nearest hits after primitives start .. end - 1 of a group were tested.
 
-    At equal t the smaller id wins, so that no order of visits changes the outcome.
+    At equal t the smaller id wins, so that no order of visits changes the outcome. The
+    tally is that of the `count` rays from i on.
     """
+    add_to_packet(tally, PRIMITIVES, i, count, end - start)
     for k in range(start, end):
         x = hit_primitive(
             primitives, primitive_at(primitives, k), origin, direction, nearest.t
@@ -62,9 +65,10 @@ def nearest_of(primitives, start, end, origin, direction, nearest):
 
 
 @kernel
-def blocked_by(primitives, start, end, origin, direction, t_max, blocked):
+def blocked_by(primitives, start, end, origin, direction, t_max, blocked, tally, i, count):
     """Return `blocked`, set also where one of primitives start .. end - 1 is met."""
     for k in range(start, end):
+        add_to_packet(tally, PRIMITIVES, i, count, 1)
         x = hit_primitive(primitives, primitive_at(primitives, k), origin, direction, t_max)
         blocked = blocked | x.hit
         if mask_bits(blocked) == 0xFFFF:

@@ -72,7 +72,7 @@ def trace_first_hits(scene, tile, sample, work):
     """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
     count = camera_rays(scene, tile, sample, rays, hits)
-    intersect(scene.camera_accelerators, rays, hits, 0, count, True)
+    intersect(scene.camera_accelerators, rays, hits, 0, count, True, None)
     found = collect(scene, hits, 0, count, ANY, work.order, 0)
     surface_points(scene, rays, hits, work.order, found, points)
     for i in range(0, found, 16):

@@ -21,7 +21,7 @@ def trace_paths(scene, tile, sample, work):
     if settings.max_depth < 1:
         return
     count = camera_rays(scene, tile, sample, rays, hits)
-    intersect(scene.camera_accelerators, rays, hits, 0, count, True)
+    intersect(scene.camera_accelerators, rays, hits, 0, count, True, None)
     bounce = np.int64(0)  # a literal would compile every stage twice
     while count > 0:
         arrive(scene, work, 0, count, bounce > 0 or settings.hide_emitters == 0)
@@ -31,5 +31,5 @@ def trace_paths(scene, tile, sample, work):
         light_diffuse(scene, tile, sample, bounce, work, groups[0])
         count = scatter(scene, tile, sample, bounce, work, groups)
         reset_hits(hits, 0, count)
-        intersect(scene.accelerators, rays, hits, 0, count, False)
+        intersect(scene.accelerators, rays, hits, 0, count, False, None)
         bounce += 1

@@ -43,7 +43,7 @@ def trace_ray_trees(scene, tile, sample, work):
         return
     waiting = work.waiting
     waiting[0] = camera_rays(scene, tile, sample, rays, hits)
-    intersect(scene.camera_accelerators, rays, hits, 0, waiting[0], True)
+    intersect(scene.camera_accelerators, rays, hits, 0, waiting[0], True, None)
     depth = np.int64(0)
     while depth >= 0:
         if waiting[depth] == 0:
@@ -54,7 +54,7 @@ def trace_ray_trees(scene, tile, sample, work):
         first = depth * REGION + waiting[depth]
         if depth > 0:
             reset_hits(hits, first, count)
-            intersect(scene.accelerators, rays, hits, first, count, False)
+            intersect(scene.accelerators, rays, hits, first, count, False, None)
         arrive(scene, work, first, count, depth > 0 or settings.hide_emitters == 0)
         if depth + 1 >= settings.max_depth:
             continue

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from renderer.jit import kernel
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.memory import load_row
-from renderer.shapes.patch import Intersection
+from renderer.shapes.patch import ZERO, Intersection
 from renderer.shapes.sphere import ordered_roots
 from renderer.vectors import column, dot, load3
 
@@ -73,7 +73,7 @@ def hit_cylinder(cylinder, origin, direction, t_max):
     b = -dot(f_across, d_across)
     nearest = f_across + d_across * (b / a)
     discriminant = cylinder.radius * cylinder.radius - dot(nearest, nearest)
-    root = sqrt(a * select(discriminant > 0.0, discriminant, 0.0 * discriminant))
+    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
     q = b + select(b < 0.0, -root, root)
     c = dot(f_across, f_across) - cylinder.radius * cylinder.radius
     first, second = ordered_roots(q, a, c)
@@ -83,4 +83,4 @@ def hit_cylinder(cylinder, origin, direction, t_max):
     far = (second > 0.0) & (h_second >= 0.0) & (h_second <= cylinder.height)
     t = select(near, first, second)
     hit = (discriminant >= 0.0) & (near | far) & (t <= t_max)
-    return Intersection(hit, t, t * 0.0, select(near, h_first, h_second) / cylinder.height)
+    return Intersection(hit, t, t * ZERO, select(near, h_first, h_second) / cylinder.height)

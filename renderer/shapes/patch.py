@@ -8,9 +8,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.jit import kernel
 from renderer.lanes.functions import fabs, select
 from renderer.vectors import column, cross, dot, load3
+
+# A Python literal would make scalars float64, and round differently from the lanes.
+ONE = np.float32(1.0)
+ZERO = np.float32(0.0)
 
 
 class Intersection(NamedTuple):
@@ -92,7 +98,7 @@ def divided(plane_hit, inside, t_max):
     t is compared after the division, as every other comparison of t is: otherwise two
     primitives at equal t could win in one order of visits and lose in another.
     """
-    inverse = 1.0 / plane_hit.scale
+    inverse = ONE / plane_hit.scale
     t = plane_hit.t * inverse
     hit = inside & (t > 0.0) & (t <= t_max) & (plane_hit.scale > 0.0)
     return Intersection(hit, t, plane_hit.u * inverse, plane_hit.v * inverse)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from renderer.jit import kernel
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.memory import load_row
-from renderer.shapes.patch import Intersection
+from renderer.shapes.patch import ZERO, Intersection
 from renderer.vectors import column, dot, load3
 
 
@@ -67,10 +67,10 @@ def hit_sphere(sphere, origin, direction, t_max):
     # the point of the line nearest to the centre, relative to it
     nearest = f + direction * (b / a)
     discriminant = sphere.radius * sphere.radius - dot(nearest, nearest)
-    root = sqrt(a * select(discriminant > 0.0, discriminant, 0.0 * discriminant))
+    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
     q = b + select(b < 0.0, -root, root)
     c = dot(f, f) - sphere.radius * sphere.radius
     first, second = ordered_roots(q, a, c)
     t = select(first > 0.0, first, second)
     hit = (discriminant >= 0.0) & (t > 0.0) & (t <= t_max)
-    return Intersection(hit, t, t * 0.0, t * 0.0)
+    return Intersection(hit, t, t * ZERO, t * ZERO)

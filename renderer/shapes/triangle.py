@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.shapes.patch import Intersection, divided, meet_plane
+from renderer.shapes.patch import ONE, Intersection, divided, meet_plane
 from renderer.vectors import cross, dot
 
 
@@ -40,7 +40,7 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
     """Intersect without a stored normal [Moeller1997]; the same result within rounding."""
     p = cross(direction, triangle.edge2)
     determinant = dot(triangle.edge1, p)
-    inverse = 1.0 / determinant
+    inverse = ONE / determinant
     to_origin = origin - triangle.corner
     u = dot(to_origin, p) * inverse
     q = cross(to_origin, triangle.edge1)

@@ -26,13 +26,16 @@ def reset_hits(hits, first, count):
 
 
 @kernel
-def intersect(accelerators, rays, hits, first, count, coherent):
-    """Find the nearest hit of `count` rays; `hits.t` holds their ends before."""
-    closest_hit(accelerators.triangles, rays, hits, first, count, coherent)
-    closest_hit(accelerators.rectangles, rays, hits, first, count, coherent)
-    closest_hit(accelerators.disks, rays, hits, first, count, coherent)
-    closest_hit(accelerators.spheres, rays, hits, first, count, coherent)
-    closest_hit(accelerators.cylinders, rays, hits, first, count, coherent)
+def intersect(accelerators, rays, hits, first, count, coherent, tally):
+    """Find the nearest hit of `count` rays; `hits.t` holds their ends before.
+
+    The work that it takes is added to `tally`; None counts nothing.
+    """
+    closest_hit(accelerators.triangles, rays, hits, first, count, coherent, tally)
+    closest_hit(accelerators.rectangles, rays, hits, first, count, coherent, tally)
+    closest_hit(accelerators.disks, rays, hits, first, count, coherent, tally)
+    closest_hit(accelerators.spheres, rays, hits, first, count, coherent, tally)
+    closest_hit(accelerators.cylinders, rays, hits, first, count, coherent, tally)
 
 
 @kernel
@@ -40,11 +43,11 @@ def trace_shadow_rays(accelerators, shadow_rays, count, coherent, radiance):
     """Add to each pixel what its unblocked shadow rays carry."""
     for i in range(0, count, 16):
         store_row(shadow_rays.blocked, 0, i, splat_i32(0))
-    any_hit(accelerators.triangles, shadow_rays, count, coherent)
-    any_hit(accelerators.rectangles, shadow_rays, count, coherent)
-    any_hit(accelerators.disks, shadow_rays, count, coherent)
-    any_hit(accelerators.spheres, shadow_rays, count, coherent)
-    any_hit(accelerators.cylinders, shadow_rays, count, coherent)
+    any_hit(accelerators.triangles, shadow_rays, count, coherent, None)
+    any_hit(accelerators.rectangles, shadow_rays, count, coherent, None)
+    any_hit(accelerators.disks, shadow_rays, count, coherent, None)
+    any_hit(accelerators.spheres, shadow_rays, count, coherent, None)
+    any_hit(accelerators.cylinders, shadow_rays, count, coherent, None)
     for i in range(count):
         if shadow_rays.blocked[i] == 0:
             slot = shadow_rays.slot[i]

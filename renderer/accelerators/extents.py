@@ -1,0 +1,112 @@
+"""Where the primitives of one kind are: what every builder of an accelerator is given.
+
+Builders never see triangles or spheres, only their boxes and hulls; so each structure
+holds every kind of primitive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.scene import primitive_bounds, unit_normals
+
+# The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
+# that went into it (32 units in the last place of single precision).
+ROUNDING = np.float32(32 * 2.0**-24)
+
+# (n,) column numbers -> the group of those primitives, in that order; one may come twice
+PrimitiveGroup = Callable[[NDArray[np.int64]], Any]
+
+
+class Extents(NamedTuple):
+    """Boxes and hulls of n primitives, and how far from them rays may find them."""
+
+    lower: NDArray[np.float32]  # (3, n) smallest x, y, z
+    upper: NDArray[np.float32]  # (3, n) largest x, y, z
+    points: NDArray[np.float32]  # (3, 4, n): a primitive lies within their convex hull ...
+    radius: NDArray[np.float32]  # (n,) ... grown by this
+    normal: NDArray[np.float32]  # (3, n) unit, of the plane it lies in; 0: not flat
+    # Rays from |x| + |y| + |z| <= reach find a primitive up to `pad` outside of its box.
+    # What keeps primitives in cells adds it to boxes and hulls; rays from farther away take
+    # the slow way through all of them.
+    reach: float
+    pad: float
+
+
+def extents_of(
+    kind: str, surfaces: Any, order: NDArray[np.int64], reach: float = 0.0
+) -> Extents:
+    """Return the extents of some primitives of one kind.
+
+    Parameters
+    ----------
+    kind
+        One of `renderer.scene.KINDS`.
+    surfaces
+        The record of that kind.
+    order
+        Columns of the record, (n,).
+    reach
+        Rays from this far (sum of absolute coordinates) shall be fast; what encloses the
+        primitives always is.
+    """
+    lower, upper = (side[:, order] for side in primitive_bounds(kind, surfaces))
+    points, radius, normal = _HULLS[kind](surfaces, order)
+    slack = ROUNDING * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
+    if len(order):
+        reach = max(
+            reach, float(np.maximum(np.abs(lower), np.abs(upper)).sum(axis=0).max())
+        )
+    return Extents(
+        np.ascontiguousarray(lower),
+        np.ascontiguousarray(upper),
+        np.ascontiguousarray(points, np.float32),
+        (radius + slack).astype(np.float32),
+        np.ascontiguousarray(normal, np.float32),
+        float(np.float32(reach)),
+        float(ROUNDING * np.float32(reach)),
+    )
+
+
+def _patch_hull(surfaces: Any, order: Any, corners: tuple[tuple[float, float], ...]) -> Any:
+    """Return the hull of points corner + u edge1 + v edge2; flat, so without a radius."""
+    c, e1, e2 = (a[:, order] for a in (surfaces.corner, surfaces.edge1, surfaces.edge2))
+    points = np.stack([c + np.float32(u) * e1 + np.float32(v) * e2 for u, v in corners], 1)
+    return points, np.zeros(len(order), np.float32), unit_normals(e1, e2)
+
+
+def _triangle_hull(surfaces: Any, order: Any) -> Any:
+    return _patch_hull(surfaces, order, ((0, 0), (1, 0), (0, 1), (0, 0)))
+
+
+def _rectangle_hull(surfaces: Any, order: Any) -> Any:
+    return _patch_hull(surfaces, order, ((0, 0), (1, 0), (0, 1), (1, 1)))
+
+
+def _disk_hull(surfaces: Any, order: Any) -> Any:
+    return _patch_hull(surfaces, order, ((-1, -1), (1, -1), (-1, 1), (1, 1)))
+
+
+def _sphere_hull(surfaces: Any, order: Any) -> Any:
+    points = np.repeat(surfaces.center[:, None, order], 4, axis=1)
+    return points, surfaces.radius[order], np.zeros((3, len(order)), np.float32)
+
+
+def _cylinder_hull(surfaces: Any, order: Any) -> Any:
+    base, axis = surfaces.base[:, order], surfaces.frame[6:9, order]
+    top = base + axis * surfaces.height[order]
+    points = np.stack([base, top, base, top], 1)
+    return points, surfaces.radius[order], np.zeros((3, len(order)), np.float32)
+
+
+_HULLS = {
+    "triangles": _triangle_hull,
+    "rectangles": _rectangle_hull,
+    "disks": _disk_hull,
+    "spheres": _sphere_hull,
+    "cylinders": _cylinder_hull,
+}
