@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bvh import build_bvh
 from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
+from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits
@@ -25,6 +26,7 @@ from renderer.shapes.triangle import Triangles
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
     "bvh": build_bvh,
+    "wide": build_wide,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

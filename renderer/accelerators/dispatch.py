@@ -23,6 +23,13 @@ from renderer.accelerators.bvh import (
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
+from renderer.accelerators.wide_bvh import (
+    WideBvh,
+    any_hit_wide,
+    any_hit_wide_bundles,
+    closest_hit_wide,
+    closest_hit_wide_bundles,
+)
 from renderer.jit import record_class
 
 
@@ -43,6 +50,9 @@ TRAVERSALS = {
     BruteForce: _alike(closest_hit_brute_force, any_hit_brute_force),
     Bvh: Traversals(
         closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
+    ),
+    WideBvh: Traversals(
+        closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
     ),
 }
 

@@ -50,14 +50,20 @@ splat_i32 = _splat_to(i32x16)
 splat_u32 = _splat_to(u32x16)
 
 
-@intrinsic
-def lane_index(typingctx: Any) -> Any:
-    """Return i32x16 (0, 1, ..., 15)."""
+def _indices(lanes: Lanes, doc: str) -> Any:
+    @intrinsic
+    def indices(typingctx: Any) -> Any:
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            return ir.Constant(llvm_vector(lanes), list(range(lanes.width)))
 
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return ir.Constant(llvm_vector(i32x16), list(range(16)))
+        return signature(lanes), codegen
 
-    return signature(i32x16), codegen
+    indices.__doc__ = doc
+    return indices
+
+
+lane_index = _indices(i32x16, "Return i32x16 (0, 1, ..., 15).")
+lane_index_8 = _indices(Lanes(types.int32, 8), "Return i32x8 (0, 1, ..., 7).")
 
 
 @intrinsic
@@ -174,23 +180,50 @@ def to_f32(typingctx: Any, x: Any) -> Any:
     return signature(f32x16, x), codegen
 
 
-def _reinterpret_as(lanes: Lanes) -> Any:
+def _reinterpret_as(element: Any) -> Any:
     @intrinsic
     def reinterpret(typingctx: Any, x: Any) -> Any:
-        same_size = isinstance(x, Lanes) and x.element.bitwidth == lanes.element.bitwidth
-        _require(same_size and x.width == lanes.width, f"{x} has other bits than {lanes}")
+        given = x.element if isinstance(x, Lanes) else x
+        same_size = getattr(given, "bitwidth", 0) == element.bitwidth
+        _require(same_size, f"{x} has other bits than {element}")
+        result = Lanes(element, x.width) if isinstance(x, Lanes) else element
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            return builder.bitcast(args[0], llvm_vector(lanes))
+            return builder.bitcast(args[0], context.get_value_type(result))
 
-        return signature(lanes, x), codegen
+        return signature(result, x), codegen
 
     return reinterpret
 
 
-as_f32 = _reinterpret_as(f32x16)  # the same bits, read as another type
-as_i32 = _reinterpret_as(i32x16)
-as_u32 = _reinterpret_as(u32x16)
+as_f32 = _reinterpret_as(types.float32)  # the same bits, read as another type; also scalars
+as_i32 = _reinterpret_as(types.int32)
+as_u32 = _reinterpret_as(types.uint32)
+
+
+def _half(first: int, doc: str) -> Any:
+    @intrinsic
+    def half(typingctx: Any, x: Any) -> Any:
+        _require(
+            isinstance(x, Lanes) and x.width == 16, f"only 16 lanes are halved, not {x}"
+        )
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            order = ir.Constant(
+                ir.VectorType(ir.IntType(32), 8), list(range(first, first + 8))
+            )
+            return builder.shuffle_vector(
+                args[0], ir.Constant(args[0].type, ir.Undefined), order
+            )
+
+        return signature(Lanes(x.element, 8), x), codegen
+
+    half.__doc__ = doc
+    return half
+
+
+lower_half = _half(0, "Return lanes 0 to 7 of 16.")
+upper_half = _half(8, "Return lanes 8 to 15 of 16.")
 
 
 @intrinsic
@@ -270,8 +303,10 @@ def lane(typingctx: Any, x: Any, k: Any) -> Any:
 def _reduction(llvm_name: str, doc: str) -> Any:
     @intrinsic
     def function(typingctx: Any, x: Any) -> Any:
-        _require(x in (f32x16, i32x16), f"cannot reduce {x}")
-        name = llvm_name if x == f32x16 else llvm_name.replace("f", "s", 1)
+        single = isinstance(x, Lanes) and x.element in (types.float32, types.int32)
+        _require(single, f"cannot reduce {x}")
+        floats = x.element == types.float32
+        name = llvm_name if floats else llvm_name.replace("f", "s", 1)
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             full = f"llvm.vector.reduce.{name}.{_suffix(x)}"

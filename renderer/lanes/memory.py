@@ -30,9 +30,10 @@ def _lanes_in(array: Any) -> Lanes:
 
 def _lanes_into(array: Any, x: Any) -> Lanes:
     lanes = _lanes_in(array)
-    if lanes != x or not array.mutable:
+    fits = isinstance(x, Lanes) and x.element == lanes.element
+    if not fits or not array.mutable:
         raise TypingError(f"cannot store {x} in {array}")
-    return lanes
+    return x
 
 
 def _row_start(context: Any, builder: Any, array: Any, value: Any, row: Any) -> Any:
@@ -46,37 +47,109 @@ def _row_start(context: Any, builder: Any, array: Any, value: Any, row: Any) -> 
     return builder.bitcast(builder.gep(start, [bytes_before]), struct.data.type)
 
 
-def _vector_at(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """Return a pointer to the lanes from `[row, i]` on; args are array, row, i, ..."""
+def _element_at(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """Return a pointer to `[row, i]`; args are array, row, i, ..."""
     row, i = (_as_i64(context, builder, args[k], sig.args[k]) for k in (1, 2))
-    start = _row_start(context, builder, sig.args[0], args[0], row)
-    vector = llvm_vector(_lanes_in(sig.args[0]))
-    return builder.bitcast(builder.gep(start, [i]), vector.as_pointer())
+    return builder.gep(_row_start(context, builder, sig.args[0], args[0], row), [i])
+
+
+def _vector_at(context: Any, builder: Any, sig: Any, args: Any, lanes: Lanes) -> Any:
+    """Return a pointer to the lanes from `[row, i]` on."""
+    start = _element_at(context, builder, sig, args)
+    return builder.bitcast(start, llvm_vector(lanes).as_pointer())
 
 
 def _as_i64(context: Any, builder: Any, value: Any, given: Any) -> Any:
     return context.cast(builder, value, given, types.int64)
 
 
+def _loading(width: int | None, doc: str) -> Any:
+    @intrinsic
+    def load(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
+        whole = _lanes_in(array)
+        lanes = Lanes(whole.element, width or whole.width)
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            pointer = _vector_at(context, builder, sig, args, lanes)
+            return builder.load(pointer, align=array.dtype.bitwidth // 8)
+
+        return signature(lanes, array, row, i), codegen
+
+    load.__doc__ = doc
+    return load
+
+
+load_row = _loading(None, "Load `array[row, i : i + 16]` (8 elements of 64 bits).")
+load_eight = _loading(8, "Load `array[row, i : i + 8]`.")
+
+
 @intrinsic
-def load_row(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
-    """Load `array[row, i : i + 16]` (8 elements of 64 bits)."""
-    lanes = _lanes_in(array)
+def load_bytes(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
+    """Load `array[row, i : i + 16]`, bytes without sign, as f32x16."""
+    if not isinstance(array, types.Array) or array.dtype != types.uint8:
+        raise TypingError(f"bytes are loaded from arrays of uint8, not from {array}")
+    lanes = Lanes(types.float32, 16)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _vector_at(context, builder, sig, args)
-        return builder.load(pointer, align=array.dtype.bitwidth // 8)
+        start = _element_at(context, builder, sig, args)
+        octets = ir.VectorType(ir.IntType(8), 16)
+        loaded = builder.load(builder.bitcast(start, octets.as_pointer()), align=1)
+        wide = builder.zext(loaded, ir.VectorType(ir.IntType(32), 16))
+        return builder.sitofp(wide, llvm_vector(lanes))
 
     return signature(lanes, array, row, i), codegen
 
 
 @intrinsic
-def store_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
-    """Store x to `array[row, i : i + 16]` (8 elements of 64 bits)."""
-    _lanes_into(array, x)
+def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
+    """Return `array[row, i]` for indices that are not negative.
+
+    Numba's own indexing asks of each index whether it counts from the end: three
+    instructions for every load of a traversal.
+    """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _vector_at(context, builder, sig, args)
+        return builder.load(_element_at(context, builder, sig, args))
+
+    return signature(array.dtype, array, row, i), codegen
+
+
+@intrinsic
+def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
+    """Set `array[row, i]` for indices that are not negative."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        value = context.cast(builder, args[3], x, array.dtype)
+        builder.store(value, _element_at(context, builder, sig, args))
+        return context.get_dummy_value()
+
+    return signature(types.void, array, row, i, x), codegen
+
+
+@intrinsic
+def prefetch(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
+    """Ask for the cache line of `array[row, i]`, which will be read soon."""
+    if not isinstance(array, types.Array) or array.ndim > 2 or array.layout != "C":
+        raise TypingError(f"cannot prefetch from {array}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        start = _element_at(context, builder, sig, args)
+        pointer = builder.bitcast(start, ir.IntType(8).as_pointer())
+        # to read, to be kept in all caches, data
+        how = [ir.Constant(ir.IntType(32), n) for n in (0, 3, 1)]
+        _call(builder, "llvm.prefetch.p0", ir.VoidType(), pointer, *how)
+        return context.get_dummy_value()
+
+    return signature(types.void, array, row, i), codegen
+
+
+@intrinsic
+def store_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
+    """Store x to `array[row, i : i + 16]`, or as many elements as x has."""
+    lanes = _lanes_into(array, x)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _vector_at(context, builder, sig, args, lanes)
         builder.store(args[3], pointer, align=array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 
@@ -130,7 +203,7 @@ def append_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) 
         raise TypingError(f"cannot append {x} under {mask}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _vector_at(context, builder, sig, args)
+        pointer = _vector_at(context, builder, sig, args, lanes)
         name = f"llvm.experimental.vector.compress.{_suffix(lanes)}"
         undefined = ir.Constant(llvm_vector(lanes), ir.Undefined)
         packed = _call(builder, name, undefined.type, args[3], args[4], undefined)

@@ -12,6 +12,16 @@ from typing import Any
 from numba.extending import overload
 
 from renderer.jit import record_class
+from renderer.shapes.blocks import (
+    CylinderBlocks,
+    DiskBlocks,
+    RectangleBlocks,
+    SphereBlocks,
+    TriangleBlocks,
+    cylinder_in,
+    patch_in,
+    sphere_in,
+)
 from renderer.shapes.cylinder import Cylinders, cylinder_at, cylinders_from, hit_cylinder
 from renderer.shapes.disk import Disks, hit_disk
 from renderer.shapes.patch import patch_at, patches_from
@@ -25,6 +35,11 @@ _FETCH_ONE = {
     Disks: patch_at,
     Spheres: sphere_at,
     Cylinders: cylinder_at,
+    TriangleBlocks: patch_in,
+    RectangleBlocks: patch_in,
+    DiskBlocks: patch_in,
+    SphereBlocks: sphere_in,
+    CylinderBlocks: cylinder_in,
 }
 _FETCH_SIXTEEN = {
     Triangles: patches_from,
@@ -39,6 +54,11 @@ _HIT = {
     Disks: hit_disk,
     Spheres: hit_sphere,
     Cylinders: hit_cylinder,
+    TriangleBlocks: hit_triangle,
+    RectangleBlocks: hit_rectangle,
+    DiskBlocks: hit_disk,
+    SphereBlocks: hit_sphere,
+    CylinderBlocks: hit_cylinder,
 }
 
 

@@ -1,0 +1,230 @@
+"""Bundles of rays: 16 coherent rays go through a binary tree together.
+
+Neighbouring camera rays visit nearly the same nodes, so each box and each primitive is
+fetched once and tested against all 16 at once; what no ray of the bundle enters is
+skipped. On the displaced icosphere of 327,680 triangles this took 43 million camera rays
+a second on one core where single rays through the wide tree took 9.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.bvh import STRETCH, _margins
+from renderer.accelerators.packets import (
+    Nearest,
+    blocked_by,
+    load_nearest,
+    nearest_of,
+    store_nearest,
+)
+from renderer.accelerators.tally import (
+    BOXES,
+    NODES,
+    add_to_packet,
+    note_packet_stack,
+)
+from renderer.accelerators.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
+from renderer.jit import kernel
+from renderer.lanes.functions import (
+    fabs,
+    first_lanes,
+    lane,
+    mask_bits,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_i32,
+)
+from renderer.lanes.local import local_i32
+from renderer.lanes.memory import load_one, load_row, store_one, store_row
+from renderer.vectors import load3, vec3
+
+STACK = 64  # the builder keeps the depth below 60
+# A direction's components are taken to be at least this share of the largest: the ray is
+# moved by less than a rounding error, and no product below is 0 * inf or overflows.
+LEAST_COMPONENT = np.float32(1e-12)
+
+
+class PairedBvh(NamedTuple):
+    """A binary tree for bundles; see `wide_bvh_build` for the words of a node."""
+
+    floats: NDArray[np.float32]  # (nodes * 8,)
+    integers: NDArray[np.int32]  # the same memory
+    primitives: Any  # in leaf order
+
+
+class Bundle(NamedTuple):
+    """16 rays, and what their box tests need."""
+
+    inverse: Any  # 1 / direction
+    to_lower: Any  # origin moved up by the margin, times inverse
+    to_upper: Any  # origin moved down, times inverse
+
+
+@kernel
+def _away_from_zero(d, least):
+    return select(fabs(d) > least, d, select(d < 0.0, -least, least))
+
+
+@kernel
+def safe_reciprocal(direction):
+    """Return 1 / d for each component, finite; of one ray or 16."""
+    x, y, z = fabs(direction.x), fabs(direction.y), fabs(direction.z)
+    largest = select(x > y, x, y)
+    least = select(z > largest, z, largest) * LEAST_COMPONENT
+    one = np.float32(1.0)
+    return vec3(
+        one / _away_from_zero(direction.x, least),
+        one / _away_from_zero(direction.y, least),
+        one / _away_from_zero(direction.z, least),
+    )
+
+
+@kernel
+def _bundle_of(origin, direction):
+    inverse = safe_reciprocal(direction)
+    low, high = _margins(origin)
+    return Bundle(inverse, high * inverse, low * inverse)
+
+
+@kernel
+def _bundle_enters(floats, node, bundle, t):
+    """Return the mask of the rays that enter a node's box before t.
+
+    (b - o) / d as b / d - o / d, with o / d made once. Its rounding error is that of
+    moving the plane by 2^-23 (|b| + |o|); boxes and origins are padded by 16 times that.
+    """
+    inverse = bundle.inverse
+    x0 = inverse.x * load_one(floats, 0, node) - bundle.to_lower.x
+    y0 = inverse.y * load_one(floats, 0, node + 1) - bundle.to_lower.y
+    z0 = inverse.z * load_one(floats, 0, node + 2) - bundle.to_lower.z
+    x1 = inverse.x * load_one(floats, 0, node + 3) - bundle.to_upper.x
+    y1 = inverse.y * load_one(floats, 0, node + 4) - bundle.to_upper.y
+    z1 = inverse.z * load_one(floats, 0, node + 5) - bundle.to_upper.z
+    enter = maximum(
+        maximum(minimum(x0, x1), minimum(y0, y1)),
+        maximum(minimum(z0, z1), splat_f32(0.0)),
+    )
+    leave = minimum(minimum(maximum(x0, x1), maximum(y0, y1)), maximum(z0, z1))
+    return enter <= minimum(leave * STRETCH, t)
+
+
+@kernel
+def _signs(direction):
+    """Return bits 0, 1, 2: whether the first ray goes down the x, y, z axis."""
+    x = 1 if lane(direction.x, 0) < 0.0 else 0
+    y = 2 if lane(direction.y, 0) < 0.0 else 0
+    z = 4 if lane(direction.z, 0) < 0.0 else 0
+    return np.int64(x | y | z)
+
+
+@kernel
+def _traceable(direction, origin, valid):
+    """Return the mask of rays that have no NaN and no infinity, among the valid ones."""
+    zero = np.float32(0.0)
+    sum_of_nothing = (origin.x + origin.y + origin.z) * zero + (
+        direction.x + direction.y + direction.z
+    ) * zero
+    return valid & (sum_of_nothing == zero)
+
+
+@kernel
+def closest_hit_bundles(accel, rays, hits, first, count, tally):
+    """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
+    floats, integers, primitives = accel.floats, accel.integers, accel.primitives
+    stack = local_i32(STACK)
+    for i in range(first, first + count, 16):
+        left = first + count - i
+        origin = load3(rays.origin, i)
+        direction = load3(rays.direction, i)
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
+        given = load_nearest(hits, i)
+        # lanes beyond the last ray end before they begin
+        traced = _traceable(direction, origin, first_lanes(left))
+        nearest = Nearest(select(traced, given.t, -1.0), given.prim, given.u, given.v)
+        stack[0] = 0
+        depth = np.int64(1)
+        while depth > 0:
+            note_packet_stack(tally, i, left, depth)
+            depth -= 1
+            node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
+            add_to_packet(tally, BOXES, i, left, 1)
+            if mask_bits(_bundle_enters(floats, node, bundle, nearest.t)) == 0:
+                continue
+            add_to_packet(tally, NODES, i, left, 1)
+            child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
+            size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
+            if size > 0:
+                nearest = nearest_of(
+                    primitives,
+                    child,
+                    child + size,
+                    origin,
+                    direction,
+                    nearest,
+                    tally,
+                    i,
+                    left,
+                )
+                continue
+            order = -1 - size
+            second = ((signs >> (order >> 1)) ^ order) & 1
+            store_one(stack, 0, depth, child + 1 - second)
+            store_one(stack, 0, depth + 1, child + second)
+            depth += 2
+        t = select(traced, nearest.t, given.t)
+        store_nearest(hits, i, Nearest(t, nearest.prim, nearest.u, nearest.v))
+
+
+@kernel
+def any_hit_bundles(accel, shadow_rays, count, tally):
+    """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
+    floats, integers, primitives = accel.floats, accel.integers, accel.primitives
+    stack = local_i32(STACK)
+    for i in range(0, count, 16):
+        left = count - i
+        origin = load3(shadow_rays.origin, i)
+        direction = load3(shadow_rays.direction, i)
+        bundle = _bundle_of(origin, direction)
+        traced = _traceable(direction, origin, first_lanes(left))
+        t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
+        before = load_row(shadow_rays.blocked, 0, i) != 0
+        blocked = before | ~traced
+        stack[0] = 0
+        depth = np.int64(1)
+        while depth > 0 and mask_bits(blocked) != 0xFFFF:
+            note_packet_stack(tally, i, left, depth)
+            depth -= 1
+            node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
+            add_to_packet(tally, BOXES, i, left, 1)
+            enters = _bundle_enters(floats, node, bundle, t_max)
+            if mask_bits(enters & ~blocked) == 0:
+                continue
+            add_to_packet(tally, NODES, i, left, 1)
+            child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
+            size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
+            if size > 0:
+                blocked = blocked_by(
+                    primitives,
+                    child,
+                    child + size,
+                    origin,
+                    direction,
+                    t_max,
+                    blocked,
+                    tally,
+                    i,
+                    left,
+                )
+                continue
+            store_one(stack, 0, depth, child)
+            store_one(stack, 0, depth + 1, child + 1)
+            depth += 2
+        met = before | (blocked & traced)
+        store_row(shadow_rays.blocked, 0, i, select(met, splat_i32(1), splat_i32(0)))

@@ -1,0 +1,175 @@
+"""From a binary tree to the two forms that are fast to trace: pairs, and nodes of eight.
+
+`pack_pairs` lays siblings side by side, 64 bytes a pair: one cache line. `collapse` pulls
+up to eight descendants into one node of 128 bytes: two lines.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import builder_kernel, kernel
+
+# words of a node of a pair
+PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive
+PAIR_COUNT = 7  # leaf: primitives; inner: -1 - order, see `_order_of`
+PAIR_WORDS = 8
+
+# words of a wide node, then its bytes
+ORIGIN = 0  # 3 floats: where byte 0 is
+SCALE = 3  # 3 floats: what a byte counts, a power of two
+CHILD = 6  # 8 integers: 0 nothing, > 0 a node, < 0 the block ~child
+WIDE_WORDS = 32
+BOXES = 56  # byte offset; for each axis 8 lower bounds, 8 upper bounds, 8 lower bounds
+AXIS_BYTES = 24
+WIDE_BYTES = 128
+
+# A box is rounded outwards by at least this share of a byte's unit. The traversal's own
+# rounding is a few units in the last place of the node's extent: 2^-22 of 250 bytes.
+_SLACK = 2.0**-10
+_LARGEST_BYTE = 250.0  # leaves room for the rounding of the origin
+
+
+def aligned_bytes(count: int) -> NDArray[np.uint8]:
+    """Return `count` zeros that begin with a pair of cache lines."""
+    memory = np.zeros(count + 128, np.uint8)
+    skip = -memory.ctypes.data % 128
+    return memory[skip : skip + count]
+
+
+def pack_pairs(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
+    """Return the nodes of a binary tree in pairs; the root is alone in the first.
+
+    Parameters
+    ----------
+    bounds, child, count
+        As in `BvhTree`; siblings are adjacent, the first pair is nodes 1 and 2.
+    """
+    memory = aligned_bytes(4 * PAIR_WORDS * (len(count) + 1))
+    _pack(bounds, child, count, memory.view(np.float32), memory.view(np.int32))
+    return memory
+
+
+@builder_kernel
+def _pack(bounds, child, count, floats, integers):
+    for node in range(len(count)):
+        to = PAIR_WORDS * (node + 1 if node > 0 else 0)
+        for j in range(6):
+            floats[to + j] = bounds[node, j]
+        if count[node] > 0:
+            integers[to + PAIR_CHILD] = child[node]
+            integers[to + PAIR_COUNT] = count[node]
+        else:
+            integers[to + PAIR_CHILD] = child[node] + 1
+            integers[to + PAIR_COUNT] = -1 - _order_of(bounds, child[node])
+
+
+@kernel
+def _order_of(bounds, first):
+    """Return 2 * the axis that separates two siblings + whether the second comes first."""
+    best = -1.0
+    order = 0
+    for axis in range(3):
+        a = np.float64(bounds[first, axis]) + np.float64(bounds[first, axis + 3])
+        b = np.float64(bounds[first + 1, axis]) + np.float64(bounds[first + 1, axis + 3])
+        if abs(b - a) > best:
+            best = abs(b - a)
+            order = 2 * axis + (1 if b < a else 0)
+    return order
+
+
+def collapse(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
+    """Return the nodes of eight; a leaf's `child` is eight times the number of its block.
+
+    From the two children of a node on, the one with the largest surface is replaced by its
+    own two children until there are eight: it is the one most likely to be met
+    [Wald2008].
+    """
+    most = max(1, np.count_nonzero(count))
+    memory = aligned_bytes(WIDE_BYTES * most)
+    nodes = _collapse(
+        bounds, child, count, memory.view(np.float32), memory.view(np.int32), memory
+    )
+    return memory[: WIDE_BYTES * nodes]
+
+
+@builder_kernel
+def _collapse(bounds, child, count, floats, integers, octets):
+    waiting = np.empty((len(count) + 1, 2), np.int32)  # binary node, wide node
+    waiting[0] = 0
+    top = 1
+    nodes = 1
+    members = np.empty(8, np.int32)
+    while top > 0:
+        top -= 1
+        node = waiting[top, 0]
+        wide = waiting[top, 1]
+        size = _open(bounds, child, count, node, members)
+        _quantise(bounds, node, members, size, floats, octets, wide)
+        for k in range(size):
+            m = members[k]
+            place = WIDE_WORDS * wide + CHILD + k
+            if count[m] > 0:
+                integers[place] = ~(child[m] >> 3)
+                continue
+            integers[place] = nodes
+            waiting[top, 0] = m
+            waiting[top, 1] = nodes
+            top += 1
+            nodes += 1
+    return nodes
+
+
+@kernel
+def _open(bounds, child, count, node, members):
+    """Write up to eight descendants of a node that cover it; return how many."""
+    members[0] = node
+    size = 1
+    while size < 8:
+        best = -1
+        largest = -1.0
+        for k in range(size):
+            if count[members[k]] == 0:
+                area = _half_area(bounds, members[k])
+                if area > largest:
+                    largest = area
+                    best = k
+        if best < 0:
+            break
+        first = child[members[best]]
+        members[best] = first
+        members[size] = first + 1
+        size += 1
+    return size
+
+
+@kernel
+def _half_area(bounds, node):
+    a = np.float64(bounds[node, 3]) - np.float64(bounds[node, 0])
+    b = np.float64(bounds[node, 4]) - np.float64(bounds[node, 1])
+    c = np.float64(bounds[node, 5]) - np.float64(bounds[node, 2])
+    return a * b + b * c + c * a
+
+
+@kernel
+def _quantise(bounds, node, members, size, floats, octets, wide):
+    """Write the boxes of the children in units of a power of two, rounded outwards."""
+    for axis in range(3):
+        low = np.float64(bounds[node, axis])
+        high = np.float64(bounds[node, axis + 3])
+        # flat nodes: a unit that float32 can still add to the coordinate
+        least = max(abs(low), abs(high)) * 2.0**-21 + 1e-30
+        unit = 2.0 ** np.ceil(np.log2(max((high - low) / _LARGEST_BYTE, least)))
+        origin = np.float64(np.float32(low - unit))
+        floats[WIDE_WORDS * wide + ORIGIN + axis] = origin
+        floats[WIDE_WORDS * wide + SCALE + axis] = unit
+        place = WIDE_BYTES * wide + BOXES + AXIS_BYTES * axis
+        for k in range(size):
+            lower = (np.float64(bounds[members[k], axis]) - origin) / unit
+            upper = (np.float64(bounds[members[k], axis + 3]) - origin) / unit
+            octets[place + k] = int(np.floor(lower - _SLACK))
+            octets[place + 8 + k] = int(np.ceil(upper + _SLACK))
+            octets[place + 16 + k] = octets[place + k]
