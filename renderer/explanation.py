@@ -28,6 +28,9 @@ _PATTERNS = {
 _ACCELERATORS = {
     "brute": "brute force",
     "bvh": "a bounding volume hierarchy by the surface area heuristic",
+    "bvh-median": "a bounding volume hierarchy, split at the median",
+    "bvh-middle": "a bounding volume hierarchy, split in the middle",
+    "wide": "a bounding volume hierarchy of eight children a node",
 }
 
 

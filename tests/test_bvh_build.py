@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from renderer.accelerators import bvh_build
+from renderer.accelerators import bvh_build, bvh_split
 from renderer.accelerators.bvh_build import (
     MAX_DEPTH,
     BvhTree,
@@ -214,7 +214,7 @@ def test_a_swapped_primitive_is_seen():
 
 @entry_kernel
 def _median_of(boxes, order, middle, centres):
-    bvh_build._split_at_median(boxes, order, 0, len(order), middle, centres)
+    bvh_split.split_at_median(boxes, order, 0, len(order), middle, centres)
 
 
 def test_the_median_split_alone_builds_a_tree(monkeypatch):
@@ -230,3 +230,27 @@ def test_the_median_split_alone_builds_a_tree(monkeypatch):
     middle = boxes[:, axis] + boxes[:, axis + 3]
     assert middle[:388].max() <= middle[388:].min()
     np.testing.assert_array_equal(boxes[:, :3].T, lower[:, order])
+
+
+@pytest.mark.parametrize("rule", ["sah", "median", "middle"])
+def test_the_tree_is_the_same_for_any_number_of_threads(monkeypatch, rule):
+    """Large parts are split one by one and built side by side, in no fixed order."""
+    monkeypatch.setattr(bvh_build, "JOB", 100)
+    lower, upper = soup(3000, seed=5)
+    trees = []
+    for threads in (1, 4):
+        monkeypatch.setattr(bvh_build.os, "cpu_count", lambda n=threads: n)
+        trees.append(build_tree(lower, upper, rule=rule))
+        validate_bvh(trees[-1], lower, upper)
+    for one, four in zip(*trees, strict=True):
+        np.testing.assert_array_equal(one, four)
+
+
+@pytest.mark.parametrize("rule", ["median", "middle"])
+def test_the_other_rules_build_valid_trees(rule):
+    """In the middle of 1, 2, 4, 8, ... is all but the last: the depth is bounded still."""
+    for lower, upper in (soup(2000, seed=1), line(2.0 ** np.arange(0, 60))):
+        tree = build_tree(lower, upper, 1, rule)
+        validate_bvh(tree, lower, upper)
+        assert bvh_depth(tree) <= MAX_DEPTH
+        assert tree.count.max() <= 1

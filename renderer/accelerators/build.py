@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -26,6 +27,8 @@ from renderer.shapes.triangle import Triangles
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
     "bvh": build_bvh,
+    "bvh-median": functools.partial(build_bvh, rule="median"),
+    "bvh-middle": functools.partial(build_bvh, rule="middle"),
     "wide": build_wide,
 }
 NAMES = ("auto", *BUILDERS)

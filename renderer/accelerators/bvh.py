@@ -71,9 +71,9 @@ class Bvh(NamedTuple):
     primitives: Any  # a group of one kind, in leaf order
 
 
-def build_bvh(extents: Extents, group: PrimitiveGroup) -> Bvh:
-    """Build by the surface area heuristic."""
-    tree = build_tree(extents.lower, extents.upper)
+def build_bvh(extents: Extents, group: PrimitiveGroup, rule: str = "sah") -> Bvh:
+    """Build by one of `bvh_build.RULES`."""
+    tree = build_tree(extents.lower, extents.upper, rule=rule)
     return Bvh(tree.bounds, tree.child, tree.count, group(tree.order))
 
 

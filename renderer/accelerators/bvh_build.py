@@ -1,7 +1,8 @@
-"""Bounding volume hierarchy by the surface area heuristic, in 16 bins [Wald2007].
+"""Building a binary tree of boxes, by one of three rules.
 
-A ray that meets a box meets a convex part of it with a probability of the ratio of their
-surface areas. So splitting a node P into L and R is expected to cost
+By the surface area heuristic, in 16 bins [Wald2007]: a ray that meets a box meets a convex
+part of it with a probability of the ratio of their surface areas. So splitting a node P
+into L and R is expected to cost
 
     C = C_trav + A_L/A_P C_leaf(n_L) + A_R/A_P C_leaf(n_R)
 
@@ -9,35 +10,35 @@ and the split with the least C is taken. Candidates are the borders between 16 e
 bins that the box centres of a node fall into, along all three axes. A leaf is tested
 `BLOCK` primitives at a time, so its cost grows in steps.
 
-The builder is one thread, without recursion, and always builds the same tree.
+At the median: half of the primitives go to each side. In the middle: of the longest side
+of the box of the centres.
+
+Parts of more than `JOB` primitives are split one by one and the rest is built on all cores,
+without recursion; the tree is the same for any number of threads.
 """
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from renderer.accelerators.bvh_tree import (
-    BLOCK,
-    BLOCK_COST,
-    TRAVERSAL_COST,
-    BvhTree,
-    bvh_cost,
-    bvh_depth,
-    validate_bvh,
-)
-from renderer.jit import builder_kernel, kernel
-from renderer.lanes.local import local_f32
+from renderer.accelerators.bvh_split import BINS, MAX_DEPTH, enclose, split
+from renderer.accelerators.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
+from renderer.jit import builder_kernel
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 
-BINS = 16
-MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks
-
-_INF = np.float32(np.inf)
+JOB = 16384  # primitives that one thread builds over alone
+RULES = ("sah", "median", "middle")  # in the order of SAH, MEDIAN, MIDDLE
 
 
-def build_tree(lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8) -> BvhTree:
+def build_tree(
+    lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8, rule: str = "sah"
+) -> BvhTree:
     """Build the tree over axis-aligned boxes.
 
     Parameters
@@ -46,6 +47,8 @@ def build_tree(lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8) -> BvhTre
         Opposite corners of the primitives' boxes, n >= 1, all finite.
     leaf_size : int
         Most primitives of a leaf.
+    rule : str
+        One of `RULES`.
 
     Raises
     ------
@@ -60,17 +63,111 @@ def build_tree(lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8) -> BvhTre
         raise ValueError(f"leaf_size is at least 1: {leaf_size}")
     boxes = np.concatenate((low, high)).T.copy()  # a box's six numbers side by side
     order = np.arange(len(boxes), dtype=np.int32)
-    nodes, bounds, child, count = _build(boxes, order, leaf_size)
-    return BvhTree(bounds[:nodes].copy(), child[:nodes].copy(), count[:nodes].copy(), order)
+    settings = (leaf_size, RULES.index(rule))
+    bounds, child, count = _build_in_jobs(boxes, order, settings)
+    return BvhTree(bounds, child, count, order)
+
+
+# --------------------------------------------------------------------------- on all cores
+
+
+def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
+    """Split what is large, build the rest in jobs, and put all nodes together."""
+    n = len(order)
+    if n <= JOB:
+        return _build(boxes, order, 0, n, 0, *settings)
+    children: dict[int, tuple[Any, int, int]] = {}  # part -> box, left and right part
+    subtrees: dict[int, Any] = {}
+    parts = [(0, n, 0)]  # first, end, depth; the root is part 0
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+
+        def start(part: int) -> Future[Any]:
+            first, end, depth = parts[part]
+            work = _split_once if end - first > JOB else _build
+            return pool.submit(work, boxes, order, first, end, depth, *settings)
+
+        under_way = {start(0): 0}
+        while under_way:
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                part = under_way.pop(future)
+                first, end, depth = parts[part]
+                if end - first <= JOB:
+                    subtrees[part] = future.result()
+                    continue
+                box, middle = future.result()
+                left = len(parts)
+                children[part] = (box, left, left + 1)
+                for half in ((first, middle, depth + 1), (middle, end, depth + 1)):
+                    parts.append(half)
+                    under_way[start(len(parts) - 1)] = len(parts) - 1
+    return _assemble(children, subtrees)
+
+
+def _assemble(children: dict[int, tuple[Any, int, int]], subtrees: dict[int, Any]) -> Any:
+    """Put the nodes that were split one by one first, then subtree after subtree."""
+    top: list[tuple[int, int]] = [(0, 0)]  # part, its node
+    leaves: list[tuple[int, int]] = []
+    nodes = 1
+    head_bounds: list[Any] = [None]
+    head_child, head_count = [0], [0]
+    while top:
+        part, node = top.pop()
+        if part in subtrees:
+            leaves.append((part, node))
+            continue
+        box, left, right = children[part]
+        head_bounds[node] = box
+        head_child[node] = nodes
+        head_bounds += [None, None]
+        head_child += [0, 0]
+        head_count += [0, 0]
+        top += [(right, nodes + 1), (left, nodes)]
+        nodes += 2
+    bounds: list[Any] = []
+    child: list[Any] = []
+    count: list[Any] = []
+    for part, node in leaves:
+        b, c, k = subtrees[part]
+        # the subtree's root goes to its place above, the others follow
+        shifted = np.where(k == 0, c + (nodes - 1), c)
+        head_bounds[node], head_child[node], head_count[node] = b[0], shifted[0], k[0]
+        bounds.append(b[1:])
+        child.append(shifted[1:])
+        count.append(k[1:])
+        nodes += len(k) - 1
+    return (
+        np.concatenate([np.array(head_bounds, np.float32), *bounds]),
+        np.concatenate([np.array(head_child), *child]).astype(np.int32),
+        np.concatenate([np.array(head_count, np.int32), *count]),
+    )
 
 
 # ------------------------------------------------------------------------------ the build
 
 
 @builder_kernel
-def _build(boxes, order, leaf_size):
-    """Build the tree; permutes `boxes` and `order` alike."""
-    n = len(order)
+def _split_once(boxes, order, first, end, depth, leaf_size, rule):
+    """Split primitives first .. end - 1; return their box and where the right is."""
+    centres = np.empty(6, np.float32)
+    bin_bounds = np.empty((3, BINS, 6), np.float32)
+    bin_counts = np.empty((3, BINS), np.int32)
+    right_cost = np.empty(BINS, np.float64)
+    box = np.empty(6, np.float32)
+    enclose(boxes, first, end, box, centres)
+    middle = split(
+        boxes, order, first, end, depth, leaf_size, rule, box, centres, bin_bounds,
+        bin_counts, right_cost,
+    )  # fmt: skip
+    return box, middle
+
+
+@builder_kernel
+def _build(boxes, order, start, stop, start_depth, leaf_size, rule):
+    """Build over primitives start .. stop - 1; permutes `boxes` and `order` alike.
+
+    Returns bounds, child and count; node 0 is the root.
+    """
+    n = stop - start
     bounds = np.empty((2 * n - 1, 6), np.float32)
     child = np.empty(2 * n - 1, np.int32)
     count = np.zeros(2 * n - 1, np.int32)
@@ -81,230 +178,24 @@ def _build(boxes, order, leaf_size):
 
     # one waiting node for each level: (node, first, end, depth)
     stack = np.empty((MAX_DEPTH + 2, 4), np.int64)
-    stack[0] = (0, 0, n, 0)
+    stack[0] = (0, start, stop, start_depth)
     top = 1
     nodes = 1
     while top > 0:
         top -= 1
         node, first, end, depth = stack[top]
-        size = end - first
-        _enclose(boxes, first, end, bounds[node], centres)
-
-        # choose: leaf or split
-        middle = first
-        if size > 1 and _levels_for(size) + depth < MAX_DEPTH:
-            _fill_bins(boxes, first, end, centres, bin_bounds, bin_counts)
-            cost, axis, border = _cheapest_split(
-                bounds[node], bin_bounds, bin_counts, right_cost
-            )
-            if size > leaf_size or cost < BLOCK_COST * _blocks(size):
-                middle = _partition(boxes, order, first, end, centres, axis, border)
+        enclose(boxes, first, end, bounds[node], centres)
+        middle = split(
+            boxes, order, first, end, depth, leaf_size, rule, bounds[node], centres,
+            bin_bounds, bin_counts, right_cost,
+        )  # fmt: skip
         if middle == first:
-            if size <= leaf_size:
-                child[node] = first
-                count[node] = size
-                continue
-            # no border separates the centres, or the tree grows too deep
-            middle = first + size // 2
-            _split_at_median(boxes, order, first, end, middle, centres)
-
+            child[node] = first
+            count[node] = end - first
+            continue
         child[node] = nodes
         stack[top] = (nodes + 1, middle, end, depth + 1)
         stack[top + 1] = (nodes, first, middle, depth + 1)
         top += 2
         nodes += 2
-    return nodes, bounds, child, count
-
-
-@kernel
-def _levels_for(size):
-    """Return the levels that halving needs to reach single primitives."""
-    levels = 0
-    while (1 << levels) < size:
-        levels += 1
-    return levels
-
-
-@kernel
-def _blocks(size):
-    """Return how many blocks a leaf of `size` primitives fills."""
-    return (size + BLOCK - 1) // BLOCK
-
-
-@kernel
-def _centre(boxes, i, axis):
-    """Return the middle of a box; halved first, so that it cannot overflow."""
-    return np.float32(0.5) * boxes[i, axis] + np.float32(0.5) * boxes[i, axis + 3]
-
-
-@kernel
-def _enclose(boxes, first, end, bounds, centres):
-    """Write the box of the boxes, and of their centres."""
-    for axis in range(3):
-        low = centre_low = _INF
-        high = centre_high = -_INF
-        for i in range(first, end):
-            centre = _centre(boxes, i, axis)
-            low = min(low, boxes[i, axis])
-            high = max(high, boxes[i, axis + 3])
-            centre_low = min(centre_low, centre)
-            centre_high = max(centre_high, centre)
-        bounds[axis] = low
-        bounds[axis + 3] = high
-        centres[axis] = centre_low
-        centres[axis + 3] = centre_high
-
-
-# ---------------------------------------------------------------------------- the binning
-
-
-@kernel
-def _bins_per_length(centres, axis):
-    """Return the scale from a distance along an axis to bins; 0 without extent."""
-    extent = np.float64(centres[axis + 3]) - np.float64(centres[axis])
-    return BINS / extent if extent > 0.0 else 0.0
-
-
-@kernel
-def _bin(centre, start, scale):
-    """Return the bin of a centre. In float64, which the largest floats cannot overflow."""
-    return min(int((np.float64(centre) - np.float64(start)) * scale), BINS - 1)
-
-
-@kernel
-def _fill_bins(boxes, first, end, centres, bin_bounds, bin_counts):
-    """Count and enclose the boxes of each bin along each axis."""
-    bin_bounds[:, :, :3] = _INF
-    bin_bounds[:, :, 3:] = -_INF
-    bin_counts[:] = 0
-    for axis in range(3):
-        scale = _bins_per_length(centres, axis)
-        for i in range(first, end):
-            k = _bin(_centre(boxes, i, axis), centres[axis], scale)
-            bin_counts[axis, k] += 1
-            _grow(bin_bounds[axis, k], boxes[i])
-
-
-@kernel
-def _grow(bounds, box):
-    """Enlarge `bounds` to hold a box."""
-    for j in range(3):
-        bounds[j] = min(bounds[j], box[j])
-        bounds[j + 3] = max(bounds[j + 3], box[j + 3])
-
-
-@kernel
-def _half_area(box):
-    """Return half the surface of a box, in float64, which no box of floats overflows."""
-    a = np.float64(box[3]) - np.float64(box[0])
-    b = np.float64(box[4]) - np.float64(box[1])
-    c = np.float64(box[5]) - np.float64(box[2])
-    return a * b + b * c + c * a
-
-
-@kernel
-def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
-    """Return (cost, axis, border): bins below the border go left.
-
-    Of equal costs the more balanced split is taken, or else points on a line, whose boxes
-    have no area, would be split off bin by bin. The cost is infinite where all centres
-    fall into one bin.
-    """
-    area = _half_area(bounds)
-    per_area = BLOCK_COST / area if area > 0.0 else 0.0
-    side = local_f32(6)
-    best_cost = np.inf
-    best_axis = best_border = best_balance = 0
-    for axis in range(3):
-        side[:3] = _INF
-        side[3:] = -_INF
-        right = 0
-        for k in range(BINS - 1, 0, -1):
-            if bin_counts[axis, k] > 0:
-                right += bin_counts[axis, k]
-                _grow(side, bin_bounds[axis, k])
-            right_cost[k] = _half_area(side) * _blocks(right) if right > 0 else 0.0
-        size = right + bin_counts[axis, 0]
-
-        side[:3] = _INF
-        side[3:] = -_INF
-        left = 0
-        for border in range(1, BINS):
-            if bin_counts[axis, border - 1] == 0:
-                continue  # same split as at the last border
-            left += bin_counts[axis, border - 1]
-            if left == size:
-                break
-            _grow(side, bin_bounds[axis, border - 1])
-            both = _half_area(side) * _blocks(left) + right_cost[border]
-            cost = TRAVERSAL_COST + per_area * both
-            balance = min(left, size - left)
-            if cost < best_cost or (cost == best_cost and balance > best_balance):
-                best_cost, best_balance = cost, balance
-                best_axis, best_border = axis, border
-    return best_cost, best_axis, best_border
-
-
-# ------------------------------------------------------------------------- the two halves
-
-
-@kernel
-def _exchange(boxes, order, i, j):
-    """Let two primitives change places."""
-    for k in range(6):
-        boxes[i, k], boxes[j, k] = boxes[j, k], boxes[i, k]
-    order[i], order[j] = order[j], order[i]
-
-
-@kernel
-def _partition(boxes, order, first, end, centres, axis, border):
-    """Move the boxes in bins below the border to the front; return where the rest begins.
-
-    Nothing moves, and `first` is returned, for border 0 (no split found).
-    """
-    start = centres[axis]
-    scale = _bins_per_length(centres, axis)
-    i = first
-    j = end - 1
-    while True:
-        while i <= j and _bin(_centre(boxes, i, axis), start, scale) < border:
-            i += 1
-        while i <= j and _bin(_centre(boxes, j, axis), start, scale) >= border:
-            j -= 1
-        if i >= j:
-            return i
-        _exchange(boxes, order, i, j)
-
-
-@kernel
-def _split_at_median(boxes, order, first, end, middle, centres):
-    """Move the smaller half of the centres on the longest axis below `middle`.
-
-    Hoare's quickselect; it stops at equal centres, so that coincident boxes are halved.
-    """
-    axis = 0
-    for other in range(1, 3):
-        longest = np.float64(centres[axis + 3]) - np.float64(centres[axis])
-        if np.float64(centres[other + 3]) - np.float64(centres[other]) > longest:
-            axis = other
-    low = first
-    high = end - 1
-    while low < high:
-        pivot = _centre(boxes, (low + high) // 2, axis)
-        i = low
-        j = high
-        while i <= j:
-            while _centre(boxes, i, axis) < pivot:
-                i += 1
-            while _centre(boxes, j, axis) > pivot:
-                j -= 1
-            if i <= j:
-                _exchange(boxes, order, i, j)
-                i += 1
-                j -= 1
-        if middle <= j:
-            high = j
-        elif middle >= i:
-            low = i
-        else:
-            return
+    return bounds[:nodes].copy(), child[:nodes].copy(), count[:nodes].copy()

@@ -1,0 +1,123 @@
+"""The wide tree: what it is made of, and that a fault in it is found.
+
+That it returns brute force's hits is shown for all structures alike elsewhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernel_probes import accelerator, closest, directions, soup, triangles
+
+from renderer.accelerators.extents import extents_of
+from renderer.accelerators.wide_bvh_build import (
+    BOXES,
+    CHILD,
+    PAIR_COUNT,
+    PAIR_WORDS,
+    WIDE_BYTES,
+    WIDE_WORDS,
+    validate_wide,
+)
+from renderer.shapes.blocks import WIDTH
+
+
+def built(surfaces, kind="triangles"):
+    order = np.arange(surfaces.end - surfaces.first)
+    return accelerator(kind, surfaces, "wide"), extents_of(kind, surfaces, order)
+
+
+@pytest.fixture
+def tree():
+    return built(soup("triangles", 500, np.random.default_rng(1)))
+
+
+@pytest.mark.parametrize("n", [1, 2, 8, 9, 64, 3000])
+def test_every_primitive_is_in_one_block(n):
+    accel, extents = built(soup("triangles", n, np.random.default_rng(n)))
+    validate_wide(accel, extents)
+    assert accel.octets.ctypes.data % 128 == 0  # or a node is three cache lines, not two
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0, 1e6, 1e15])
+@pytest.mark.parametrize("shift", [0.0, 1e3])
+def test_bytes_hold_boxes_of_any_size(scale, shift):
+    """Far from the origin a byte counts what float32 can still tell apart."""
+    rng = np.random.default_rng(2)
+    points = scale * (rng.uniform(-1, 1, (300, 3, 3)) + shift)
+    points[::2, :, 1] = points[0, 0, 1]  # flat ones, too
+    validate_wide(*built(triangles(points)))
+
+
+def test_leaves_are_full_enough(tree):
+    accel, _ = tree
+    assert accel.blocks.count // WIDTH <= 500 / 4
+
+
+def narrow_a_box(accel):
+    accel.octets[[BOXES, BOXES + 16]] += 3
+
+
+def differ_between_copies(accel):
+    accel.octets[BOXES + 16] += 1
+
+
+def lose_a_child(accel):
+    accel.integers[CHILD] = 0
+
+
+def visit_twice(accel):
+    accel.integers[CHILD + 1] = accel.integers[CHILD]
+
+
+def lose_a_primitive(accel):
+    accel.blocks.id[0] = -1
+
+
+def shrink_a_pair(accel):
+    accel.pairs.floats[2 * PAIR_WORDS] += 1.0
+
+
+def lose_a_leafs_last(accel):
+    counts = accel.pairs.integers[PAIR_COUNT::PAIR_WORDS]
+    counts[np.flatnonzero(counts > 1)[0]] -= 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (narrow_a_box, "does not hold"),
+        (differ_between_copies, "copies"),
+        (lose_a_child, "not once"),
+        (visit_twice, "not once"),
+        (lose_a_primitive, "499 of 500"),
+        (shrink_a_pair, "pair node"),
+        (lose_a_leafs_last, "other primitives"),
+    ],
+)
+def test_a_broken_tree_is_found(tree, fault, message):
+    accel, extents = tree
+    fault(accel)
+    with pytest.raises(ValueError, match=message):
+        validate_wide(accel, extents)
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 100])
+def test_any_number_of_rays_at_once(count):
+    """Fewer rays than are under way at the same time; some of them without an answer."""
+    rng = np.random.default_rng(3)
+    surfaces = soup("triangles", 500, rng)
+    origin, direction = rng.uniform(-1.5, 1.5, (count, 3)), directions(count, rng)
+    origin[::3, 0] = np.nan
+    direction[1::4, 2] = np.inf
+    truth = closest(accelerator("triangles", surfaces, "brute"), origin, direction)
+    found = closest(accelerator("triangles", surfaces, "wide"), origin, direction)
+    np.testing.assert_array_equal(found.prim, truth.prim)
+    assert (found.prim[::3] == -1).all() and (found.prim[1::4] == -1).all()
+
+
+def test_words_and_bytes_are_one_memory(tree):
+    accel, _ = tree
+    assert np.shares_memory(accel.floats, accel.octets)
+    assert len(accel.integers) * 4 == len(accel.octets)
+    assert WIDE_WORDS * 4 == WIDE_BYTES == BOXES + 9 * 8
