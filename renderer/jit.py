@@ -16,6 +16,7 @@ from typing import Any
 import llvmlite
 import numba
 from numba.core.caching import IndexDataCacheFile
+from numba.extending import intrinsic
 
 try:
     import fcntl
@@ -125,6 +126,20 @@ def kernel(function: Any) -> Any:
     dispatcher.add_overload = add_overload
     dispatcher._compile_for_args = refuse
     return dispatcher
+
+
+@intrinsic
+def never_inline(typingctx: Any) -> Any:
+    """Keep the kernel that calls this out of its callers: for rare cases in inner loops.
+
+    Inlined, the rare case takes the registers of the loop around it.
+    """
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return numba.types.void(), codegen
 
 
 def record_class(numba_type: Any) -> type | None:

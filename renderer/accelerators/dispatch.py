@@ -77,6 +77,10 @@ def _closest_hit(accel, rays, hits, first, count, coherent, tally):
     if traversals is None:
         return None
     together, single = traversals.closest_hit_coherent, traversals.closest_hit
+    if together is single:
+        return lambda accel, rays, hits, first, count, coherent, tally: single(
+            accel, rays, hits, first, count, tally
+        )
 
     def choose(accel, rays, hits, first, count, coherent, tally):
         if coherent:
@@ -95,6 +99,10 @@ def _any_hit(accel, shadow_rays, count, coherent, tally):
     if traversals is None:
         return None
     together, single = traversals.any_hit_coherent, traversals.any_hit
+    if together is single:
+        return lambda accel, shadow_rays, count, coherent, tally: single(
+            accel, shadow_rays, count, tally
+        )
 
     def choose(accel, shadow_rays, count, coherent, tally):
         if coherent:

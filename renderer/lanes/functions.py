@@ -180,6 +180,42 @@ def to_f32(typingctx: Any, x: Any) -> Any:
     return signature(f32x16, x), codegen
 
 
+def _to_precision(element: Any, convert: str) -> Any:
+    """Make the conversion of floats, lanes or one, to another precision."""
+
+    @intrinsic
+    def function(typingctx: Any, x: Any) -> Any:
+        given = x.element if isinstance(x, Lanes) else x
+        _require(isinstance(given, types.Float), f"{x} is no float")
+        result = Lanes(element, x.width) if isinstance(x, Lanes) else element
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            if given == element:
+                return args[0]
+            return getattr(builder, convert)(args[0], context.get_value_type(result))
+
+        return signature(result, x), codegen
+
+    return function
+
+
+to_double = _to_precision(types.float64, "fpext")
+to_single = _to_precision(types.float32, "fptrunc")
+
+
+@intrinsic
+def any_of(typingctx: Any, mask: Any) -> Any:
+    """Return whether any lane of a mask is set; a single truth value is itself."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if not isinstance(mask, Mask):
+            return args[0]
+        whole = ir.IntType(mask.width)
+        return builder.icmp_unsigned("!=", builder.bitcast(args[0], whole), whole(0))
+
+    return signature(types.boolean, mask), codegen
+
+
 def _reinterpret_as(element: Any) -> Any:
     @intrinsic
     def reinterpret(typingctx: Any, x: Any) -> Any:
