@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.accelerators.tally import make_tally
+
 CAPACITY = 1024  # camera rays of a batch: one sample for each pixel of a 32 x 32 tile
 PADDING = 48
 
@@ -75,6 +77,7 @@ class Workspace(NamedTuple):
     order: NDArray[np.int32]  # (n,) hits sorted by what they need next
     radiance: NDArray[np.float32]  # (channels, n) of each pixel of the tile
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
+    tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: nobody counts
 
 
 def _rows(count: int, capacity: int) -> NDArray[np.float32]:
@@ -86,7 +89,12 @@ def _row(capacity: int, dtype: type = np.float32) -> NDArray:
 
 
 def make_workspace(
-    *, ray_capacity: int, shadow_capacity: int, channels: int, depths: int
+    *,
+    ray_capacity: int,
+    shadow_capacity: int,
+    channels: int,
+    depths: int,
+    counted: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -100,6 +108,8 @@ def make_workspace(
         Numbers for each pixel: 3, and those of the AOVs.
     depths : int
         Generations of rays that can wait at the same time.
+    counted : bool
+        Whether the work of the rays is counted.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -143,4 +153,7 @@ def make_workspace(
     order = _row(points, np.int32)
     radiance = _rows(channels, CAPACITY)
     waiting = np.zeros(depths, np.int64)
-    return Workspace(rays, hits, shadow_rays, surface_points, order, radiance, waiting)
+    tally = make_tally(ray_capacity) if counted else None
+    return Workspace(
+        rays, hits, shadow_rays, surface_points, order, radiance, waiting, tally
+    )

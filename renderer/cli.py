@@ -167,6 +167,8 @@ def _report(image: Image, written: list[Path], *, quiet: bool) -> None:
             f"{image.width} x {image.height} pixels, {image.spp} spp, "
             f"{image.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
         )
+        if "brightest" in image.metadata:
+            sys.stdout.write(f"brightest colour: {image.metadata['brightest']}\n")
         sys.stdout.flush()
 
 

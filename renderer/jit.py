@@ -30,6 +30,7 @@ _WITHOUT_KERNELS = (
     "cli.py",
     "compilation.py",
     "explanation.py",
+    "heat_map.py",
     "image",
     "interrupts.py",
     "plan",

@@ -35,7 +35,8 @@ def _bsdfs(scene: Scene, plan: Plan) -> Bsdfs:
 def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene:
     """Assemble what the kernels of a plan may look at."""
     first_hit = plan.method in ("depth", "aov")
-    with_uv = scene.materials.textured or first_hit
+    counted = plan.method == "work"
+    with_uv = (scene.materials.textured or first_hit) and not counted
     surfaces: dict[str, Any] = dict.fromkeys(KINDS)
     surfaces.update(scene.surfaces)
     if surfaces["triangles"] is not None and not with_uv:
@@ -63,7 +64,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         scene.face,
         scene.shapes,
         _bsdfs(scene, plan),
-        None if first_hit else light_tables(scene),
+        None if first_hit or counted else light_tables(scene),
         kernel_camera(scene.description.camera),
         kernel_sampler(plan, seed),
         settings,

@@ -30,7 +30,7 @@ from renderer.scene_file.description import (
 )
 from renderer.scene_file.samplers import round_sample_count
 
-INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov")
+INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 # A new ray starts off its surface, so as not to meet it again: so many rounding errors of
 # the position, plus this times (1 + its largest coordinate). `tight` is right for scenes of
@@ -42,13 +42,17 @@ NO_LIMIT = 1 << 30
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
 WHITTED_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves
 DEEPEST_TREE = 256  # each depth of a ray tree has waiting rays of its own: 130 KB
+COLOURS_OF_WORK = (
+    "box tests and primitive tests per ray, from 0 (black) to the pixel with the most "
+    "(pale yellow), whose number is printed with the picture and kept in its metadata"
+)
 
 
 @dataclass(frozen=True)
 class Plan:
     """What will be done. `lines` explains it; the other fields steer the kernels."""
 
-    method: str  # direct, whitted, path, depth or aov
+    method: str  # direct, whitted, path, depth, aov or work
     max_depth: int
     roulette_depth: int | None  # None: no Russian roulette
     weigh: bool  # multiple importance sampling
@@ -76,8 +80,8 @@ def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
     if name not in INTEGRATORS:
         known = ", ".join(INTEGRATORS)
         raise SceneError(f"integrator {name!r} is unknown; there are: {known}")
-    if name == "aov":
-        return dataclasses.replace(asked, name="aov", aovs=(), nested=None)
+    if name in ("aov", "work"):
+        return dataclasses.replace(asked, name=name, aovs=(), nested=None)
     return dataclasses.replace(asked, name=name)
 
 
@@ -171,6 +175,11 @@ def _decide(
 
     if method in ("depth", "aov"):
         why.say("method", f"{method}: the first hit alone; no light, no BSDF is sampled")
+        return _first_hit_plan(scene, asked, chosen_sampler, count, why)
+    if method == "work":
+        why.say("method", "work: what camera rays cost; nothing is shaded")
+        why.say("colours", COLOURS_OF_WORK)
+        why.say("filter", "box, whatever the file asks for: counts stay in their pixel")
         return _first_hit_plan(scene, asked, chosen_sampler, count, why)
 
     if method == "direct":

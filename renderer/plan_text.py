@@ -17,6 +17,7 @@ _MEANING = {
     "path": "light over many bounces, as the mean of random paths (Kajiya 1986)",
     "depth": "the distance from the camera to the first hit",
     "aov": "position, normals and other numbers of the first hit",
+    "work": "nodes, box tests and primitive tests of the search for the nearest hit",
 }
 
 

@@ -15,6 +15,7 @@ from renderer.accelerators.build import compile_builders
 from renderer.aovs import nested_scene, split_channels, with_picture
 from renderer.compilation import CompilationWatch
 from renderer.errors import SceneError
+from renderer.heat_map import heat_map
 from renderer.image import Image
 from renderer.plan import make_plan
 from renderer.rendering import Progress, Rendering
@@ -56,8 +57,8 @@ def render(
     threads : int, optional
         None takes all processors.
     integrator : str, optional
-        `direct`, `whitted`, `path`, `depth` or `aov`; None or `auto` take the least
-        method that gives what the file asks for.
+        `direct`, `whitted`, `path`, `depth`, `aov` or `work`; None or `auto` take the
+        least method that gives what the file asks for.
     accel : str, optional
         `brute` or `bvh`; None or `auto` choose by the number of primitives.
     sampler : str, optional
@@ -143,8 +144,12 @@ def _image(
     aovs: dict[str, Any] = {}
     kinds: dict[str, str] = {}
     pixels = developed
+    metadata = _metadata(rendering, complete)
     if plan.method in ("depth", "aov"):
         pixels, aovs, kinds = split_channels(rendering.scene, plan, developed)
+    if plan.method == "work":
+        pixels, aovs, brightest = heat_map(developed)
+        metadata["brightest"] = f"{brightest:.6g} box and primitive tests per ray"
     return Image(
         np.ascontiguousarray(pixels),
         aovs=aovs,
@@ -155,7 +160,7 @@ def _image(
         threads=rendering.threads,
         integrator=plan.method,
         explain="\n".join(plan.lines),
-        metadata=_metadata(rendering, complete),
+        metadata=metadata,
         complete=complete,
     )
 

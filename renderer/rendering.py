@@ -72,7 +72,11 @@ class Rendering:
         self.kernel_scene: KernelScene = kernel_scene(scene, plan, accel, seed)
         self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
-        self.rfilter: FilterTable | None = filter_table(film.rfilter)
+        # counts stay in their own pixel, so that they can be added up
+        self.counted = plan.method == "work"
+        self.rfilter: FilterTable | None = (
+            None if self.counted else filter_table(film.rfilter)
+        )
         self.border = filter_border(self.rfilter)
         self.film = Film(
             self.channels,
@@ -95,6 +99,7 @@ class Rendering:
             shadow_capacity=CAPACITY,
             channels=self.channels,
             depths=depths,
+            counted=self.counted,
         )
 
     def _render(self, job: _Job) -> Any:

@@ -12,6 +12,8 @@ from renderer.film import add_to_tile
 from renderer.integrators.first_hit import CHANNELS, trace_first_hits
 from renderer.integrators.path import trace_paths
 from renderer.integrators.whitted import trace_ray_trees
+from renderer.integrators.work import CHANNELS as WORK_CHANNELS
+from renderer.integrators.work import trace_work
 from renderer.jit import entry_kernel, kernel
 
 
@@ -49,6 +51,15 @@ def render_first_hits(scene, rfilter, tile, first_sample, end_sample, work, sums
         add_to_tile(rfilter, scene, tile, sample, work.radiance, sums, border)
 
 
+@entry_kernel
+def render_work(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add the work of samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    for sample in range(first_sample, end_sample):
+        _clear(work.radiance)
+        trace_work(scene, tile, sample, work)
+        add_to_tile(rfilter, scene, tile, sample, work.radiance, sums, border)
+
+
 # method of the plan -> (kernel, channels of the film)
 RENDER_TILE = {
     "direct": (render_paths, 3),
@@ -56,4 +67,5 @@ RENDER_TILE = {
     "whitted": (render_ray_trees, 3),
     "depth": (render_first_hits, CHANNELS),
     "aov": (render_first_hits, CHANNELS),
+    "work": (render_work, WORK_CHANNELS),
 }

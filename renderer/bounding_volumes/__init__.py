@@ -1,0 +1,1 @@
+"""Volumes that enclose objects and are faster to test: sphere, boxes, slabs."""

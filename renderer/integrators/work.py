@@ -1,0 +1,22 @@
+"""The work that the camera rays cost: counters of the accelerators instead of light."""
+
+from __future__ import annotations
+
+from renderer.accelerators.tally import ROWS
+from renderer.jit import kernel
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.intersect import intersect
+
+CHANNELS = ROWS  # of `work.radiance` in this integrator: the tally's rows
+
+
+@kernel
+def trace_work(scene, tile, sample, work):
+    """Write the counts of one camera ray for each pixel of a tile to `work.radiance`."""
+    rays, tally = work.rays, work.tally
+    count = camera_rays(scene, tile, sample, rays, work.hits)
+    tally[:] = 0
+    intersect(scene.camera_accelerators, rays, work.hits, 0, count, True, tally)
+    for i in range(count):
+        for row in range(ROWS):
+            work.radiance[row, rays.slot[i]] = tally[row, i]
