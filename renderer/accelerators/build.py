@@ -100,13 +100,19 @@ def compile_builders(scene: Scene, name: str) -> float:
     """Compile what `build_accelerators` will need; return the seconds it took."""
     started = time.perf_counter()
     for chosen in {choose(name, s.end - s.first) for s in scene.surfaces.values()}:
-        BUILDERS[chosen](_one_point(), lambda columns: None)
+        BUILDERS[chosen](_one_point(), _points)
     return time.perf_counter() - started
 
 
 def _one_point() -> Extents:
     zero, zeros = np.zeros((3, 1), np.float32), np.zeros((3, 4, 1), np.float32)
     return Extents(zero, zero, zeros, np.zeros(1, np.float32), zero, 1.0, 1e-6)
+
+
+def _points(columns: NDArray[np.int64]) -> Triangles:
+    zeros = np.zeros((3, len(columns) + 16), np.float32)
+    ids = np.zeros(len(columns) + 16, np.int32)
+    return Triangles(zeros, zeros, zeros, zeros, ids, len(columns))
 
 
 def build_accelerators(
