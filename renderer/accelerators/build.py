@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bvh import build_bvh
-from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
+from renderer.accelerators.extents import (
+    Extents,
+    Hulls,
+    PrimitiveGroup,
+    extents_of,
+)
 from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
@@ -105,8 +110,9 @@ def compile_builders(scene: Scene, name: str) -> float:
 
 
 def _one_point() -> Extents:
-    zero, zeros = np.zeros((3, 1), np.float32), np.zeros((3, 4, 1), np.float32)
-    return Extents(zero, zero, zeros, np.zeros(1, np.float32), zero, 1.0, 1e-6)
+    zero = np.zeros((3, 1), np.float32)
+    hulls = Hulls(np.zeros((3, 4, 1), np.float32), np.zeros(1, np.float32), zero)
+    return Extents(zero, zero, 1.0, 1e-6, lambda: hulls)
 
 
 def _points(columns: NDArray[np.int64]) -> Triangles:

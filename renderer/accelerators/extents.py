@@ -6,7 +6,9 @@ holds every kind of primitive.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,19 +24,45 @@ ROUNDING = np.float32(32 * 2.0**-24)
 PrimitiveGroup = Callable[[NDArray[np.int64]], Any]
 
 
-class Extents(NamedTuple):
+class Hulls(NamedTuple):
+    """See the properties of `Extents`."""
+
+    points: NDArray[np.float32]
+    radius: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Extents:
     """Boxes and hulls of n primitives, and how far from them rays may find them."""
 
     lower: NDArray[np.float32]  # (3, n) smallest x, y, z
     upper: NDArray[np.float32]  # (3, n) largest x, y, z
-    points: NDArray[np.float32]  # (3, 4, n): a primitive lies within their convex hull ...
-    radius: NDArray[np.float32]  # (n,) ... grown by this
-    normal: NDArray[np.float32]  # (3, n) unit, of the plane it lies in; 0: not flat
     # Rays from |x| + |y| + |z| <= reach find a primitive up to `pad` outside of its box.
     # What keeps primitives in cells adds it to boxes and hulls; rays from farther away take
     # the slow way through all of them.
     reach: float
     pad: float
+    make_hulls: Callable[[], Hulls]  # computed when asked for: a hierarchy of boxes is not
+
+    @functools.cached_property
+    def _hulls(self) -> Hulls:
+        return self.make_hulls()
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """(3, 4, n): a primitive lies within their convex hull, grown by `radius`."""
+        return self._hulls.points
+
+    @property
+    def radius(self) -> NDArray[np.float32]:
+        """(n,)."""
+        return self._hulls.radius
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """(3, n) unit, of the plane that a primitive lies in; 0 where it is not flat."""
+        return self._hulls.normal
 
 
 def extents_of(
@@ -54,22 +82,23 @@ def extents_of(
         Rays from this far (sum of absolute coordinates) shall be fast; what encloses the
         primitives always is.
     """
-    lower, upper = (side[:, order] for side in primitive_bounds(kind, surfaces))
-    points, radius, normal = _HULLS[kind](surfaces, order)
-    slack = ROUNDING * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
+    lower, upper = primitive_bounds(kind, surfaces)
+    if not np.array_equal(order, np.arange(lower.shape[1])):
+        lower, upper = (np.ascontiguousarray(side[:, order]) for side in (lower, upper))
+    largest = np.maximum(np.abs(lower), np.abs(upper))
     if len(order):
-        reach = max(
-            reach, float(np.maximum(np.abs(lower), np.abs(upper)).sum(axis=0).max())
+        reach = max(reach, float(largest.sum(axis=0).max()))
+    reach = float(np.float32(reach * 1.000001))  # kernels sum |x| + |y| + |z| in float32
+
+    def make_hulls() -> Hulls:
+        points, radius, normal = _HULLS[kind](surfaces, order)
+        return Hulls(
+            np.ascontiguousarray(points, np.float32),
+            (radius + ROUNDING * largest.max(axis=0)).astype(np.float32),
+            np.ascontiguousarray(normal, np.float32),
         )
-    return Extents(
-        np.ascontiguousarray(lower),
-        np.ascontiguousarray(upper),
-        np.ascontiguousarray(points, np.float32),
-        (radius + slack).astype(np.float32),
-        np.ascontiguousarray(normal, np.float32),
-        float(np.float32(reach)),
-        float(ROUNDING * np.float32(reach)),
-    )
+
+    return Extents(lower, upper, reach, float(ROUNDING) * reach, make_hulls)
 
 
 def _patch_hull(surfaces: Any, order: Any, corners: tuple[tuple[float, float], ...]) -> Any:

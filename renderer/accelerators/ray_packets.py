@@ -192,6 +192,7 @@ def any_hit_bundles(accel, shadow_rays, count, tally):
         origin = load3(shadow_rays.origin, i)
         direction = load3(shadow_rays.direction, i)
         bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
         traced = _traceable(direction, origin, first_lanes(left))
         t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
         before = load_row(shadow_rays.blocked, 0, i) != 0
@@ -223,8 +224,10 @@ def any_hit_bundles(accel, shadow_rays, count, tally):
                     left,
                 )
                 continue
-            store_one(stack, 0, depth, child)
-            store_one(stack, 0, depth + 1, child + 1)
+            order = -1 - size
+            second = ((signs >> (order >> 1)) ^ order) & 1
+            store_one(stack, 0, depth, child + 1 - second)
+            store_one(stack, 0, depth + 1, child + second)
             depth += 2
         met = before | (blocked & traced)
         store_row(shadow_rays.blocked, 0, i, select(met, splat_i32(1), splat_i32(0)))
