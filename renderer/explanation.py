@@ -28,6 +28,7 @@ _PATTERNS = {
 _ACCELERATORS = {
     "brute": "brute force",
     "bvh": "a bounding volume hierarchy by the surface area heuristic",
+    "bsp": "a binary space partitioning tree with planes taken from the polygons",
 }
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.brute_force import build_brute_force
+from renderer.accelerators.bsp import build_bsp
 from renderer.accelerators.bvh import build_bvh
 from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
 from renderer.errors import SceneError
@@ -25,6 +26,7 @@ from renderer.shapes.triangle import Triangles
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
     "bvh": build_bvh,
+    "bsp": build_bsp,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

@@ -16,6 +16,7 @@ from renderer.accelerators.brute_force import (
     any_hit_brute_force,
     closest_hit_brute_force,
 )
+from renderer.accelerators.bsp import Bsp, any_hit_bsp, closest_hit_bsp
 from renderer.accelerators.bvh import (
     Bvh,
     any_hit_bvh,
@@ -44,6 +45,7 @@ TRAVERSALS = {
     Bvh: Traversals(
         closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
     ),
+    Bsp: _alike(closest_hit_bsp, any_hit_bsp),
 }
 
 
