@@ -31,6 +31,7 @@ _ACCELERATORS = {
     "bvh-median": "a bounding volume hierarchy, split at the median",
     "bvh-middle": "a bounding volume hierarchy, split in the middle",
     "wide": "a bounding volume hierarchy of eight children a node",
+    "bsp": "a binary space partitioning tree with planes taken from the polygons",
 }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.brute_force import build_brute_force
+from renderer.accelerators.bsp import build_bsp
 from renderer.accelerators.bvh import build_bvh
 from renderer.accelerators.extents import (
     Extents,
@@ -35,6 +36,7 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "bvh-median": functools.partial(build_bvh, rule="median"),
     "bvh-middle": functools.partial(build_bvh, rule="middle"),
     "wide": build_wide,
+    "bsp": build_bsp,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

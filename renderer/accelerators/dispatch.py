@@ -16,6 +16,7 @@ from renderer.accelerators.brute_force import (
     any_hit_brute_force,
     closest_hit_brute_force,
 )
+from renderer.accelerators.bsp import Bsp, any_hit_bsp, closest_hit_bsp
 from renderer.accelerators.bvh import (
     Bvh,
     any_hit_bvh,
@@ -54,6 +55,7 @@ TRAVERSALS = {
     WideBvh: Traversals(
         closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
     ),
+    Bsp: _alike(closest_hit_bsp, any_hit_bsp),
 }
 
 
