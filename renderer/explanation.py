@@ -28,6 +28,10 @@ _PATTERNS = {
 _ACCELERATORS = {
     "brute": "brute force",
     "bvh": "a bounding volume hierarchy by the surface area heuristic",
+    "grid": "a uniform grid",
+    "grid-without-mailboxes": "a uniform grid without mailboxes",
+    "grid-nested": "grids in the cells of a grid that hold many",
+    "grid-clusters": "a grid of clusters that have grids of their own",
 }
 
 

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bvh import build_bvh
+from renderer.accelerators.clustered_grids import build_clustered_grids
 from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
+from renderer.accelerators.nested_grids import build_nested_grids
+from renderer.accelerators.uniform_grid import (
+    build_uniform_grid,
+    build_uniform_grid_without_mailboxes,
+)
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits
@@ -25,6 +31,10 @@ from renderer.shapes.triangle import Triangles
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
     "bvh": build_bvh,
+    "grid": build_uniform_grid,
+    "grid-without-mailboxes": build_uniform_grid_without_mailboxes,
+    "grid-nested": build_nested_grids,
+    "grid-clusters": build_clustered_grids,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

@@ -23,6 +23,16 @@ from renderer.accelerators.bvh import (
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
+from renderer.accelerators.hierarchical_grid import (
+    HierarchicalGrid,
+    any_hit_hierarchical_grid,
+    closest_hit_hierarchical_grid,
+)
+from renderer.accelerators.uniform_grid import (
+    UniformGrid,
+    any_hit_uniform_grid,
+    closest_hit_uniform_grid,
+)
 from renderer.jit import record_class
 
 
@@ -44,6 +54,8 @@ TRAVERSALS = {
     Bvh: Traversals(
         closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
     ),
+    UniformGrid: _alike(closest_hit_uniform_grid, any_hit_uniform_grid),
+    HierarchicalGrid: _alike(closest_hit_hierarchical_grid, any_hit_hierarchical_grid),
 }
 
 
