@@ -32,6 +32,10 @@ _ACCELERATORS = {
     "bvh-middle": "a bounding volume hierarchy, split in the middle",
     "wide": "a bounding volume hierarchy of eight children a node",
     "bsp": "a binary space partitioning tree with planes taken from the polygons",
+    "grid": "a uniform grid",
+    "grid-without-mailboxes": "a uniform grid without mailboxes",
+    "grid-nested": "grids in the cells of a grid that hold many",
+    "grid-clusters": "a grid of clusters that have grids of their own",
 }
 
 

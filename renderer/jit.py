@@ -27,6 +27,7 @@ _FLAGS = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 # what no kernel calls: an edit there need not compile anything anew
 _WITHOUT_KERNELS = (
     "__main__.py",
+    "accelerators/grid_validation.py",
     "cli.py",
     "compilation.py",
     "explanation.py",

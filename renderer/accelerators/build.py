@@ -20,6 +20,13 @@ from renderer.accelerators.extents import (
     extents_of,
 )
 from renderer.accelerators.wide_bvh import build_wide
+from renderer.accelerators.clustered_grids import build_clustered_grids
+from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
+from renderer.accelerators.nested_grids import build_nested_grids
+from renderer.accelerators.uniform_grid import (
+    build_uniform_grid,
+    build_uniform_grid_without_mailboxes,
+)
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits
@@ -37,6 +44,10 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "bvh-middle": functools.partial(build_bvh, rule="middle"),
     "wide": build_wide,
     "bsp": build_bsp,
+    "grid": build_uniform_grid,
+    "grid-without-mailboxes": build_uniform_grid_without_mailboxes,
+    "grid-nested": build_nested_grids,
+    "grid-clusters": build_clustered_grids,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

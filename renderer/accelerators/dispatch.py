@@ -30,6 +30,15 @@ from renderer.accelerators.wide_bvh import (
     any_hit_wide_bundles,
     closest_hit_wide,
     closest_hit_wide_bundles,
+from renderer.accelerators.hierarchical_grid import (
+    HierarchicalGrid,
+    any_hit_hierarchical_grid,
+    closest_hit_hierarchical_grid,
+)
+from renderer.accelerators.uniform_grid import (
+    UniformGrid,
+    any_hit_uniform_grid,
+    closest_hit_uniform_grid,
 )
 from renderer.jit import record_class
 
@@ -56,6 +65,8 @@ TRAVERSALS = {
         closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
     ),
     Bsp: _alike(closest_hit_bsp, any_hit_bsp),
+    UniformGrid: _alike(closest_hit_uniform_grid, any_hit_uniform_grid),
+    HierarchicalGrid: _alike(closest_hit_hierarchical_grid, any_hit_hierarchical_grid),
 }
 
 
