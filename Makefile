@@ -6,12 +6,12 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
-.PHONY: help demo test test-all lint format bench clean
+.PHONY: help demo test test-all lint format bench bench-accelerators clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
 	@echo 'lightproof: a ray tracer whose every image comes with its proof'
-	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 19
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 27
 
 demo: $(INSTALLED) ## render every scene in both renderers, write the HTML page
 	@$(BIN)/python -m reports --out $(OUT)
@@ -34,6 +34,9 @@ format: $(INSTALLED) ## let ruff mend what it can
 
 bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, in one run
 	@$(BIN)/python -m reports.benchmark
+
+bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree beside them (long)
+	@$(BIN)/python -m reports.accelerators --full --out $(OUT)
 
 clean: ## remove what was made, except .venv and the caches in your home
 	rm -rf $(OUT) build *.egg-info .pytest_cache .ruff_cache .mypy_cache \

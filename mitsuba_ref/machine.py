@@ -19,6 +19,7 @@ DISTRIBUTIONS = (
     "scikit-image",
     "flip-evaluator",
     "colour-science",
+    "embreex",
 )
 
 

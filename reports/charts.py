@@ -1,4 +1,4 @@
-"""The chart of speed against accuracy: both axes logarithmic, as inline SVG."""
+"""Charts with two logarithmic axes (speed against accuracy, growth), as inline SVG."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def log_log_chart(
     x_label: str,
     y_label: str,
     description: str,
-    guide_slope: float = -0.5,
+    guide_slope: float | None = -0.5,
 ) -> Markup:
     """Draw series over two logarithmic axes, with a faint guide of the given slope.
 
@@ -35,6 +35,7 @@ def log_log_chart(
         What the chart shows, for a screen reader.
     guide_slope
         Exponent p < 0 of the guide y = c x^p; -1/2 is the law of independent samples.
+        None draws no guide.
 
     Returns
     -------
@@ -53,7 +54,7 @@ def log_log_chart(
     for point in points:
         if not (0.0 < point.x < math.inf and 0.0 < point.y < math.inf):
             raise ValueError(f"({point.x}, {point.y}) has no place on logarithmic axes")
-    legend, top = _legend([one.name for one in series])
+    keys, top = legend([one.name for one in series])
     bottom = top + PLOT_HEIGHT
     x_axis = LogAxis.around([point.x for point in points], svg.LEFT, svg.WIDTH - svg.RIGHT)
     y_axis = LogAxis.around([point.y for point in points], bottom, top)
@@ -62,11 +63,12 @@ def log_log_chart(
         *_grid(x_axis, y_axis),
         svg.text("axis", middle, bottom + 38.0, x_label, "middle"),
         _upright_title(y_label, (top + bottom) / 2.0),
-        _guide(series, guide_slope, x_axis, y_axis),
     ]
+    if guide_slope is not None:
+        parts.append(_guide(series, guide_slope, x_axis, y_axis))
     for index, (one, side) in enumerate(zip(series, _label_sides(series), strict=True)):
         parts.append(_curve(one, index, side, x_axis, y_axis))
-    return svg.drawing([*parts, legend], bottom + svg.BOTTOM, description)
+    return svg.drawing([*parts, keys], bottom + svg.BOTTOM, description)
 
 
 def _grid(x_axis: LogAxis, y_axis: LogAxis) -> list[Markup]:
@@ -146,7 +148,7 @@ def _curve(one: Series, index: int, side: int, x_axis: LogAxis, y_axis: LogAxis)
     return svg.series_group(index, parts)
 
 
-def _legend(names: Sequence[str]) -> tuple[Markup, float]:
+def legend(names: Sequence[str]) -> tuple[Markup, float]:
     """Return the legend and where the plot below it begins; full rows wrap."""
     x, y = svg.LEFT, 16.0
     parts = []

@@ -11,13 +11,17 @@ from rich.console import Console
 
 from mitsuba_ref import cli as harness
 from mitsuba_ref.results import write_atomically
+from reports.accelerators_reader import read_accelerators
+from reports.accelerators_study import write_study
 from reports.benchmark_record import read_benchmark
 from reports.errors import ReportError
-from reports.page import benchmark_page, results_page
+from reports.page import accelerators_page, benchmark_page, results_page
 from reports.results import read_results
+from reports.study_settings import QUICK
 
 DEFAULT_OUT = Path("reports/out")
 DEFAULT_SIZE = "demo"
+ACCELERATORS = "accelerators.json"
 WRONG_USE, INTERRUPTED = 2, 130
 
 EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
@@ -35,9 +39,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(sys.argv[1:] if arguments is None else arguments)
     if given.source is not None and (
-        given.scenes or given.size or given.ladder is not None
+        given.scenes or given.size or given.ladder is not None or given.accelerators
     ):
-        parser.error("--from draws old results: no SCENE, --size or --ladder beside it")
+        parser.error(
+            "--from draws old results: no SCENE, --size, --ladder, --accelerators beside it"
+        )
     status = 0
     source: Path = given.source or given.out / "data" / "results.json"
     if given.source is None:
@@ -45,6 +51,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _run_harness(given, source.parent)
         if status not in (0, 1) and _written_at(source) == written_before:
             return status  # nothing new to show
+        if _wants_accelerators(given) and status in (0, 1):
+            try:
+                _study_accelerators(source.parent)
+            except KeyboardInterrupt:
+                status = INTERRUPTED  # the scenes are there to look at
     try:
         all_passed = draw(source, given.out)
     except ReportError as error:
@@ -62,7 +73,8 @@ def draw(source: Path, out: Path) -> bool:
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; a benchmark.json in its `data` is shown too.
+        Folder for the page; benchmark.json and accelerators.json in its `data` are shown
+        too, each on a page of its own.
 
     Raises
     ------
@@ -72,12 +84,35 @@ def draw(source: Path, out: Path) -> bool:
     results = read_results(source)
     timings = out / "data" / "benchmark.json"
     benchmark = read_benchmark(timings) if timings.exists() else None
+    counted = out / "data" / ACCELERATORS
+    study = read_accelerators(counted) if counted.exists() else None
     page = out / "index.html"
-    write_atomically(page, results_page(results, source.parent, benchmark).encode())
+    write_atomically(page, results_page(results, source.parent, benchmark, study).encode())
     if benchmark is not None:
         write_atomically(out / "benchmark.html", benchmark_page(benchmark).encode())
+    if study is not None:
+        write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
-    return all(scene.verdict == "pass" for scene in results.scenes)
+    faulty = study is not None and bool(study.faults)
+    return not faulty and all(scene.verdict == "pass" for scene in results.scenes)
+
+
+def _wants_accelerators(given: argparse.Namespace) -> bool:
+    """Say whether to measure the accelerators: asked for, or all scenes and none so far."""
+    if given.accelerators is not None:
+        return bool(given.accelerators)
+    return not given.scenes and not (given.out / "data" / ACCELERATORS).exists()
+
+
+def _study_accelerators(data: Path) -> None:
+    """Measure all accelerators at the quick sizes, write accelerators.json to `data`."""
+    console = Console(stderr=True)
+    with console.status("") as status:
+
+        def show(stage: str) -> None:
+            status.update(f"accelerators: {stage}")
+
+        write_study(data / ACCELERATORS, QUICK, "python -m reports.accelerators", show)
 
 
 def _run_harness(given: argparse.Namespace, data: Path) -> int:
@@ -135,5 +170,11 @@ def _parser() -> argparse.ArgumentParser:
         action=argparse.BooleanOptionalAction,
         default=None,
         help="measure speed against accuracy too (default: yes)",
+    )
+    add(
+        "--accelerators",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="measure the accelerators too (default: with all scenes, the first time)",
     )
     return parser

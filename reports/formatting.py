@@ -39,7 +39,7 @@ def seconds(value: float | None) -> str:
     if value is None:
         return NOTHING
     if value < 0.1:
-        return f"{value * 1e3:.2g} ms"
+        return f"{number(value * 1e3, 2)} ms"
     if value < 100.0:
         return f"{value:.3g} s"
     minutes, rest = divmod(round(value), 60)

@@ -1,4 +1,4 @@
-"""Draws index.html and benchmark.html from their records; needs no network, ever."""
+"""Draws the pages from their records; needs no network, ever."""
 
 from __future__ import annotations
 
@@ -6,16 +6,25 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from mitsuba_ref.results import Results
-from reports import formatting, pictures
+from reports import formatting, heat_map, pictures, scene_tables
+from reports.accelerators_record import AcceleratorStudy
+from reports.accelerators_section import build_accelerators_section
 from reports.benchmark_record import Benchmark
 from reports.benchmark_section import build_benchmark_section
+from reports.further_studies import FURTHER_STUDIES
 from reports.results import worst_first
 from reports.sections import build_sections
 
 
-def results_page(results: Results, folder: Path, benchmark: Benchmark | None = None) -> str:
+def results_page(
+    results: Results,
+    folder: Path,
+    benchmark: Benchmark | None = None,
+    accelerators: AcceleratorStudy | None = None,
+) -> str:
     """Return the whole page as HTML: summary, how to read it, every scene.
 
     Parameters
@@ -26,6 +35,8 @@ def results_page(results: Results, folder: Path, benchmark: Benchmark | None = N
         Where results.json is; its pictures are named from there.
     benchmark
         Shown in a few words, with a link to benchmark.html.
+    accelerators
+        Likewise, with a link to accelerators.html.
 
     Raises
     ------
@@ -38,12 +49,33 @@ def results_page(results: Results, folder: Path, benchmark: Benchmark | None = N
         verdicts=[scene.verdict for scene in results.scenes],
         sections=build_sections(worst_first(results), folder),
         benchmark=None if benchmark is None else build_benchmark_section(benchmark),
+        accelerators=accelerators,
     )
 
 
 def benchmark_page(benchmark: Benchmark) -> str:
     """Return the page of one benchmark as HTML."""
     return _draw("benchmark.html", section=build_benchmark_section(benchmark))
+
+
+def accelerators_page(study: AcceleratorStudy) -> str:
+    """Return the page of one study of accelerators as HTML."""
+    further = [
+        {
+            "anchor": key,
+            "title": one.title,
+            "content": Markup(one.section(study.further[key])),
+        }
+        for key, one in FURTHER_STUDIES.items()
+        if key in study.further
+    ]
+    return _draw(
+        "accelerators.html",
+        section=build_accelerators_section(study),
+        shown_kinds=scene_tables.SHOWN,
+        work_ramp=heat_map.ramp_css(),
+        further=further,
+    )
 
 
 def _draw(template: str, **context: Any) -> str:

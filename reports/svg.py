@@ -15,13 +15,16 @@ WIDTH = 460.0  # [px] of the viewBox; small, so that text stays legible on a pho
 LEFT, RIGHT, BOTTOM = 70.0, 14.0, 46.0
 LETTER = 6.9  # [px] a little more than the mean width of a letter at 13 px
 
-_COLOURS = ("#00796b", "#882255", "#5f6368", "#8a6d00")  # used where no page sets others
-_DASHES = ("none", "7 3", "2 3", "9 3 2 3")
+# used where no page sets others
+_COLOURS = ("#00796b", "#882255", "#5f6368", "#8a6d00", "#1f5fa8", "#b4501e")
+_DASHES = ("none", "7 3", "2 3", "9 3 2 3", "12 4", "5 2 1 2")
 _MARKERS = (
     "M-4.5,0a4.5,4.5 0 1,0 9,0a4.5,4.5 0 1,0 -9,0z",  # circle
     "M-4,-4h8v8h-8z",  # square
     "M0,-5.5L5,4H-5z",  # triangle
     "M0,-5.5L5.5,0L0,5.5L-5.5,0z",  # diamond
+    "M0,5.5L5,-4H-5z",  # triangle on its tip
+    "M-1.5,-5h3v3.5h3.5v3h-3.5v3.5h-3v-3.5h-3.5v-3h3.5z",  # cross
 )
 
 

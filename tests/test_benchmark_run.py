@@ -14,7 +14,8 @@ import pytest
 
 from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ray_count import mean_rays_per_path
-from mitsuba_ref.timing import TimedMitsuba, find_llvm
+from mitsuba_ref.timing import TimedMitsuba
+from mitsuba_ref.variant_process import find_llvm
 from reports import benchmark, starts, turns
 from reports.errors import ReportError
 from reports.turns import Render

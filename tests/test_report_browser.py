@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from accelerators_sample import record
 from headless_browser import Browser, Page, find_browser
 from report_samples import scene, stopped_scene, write_results
 
-from reports.page import results_page
+from reports.page import accelerators_page, results_page
 from reports.results import read_results
 
 SLIDER = "#scene-shifted .stage input"
@@ -132,3 +133,21 @@ def test_dark_mode_turns_the_page_dark(page: Page) -> None:
     assert min(page.evaluate(colour)) > 200
     page.prefer_dark()
     assert max(page.evaluate(colour)) < 60
+
+
+@pytest.mark.parametrize("width", [360, 1000])
+def test_accelerators_fit_the_window_and_load_nothing(
+    browser: Browser, tmp_path: Path, width: int
+) -> None:
+    """The page of the accelerators, too, is one file that never scrolls sideways."""
+    file = tmp_path / "accelerators.html"
+    file.write_text(accelerators_page(record(tmp_path)), encoding="utf-8")
+    page = browser.open(file, width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    sizes = page.evaluate("[...document.images].map(i => i.naturalWidth)")
+    assert sizes == [6, 6]
+    assert page.complaints() == []
+    assert all(
+        address.startswith("data:") or address.endswith((".html", "about:blank"))
+        for address in page.requests()
+    )

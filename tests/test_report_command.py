@@ -29,6 +29,12 @@ def harness_that(
     return run
 
 
+@pytest.fixture(autouse=True)
+def no_study_of_accelerators(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would take a minute; what it has to do with this command is tested beside it."""
+    monkeypatch.setattr(cli, "write_study", lambda *_: None)
+
+
 def test_arguments_are_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[list[str]] = []
     monkeypatch.setattr(cli.harness, "main", harness_that(0, "pass", calls))

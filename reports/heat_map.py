@@ -1,0 +1,50 @@
+"""A map of work as a picture: one colour ramp, logarithmic, the same for all of a scene."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+# Dark to light, so that it reads in grey as well, through hues that all eyes tell apart.
+RAMP = np.array(
+    [
+        [12, 10, 52],
+        [62, 24, 110],
+        [132, 36, 118],
+        [196, 62, 86],
+        [236, 118, 44],
+        [248, 192, 64],
+        [252, 252, 214],
+    ],
+    dtype=np.float64,
+)
+STEPS = 256
+
+
+def heat_map_uri(work: NDArray[np.int64], most: float) -> str:
+    """Return work per pixel (H, W) as a PNG data URI; 1 is darkest, `most` lightest."""
+    scale = math.log(max(most, 2.0))
+    part = np.log(np.maximum(work, 1)) / scale
+    steps = np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.uint8)
+    image = Image.fromarray(steps).convert("P")
+    image.putpalette(_palette().tobytes())
+    buffer = io.BytesIO()
+    image.save(buffer, format="PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def ramp_css() -> str:
+    """Return the ramp as the stops of a CSS gradient."""
+    return ", ".join("rgb({:.0f} {:.0f} {:.0f})".format(*colour) for colour in RAMP)
+
+
+def _palette() -> NDArray[np.uint8]:
+    at = np.linspace(0.0, len(RAMP) - 1.0, STEPS)
+    knots = np.arange(len(RAMP))
+    channels = [np.interp(at, knots, RAMP[:, channel]) for channel in range(3)]
+    return np.round(np.stack(channels, axis=1)).astype(np.uint8)

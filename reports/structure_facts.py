@@ -1,0 +1,29 @@
+"""What some structures can say of themselves: their depth, and the cost they expect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from renderer.accelerators.bvh import Bvh
+from renderer.accelerators.bvh_tree import bvh_cost, bvh_depth
+
+
+class StructureFacts(NamedTuple):
+    """None where a structure has no such thing."""
+
+    depth: int | None  # edges from the root to the deepest leaf
+    cost: float | None  # of a ray that meets the root, by the surface area heuristic
+
+
+# record -> how its depth and its cost are found
+_DEPTH: dict[type, Callable[[Any], int]] = {Bvh: bvh_depth}
+_COST: dict[type, Callable[[Any], float]] = {Bvh: bvh_cost}
+
+
+def structure_facts(accel: Any) -> StructureFacts:
+    """Return what is known of a structure beyond its arrays."""
+    depth, cost = _DEPTH.get(type(accel)), _COST.get(type(accel))
+    return StructureFacts(
+        None if depth is None else depth(accel), None if cost is None else cost(accel)
+    )
