@@ -9,6 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from reports.bounding_volume_section import bounding_volume_section
+from reports.bounding_volume_study import bounding_volume_study
+from reports.moving_scene import measure_moving_scene
+from reports.moving_scene_section import moving_scene_section
+
 
 class FurtherStudy(NamedTuple):
     """How one study is measured and drawn."""
@@ -21,4 +26,13 @@ class FurtherStudy(NamedTuple):
 
 
 # key in accelerators.json and id on the page -> the study; shown in this order
-FURTHER_STUDIES: dict[str, FurtherStudy] = {}
+FURTHER_STUDIES: dict[str, FurtherStudy] = {
+    "bounding-volumes": FurtherStudy(
+        "Bounding volumes",
+        lambda quick: bounding_volume_study(repeats=200 if quick else 2000),
+        bounding_volume_section,
+    ),
+    "moving-scene": FurtherStudy(
+        "Moving scenes: refit or rebuild", measure_moving_scene, moving_scene_section
+    ),
+}

@@ -13,20 +13,19 @@ from numpy.typing import NDArray
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bsp import build_bsp
 from renderer.accelerators.bvh import build_bvh
+from renderer.accelerators.clustered_grids import build_clustered_grids
 from renderer.accelerators.extents import (
     Extents,
     Hulls,
     PrimitiveGroup,
     extents_of,
 )
-from renderer.accelerators.wide_bvh import build_wide
-from renderer.accelerators.clustered_grids import build_clustered_grids
-from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
 from renderer.accelerators.nested_grids import build_nested_grids
 from renderer.accelerators.uniform_grid import (
     build_uniform_grid,
     build_uniform_grid_without_mailboxes,
 )
+from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits

@@ -24,12 +24,6 @@ from renderer.accelerators.bvh import (
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
-from renderer.accelerators.wide_bvh import (
-    WideBvh,
-    any_hit_wide,
-    any_hit_wide_bundles,
-    closest_hit_wide,
-    closest_hit_wide_bundles,
 from renderer.accelerators.hierarchical_grid import (
     HierarchicalGrid,
     any_hit_hierarchical_grid,
@@ -39,6 +33,13 @@ from renderer.accelerators.uniform_grid import (
     UniformGrid,
     any_hit_uniform_grid,
     closest_hit_uniform_grid,
+)
+from renderer.accelerators.wide_bvh import (
+    WideBvh,
+    any_hit_wide,
+    any_hit_wide_bundles,
+    closest_hit_wide,
+    closest_hit_wide_bundles,
 )
 from renderer.jit import record_class
 
