@@ -7,7 +7,7 @@ All arrays are float32 or int32 with one row for each component. A row has room 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ class Hits(NamedTuple):
     prim: NDArray[np.int32]  # (n,) primitive id, -1 for a miss
     u: NDArray[np.float32]  # (n,) the primitive's own coordinates
     v: NDArray[np.float32]  # (n,)
+    instance: Any = None  # (n,) int32 instance id, -1: none; None: the scene has none
 
 
 class ShadowRays(NamedTuple):
@@ -86,7 +87,12 @@ def _row(capacity: int, dtype: type = np.float32) -> NDArray:
 
 
 def make_workspace(
-    *, ray_capacity: int, shadow_capacity: int, channels: int, depths: int
+    *,
+    ray_capacity: int,
+    shadow_capacity: int,
+    channels: int,
+    depths: int,
+    instances: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -100,6 +106,8 @@ def make_workspace(
         Numbers for each pixel: 3, and those of the AOVs.
     depths : int
         Generations of rays that can wait at the same time.
+    instances : bool
+        Whether the scene has any.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -114,6 +122,7 @@ def make_workspace(
         _row(ray_capacity, np.int32),
         _row(ray_capacity),
         _row(ray_capacity),
+        _row(ray_capacity, np.int32) if instances else None,
     )
     shadow_rays = ShadowRays(
         _rows(3, shadow_capacity),

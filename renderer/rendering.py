@@ -95,6 +95,7 @@ class Rendering:
             shadow_capacity=CAPACITY,
             channels=self.channels,
             depths=depths,
+            instances=self.kernel_scene.accelerators.instances is not None,
         )
 
     def _render(self, job: _Job) -> Any:

@@ -23,6 +23,11 @@ from renderer.accelerators.bvh import (
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
+from renderer.accelerators.instances import (
+    Instances,
+    any_hit_instances,
+    closest_hit_instances,
+)
 from renderer.jit import record_class
 
 
@@ -44,6 +49,7 @@ TRAVERSALS = {
     Bvh: Traversals(
         closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
     ),
+    Instances: _alike(closest_hit_instances, any_hit_instances),
 }
 
 
