@@ -7,7 +7,7 @@ All arrays are float32 or int32 with one row for each component. A row has room 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ class Hits(NamedTuple):
     prim: NDArray[np.int32]  # (n,) primitive id, -1 for a miss
     u: NDArray[np.float32]  # (n,) the primitive's own coordinates
     v: NDArray[np.float32]  # (n,)
+    instance: Any = None  # (n,) int32 instance id, -1: none; None: the scene has none
 
 
 class ShadowRays(NamedTuple):
@@ -95,6 +96,7 @@ def make_workspace(
     channels: int,
     depths: int,
     counted: bool = False,
+    instances: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -110,6 +112,8 @@ def make_workspace(
         Generations of rays that can wait at the same time.
     counted : bool
         Whether the work of the rays is counted.
+    instances : bool
+        Whether the scene has any.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -124,6 +128,7 @@ def make_workspace(
         _row(ray_capacity, np.int32),
         _row(ray_capacity),
         _row(ray_capacity),
+        _row(ray_capacity, np.int32) if instances else None,
     )
     shadow_rays = ShadowRays(
         _rows(3, shadow_capacity),

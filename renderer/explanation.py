@@ -67,7 +67,10 @@ def describe_integrator(asked: Integrator) -> str:
 def explain_geometry(scene: Scene, why: Explanation) -> None:
     """Count the primitives."""
     shapes = (_counted(count, kind) for kind, count in _primitives(scene).items())
-    why.say("geometry", ", ".join(shapes) or "nothing")
+    counted = list(shapes)
+    if scene.placements is not None:
+        counted.append(_instances(scene))
+    why.say("geometry", ", ".join(counted) or "nothing")
 
 
 def explain_accelerators(scene: Scene, asked: str, few: int, why: Explanation) -> None:
@@ -94,6 +97,11 @@ def explain_accelerators(scene: Scene, asked: str, few: int, why: Explanation) -
         elif name == "brute":
             text += f", which up to {few} of a kind is faster than a tree"
         why.say("accelerator", f"{', '.join(kinds)}: {text}")
+    if scene.placements is not None:
+        text = f"{_ACCELERATORS['bvh']} over their boxes, and one for each group"
+        if asked == "brute":
+            text = "each of them, and each primitive of its group, tested by every ray"
+        why.say("accelerator", f"{_instances(scene)}: {text}")
 
 
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
@@ -148,7 +156,17 @@ def explain_samples(sampler: Sampler, asked: int, random: bool, why: Explanation
 
 
 def _primitives(scene: Scene) -> dict[str, int]:
-    return {kind: s.end - s.first for kind, s in scene.surfaces.items()}
+    """Return how many there are of each kind outside of groups."""
+    return {kind: int(starts[0]) for kind, starts in scene.starts.items() if starts[0]}
+
+
+def _instances(scene: Scene) -> str:
+    """Return "10000 instances of 1 group (320 triangles, 1 sphere)"."""
+    inside = {kind: int(s[-1] - s[0]) for kind, s in scene.starts.items()}
+    held = ", ".join(_counted(count, kind) for kind, count in inside.items() if count)
+    copies = _counted(len(scene.description.instances), "instances")
+    groups = _counted(len(scene.description.groups), "groups")
+    return f"{copies} of {groups} ({held})"
 
 
 def _counted(count: int, kind: str) -> str:

@@ -28,13 +28,24 @@ AREA = 4
 
 
 class Accelerators(NamedTuple):
-    """One accelerator for each kind of primitive that the scene has."""
+    """One for each kind of primitive that the scene has, and one for all instances."""
 
     triangles: Any
     rectangles: Any
     disks: Any
     spheres: Any
     cylinders: Any
+    instances: Any = None  # accelerators.instances.Instances
+
+
+class Placements(NamedTuple):
+    """Where the instances are: x_world = A x_object + a, by instance id."""
+
+    # (12 n,) of each the rows of A, then a, side by side: a ray needs all of one instance
+    to_world: NDArray[np.float32]
+    to_object: NDArray[np.float32]  # (12 n,) the rows of the inverse of A, then a again
+    group: NDArray[np.int32]  # (n,)
+    number: NDArray[np.int32]  # (n,) in the file, with the shapes, the first is 1
 
 
 class TriangleSurfaces(NamedTuple):
@@ -111,6 +122,7 @@ class Shapes(NamedTuple):
     back: NDArray[np.int32]  # (n,) BSDF of the other side, -1: black
     light: NDArray[np.int32]  # (n,) area light on it, -1: none
     orientation: NDArray[np.float32]  # (n,) -1 where the outward normal is flipped
+    number: NDArray[np.int32]  # (n,) in the file, the first is 1; 0 for shapes of groups
 
 
 class Textures(NamedTuple):

@@ -114,7 +114,7 @@ class MaterialTables:
                 tables.bsdfs.append(bsdf)
             return ids[id(bsdf)]
 
-        for shape in description.shapes:
+        for shape in description.every_shape:
             ahead, behind = sides(shape.bsdf)
             front.append(number(ahead))
             back.append(number(behind))

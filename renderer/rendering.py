@@ -100,6 +100,7 @@ class Rendering:
             channels=self.channels,
             depths=depths,
             counted=self.counted,
+            instances=self.kernel_scene.accelerators.instances is not None,
         )
 
     def _render(self, job: _Job) -> Any:

@@ -17,14 +17,17 @@ from renderer.errors import SceneError
 from renderer.kernel_scene import (
     ANY,
     EMIT,
-    CylinderSurfaces,
-    DiskSurfaces,
-    RectangleSurfaces,
+    Placements,
     Shapes,
-    SphereSurfaces,
-    TriangleSurfaces,
 )
 from renderer.materials import MaterialTables, shape_stages
+from renderer.placed_groups import (
+    check_placements,
+    group_boxes,
+    place,
+    placed_boxes,
+    shape_numbers,
+)
 from renderer.scene_file.description import (
     Cylinder,
     Disk,
@@ -34,6 +37,8 @@ from renderer.scene_file.description import (
     Shape,
     Sphere,
 )
+from renderer.surface_records import float32, surface_record
+from renderer.surface_records import unit_normals as unit_normals
 
 _FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
@@ -50,6 +55,10 @@ class Scene:
     stages: NDArray[np.int32]  # (primitives,) bits of renderer.kernel_scene
     shapes: Shapes
     materials: MaterialTables
+    # kind -> (groups + 1,) columns of its record where each group begins, and the end; what
+    # comes before the first group is in the world, the rest is seen through instances
+    starts: dict[str, NDArray[np.int64]]
+    placements: Placements | None  # None: there are no instances
 
     @property
     def primitive_count(self) -> int:
@@ -59,116 +68,30 @@ class Scene:
     @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Lower and upper corner of the world, (2, 3); empty scenes give a point at 0."""
-        boxes = [
-            primitive_bounds(kind, surfaces) for kind, surfaces in self.surfaces.items()
-        ]
+        boxes: list[Any] = []
+        if self.instance_boxes is not None:
+            boxes.append(self.instance_boxes)
+        for kind, surfaces in self.surfaces.items():
+            top_level = self.starts[kind][0]
+            if top_level > 0:
+                low, high = primitive_bounds(kind, surfaces)
+                boxes.append((low[:, :top_level], high[:, :top_level]))
         if not boxes:
             return np.zeros((2, 3))
-        lower = np.min([low.min(axis=1) for low, _ in boxes], axis=0)
-        upper = np.max([high.max(axis=1) for _, high in boxes], axis=0)
+        lower = np.min([box[0].min(axis=1) for box in boxes], axis=0)
+        upper = np.max([box[1].max(axis=1) for box in boxes], axis=0)
         return np.array([lower, upper], dtype=np.float64)
 
-
-def _float32(rows: Any) -> NDArray[np.float32]:
-    return np.ascontiguousarray(rows, dtype=np.float32)
-
-
-def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
-    """Return edge1 x edge2 / |edge1 x edge2|, all (3, n).
-
-    In double precision: the square of an area leaves float32 for edges beyond 4e9. What
-    has no area has the normal 0; no ray hits it.
-    """
-    n = np.cross(np.asarray(edge1, np.float64).T, np.asarray(edge2, np.float64).T)
-    area = np.linalg.norm(n, axis=1, keepdims=True)
-    return _float32((n / np.where(area > 0.0, area, 1.0)).T)
-
-
-def _triangles(meshes: list[Mesh], first: int, with_uv: bool) -> TriangleSurfaces:
-    """Concatenate meshes; normals are kept if any mesh has them, uvs if they are used."""
-    corners, edges1, edges2, normals, uvs = [], [], [], [], []
-    smooth = any(mesh.normals is not None for mesh in meshes)
-    for mesh in meshes:
-        p = mesh.vertices[mesh.faces].astype(np.float32)  # (F, 3 vertices, 3)
-        corners.append(p[:, 0].T)
-        edges1.append((p[:, 1] - p[:, 0]).T)
-        edges2.append((p[:, 2] - p[:, 0]).T)
-        if smooth:
-            normals.append(_vertex_normals(mesh, p))
-        if with_uv:
-            corner_uvs = (
-                np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]]), (len(p), 3, 2))
-                if mesh.uvs is None
-                else mesh.uvs[mesh.faces]
-            )
-            uvs.append(corner_uvs.reshape(len(p), 6).T)
-    count = sum(mesh.faces.shape[0] for mesh in meshes)
-    edge1, edge2 = np.concatenate(edges1, axis=1), np.concatenate(edges2, axis=1)
-    return TriangleSurfaces(
-        first,
-        first + count,
-        _float32(np.concatenate(corners, axis=1)),
-        _float32(edge1),
-        _float32(edge2),
-        unit_normals(edge1, edge2),
-        _float32(np.concatenate(normals, axis=1)) if smooth else None,
-        _float32(np.concatenate(uvs, axis=1)) if with_uv else None,
-    )
-
-
-def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return (9, F) vertex normals; a faceted mesh beside a smooth one repeats its own."""
-    if mesh.normals is not None:
-        return mesh.normals[mesh.faces].reshape(len(p), 9).T.astype(np.float64)
-    q = p.astype(np.float64)
-    n = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
-    n /= np.linalg.norm(n, axis=1, keepdims=True)
-    return np.tile(-n if mesh.flip_normals else n, 3).T
-
-
-def _flat(shapes: list[Any], first: int, record: Any) -> Any:
-    """Return rectangles or disks as corner and edges; a disk's corner is its centre."""
-    is_rectangle = record is RectangleSurfaces
-    matrices = np.array([shape.to_world for shape in shapes])
-    x, y, center = matrices[:, :3, 0], matrices[:, :3, 1], matrices[:, :3, 3]
-    corner, edge1, edge2 = (
-        (center - x - y, 2 * x, 2 * y) if is_rectangle else (center, x, y)
-    )
-    return record(
-        first,
-        first + len(shapes),
-        _float32(corner.T),
-        _float32(edge1.T),
-        _float32(edge2.T),
-        unit_normals(edge1.T, edge2.T),
-    )
-
-
-def _spheres(shapes: list[Sphere], first: int) -> SphereSurfaces:
-    matrices = np.array([shape.to_world for shape in shapes])
-    scale = np.linalg.norm(matrices[:, :3, 0], axis=1)
-    frame = matrices[:, :3, :3] / scale[:, None, None]  # columns are the local axes
-    return SphereSurfaces(
-        first,
-        first + len(shapes),
-        _float32(matrices[:, :3, 3].T),
-        _float32(scale),
-        _float32(frame.transpose(0, 2, 1).reshape(-1, 9).T),
-    )
-
-
-def _cylinders(shapes: list[Cylinder], first: int) -> CylinderSurfaces:
-    matrices = np.array([shape.to_world for shape in shapes])
-    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)  # of the three columns
-    frame = matrices[:, :3, :3] / lengths[:, None, :]
-    return CylinderSurfaces(
-        first,
-        first + len(shapes),
-        _float32(matrices[:, :3, 3].T),
-        _float32(lengths[:, 0]),
-        _float32(lengths[:, 2]),
-        _float32(frame.transpose(0, 2, 1).reshape(-1, 9).T),
-    )
+    @functools.cached_property
+    def instance_boxes(self) -> NDArray[np.float64] | None:
+        """Lower and upper corners of the instances in the world, (2, 3, n)."""
+        if self.placements is None:
+            return None
+        primitives = [
+            (primitive_bounds(kind, surfaces), self.starts[kind])
+            for kind, surfaces in self.surfaces.items()
+        ]
+        return placed_boxes(self.placements, group_boxes(primitives))
 
 
 def _orientation(shape: Shape) -> float:
@@ -207,7 +130,7 @@ def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np
     upper = np.maximum.reduce(points)
     # the sums above are rounded, and the hit test rounds in another way: pad by that
     slack = np.float32(32 * 2.0**-24) * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
-    return _float32(lower - slack), _float32(upper + slack)
+    return float32(lower - slack), float32(upper + slack)
 
 
 def build_scene(description: SceneDescription) -> Scene:
@@ -231,28 +154,21 @@ def _build_scene(description: SceneDescription) -> Scene:
         Sphere: "spheres",
         Cylinder: "cylinders",
     }
-    for index, shape in enumerate(description.shapes):
+    every_shape = description.every_shape
+    for index, shape in enumerate(every_shape):
         members[kind_of[type(shape)]].append((index, shape))
 
     materials = MaterialTables.of(description)
     surfaces: dict[str, Any] = {}
+    starts: dict[str, NDArray[np.int64]] = {}
+    group_of = _groups_of_shapes(description)
     shape_ids, faces = [], []
     first = 0
     for kind, entries in members.items():
         if not entries:
             continue
         shapes = [shape for _, shape in entries]
-        if kind == "triangles":
-            record = _triangles(shapes, first, with_uv=True)
-        elif kind == "rectangles":
-            record = _flat(shapes, first, RectangleSurfaces)
-        elif kind == "disks":
-            record = _flat(shapes, first, DiskSurfaces)
-        elif kind == "spheres":
-            record = _spheres(shapes, first)
-        else:
-            record = _cylinders(shapes, first)
-        surfaces[kind] = record
+        record = surfaces[kind] = surface_record(kind, shapes, first)
         for index, shape in entries:
             if isinstance(shape, Mesh):
                 count = len(shape.faces)
@@ -261,6 +177,10 @@ def _build_scene(description: SceneDescription) -> Scene:
                 count = 1
                 faces.append(np.zeros(1))
             shape_ids.append(np.full(count, index))
+        columns = [ids.size for ids in shape_ids[-len(entries) :]]
+        groups = group_of[[index for index, _ in entries]]
+        sizes = np.bincount(groups, columns, minlength=group_of[-1] + 1)
+        starts[kind] = np.cumsum(sizes).astype(np.int64)
         first = record.end
         finite = all(f is None or np.isfinite(f).all() for f in record[2:])
         if not (finite and np.abs(primitive_bounds(kind, record)).max() < _FARTHEST):
@@ -270,9 +190,9 @@ def _build_scene(description: SceneDescription) -> Scene:
             )
 
     shape = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
-    stages = np.array([shape_stages(s) for s in description.shapes] or [0], np.int32)
-    orientation = [_orientation(s) for s in description.shapes] or [1.0]
-    return Scene(
+    stages = np.array([shape_stages(s) for s in every_shape] or [0], np.int32)
+    orientation = [_orientation(s) for s in every_shape] or [1.0]
+    scene = Scene(
         description,
         surfaces,
         shape,
@@ -282,10 +202,21 @@ def _build_scene(description: SceneDescription) -> Scene:
             materials.front,
             materials.back,
             materials.light,
-            _float32(orientation),
+            float32(orientation),
+            shape_numbers(description),
         ),
         materials,
+        starts,
+        place(description.instances),
     )
+    check_placements(description, scene.placements, scene.bounds, _FARTHEST)
+    return scene
+
+
+def _groups_of_shapes(description: SceneDescription) -> NDArray[np.int64]:
+    """Return 0 for each shape of the scene, k + 1 for those of group k; ends with K."""
+    sizes = [len(description.shapes), *(len(g.shapes) for g in description.groups)]
+    return np.append(np.repeat(np.arange(len(sizes)), sizes), len(sizes) - 1)
 
 
 def emits(scene: Scene, kind: str) -> bool:

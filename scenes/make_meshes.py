@@ -1,4 +1,4 @@
-"""Make every mesh in this folder: `python scenes/make_meshes.py`.
+"""Make every mesh in this folder, and the places of copies: `python scenes/make_meshes.py`.
 
 The files are committed, so nobody has to run this; a test checks that it still makes the
 same bytes. Coordinates are rounded to six decimals first, because the last bits of sine
@@ -128,6 +128,31 @@ def crystal() -> tuple[Points, Faces]:
     return np.array(triangles).reshape(-1, 3), np.arange(36).reshape(-1, 3)
 
 
+def shell(along: int, around: int) -> tuple[Points, Points, Faces]:
+    """Return a snail's shell: a tube that turns around z and grows; right-handed.
+
+    p(s, v) = g (q cos, q sin, sin v / 2) with g = e^s, q = 1 + cos(v) / 2, a turn for each
+    0.75 of s, and the tip on top.
+    """
+    s = np.linspace(-2.4, 0.0, along + 1)[:, None]
+    v = np.linspace(0.0, 2 * np.pi, around + 1)[None, :]
+    turn = 2 * np.pi / 0.75
+    growth, cos, sin = np.exp(s), np.cos(turn * s), np.sin(turn * s)
+    q, dq = 1 + 0.5 * np.cos(v), -0.5 * np.sin(v)
+    height = 0.5 * np.sin(v) - 1.9  # below the tip, which is at 0
+    vertices = growth[..., None] * _stacked(q * cos, q * sin, height)
+    along_s = vertices + growth[..., None] * turn * _stacked(-q * sin, q * cos, 0 * v)
+    along_v = growth[..., None] * _stacked(dq * cos, dq * sin, 0.5 * np.cos(v))
+    normals = np.cross(along_v, along_s).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    faces = grid_faces(along + 1, around + 1)[:, ::-1]
+    return vertices.reshape(-1, 3) + np.array([0.0, 0.0, 2.4]), -normals, faces
+
+
+def _stacked(x: Points, y: Points, z: Points) -> Points:
+    return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+
+
 def vase_profile() -> Points:
     """Return (radius, z) of a vase of height 2, from the foot to the lip."""
     t = np.linspace(0.0, 1.0, 25)
@@ -213,6 +238,29 @@ def write_obj(
     write(path, ("\n".join(lines) + "\n").encode())
 
 
+def write_copies(path: Path, group: str, rows: int) -> None:
+    """Write `rows` x `rows` instances, each turned, scaled, tilted and placed at random.
+
+    Every third is mirrored, every fourth flattened.
+    """
+    rng = np.random.default_rng(1)
+    lines = ['<scene version="3.0.0">', "    <!-- made by scenes/make_meshes.py -->"]
+    for k in range(rows * rows):
+        size = 0.26 * 1.8 ** rng.uniform(-1, 1)
+        x = -size if k % 3 == 0 else size
+        z = 0.6 * size if k % 4 == 0 else size
+        tilt, spin = rng.uniform(-50, 50), rng.uniform(0, 360)
+        place = np.array(divmod(k, rows)) - (rows - 1) / 2 + rng.uniform(-0.3, 0.3, 2)
+        place *= 1.2
+        lines.append(
+            f'    <shape type="instance"><ref id="{group}"/><transform name="to_world">'
+            f'<scale x="{x:.4f}" y="{size:.4f}" z="{z:.4f}"/>'
+            f'<rotate x="1" angle="{tilt:.3f}"/><rotate z="1" angle="{spin:.3f}"/>'
+            f'<translate x="{place[0]:.4f}" y="{place[1]:.4f}"/></transform></shape>'
+        )
+    write(path, "\n".join([*lines, "</scene>", ""]).encode())
+
+
 def write(path: Path, data: bytes) -> None:
     """Write a file and the folder that it is in."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -237,6 +285,12 @@ def main(folder: Path = HERE) -> None:
     for scene in ("white-furnace", "depth-and-normals"):
         path = folder / scene / "meshes/torus.ply"
         write_ply(path, ring, ring_faces, ring_normals, ring_uv, form="binary_big_endian")
+
+    shell_points, shell_normals, shell_faces = shell(40, 9)
+    write_ply(
+        folder / "instances/meshes/shell.ply", shell_points, shell_faces, shell_normals
+    )
+    write_copies(folder / "instances/meshes/copies.xml", "shell", 20)
 
     vase, vase_normals, vase_uv, vase_faces = lathe(vase_profile(), 32)
     path = folder / "textured-room/meshes/vase.obj"

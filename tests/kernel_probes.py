@@ -118,9 +118,13 @@ def run_any_hit(accel, shadow_rays, count, coherent):
     any_hit(accel, shadow_rays, count, coherent, None)
 
 
-def workspace(count: int, channels: int = 3) -> Workspace:
+def workspace(count: int, channels: int = 3, instances: bool = False) -> Workspace:
     return make_workspace(
-        ray_capacity=count, shadow_capacity=count, channels=channels, depths=1
+        ray_capacity=count,
+        shadow_capacity=count,
+        channels=channels,
+        depths=1,
+        instances=instances,
     )
 
 
@@ -146,7 +150,7 @@ def closest(
     work.hits.t[:n] = t_max
     work.hits.prim[:] = -1
     run_closest_hit(accel, work.rays, work.hits, 0, n, coherent)
-    return Found(*(row[:n] for row in work.hits))
+    return Found(*(row[:n] for row in work.hits[:4]))
 
 
 def blocked(
@@ -220,7 +224,7 @@ def nearest(inputs: KernelScene, origin: Any, direction: Any, t_max: Any = np.in
     work.hits.t[:n] = t_max
     work.hits.prim[:] = -1
     run_intersect(inputs.accelerators, work.rays, work.hits, n)
-    return Found(*(row[:n] for row in work.hits))
+    return Found(*(row[:n] for row in work.hits[:4]))
 
 
 def look(inputs: KernelScene, origin: Any, direction: Any, outgoing: Any = None) -> Seen:
@@ -231,7 +235,7 @@ def look(inputs: KernelScene, origin: Any, direction: Any, outgoing: Any = None)
     parts = []
     for first in range(0, len(origin), CAPACITY):
         part = slice(first, first + CAPACITY)
-        work = workspace(CAPACITY)
+        work = workspace(CAPACITY, instances=inputs.accelerators.instances is not None)
         n = fill(work.rays, origin[part], direction[part])
         work.hits.t[:n] = np.inf
         work.hits.prim[:] = -1

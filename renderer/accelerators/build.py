@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bsp import build_bsp
 from renderer.accelerators.bvh import build_bvh
+from renderer.accelerators.bvh_build import build_tree
 from renderer.accelerators.clustered_grids import build_clustered_grids
 from renderer.accelerators.extents import (
     Extents,
@@ -20,6 +21,7 @@ from renderer.accelerators.extents import (
     PrimitiveGroup,
     extents_of,
 )
+from renderer.accelerators.instances_build import build_instances
 from renderer.accelerators.nested_grids import build_nested_grids
 from renderer.accelerators.uniform_grid import (
     build_uniform_grid,
@@ -116,8 +118,11 @@ def choose(name: str, count: int) -> str:
 def compile_builders(scene: Scene, name: str) -> float:
     """Compile what `build_accelerators` will need; return the seconds it took."""
     started = time.perf_counter()
-    for chosen in {choose(name, s.end - s.first) for s in scene.surfaces.values()}:
+    top_level = (int(starts[0]) for starts in scene.starts.values())
+    for chosen in {choose(name, count) for count in top_level if count}:
         BUILDERS[chosen](_one_point(), _points)
+    if scene.placements is not None:
+        build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
     return time.perf_counter() - started
 
 
@@ -144,6 +149,7 @@ def build_accelerators(
         The primitives.
     name : str
         One of `NAMES`; `auto` takes brute force for a few primitives, else the BVH.
+        Instances and the groups that they show always have BVHs, but under `brute`.
     without_emitters_of : Accelerators, optional
         The accelerators of all primitives; given, area lights are left out: what a camera
         sees that hides them. Kinds that have none are taken over as they are.
@@ -158,15 +164,20 @@ def build_accelerators(
     built: dict[str, Any] = dict.fromkeys(KINDS)
     reach = _reach(scene)
     for kind, surfaces in scene.surfaces.items():
-        order = np.arange(surfaces.end - surfaces.first)
+        order = np.arange(scene.starts[kind][0])
         if without_emitters_of is not None:
             if not emits(scene, kind):
                 built[kind] = getattr(without_emitters_of, kind)
                 continue
-            order = order[(scene.stages[surfaces.first : surfaces.end] & EMIT) == 0]
+            order = order[(scene.stages[surfaces.first + order] & EMIT) == 0]
         if len(order):
             built[kind] = build_accelerator(kind, surfaces, order, name, reach)
-    return Accelerators(**built)
+    if without_emitters_of is not None:
+        instances = without_emitters_of.instances  # groups hold no emitters
+    else:
+        brute = name == "brute"
+        instances = build_instances(scene, primitive_group, reach, brute=brute)
+    return Accelerators(**built, instances=instances)
 
 
 def _reach(scene: Scene) -> float:

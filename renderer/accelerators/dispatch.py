@@ -29,6 +29,11 @@ from renderer.accelerators.hierarchical_grid import (
     any_hit_hierarchical_grid,
     closest_hit_hierarchical_grid,
 )
+from renderer.accelerators.instances import (
+    Instances,
+    any_hit_instances,
+    closest_hit_instances,
+)
 from renderer.accelerators.uniform_grid import (
     UniformGrid,
     any_hit_uniform_grid,
@@ -68,6 +73,7 @@ TRAVERSALS = {
     Bsp: _alike(closest_hit_bsp, any_hit_bsp),
     UniformGrid: _alike(closest_hit_uniform_grid, any_hit_uniform_grid),
     HierarchicalGrid: _alike(closest_hit_hierarchical_grid, any_hit_hierarchical_grid),
+    Instances: _alike(closest_hit_instances, any_hit_instances),
 }
 
 

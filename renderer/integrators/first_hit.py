@@ -68,6 +68,18 @@ def _second_half(rectangles, prim, mask, points, i, face):
 
 
 @kernel
+def _shape_number(instances, hits, order, i, numbers, shape, mask):
+    """Return the place in the file, from 1, of shapes or of the instances around them."""
+    number = gather_row(numbers, 0, shape, mask)
+    if instances is None:
+        return number
+    instance = gather_row(hits.instance, 0, load_row(order, 0, i), mask)
+    copied = mask & (instance >= 0)
+    whole = gather_row(instances.placements.number, 0, instance, copied)
+    return select(copied, whole, number)
+
+
+@kernel
 def trace_first_hits(scene, tile, sample, work):
     """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
@@ -90,6 +102,15 @@ def trace_first_hits(scene, tile, sample, work):
         _store3(radiance, GEO_NORMAL, slot, valid, load3(points.normal, i))
         _store3(radiance, SH_NORMAL, slot, valid, load3(points.shading_normal, i))
         _store(radiance, PRIM_INDEX, slot, valid, to_f32(face))
-        _store(radiance, SHAPE_INDEX, slot, valid, to_f32(shape + 1))
+        number = _shape_number(
+            scene.accelerators.instances,
+            hits,
+            work.order,
+            i,
+            scene.shapes.number,
+            shape,
+            mask,
+        )
+        _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
         albedo = _albedo(scene.bsdfs.diffuse, scene, points, i, mask)
         _store3(radiance, ALBEDO, slot, valid, albedo)

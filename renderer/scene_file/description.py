@@ -8,6 +8,7 @@ act on column vectors; colours are linear sRGB; angles are degrees, as in the fi
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -159,6 +160,29 @@ class Cylinder(Shape):
     flip_normals: bool = False
 
 
+# ---------------------------------------------------- groups and instances
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Shapes that are seen through instances only; none of them emits light."""
+
+    shapes: tuple[Shape, ...]  # at least one
+    id: str = ""
+    location: Location = NOWHERE
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A copy of a group, placed in the world."""
+
+    group: int  # index in `SceneDescription.groups`
+    to_world: NDArray[np.float64]  # (4, 4) of the whole group
+    place: int  # among the scene's shapes and instances in the file, the first is 0
+    id: str = ""
+    location: Location = NOWHERE
+
+
 # ---------------------------------------------------------------- emitters
 
 
@@ -289,3 +313,11 @@ class SceneDescription:
     files: tuple[
         str, ...
     ] = ()  # everything that was read: the scene, includes, meshes, images
+    groups: tuple[Group, ...] = ()  # those that have instances
+    instances: tuple[Instance, ...] = ()
+
+    @property
+    def every_shape(self) -> tuple[Shape, ...]:
+        """The shapes of the scene, then those of each group: the order of shape ids."""
+        grouped = chain.from_iterable(group.shapes for group in self.groups)
+        return (*self.shapes, *grouped)

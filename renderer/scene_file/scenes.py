@@ -9,12 +9,12 @@ from renderer.scene_file.bsdfs import read_bsdf
 from renderer.scene_file.description import ConstantLight, Emitter, SceneDescription
 from renderer.scene_file.emitters import read_emitter
 from renderer.scene_file.films import read_film, read_rfilter
+from renderer.scene_file.groups import read_shapes
 from renderer.scene_file.integrators import read_integrator
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.samplers import read_sampler
 from renderer.scene_file.sensors import read_sensor
-from renderer.scene_file.shapes import read_shape
 from renderer.scene_file.textures import read_texture_plugin
 from renderer.scene_file.tree import Element
 
@@ -38,7 +38,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     sensors = [
         read_sensor(element, reading) for _, element in properties.children("sensor")
     ]
-    shapes = [read_shape(element, reading) for _, element in properties.children("shape")]
+    shapes, groups, instances = read_shapes(properties)
     emitters = _emitters(properties)
     _read_unused(properties)
     properties.finish()
@@ -53,7 +53,9 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     description = SceneDescription(
         camera=sensors[0],
         integrator=read_integrator(integrator, reading),
-        shapes=tuple(shapes),
+        shapes=shapes,
+        groups=groups,
+        instances=instances,
         emitters=tuple(emitters),
         warnings=tuple(dict.fromkeys(reading.warnings)),
         source=source,

@@ -36,6 +36,7 @@ def intersect(accelerators, rays, hits, first, count, coherent, tally):
     closest_hit(accelerators.disks, rays, hits, first, count, coherent, tally)
     closest_hit(accelerators.spheres, rays, hits, first, count, coherent, tally)
     closest_hit(accelerators.cylinders, rays, hits, first, count, coherent, tally)
+    closest_hit(accelerators.instances, rays, hits, first, count, coherent, tally)
 
 
 @kernel
@@ -48,6 +49,7 @@ def trace_shadow_rays(accelerators, shadow_rays, count, coherent, radiance):
     any_hit(accelerators.disks, shadow_rays, count, coherent, None)
     any_hit(accelerators.spheres, shadow_rays, count, coherent, None)
     any_hit(accelerators.cylinders, shadow_rays, count, coherent, None)
+    any_hit(accelerators.instances, shadow_rays, count, coherent, None)
     for i in range(count):
         if shadow_rays.blocked[i] == 0:
             slot = shadow_rays.slot[i]

@@ -12,10 +12,8 @@ import numpy as np
 
 from renderer.jit import kernel
 from renderer.lanes.functions import (
-    fabs,
     first_lanes,
     mask_bits,
-    maximum,
     select,
     splat_f32,
     sqrt,
@@ -23,10 +21,16 @@ from renderer.lanes.functions import (
 from renderer.lanes.mathematics import arccos, arctan2
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.sampling import TWO_PI
+from renderer.stages.placement import (
+    ROUNDING,
+    Place,
+    in_world,
+    instance_of,
+    magnitude,
+    object_hit_point,
+)
 from renderer.vectors import dot, gather3, normalize, select3, store3, vec3
 
-# The position on a primitive is known up to about this fraction of its coordinates.
-ROUNDING = np.float32(2.0**-24)
 _INV_TWO_PI = np.float32(0.5 / np.pi)
 _INV_PI = np.float32(1.0 / np.pi)
 
@@ -41,12 +45,6 @@ class Surface(NamedTuple):
     offset: Any  # rounding error of the position
     u: Any
     v: Any
-
-
-@kernel
-def magnitude(a):
-    """Return the largest absolute component."""
-    return maximum(maximum(fabs(a.x), fabs(a.y)), fabs(a.z))
 
 
 @kernel
@@ -260,6 +258,7 @@ def surface_points(scene, rays, hits, order, count, points):
     """Fill `points` with the hits `order[:count]` and the state of their paths."""
     per_rounding = np.float32(scene.settings.rounding_offset)
     fixed = np.float32(scene.settings.fixed_offset)
+    instances = scene.accelerators.instances
     for i in range(0, count, 16):
         valid = first_lanes(count - i)
         ray = load_row(order, 0, i)
@@ -269,17 +268,21 @@ def surface_points(scene, rays, hits, order, count, points):
         v = gather_row(hits.v, 0, ray, valid)
         origin = gather3(rays.origin, ray, valid)
         direction = gather3(rays.direction, ray, valid)
-        s = surface_at(scene.surfaces, prim, valid, u, v, origin + direction * t)
+        instance = instance_of(instances, hits.instance, ray, valid)
+        hit_point = object_hit_point(instances, instance, origin, direction, t)
+        s = surface_at(scene.surfaces, prim, valid, u, v, hit_point)
         shape = gather_row(scene.shape, 0, prim, valid)
         orientation = gather_row(scene.shapes.orientation, 0, shape, valid)
         normal = s.normal * orientation
         shading_normal = select3(s.smooth, s.shading_normal, normal)
-        store3(points.position, i, s.position)
+        place = Place(s.position, normal, shading_normal, s.offset)
+        place = in_world(instances, instance, place)
+        store3(points.position, i, place.position)
         store3(points.wo, i, -direction)
-        store3(points.normal, i, normal)
-        store3(points.shading_normal, i, shading_normal)
-        unlike_rounding = (1.0 + magnitude(s.position)) * fixed
-        store_row(points.offset, 0, i, s.offset * per_rounding + unlike_rounding)
+        store3(points.normal, i, place.normal)
+        store3(points.shading_normal, i, place.shading_normal)
+        unlike_rounding = (1.0 + magnitude(place.position)) * fixed
+        store_row(points.offset, 0, i, place.offset * per_rounding + unlike_rounding)
         store_row(points.uv, 0, i, s.u)
         store_row(points.uv, 1, i, s.v)
         store_row(points.shape, 0, i, shape)
