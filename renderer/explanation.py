@@ -28,6 +28,10 @@ _PATTERNS = {
 _ACCELERATORS = {
     "brute": "brute force",
     "bvh": "a bounding volume hierarchy by the surface area heuristic",
+    "kd-middle": "a kd-tree, split in the middle",
+    "kd-median": "a kd-tree, split at the median",
+    "kd-sah": "a kd-tree by the surface area heuristic",
+    "octree": "an octree",
 }
 
 

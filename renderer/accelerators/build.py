@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bvh import build_bvh
 from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
+from renderer.accelerators.kd_tree import (
+    build_kd_median,
+    build_kd_middle,
+    build_kd_sah,
+)
+from renderer.accelerators.octree import build_octree
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits
@@ -25,6 +31,10 @@ from renderer.shapes.triangle import Triangles
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
     "bvh": build_bvh,
+    "kd-middle": build_kd_middle,
+    "kd-median": build_kd_median,
+    "kd-sah": build_kd_sah,
+    "octree": build_octree,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

@@ -23,6 +23,8 @@ from renderer.accelerators.bvh import (
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
+from renderer.accelerators.kd_tree import KdTree, any_hit_kd_tree, closest_hit_kd_tree
+from renderer.accelerators.octree import Octree, any_hit_octree, closest_hit_octree
 from renderer.jit import record_class
 
 
@@ -44,6 +46,8 @@ TRAVERSALS = {
     Bvh: Traversals(
         closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
     ),
+    KdTree: _alike(closest_hit_kd_tree, any_hit_kd_tree),
+    Octree: _alike(closest_hit_octree, any_hit_octree),
 }
 
 
