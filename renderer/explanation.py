@@ -36,6 +36,10 @@ _ACCELERATORS = {
     "grid-without-mailboxes": "a uniform grid without mailboxes",
     "grid-nested": "grids in the cells of a grid that hold many",
     "grid-clusters": "a grid of clusters that have grids of their own",
+    "kd-middle": "a kd-tree, split in the middle",
+    "kd-median": "a kd-tree, split at the median",
+    "kd-sah": "a kd-tree by the surface area heuristic",
+    "octree": "an octree",
 }
 
 

@@ -28,6 +28,13 @@ from renderer.accelerators.uniform_grid import (
     build_uniform_grid_without_mailboxes,
 )
 from renderer.accelerators.wide_bvh import build_wide
+from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
+from renderer.accelerators.kd_tree import (
+    build_kd_median,
+    build_kd_middle,
+    build_kd_sah,
+)
+from renderer.accelerators.octree import build_octree
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits
@@ -49,6 +56,10 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "grid-without-mailboxes": build_uniform_grid_without_mailboxes,
     "grid-nested": build_nested_grids,
     "grid-clusters": build_clustered_grids,
+    "kd-middle": build_kd_middle,
+    "kd-median": build_kd_median,
+    "kd-sah": build_kd_sah,
+    "octree": build_octree,
 }
 NAMES = ("auto", *BUILDERS)
 # Up to so many primitives, testing all of them for 16 rays at once costs less than any

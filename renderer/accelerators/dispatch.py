@@ -46,6 +46,8 @@ from renderer.accelerators.wide_bvh import (
     closest_hit_wide,
     closest_hit_wide_bundles,
 )
+from renderer.accelerators.kd_tree import KdTree, any_hit_kd_tree, closest_hit_kd_tree
+from renderer.accelerators.octree import Octree, any_hit_octree, closest_hit_octree
 from renderer.jit import record_class
 
 
@@ -74,6 +76,8 @@ TRAVERSALS = {
     UniformGrid: _alike(closest_hit_uniform_grid, any_hit_uniform_grid),
     HierarchicalGrid: _alike(closest_hit_hierarchical_grid, any_hit_hierarchical_grid),
     Instances: _alike(closest_hit_instances, any_hit_instances),
+    KdTree: _alike(closest_hit_kd_tree, any_hit_kd_tree),
+    Octree: _alike(closest_hit_octree, any_hit_octree),
 }
 
 
