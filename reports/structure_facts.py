@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from renderer.accelerators.bsp import Bsp
 from renderer.accelerators.bvh import Bvh
 from renderer.accelerators.bvh_tree import bvh_cost, bvh_depth
+from renderer.accelerators.kd_tree import KdTree
+from renderer.accelerators.kd_tree_checks import kd_cells, kd_cost
+from renderer.accelerators.octree import Octree
+from renderer.accelerators.octree_checks import octree_cells
 
 
 class StructureFacts(NamedTuple):
@@ -17,8 +22,13 @@ class StructureFacts(NamedTuple):
 
 
 # record -> how its depth and its cost are found
-_DEPTH: dict[type, Callable[[Any], int]] = {Bvh: bvh_depth}
-_COST: dict[type, Callable[[Any], float]] = {Bvh: bvh_cost}
+_DEPTH: dict[type, Callable[[Any], int]] = {
+    Bvh: bvh_depth,
+    Bsp: bvh_depth,  # its nodes name children and leaves as a Bvh's do
+    KdTree: lambda tree: int(kd_cells(tree)[1].max()),
+    Octree: lambda tree: int(octree_cells(tree)[1].max()),
+}
+_COST: dict[type, Callable[[Any], float]] = {Bvh: bvh_cost, KdTree: kd_cost}
 
 
 def structure_facts(accel: Any) -> StructureFacts:

@@ -22,19 +22,18 @@ from renderer.accelerators.extents import (
     extents_of,
 )
 from renderer.accelerators.instances_build import build_instances
-from renderer.accelerators.nested_grids import build_nested_grids
-from renderer.accelerators.uniform_grid import (
-    build_uniform_grid,
-    build_uniform_grid_without_mailboxes,
-)
-from renderer.accelerators.wide_bvh import build_wide
-from renderer.accelerators.extents import Extents, PrimitiveGroup, extents_of
 from renderer.accelerators.kd_tree import (
     build_kd_median,
     build_kd_middle,
     build_kd_sah,
 )
+from renderer.accelerators.nested_grids import build_nested_grids
 from renderer.accelerators.octree import build_octree
+from renderer.accelerators.uniform_grid import (
+    build_uniform_grid,
+    build_uniform_grid_without_mailboxes,
+)
+from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT, Accelerators
 from renderer.scene import KINDS, Scene, emits

@@ -34,6 +34,8 @@ from renderer.accelerators.instances import (
     any_hit_instances,
     closest_hit_instances,
 )
+from renderer.accelerators.kd_tree import KdTree, any_hit_kd_tree, closest_hit_kd_tree
+from renderer.accelerators.octree import Octree, any_hit_octree, closest_hit_octree
 from renderer.accelerators.uniform_grid import (
     UniformGrid,
     any_hit_uniform_grid,
@@ -46,8 +48,6 @@ from renderer.accelerators.wide_bvh import (
     closest_hit_wide,
     closest_hit_wide_bundles,
 )
-from renderer.accelerators.kd_tree import KdTree, any_hit_kd_tree, closest_hit_kd_tree
-from renderer.accelerators.octree import Octree, any_hit_octree, closest_hit_octree
 from renderer.jit import record_class
 
 
