@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from renderer.accelerators.choice import choose_structures
+from renderer.accelerators.cost_model import RayCounts
 from renderer.scene import Scene
 from renderer.scene_file.description import (
     Conductor,
@@ -77,7 +79,9 @@ def explain_geometry(scene: Scene, why: Explanation) -> None:
     why.say("geometry", ", ".join(counted) or "nothing")
 
 
-def explain_accelerators(scene: Scene, asked: str, few: int, why: Explanation) -> None:
+def explain_accelerators(
+    scene: Scene, asked: str, rays: RayCounts, why: Explanation
+) -> None:
     """Say how the nearest hit is found among the primitives of each kind.
 
     Parameters
@@ -86,21 +90,15 @@ def explain_accelerators(scene: Scene, asked: str, few: int, why: Explanation) -
         The primitives.
     asked : str
         An accelerator's name, or "auto".
-    few : int
-        Up to so many of a kind, `auto` is brute force, and the tree beyond.
+    rays : RayCounts
+        That are expected.
     """
-    chosen: dict[str, list[str]] = {}
-    for kind, count in _primitives(scene).items():
-        least = "brute" if count <= few else "bvh"
-        name = least if asked == "auto" else asked
-        chosen.setdefault(name, []).append(_counted(count, kind))
-    for name, kinds in chosen.items():
-        text = _ACCELERATORS.get(name, name)
-        if asked != "auto":
-            text += ", as asked for"
-        elif name == "brute":
-            text += f", which up to {few} of a kind is faster than a tree"
-        why.say("accelerator", f"{', '.join(kinds)}: {text}")
+    counts = _primitives(scene)
+    for kind, choice in choose_structures(scene, asked, rays).items():
+        text = f"{_ACCELERATORS[choice.name]}, {choice.reason}"
+        if asked == "auto":
+            text = f"{_ACCELERATORS[choice.name]}: {choice.reason}"
+        why.say("accelerator", f"{_counted(counts[kind], kind)}: {text}")
     if scene.placements is not None:
         text = f"{_ACCELERATORS['bvh']} over their boxes, and one for each group"
         if asked == "brute":

@@ -41,10 +41,10 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
     surfaces.update(scene.surfaces)
     if surfaces["triangles"] is not None and not with_uv:
         surfaces["triangles"] = surfaces["triangles"]._replace(uvs=None)
-    accelerators = build_accelerators(scene, accel)
+    accelerators = build_accelerators(scene, accel, plan.rays)
     seen = accelerators
     if plan.hide_emitters:
-        seen = build_accelerators(scene, accel, without_emitters_of=accelerators)
+        seen = build_accelerators(scene, accel, plan.rays, without_emitters_of=accelerators)
     settings = Settings(
         plan.max_depth,
         plan.roulette_depth,

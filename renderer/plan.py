@@ -9,8 +9,9 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from renderer.accelerators.build import FEW
+from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.errors import SceneError
+from renderer.expected_rays import expected_rays
 from renderer.explanation import (
     Explanation,
     describe_integrator,
@@ -64,6 +65,7 @@ class Plan:
     spp: int
     sampler: Sampler
     ray_offset: str = "tight"
+    rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
 
@@ -138,9 +140,16 @@ def make_plan(
     """
     plan = _decide(scene, integrator, sampler, spp)
     why = Explanation(list(plan.lines))
-    explain_accelerators(scene, accel or "auto", FEW, why)
+    emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
+    lights = emitting + len(scene.description.emitters) if plan.every_light else 1
+    camera = scene.description.camera
+    rays = expected_rays(camera, plan.method, plan.spp, plan.max_depth, lights)
+    explain_accelerators(scene, accel or "auto", rays, why)
     return dataclasses.replace(
-        plan, ray_offset=_known_ray_offset(ray_offset), lines=tuple(why.lines)
+        plan,
+        ray_offset=_known_ray_offset(ray_offset),
+        rays=rays,
+        lines=tuple(why.lines),
     )
 
 

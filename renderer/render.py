@@ -103,7 +103,7 @@ def render(
 
     watch = CompilationWatch(announce)
     with watch.installed():
-        compile_seconds = compile_builders(scene, accel)
+        compile_seconds = compile_builders(scene, accel, plan.rays)
         started = time.perf_counter()
         rendering = Rendering(scene, plan, accel=accel, seed=seed, threads=threads)
         build_seconds = time.perf_counter() - started

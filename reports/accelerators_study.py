@@ -14,14 +14,15 @@ from typing import Any
 
 from mitsuba_ref import machine
 from mitsuba_ref.results import write_atomically
-from renderer.accelerators.build import choose
+from renderer.accelerators.choice import choose_structure
+from renderer.accelerators.cost_model import RayCounts
 from reports.accelerators_record import SCHEMA
 from reports.contenders import Contender
 from reports.further_studies import FURTHER_STUDIES
 from reports.growth_study import study_growth
 from reports.lecture_figure import lecture_figure
 from reports.scene_study import study_scene
-from reports.study_meshes import StudyMesh
+from reports.study_meshes import StudyMesh, triangle_surfaces
 from reports.study_rays import RAY_KINDS
 from reports.study_settings import (
     NAIVE,
@@ -94,7 +95,9 @@ def measure(settings: StudySettings, progress: Progress) -> dict[str, Any]:
 
 def _auto(mesh: StudyMesh, rays: int) -> str:
     """Return what `--accel auto` takes for a mesh from which so many rays are expected."""
-    return choose("auto", mesh.triangles)
+    counts = RayCounts(0.2 * rays, 0.8 * rays)
+    surfaces = triangle_surfaces(mesh)
+    return choose_structure("triangles", surfaces, mesh.triangles, "auto", counts).name
 
 
 def _forget(contenders: list[Contender]) -> None:

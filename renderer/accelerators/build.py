@@ -14,7 +14,9 @@ from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.bsp import build_bsp
 from renderer.accelerators.bvh import build_bvh
 from renderer.accelerators.bvh_build import build_tree
+from renderer.accelerators.choice import choose_structure, choose_structures
 from renderer.accelerators.clustered_grids import build_clustered_grids
+from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.accelerators.extents import (
     Extents,
     Hulls,
@@ -61,9 +63,6 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "octree": build_octree,
 }
 NAMES = ("auto", *BUILDERS)
-# Up to so many primitives, testing all of them for 16 rays at once costs less than any
-# tree's boxes (docs/performance.md, "Brute force or tree").
-FEW = 64
 
 _FLAT = {"triangles": Triangles, "rectangles": Rectangles, "disks": Disks}
 
@@ -113,23 +112,14 @@ def build_accelerator(
     def group(columns: NDArray[np.int64]) -> Any:
         return primitive_group(kind, surfaces, order[columns])
 
-    return BUILDERS[choose(name, len(order))](
-        extents_of(kind, surfaces, order, reach), group
-    )
+    chosen = choose_structure(kind, surfaces, len(order), name).name
+    return BUILDERS[chosen](extents_of(kind, surfaces, order, reach), group)
 
 
-def choose(name: str, count: int) -> str:
-    """Return the structure to build over `count` primitives of one kind."""
-    if name == "auto":
-        return "brute" if count <= FEW else "bvh"
-    return name
-
-
-def compile_builders(scene: Scene, name: str) -> float:
+def compile_builders(scene: Scene, name: str, rays: RayCounts = USUAL_RAYS) -> float:
     """Compile what `build_accelerators` will need; return the seconds it took."""
     started = time.perf_counter()
-    top_level = (int(starts[0]) for starts in scene.starts.values())
-    for chosen in {choose(name, count) for count in top_level if count}:
+    for chosen in {c.name for c in choose_structures(scene, name, rays).values()}:
         BUILDERS[chosen](_one_point(), _points)
     if scene.placements is not None:
         build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
@@ -149,7 +139,11 @@ def _points(columns: NDArray[np.int64]) -> Triangles:
 
 
 def build_accelerators(
-    scene: Scene, name: str, *, without_emitters_of: Accelerators | None = None
+    scene: Scene,
+    name: str,
+    rays: RayCounts = USUAL_RAYS,
+    *,
+    without_emitters_of: Accelerators | None = None,
 ) -> Accelerators:
     """Build for all kinds; None for kinds that the scene lacks.
 
@@ -158,8 +152,10 @@ def build_accelerators(
     scene : Scene
         The primitives.
     name : str
-        One of `NAMES`; `auto` takes brute force for a few primitives, else the BVH.
+        One of `NAMES`; `auto` takes what the cost model expects to be the fastest.
         Instances and the groups that they show always have BVHs, but under `brute`.
+    rays : RayCounts
+        That will be traced; for `auto`.
     without_emitters_of : Accelerators, optional
         The accelerators of all primitives; given, area lights are left out: what a camera
         sees that hides them. Kinds that have none are taken over as they are.
@@ -173,6 +169,7 @@ def build_accelerators(
         raise SceneError(f"accelerator {name!r} is unknown; there are: {', '.join(NAMES)}")
     built: dict[str, Any] = dict.fromkeys(KINDS)
     reach = _reach(scene)
+    choices = choose_structures(scene, name, rays)
     for kind, surfaces in scene.surfaces.items():
         order = np.arange(scene.starts[kind][0])
         if without_emitters_of is not None:
@@ -181,7 +178,8 @@ def build_accelerators(
                 continue
             order = order[(scene.stages[surfaces.first + order] & EMIT) == 0]
         if len(order):
-            built[kind] = build_accelerator(kind, surfaces, order, name, reach)
+            chosen = choices[kind].name
+            built[kind] = build_accelerator(kind, surfaces, order, chosen, reach)
     if without_emitters_of is not None:
         instances = without_emitters_of.instances  # groups hold no emitters
     else:

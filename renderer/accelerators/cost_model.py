@@ -25,6 +25,10 @@ class RayCounts(NamedTuple):
     incoherent: float  # after a reflection
 
 
+# where nobody says how many: a picture of a megapixel at 16 paths a pixel
+USUAL_RAYS = RayCounts(16e6, 64e6)
+
+
 class Estimate(NamedTuple):
     """What a structure is expected to cost, in seconds."""
 
@@ -101,7 +105,7 @@ def _steps(count: int, dimension: float) -> float:
 
 
 def box_dimension(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> float:
-    """Return whether primitives lie along a line, on a surface or fill space: 1, 2 or 3.
+    """Return whether primitives lie on surfaces (2 or less) or fill space (3).
 
     By counting the occupied cells of two grids, on at most `SAMPLE` box centres; too few
     primitives to tell count as a surface.
@@ -115,7 +119,7 @@ def box_dimension(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> flo
     low, high = (side[:, ::stride].astype(np.float64) for side in (lower, upper))
     centres = 0.5 * (low + high)
     extent = float(np.ptp(centres, axis=1).max())
-    if centres.shape[1] < 8 * _FINE or extent == 0.0:
+    if centres.shape[1] < SAMPLE // 8 or extent == 0.0:
         return 2.0
     place = (centres - centres.min(axis=1, keepdims=True)) / extent
     counts = []

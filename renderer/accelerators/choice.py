@@ -1,0 +1,77 @@
+"""The structure of each kind of primitive: as asked for, or the cheapest to expect."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.accelerators.cost_model import (
+    SAMPLE,
+    USUAL_RAYS,
+    RayCounts,
+    box_dimension,
+    estimate_all,
+)
+from renderer.scene import Scene, primitive_bounds
+
+
+class Choice(NamedTuple):
+    """A structure's name and why it was taken."""
+
+    name: str
+    reason: str
+
+
+def choose_structures(
+    scene: Scene, asked: str, rays: RayCounts = USUAL_RAYS
+) -> dict[str, Choice]:
+    """Return what to build for each kind of primitive outside of groups.
+
+    Parameters
+    ----------
+    scene
+        The primitives.
+    asked
+        The name of a structure, or "auto".
+    rays
+        That will be traced.
+    """
+    chosen = {}
+    for kind, surfaces in scene.surfaces.items():
+        count = int(scene.starts[kind][0])
+        if count:
+            chosen[kind] = choose_structure(kind, surfaces, count, asked, rays)
+    return chosen
+
+
+def choose_structure(
+    kind: str, surfaces: Any, count: int, asked: str, rays: RayCounts = USUAL_RAYS
+) -> Choice:
+    """Return what to build for the first `count` primitives of one kind."""
+    if asked != "auto":
+        return Choice(asked, "as asked for")
+    dimension = box_dimension(*primitive_bounds(kind, _sample(surfaces, count)))
+    best, second = estimate_all(count, dimension, rays)[:2]
+    spread = "on surfaces" if dimension < 2.5 else "through space"
+    number = rays.coherent + rays.incoherent
+    reason = (
+        f"about {number:.1g} rays are expected, through primitives {spread}; estimated are "
+        f"{_seconds(best.build)} to build and {_seconds(best.trace)} to trace, "
+        f"for {second.name} {_seconds(second.build)} and {_seconds(second.trace)}"
+    )
+    return Choice(best.name, reason)
+
+
+def _sample(surfaces: Any, count: int) -> Any:
+    """Return at most about `SAMPLE` primitives of a record."""
+    stride = max(1, count // SAMPLE)
+    fields = (
+        field[..., :count:stride] if isinstance(field, np.ndarray) else field
+        for field in surfaces
+    )
+    return type(surfaces)(*fields)
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds >= 0.1 else f"{1e3 * seconds:.2g} ms"

@@ -1,0 +1,34 @@
+"""How many rays a render is likely to trace, which decides what building may cost."""
+
+from __future__ import annotations
+
+from renderer.accelerators.cost_model import RayCounts
+from renderer.scene_file.description import PerspectiveCamera
+
+# Segments of a usual path: most leave the scene or end by roulette before any more.
+_USUAL_DEPTH = 6
+
+
+def expected_rays(
+    camera: PerspectiveCamera, method: str, spp: int, max_depth: int, lights: int
+) -> RayCounts:
+    """Estimate from the picture's size and the method.
+
+    Parameters
+    ----------
+    camera
+        Whose film is rendered.
+    method
+        direct, whitted, path, or one that looks at the first hit alone.
+    spp
+        Samples per pixel.
+    max_depth
+        Segments of a path.
+    lights
+        Shadow rays of one point: 1, or all lights.
+    """
+    paths = float(camera.film.crop_width * camera.film.crop_height * spp)
+    if method not in ("direct", "whitted", "path") or max_depth < 2:
+        return RayCounts(paths, 0.0)
+    later = max(0, min(max_depth, _USUAL_DEPTH) - 2)
+    return RayCounts(paths, paths * (lights + later * (1 + lights)))
