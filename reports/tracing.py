@@ -183,7 +183,7 @@ class Answers:
 def answers(accel: Any, query: Query, chosen: NDArray[np.int64]) -> Answers:
     """Trace, and return a copy of what was found."""
     trace(accel, query, chosen)
-    rows = (query.blocked,) if RAY_KINDS[query.kind].any_hit else tuple(query.hits)
+    rows = (query.blocked,) if RAY_KINDS[query.kind].any_hit else query.hits[:4]
     used = np.arange(CAPACITY) < query.rays.count[chosen, None]
     return Answers(tuple(np.where(used, row[chosen, :CAPACITY], 0) for row in rows))
 

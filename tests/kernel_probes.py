@@ -92,8 +92,9 @@ def cylinders(base: Any, axis: Any, radius: Any, height: Any) -> CylinderSurface
     )
 
 
-def accelerator(kind: str, surfaces: Any, name: str) -> Any:
-    return build_accelerator(kind, surfaces, np.arange(surfaces.end - surfaces.first), name)
+def accelerator(kind: str, surfaces: Any, name: str, reach: float = 0.0) -> Any:
+    order = np.arange(surfaces.end - surfaces.first)
+    return build_accelerator(kind, surfaces, order, name, reach)
 
 
 # ------------------------------------------------------------------------------ hits
@@ -109,13 +110,13 @@ class Found(NamedTuple):
 
 
 @entry_kernel
-def run_closest_hit(accel, rays, hits, first, count, coherent):
-    closest_hit(accel, rays, hits, first, count, coherent, None)
+def run_closest_hit(accel, rays, hits, first, count, coherent, tally):
+    closest_hit(accel, rays, hits, first, count, coherent, tally)
 
 
 @entry_kernel
-def run_any_hit(accel, shadow_rays, count, coherent):
-    any_hit(accel, shadow_rays, count, coherent, None)
+def run_any_hit(accel, shadow_rays, count, coherent, tally):
+    any_hit(accel, shadow_rays, count, coherent, tally)
 
 
 def workspace(count: int, channels: int = 3, instances: bool = False) -> Workspace:
@@ -142,14 +143,23 @@ def ray_count(origin: Any, direction: Any) -> int:
 
 
 def closest(
-    accel: Any, origin: Any, direction: Any, *, t_max: Any = np.inf, coherent: bool = False
+    accel: Any,
+    origin: Any,
+    direction: Any,
+    *,
+    t_max: Any = np.inf,
+    coherent: bool = False,
+    tally: Any = None,
 ) -> Found:
-    """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one."""
+    """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one.
+
+    Given a tally (`renderer.accelerators.tally`), the twin that counts runs.
+    """
     work = workspace(ray_count(origin, direction))
     n = fill(work.rays, origin, direction)
     work.hits.t[:n] = t_max
     work.hits.prim[:] = -1
-    run_closest_hit(accel, work.rays, work.hits, 0, n, coherent)
+    run_closest_hit(accel, work.rays, work.hits, 0, n, coherent, tally)
     return Found(*(row[:n] for row in work.hits[:4]))
 
 
@@ -161,13 +171,14 @@ def blocked(
     t_max: Any = np.inf,
     coherent: bool = False,
     before: Any = False,
+    tally: Any = None,
 ) -> np.ndarray:
     """Whether shadow rays (n, 3) meet anything before t_max, or were blocked `before`."""
     work = workspace(ray_count(origin, direction))
     n = fill(work.shadow_rays, origin, direction)
     work.shadow_rays.blocked[:n] = before
     work.shadow_rays.t_max[:n] = t_max
-    run_any_hit(accel, work.shadow_rays, n, coherent)
+    run_any_hit(accel, work.shadow_rays, n, coherent, tally)
     return work.shadow_rays.blocked[:n] != 0
 
 

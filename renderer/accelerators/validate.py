@@ -1,0 +1,93 @@
+"""The proof of each structure, chosen by its record: that rays can miss nothing in it.
+
+Each structure proves itself in its own file; `validate` is the one question for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.brute_force import BruteForce
+from renderer.accelerators.bsp import Bsp, validate_bsp
+from renderer.accelerators.bvh import Bvh
+from renderer.accelerators.bvh_tree import BvhTree, validate_bvh
+from renderer.accelerators.extents import Extents
+from renderer.accelerators.hierarchical_grid import (
+    HierarchicalGrid,
+    validate_hierarchical_grid,
+)
+from renderer.accelerators.kd_tree import KdTree, validate_kd_tree
+from renderer.accelerators.octree import Octree, validate_octree
+from renderer.accelerators.uniform_grid import UniformGrid, validate_uniform_grid
+from renderer.accelerators.wide_bvh import WideBvh
+from renderer.accelerators.wide_bvh_build import validate_wide
+
+
+def validate(accel: Any, extents: Extents) -> None:
+    """Check that a structure holds all primitives where a ray looks for them.
+
+    Parameters
+    ----------
+    accel
+        What a builder returned.
+    extents
+        What it was given.
+
+    Raises
+    ------
+    ValueError
+        If not; the message says which node or cell, and what is wrong with it.
+    TypeError
+        If nobody knows how to prove such a structure.
+    """
+    proof = VALIDATORS.get(type(accel))
+    if proof is None:
+        known = ", ".join(record.__name__ for record in VALIDATORS)
+        raise TypeError(f"no proof for a {type(accel).__name__}; there are: {known}")
+    proof(accel, extents)
+
+
+def columns_held(primitives: Any, n: int) -> NDArray[np.int64]:
+    """Return which of the n primitives that were given each one of a group is, (n,).
+
+    Primitive ids rise with the columns, whatever was left out of a scene.
+
+    Raises
+    ------
+    ValueError
+        If a primitive is missing, or there twice.
+    """
+    ids = primitives.id[: primitives.count]
+    different, columns = np.unique(ids, return_inverse=True)
+    if not len(ids) == len(different) == n:
+        raise ValueError(
+            f"a group of {len(ids)} primitives, {len(different)} of them different, "
+            f"holds not each of {n} once"
+        )
+    return columns
+
+
+def _validate_brute_force(accel: BruteForce, extents: Extents) -> None:
+    columns_held(accel.primitives, extents.lower.shape[1])
+
+
+def _validate_bvh(bvh: Bvh, extents: Extents) -> None:
+    order = columns_held(bvh.primitives, extents.lower.shape[1])
+    tree = BvhTree(bvh.bounds, bvh.child, bvh.count, order.astype(np.int32))
+    validate_bvh(tree, extents.lower, extents.upper)
+
+
+VALIDATORS: dict[type, Callable[[Any, Extents], None]] = {
+    BruteForce: _validate_brute_force,
+    Bvh: _validate_bvh,
+    WideBvh: validate_wide,
+    UniformGrid: validate_uniform_grid,
+    HierarchicalGrid: validate_hierarchical_grid,
+    KdTree: validate_kd_tree,
+    Octree: validate_octree,
+    Bsp: validate_bsp,
+}

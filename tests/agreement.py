@@ -1,0 +1,94 @@
+"""The comparison that every accelerator has to stand: brute force, bit for bit.
+
+The names come from the registry, so a structure that is added later is tested without an
+edit here. Each is asked for the nearest hit and for any hit, by packets too where it has
+such a traversal, and proves its own structure before.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from kernel_probes import Found, accelerator, blocked, closest
+
+from renderer.accelerators.build import BUILDERS
+from renderer.accelerators.dispatch import TRAVERSALS
+from renderer.accelerators.extents import Extents, extents_of
+from renderer.accelerators.validate import validate
+
+NAMES = tuple(BUILDERS)
+# Grouped by name, so that the processes of a test run share out what is to be compiled.
+every_name = pytest.mark.parametrize("name", NAMES, scope="module")
+
+
+def extents_for(kind: str, surfaces: Any, reach: float = 0.0) -> Extents:
+    return extents_of(kind, surfaces, np.arange(surfaces.end - surfaces.first), reach)
+
+
+def proved(name: str, kind: str, surfaces: Any, reach: float = 0.0) -> Any:
+    """Build the structure over all primitives and let it prove itself."""
+    accel = accelerator(kind, surfaces, name, reach)
+    validate(accel, extents_for(kind, surfaces, reach))
+    return accel
+
+
+def ways_of(accel: Any) -> tuple[bool, ...]:
+    """What to pass as `coherent`: both if the structure has its own way for packets."""
+    ways = TRAVERSALS[type(accel)]
+    own = ways.closest_hit_coherent is not ways.closest_hit
+    return (False, True) if own or ways.any_hit_coherent is not ways.any_hit else (False,)
+
+
+def reach_of(origin: Any) -> float:
+    """How far from the world's origin these rays start, as a scene's camera would."""
+    distance = np.abs(np.asarray(origin, np.float64)).sum(axis=-1)
+    return float(distance[np.isfinite(distance)].max(initial=0.0))
+
+
+def assert_same(found: Found, truth: Found, label: str) -> None:
+    """Compare hits bit for bit; u and v of a miss mean nothing."""
+    np.testing.assert_array_equal(found.prim, truth.prim, f"prim, {label}")
+    hit = truth.prim >= 0
+    np.testing.assert_array_equal(found.t[~hit], truth.t[~hit], f"t of a miss, {label}")
+    for field in ("t", "u", "v"):
+        got, expected = (getattr(f, field)[hit].view(np.int32) for f in (found, truth))
+        np.testing.assert_array_equal(got, expected, f"bits of {field}, {label}")
+
+
+def assert_agrees(
+    accel: Any, truth: Found, origin: Any, direction: Any, t_max: Any, label: str
+) -> None:
+    """Compare the hits of a structure that is already built with those of brute force."""
+    for coherent in ways_of(accel):
+        told = f"{label}, packets: {coherent}"
+        found = closest(accel, origin, direction, t_max=t_max, coherent=coherent)
+        assert_same(found, truth, told)
+        any_hit = blocked(accel, origin, direction, t_max=t_max, coherent=coherent)
+        np.testing.assert_array_equal(any_hit, truth.prim >= 0, f"any hit, {told}")
+
+
+def assert_same_hits(
+    name: str,
+    kind: str,
+    surfaces: Any,
+    origin: Any,
+    direction: Any,
+    t_max: Any = np.inf,
+    reach: float | None = None,
+) -> Found:
+    """Compare all traversals of a structure with brute force, whose hits are returned.
+
+    By default it is built for rays from where these rays start.
+    """
+    truth = closest(accelerator(kind, surfaces, "brute"), origin, direction, t_max=t_max)
+    accel = proved(name, kind, surfaces, reach_of(origin) if reach is None else reach)
+    assert_agrees(accel, truth, origin, direction, t_max, f"{name}, {kind}")
+    return truth
+
+
+def some(truth: Found, least: float = 0.005) -> None:
+    """Both hits and misses must be there, or the comparison shows nothing."""
+    share = np.mean(truth.prim >= 0)
+    assert least < share < 1, share
