@@ -94,11 +94,16 @@ def explain_accelerators(
         That are expected.
     """
     counts = _primitives(scene)
+    kinds: dict[str, list[str]] = {}
+    reasons: dict[str, str] = {}
     for kind, choice in choose_structures(scene, asked, rays).items():
-        text = f"{_ACCELERATORS[choice.name]}, {choice.reason}"
-        if asked == "auto":
-            text = f"{_ACCELERATORS[choice.name]}: {choice.reason}"
-        why.say("accelerator", f"{_counted(counts[kind], kind)}: {text}")
+        kinds.setdefault(choice.name, []).append(kind)
+        most = max(kinds[choice.name], key=counts.__getitem__)
+        if kind == most:
+            reasons[choice.name] = choice.reason
+    for name, members in kinds.items():
+        listed = ", ".join(_counted(counts[kind], kind) for kind in members)
+        why.say("accelerator", f"{listed}: {_ACCELERATORS[name]}; {reasons[name]}")
     if scene.placements is not None:
         text = f"{_ACCELERATORS['bvh']} over their boxes, and one for each group"
         if asked == "brute":

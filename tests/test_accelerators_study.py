@@ -204,7 +204,7 @@ def test_threads_change_nothing(
         for row in (query.hits.t, query.hits.prim, query.blocked):
             row[:] = 77
         tracing.trace(accel, query, query.batches, threads=3)
-        rows = (query.blocked,) if query.kind == "shadow" else tuple(query.hits)
+        rows = (query.blocked,) if query.kind == "shadow" else query.hits[:4]
         for mine, theirs in zip(one.values, rows, strict=True):
             assert np.array_equal(flat(mine, query.rays), flat(theirs, query.rays))
 

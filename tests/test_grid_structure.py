@@ -18,7 +18,7 @@ from grid_probes import (
 from kernel_probes import KINDS, rectangles, soup, spheres
 
 from renderer.accelerators import clustered_grids, nested_grids
-from renderer.accelerators.extents import Extents
+from renderer.accelerators.extents import Extents, Hulls
 from renderer.accelerators.grid_cells import MOST_COPIES, Grids
 from renderer.accelerators.grid_resolution import DENSITY
 from renderer.accelerators.grid_validation import validate_grids
@@ -256,7 +256,8 @@ def test_builders_end_and_memory_is_bounded(scene, name):
 def test_all_at_the_origin():
     """Boxes without extent, in a world without extent."""
     zero = np.zeros((3, 2), np.float32)
-    nowhere = Extents(zero, zero, np.zeros((3, 4, 2), np.float32), zero[0], zero, 0.0, 0.0)
+    hulls = Hulls(np.zeros((3, 4, 2), np.float32), zero[0], zero)
+    nowhere = Extents(zero, zero, 0.0, 0.0, lambda: hulls)
     for build in (
         build_uniform_grid,
         nested_grids.build_nested_grids,
