@@ -280,7 +280,7 @@ def test_explain_follows_the_options(capsys):
     text = capsys.readouterr().out
     assert "40 x 192 pixels" in text
     assert "(Appel 1968)" in text
-    assert "hierarchy by the surface area heuristic, as asked for" in " ".join(text.split())
+    assert "hierarchy by the surface area heuristic; as asked for" in " ".join(text.split())
 
 
 def test_explain_with_an_output_renders_too(capsys):
