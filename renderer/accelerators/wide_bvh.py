@@ -347,16 +347,21 @@ def _keep_nearest(hits, i, x, found, blocks, block):
     """Update the hit of ray i with those of a block; nothing where any hit is sought."""
     if hits is None:
         return
-    while found != 0:
-        j = lowest_bit(found)
-        found &= found - 1
-        t = lane(x.t, j)
-        prim = load_one(blocks.id, 0, WIDTH * block + j)
-        if t < hits.t[i] or hits.prim[i] < 0 or (t == hits.t[i] and prim < hits.prim[i]):
-            hits.t[i] = t
-            hits.prim[i] = prim
-            hits.u[i] = lane(x.u, j)
-            hits.v[i] = lane(x.v, j)
+    # the least t, then the least id among those: without a branch, as above
+    bits = select(x.hit, as_i32(x.t), _NEVER)
+    t_bits = smallest(bits)
+    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
+    prim = smallest(ids)
+    j = lowest_bit(mask_bits(ids == prim))
+    t = as_f32(t_bits)
+    t_before = load_one(hits.t, 0, i)
+    prim_before = load_one(hits.prim, 0, i)
+    tie = (t == t_before) & ((prim_before < 0) | (prim < prim_before))
+    wins = (found != 0) & ((t < t_before) | tie)
+    store_one(hits.t, 0, i, select(wins, t, t_before))
+    store_one(hits.prim, 0, i, select(wins, prim, prim_before))
+    store_one(hits.u, 0, i, select(wins, lane(x.u, j), load_one(hits.u, 0, i)))
+    store_one(hits.v, 0, i, select(wins, lane(x.v, j), load_one(hits.v, 0, i)))
 
 
 @kernel
@@ -380,10 +385,11 @@ def _add_primitives(tally, blocks, block, i):
 @kernel
 def _prefetch(accel, node):
     """Ask for what a ray will look at when its next turn comes."""
-    if node >= 0:
-        prefetch(accel.octets, 0, node * WIDE_BYTES)
-        prefetch(accel.octets, 0, node * WIDE_BYTES + 64)
-    else:
-        rows = accel.blocks.rows
-        for k in range(0, rows.shape[1], 16):
-            prefetch(rows, ~node, k)
+    # both kinds without a branch, which would be mispredicted: at worst, lines of node or
+    # block 0 are asked for, which are there
+    inner = max(node, 0) * WIDE_BYTES
+    prefetch(accel.octets, 0, inner)
+    prefetch(accel.octets, 0, inner + 64)
+    rows = accel.blocks.rows
+    for k in range(0, rows.shape[1], 16):
+        prefetch(rows, max(~node, 0), k)
