@@ -17,9 +17,7 @@ from renderer.accelerators.bvh import STRETCH, _margins
 from renderer.accelerators.packets import (
     Nearest,
     blocked_by,
-    load_nearest,
     nearest_of,
-    store_nearest,
 )
 from renderer.accelerators.tally import (
     BOXES,
@@ -144,10 +142,11 @@ def closest_hit_bundles(accel, rays, hits, first, count, tally):
         direction = load3(rays.direction, i)
         bundle = _bundle_of(origin, direction)
         signs = _signs(direction)
-        given = load_nearest(hits, i)
         # lanes beyond the last ray end before they begin
         traced = _traceable(direction, origin, first_lanes(left))
-        nearest = Nearest(select(traced, given.t, -1.0), given.prim, given.u, given.v)
+        t = select(traced, load_row(hits.t, 0, i), -1.0)
+        prim = load_row(hits.prim, 0, i)
+        nearest = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
         stack[0] = 0
         depth = np.int64(1)
         while depth > 0:
@@ -178,8 +177,13 @@ def closest_hit_bundles(accel, rays, hits, first, count, tally):
             store_one(stack, 0, depth, child + 1 - second)
             store_one(stack, 0, depth + 1, child + second)
             depth += 2
-        t = select(traced, nearest.t, given.t)
-        store_nearest(hits, i, Nearest(t, nearest.prim, nearest.u, nearest.v))
+        found = nearest.prim != prim
+        if mask_bits(found) == 0:
+            continue  # and leave alone what is not in the cache
+        store_row(hits.t, 0, i, select(found, nearest.t, load_row(hits.t, 0, i)))
+        store_row(hits.prim, 0, i, nearest.prim)
+        store_row(hits.u, 0, i, select(found, nearest.u, load_row(hits.u, 0, i)))
+        store_row(hits.v, 0, i, select(found, nearest.v, load_row(hits.v, 0, i)))
 
 
 @kernel
