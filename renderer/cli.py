@@ -80,6 +80,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
             sampler=options.sampler,
             spp=options.spp,
             accel=options.accel,
+            threads=options.threads,
         )
         sys.stdout.write(text)
         sys.stdout.flush()

@@ -10,7 +10,12 @@ _USUAL_DEPTH = 6
 
 
 def expected_rays(
-    camera: PerspectiveCamera, method: str, spp: int, max_depth: int, lights: int
+    camera: PerspectiveCamera,
+    method: str,
+    spp: int,
+    max_depth: int,
+    lights: int,
+    threads: int,
 ) -> RayCounts:
     """Estimate from the picture's size and the method.
 
@@ -26,9 +31,11 @@ def expected_rays(
         Segments of a path.
     lights
         Shadow rays of one point: 1, or all lights.
+    threads
+        That trace them.
     """
     paths = float(camera.film.crop_width * camera.film.crop_height * spp)
     if method not in ("direct", "whitted", "path") or max_depth < 2:
-        return RayCounts(paths, 0.0)
+        return RayCounts(paths, 0.0, threads)
     later = max(0, min(max_depth, _USUAL_DEPTH) - 2)
-    return RayCounts(paths, paths * (lights + later * (1 + lights)))
+    return RayCounts(paths, paths * (lights + later * (1 + lights)), threads)

@@ -40,6 +40,7 @@ _WITHOUT_KERNELS = (
     "rendering.py",
     "scene_file/",
     "srgb.py",
+    "threads.py",
 )
 
 

@@ -30,6 +30,7 @@ from renderer.scene_file.description import (
     Sampler,
 )
 from renderer.scene_file.samplers import round_sample_count
+from renderer.threads import default_threads
 
 INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
@@ -113,6 +114,7 @@ def make_plan(
     spp: int | None = None,
     accel: str | None = None,
     ray_offset: str | None = None,
+    threads: int | None = None,
 ) -> Plan:
     """Decide how to render.
 
@@ -132,6 +134,8 @@ def make_plan(
         What `build_accelerators` will be asked for; it is explained here.
     ray_offset : str, optional
         One of `RAY_OFFSETS`: how far off their surface new rays start.
+    threads : int, optional
+        That will trace; None is one for each core.
 
     Raises
     ------
@@ -143,7 +147,9 @@ def make_plan(
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
     lights = emitting + len(scene.description.emitters) if plan.every_light else 1
     camera = scene.description.camera
-    rays = expected_rays(camera, plan.method, plan.spp, plan.max_depth, lights)
+    rays = expected_rays(
+        camera, plan.method, plan.spp, plan.max_depth, lights, threads or default_threads()
+    )
     explain_accelerators(scene, accel or "auto", rays, why)
     return dataclasses.replace(
         plan,

@@ -28,6 +28,7 @@ def plan_text(
     sampler: str | None = None,
     spp: int | None = None,
     accel: str | None = None,
+    threads: int | None = None,
 ) -> str:
     """Return what `render` would do with the same arguments, and why, as lines of text.
 
@@ -36,7 +37,9 @@ def plan_text(
     SceneError
         As `make_plan`.
     """
-    plan = make_plan(scene, integrator=integrator, sampler=sampler, spp=spp, accel=accel)
+    plan = make_plan(
+        scene, integrator=integrator, sampler=sampler, spp=spp, accel=accel, threads=threads
+    )
     film = scene.description.camera.film
     size = f"{film.crop_width} x {film.crop_height} pixels"
     if (film.crop_width, film.crop_height) != (film.width, film.height):

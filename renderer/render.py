@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import time
 from collections.abc import Callable
 from typing import Any
@@ -20,17 +19,9 @@ from renderer.image import Image
 from renderer.plan import make_plan
 from renderer.rendering import Progress, Rendering
 from renderer.scene import Scene
+from renderer.threads import default_threads
 
 MOST_THREADS = 1024
-
-
-def default_threads() -> int:
-    """Return the number of processors that this process may use."""
-    return (
-        len(os.sched_getaffinity(0))
-        if hasattr(os, "sched_getaffinity")
-        else os.cpu_count() or 1
-    )
 
 
 def render(
@@ -95,6 +86,7 @@ def render(
         spp=spp,
         accel=accel,
         ray_offset=ray_offset,
+        threads=threads,
     )
 
     def announce() -> None:

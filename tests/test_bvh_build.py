@@ -239,7 +239,7 @@ def test_the_tree_is_the_same_for_any_number_of_threads(monkeypatch, rule):
     lower, upper = soup(3000, seed=5)
     trees = []
     for threads in (1, 4):
-        monkeypatch.setattr(bvh_build.os, "cpu_count", lambda n=threads: n)
+        monkeypatch.setattr(bvh_build, "default_threads", lambda n=threads: n)
         trees.append(build_tree(lower, upper, rule=rule))
         validate_bvh(trees[-1], lower, upper)
     for one, four in zip(*trees, strict=True):

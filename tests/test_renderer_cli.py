@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import re
@@ -486,6 +487,15 @@ class Alarm:
             raise KeyboardInterrupt
 
 
+@pytest.fixture
+def no_collection():
+    """An exception inside of a callback of the garbage collector reaches nobody."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.usefixtures("no_collection")
 def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
     """What users of the API meet, at forty moments spread over a render.
 

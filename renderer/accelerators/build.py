@@ -190,5 +190,6 @@ def build_accelerators(
 
 def _reach(scene: Scene) -> float:
     """Return the largest |x| + |y| + |z| where a ray of this scene can start."""
-    starts = [*scene.bounds, scene.description.camera.to_world[:3, 3]]
-    return float(np.abs(starts).sum(axis=1).max())
+    corner = np.abs(scene.bounds).max(axis=0)
+    eye = np.abs(scene.description.camera.to_world[:3, 3])
+    return float(max(corner.sum(), eye.sum()))

@@ -51,7 +51,7 @@ from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.vectors import column, load3, vec3
 
-STACK = 64  # the builder keeps the depth below 60
+STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
 # A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding
 # would leave in the boxes of flat primitives [Ize2013].
 STRETCH = np.float32(1.0000004)
@@ -78,7 +78,7 @@ def build_bvh(extents: Extents, group: PrimitiveGroup, rule: str = "sah") -> Bvh
 
 
 @kernel
-def _margins(origin):
+def origin_margins(origin):
     """Return the origin moved down and up by the margin along every axis."""
     far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
     return origin - far * MARGIN, origin + far * MARGIN
@@ -121,7 +121,7 @@ def _sooner(a, bound):
 
 
 @kernel
-def _ray_enters(bounds, node, low, high, inverse, t):
+def ray_enters(bounds, node, low, high, inverse, t):
     """Return where one ray enters a node's box, or infinity if not before t."""
     x0 = (bounds[node, 0] - high.x) * inverse.x
     x1 = (bounds[node, 3] - low.x) * inverse.x
@@ -158,7 +158,7 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count, tally):
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
         inverse = 1.0 / direction
-        low, high = _margins(origin)
+        low, high = origin_margins(origin)
         # lanes beyond the last ray end before they begin
         left = first + count - i
         given = load_nearest(hits, i)
@@ -207,11 +207,11 @@ def nearest_below(bvh, root, origin, direction, hit, tally, i):
     """Return the nearest hit of one ray after all below a node was tested."""
     bounds, primitives = bvh.bounds, bvh.primitives
     inverse = np.float32(1.0) / direction
-    low, high = _margins(origin)
+    low, high = origin_margins(origin)
     stack = local_i32(STACK)
     entries = local_f32(STACK)
     stack[0] = root
-    entries[0] = _ray_enters(bounds, root, low, high, inverse, hit.t)
+    entries[0] = ray_enters(bounds, root, low, high, inverse, hit.t)
     add_to(tally, BOXES, i, 1)
     depth = 1 if entries[0] < _INFINITY else 0
     while depth > 0:
@@ -225,8 +225,8 @@ def nearest_below(bvh, root, origin, direction, hit, tally, i):
         if bvh.count[node] == 0:
             near = child
             far = child + 1
-            enter_near = _ray_enters(bounds, near, low, high, inverse, hit.t)
-            enter_far = _ray_enters(bounds, far, low, high, inverse, hit.t)
+            enter_near = ray_enters(bounds, near, low, high, inverse, hit.t)
+            enter_far = ray_enters(bounds, far, low, high, inverse, hit.t)
             add_to(tally, BOXES, i, 2)
             if enter_far < enter_near:
                 near, far = far, near
@@ -254,7 +254,7 @@ def any_hit_bvh_packets(bvh, shadow_rays, count, tally):
         origin = load3(shadow_rays.origin, i)
         direction = load3(shadow_rays.direction, i)
         inverse = 1.0 / direction
-        low, high = _margins(origin)
+        low, high = origin_margins(origin)
         left = count - i
         t_max = load_row(shadow_rays.t_max, 0, i)
         blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(left)
@@ -299,7 +299,7 @@ def blocked_below(bvh, root, origin, direction, t_max, tally, i):
     """Return whether one ray meets anything below a node up to t_max."""
     bounds, primitives = bvh.bounds, bvh.primitives
     inverse = np.float32(1.0) / direction
-    low, high = _margins(origin)
+    low, high = origin_margins(origin)
     stack = local_i32(STACK)
     stack[0] = root
     depth = 1
@@ -308,7 +308,7 @@ def blocked_below(bvh, root, origin, direction, t_max, tally, i):
         depth -= 1
         node = stack[depth]
         add_to(tally, BOXES, i, 1)
-        if _ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
+        if ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
             continue
         add_to(tally, NODES, i, 1)
         child = bvh.child[node]

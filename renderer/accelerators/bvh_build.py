@@ -19,7 +19,6 @@ without recursion; the tree is the same for any number of threads.
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
 
@@ -29,6 +28,7 @@ from numpy.typing import ArrayLike
 from renderer.accelerators.bvh_split import BINS, MAX_DEPTH, enclose, split
 from renderer.accelerators.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
 from renderer.jit import builder_kernel
+from renderer.threads import default_threads
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 
@@ -74,16 +74,17 @@ def build_tree(
 def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
     """Split what is large, build the rest in jobs, and put all nodes together."""
     n = len(order)
-    if n <= JOB:
+    job = max(JOB, settings[0])  # a leaf is not split
+    if n <= job:
         return _build(boxes, order, 0, n, 0, *settings)
     children: dict[int, tuple[Any, int, int]] = {}  # part -> box, left and right part
     subtrees: dict[int, Any] = {}
     parts = [(0, n, 0)]  # first, end, depth; the root is part 0
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(default_threads()) as pool:
 
         def start(part: int) -> Future[Any]:
             first, end, depth = parts[part]
-            work = _split_once if end - first > JOB else _build
+            work = _split_once if end - first > job else _build
             return pool.submit(work, boxes, order, first, end, depth, *settings)
 
         under_way = {start(0): 0}
@@ -91,7 +92,7 @@ def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
             for future in wait(under_way, return_when=FIRST_COMPLETED).done:
                 part = under_way.pop(future)
                 first, end, depth = parts[part]
-                if end - first <= JOB:
+                if end - first <= job:
                     subtrees[part] = future.result()
                     continue
                 box, middle = future.result()

@@ -65,7 +65,7 @@ def choose_structure(
 
 def _sample(surfaces: Any, count: int) -> Any:
     """Return at most about `SAMPLE` primitives of a record."""
-    stride = max(1, count // SAMPLE)
+    stride = -(-count // SAMPLE)
     fields = (
         field[..., :count:stride] if isinstance(field, np.ndarray) else field
         for field in surfaces

@@ -8,11 +8,12 @@ which changes no choice; what matters is where two lines cross.
 from __future__ import annotations
 
 import math
-import os
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from renderer.accelerators.bvh_build import JOB
 
 SAMPLE = 4096  # primitives that the distribution is judged by
 _COARSE, _FINE = 4, 8  # cells along the longest side
@@ -23,6 +24,7 @@ class RayCounts(NamedTuple):
 
     coherent: float  # from the camera, neighbours together
     incoherent: float  # after a reflection
+    threads: int = 2  # that trace them
 
 
 # where nobody says how many: a picture of a megapixel at 16 paths a pixel
@@ -42,9 +44,7 @@ class Estimate(NamedTuple):
         return self.build + self.trace
 
 
-def estimate_all(
-    count: int, dimension: float, rays: RayCounts, cores: int | None = None
-) -> list[Estimate]:
+def estimate_all(count: int, dimension: float, rays: RayCounts) -> list[Estimate]:
     """Return the estimates of the structures that are ever the best, the best one first.
 
     Parameters
@@ -55,21 +55,18 @@ def estimate_all(
         From `box_dimension`.
     rays
         That will be traced, by all threads together.
-    cores
-        Threads that trace; None is one for each core.
     """
-    threads = cores or os.cpu_count() or 1
     found = []
     for name, model in _MODELS.items():
         build, coherent, incoherent = model(count, dimension)
-        if name != "brute" and count > 2 * _PARALLEL:
-            build /= min(threads, 2) ** 0.5
-        trace = (rays.coherent * coherent + rays.incoherent * incoherent) / threads
+        if name != "brute" and count > 2 * JOB:
+            build /= _BUILD_SPEED_UP  # all cores build, whatever number traces
+        trace = (rays.coherent * coherent + rays.incoherent * incoherent) / rays.threads
         found.append(Estimate(name, build, trace * 1e-9))
     return sorted(found, key=lambda estimate: estimate.total)
 
 
-_PARALLEL = 16384  # primitives from which builders use more than one core
+_BUILD_SPEED_UP = 1.4  # of two cores; the first splits are made by one
 
 
 def _brute(count: int, dimension: float) -> tuple[float, float, float]:
@@ -98,25 +95,24 @@ def _steps(count: int, dimension: float) -> float:
     A surface is met once, after a descent of log n steps. Clutter that fills space is met
     again and again: a ray passes n^(1/3) of it.
     """
-    surface = 17.0 * math.log2(count + 1)
     volume = 17.0 * count ** (1.0 / 3.0)
+    surface = min(17.0 * math.log2(count + 1), volume)
     share = min(max(dimension - 2.0, 0.0), 1.0)
-    return min(surface, volume) if share == 0.0 else (1 - share) * surface + share * volume
+    return (1 - share) * surface + share * volume
 
 
 def box_dimension(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> float:
     """Return whether primitives lie on surfaces (2 or less) or fill space (3).
 
-    By counting the occupied cells of two grids, on at most `SAMPLE` box centres; too few
-    primitives to tell count as a surface.
+    By counting the occupied cells of two grids; too few primitives to tell count as a
+    surface.
 
     Parameters
     ----------
     lower, upper
-        (3, n) corners of boxes.
+        (3, n) corners of boxes, of a sample of `SAMPLE` or so.
     """
-    stride = max(1, lower.shape[1] // SAMPLE)
-    low, high = (side[:, ::stride].astype(np.float64) for side in (lower, upper))
+    low, high = (side.astype(np.float64) for side in (lower, upper))
     centres = 0.5 * (low + high)
     extent = float(np.ptp(centres, axis=1).max())
     if centres.shape[1] < SAMPLE // 8 or extent == 0.0:

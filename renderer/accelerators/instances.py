@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh import (
     STACK,
-    _margins,
-    _ray_enters,
     blocked_below,
     nearest_below,
+    origin_margins,
+    ray_enters,
 )
 from renderer.accelerators.single_ray import RayHit
 from renderer.accelerators.tally import BOXES, NODES, add_to, note_stack
@@ -109,7 +109,7 @@ def _nearest_instance(instances, origin, direction, hit, tally, i):
     """Return the nearest hit of one ray among all instances, from front to back."""
     bounds = instances.bounds
     inverse = np.float32(1.0) / direction
-    low, high = _margins(origin)
+    low, high = origin_margins(origin)
     stack = local_i32(STACK)
     entries = local_f32(STACK)
     stack[0] = _start(instances, origin, direction)
@@ -129,8 +129,8 @@ def _nearest_instance(instances, origin, direction, hit, tally, i):
             continue
         near = child
         far = child + 1
-        enter_near = _ray_enters(bounds, near, low, high, inverse, hit.t)
-        enter_far = _ray_enters(bounds, far, low, high, inverse, hit.t)
+        enter_near = ray_enters(bounds, near, low, high, inverse, hit.t)
+        enter_far = ray_enters(bounds, far, low, high, inverse, hit.t)
         add_to(tally, BOXES, i, 2)
         if enter_far < enter_near:
             near, far = far, near
@@ -196,7 +196,7 @@ def _blocked(instances, origin, direction, t_max, tally, i):
     """Return whether one ray meets an instance up to t_max."""
     bounds = instances.bounds
     inverse = np.float32(1.0) / direction
-    low, high = _margins(origin)
+    low, high = origin_margins(origin)
     stack = local_i32(STACK)
     stack[0] = _start(instances, origin, direction)
     depth = 0 if stack[0] < 0 else 1
@@ -205,7 +205,7 @@ def _blocked(instances, origin, direction, t_max, tally, i):
         depth -= 1
         node = stack[depth]
         add_to(tally, BOXES, i, 1)
-        if _ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
+        if ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
             continue
         add_to(tally, NODES, i, 1)
         child = instances.child[node]

@@ -74,7 +74,7 @@ def padded_boxes(
 
     A point that is computed in the object's space is off by a few units in the last place
     of the distances that went into it: of the ray's origin to the instance, at most
-    reach + |a|. The transform may enlarge that (`distortion`), by 3 for a rotation.
+    reach + |a|. The transform may enlarge that (`distortion`), by up to 3 for a rotation.
     """
     assert scene.placements is not None and scene.instance_boxes is not None
     away = reach + np.abs(translation(scene.placements.to_world)).sum(axis=1)

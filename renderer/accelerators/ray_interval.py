@@ -46,3 +46,11 @@ def _within(low, high, start, inverse, enter, leave):
     if inverse < 0.0:
         a, b = b, a
     return (a if a > enter else enter), (b if b < leave else leave)
+
+
+@kernel
+def is_finite_ray(origin, direction):
+    """Return whether no component is NaN or infinite; of one ray or 16."""
+    zero = np.float32(0.0)
+    nothing = (origin.x + origin.y + origin.z) * zero
+    return nothing + (direction.x + direction.y + direction.z) * zero == zero

@@ -2,8 +2,7 @@
 
 Neighbouring camera rays visit nearly the same nodes, so each box and each primitive is
 fetched once and tested against all 16 at once; what no ray of the bundle enters is
-skipped. On the displaced icosphere of 327,680 triangles this took 43 million camera rays
-a second on one core where single rays through the wide tree took 9.
+skipped. Measured in docs/performance.md, "Beside Embree".
 """
 
 from __future__ import annotations
@@ -13,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh import STRETCH, _margins
+from renderer.accelerators.bvh import STRETCH, origin_margins
 from renderer.accelerators.packets import (
     Nearest,
     blocked_by,
     nearest_of,
 )
+from renderer.accelerators.ray_interval import is_finite_ray
 from renderer.accelerators.tally import (
     BOXES,
     NODES,
@@ -42,7 +42,7 @@ from renderer.lanes.local import local_i32
 from renderer.lanes.memory import load_one, load_row, store_one, store_row
 from renderer.vectors import load3, vec3
 
-STACK = 64  # the builder keeps the depth below 60
+STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
 # A direction's components are taken to be at least this share of the largest: the ray is
 # moved by less than a rounding error, and no product below is 0 * inf or overflows.
 LEAST_COMPONENT = np.float32(1e-12)
@@ -71,7 +71,10 @@ def _away_from_zero(d, least):
 
 @kernel
 def safe_reciprocal(direction):
-    """Return 1 / d for each component, finite; of one ray or 16."""
+    """Return 1 / d for each component of one ray or 16.
+
+    Finite, unless the direction is 0 or shorter than 1e-26.
+    """
     x, y, z = fabs(direction.x), fabs(direction.y), fabs(direction.z)
     largest = select(x > y, x, y)
     least = select(z > largest, z, largest) * LEAST_COMPONENT
@@ -86,7 +89,7 @@ def safe_reciprocal(direction):
 @kernel
 def _bundle_of(origin, direction):
     inverse = safe_reciprocal(direction)
-    low, high = _margins(origin)
+    low, high = origin_margins(origin)
     return Bundle(inverse, high * inverse, low * inverse)
 
 
@@ -122,16 +125,6 @@ def _signs(direction):
 
 
 @kernel
-def _traceable(direction, origin, valid):
-    """Return the mask of rays that have no NaN and no infinity, among the valid ones."""
-    zero = np.float32(0.0)
-    sum_of_nothing = (origin.x + origin.y + origin.z) * zero + (
-        direction.x + direction.y + direction.z
-    ) * zero
-    return valid & (sum_of_nothing == zero)
-
-
-@kernel
 def closest_hit_bundles(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
     floats, integers, primitives = accel.floats, accel.integers, accel.primitives
@@ -143,7 +136,7 @@ def closest_hit_bundles(accel, rays, hits, first, count, tally):
         bundle = _bundle_of(origin, direction)
         signs = _signs(direction)
         # lanes beyond the last ray end before they begin
-        traced = _traceable(direction, origin, first_lanes(left))
+        traced = first_lanes(left) & is_finite_ray(origin, direction)
         t = select(traced, load_row(hits.t, 0, i), -1.0)
         prim = load_row(hits.prim, 0, i)
         nearest = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
@@ -197,7 +190,7 @@ def any_hit_bundles(accel, shadow_rays, count, tally):
         direction = load3(shadow_rays.direction, i)
         bundle = _bundle_of(origin, direction)
         signs = _signs(direction)
-        traced = _traceable(direction, origin, first_lanes(left))
+        traced = first_lanes(left) & is_finite_ray(origin, direction)
         t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
         before = load_row(shadow_rays.blocked, 0, i) != 0
         blocked = before | ~traced

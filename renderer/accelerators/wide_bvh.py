@@ -4,8 +4,7 @@ One ray is tested against eight boxes, or eight primitives, at once [Wald2008]. 
 rays spend their time waiting for memory. Two things help: a node takes two cache lines,
 because the boxes of its children are stored in bytes relative to its own [Ylitie2017]; and
 `RAYS` rays are under way at the same time, in turn one step each, so that what a ray needs
-next has arrived when its turn comes. With 327,680 triangles that made 2.1 million rays a
-second 3.0 million; where all fits the cache it gains nothing.
+next has arrived when its turn comes (docs/performance.md, "Beside Embree").
 
 Coherent rays go in bundles through the binary tree that the wide one is made from; both
 share the leaves (`ray_packets`).
@@ -18,20 +17,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh import STRETCH, _margins
+from renderer.accelerators.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh_build import build_tree
 from renderer.accelerators.extents import Extents, PrimitiveGroup
+from renderer.accelerators.ray_interval import is_finite_ray
 from renderer.accelerators.ray_packets import (
     PairedBvh,
     any_hit_bundles,
     closest_hit_bundles,
     safe_reciprocal,
 )
-from renderer.accelerators.tally import BOXES as BOX_TESTS
-from renderer.accelerators.tally import NODES, PRIMITIVES, add_to, note_stack
+from renderer.accelerators.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 from renderer.accelerators.wide_bvh_build import (
     AXIS_BYTES,
-    BOXES,
+    BOX_BYTES,
     CHILD,
     ORIGIN,
     SCALE,
@@ -84,7 +83,7 @@ _ROWS = RAYS * _ROW
 _NODE = 0  # where it is: a node, or ~block
 _DEPTH = 1  # nodes on its stack
 _RAY = 2  # its number in the batch
-_BYTES = 3  # 3 places in a node where its near bounds begin
+_NEAR_BYTES = 3  # 3 places in a node where its near bounds begin
 _WORD = 8
 _WORDS = RAYS * _WORD
 _NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float
@@ -197,7 +196,7 @@ def _trace(accel, rays, ends, hits, blocked, first, count, tally):
         if node >= 0:
             depth = _push_children(accel, node, load_one(ends, 0, i), flight, place, depth)
             add_to(tally, NODES, i, 1)
-            add_to(tally, BOX_TESTS, i, WIDTH)
+            add_to(tally, BOXES, i, WIDTH)
             note_stack(tally, i, depth)
         else:
             done = _meet_block(accel.blocks, ~node, rays, ends, hits, blocked, i, tally)
@@ -228,12 +227,8 @@ def _trace(accel, rays, ends, hits, blocked, first, count, tally):
 def _next_ray(rays, blocked, ray, end):
     """Return the next ray that has an answer to find, from `ray` on; or `end`."""
     while ray < end:
-        o = column(rays.origin, ray)
-        d = column(rays.direction, ray)
-        zero = np.float32(0.0)
-        # 0 unless something is NaN or infinite
-        nothing = (o.x + o.y + o.z) * zero + (d.x + d.y + d.z) * zero
-        if nothing == zero and not _is_blocked(blocked, ray):
+        finite = is_finite_ray(column(rays.origin, ray), column(rays.direction, ray))
+        if finite and not _is_blocked(blocked, ray):
             return ray
         ray += 1
     return end
@@ -252,7 +247,7 @@ def _is_blocked(blocked, ray):
 @kernel
 def _start(rays, ray, flight, place):
     """Put a ray at the root."""
-    low, high = _margins(column(rays.origin, ray))
+    low, high = origin_margins(column(rays.origin, ray))
     inverse = safe_reciprocal(column(rays.direction, ray))
     row = place * _ROW
     at = place * _WORD
@@ -263,9 +258,9 @@ def _start(rays, ray, flight, place):
     x = _start_axis(low.x, high.x, inverse.x, flight.rows, row)
     y = _start_axis(low.y, high.y, inverse.y, flight.rows, row + 32)
     z = _start_axis(low.z, high.z, inverse.z, flight.rows, row + 64)
-    store_one(words, 0, at + _BYTES, BOXES + x)
-    store_one(words, 0, at + _BYTES + 1, BOXES + AXIS_BYTES + y)
-    store_one(words, 0, at + _BYTES + 2, BOXES + 2 * AXIS_BYTES + z)
+    store_one(words, 0, at + _NEAR_BYTES, BOX_BYTES + x)
+    store_one(words, 0, at + _NEAR_BYTES + 1, BOX_BYTES + AXIS_BYTES + y)
+    store_one(words, 0, at + _NEAR_BYTES + 2, BOX_BYTES + 2 * AXIS_BYTES + z)
 
 
 @kernel
@@ -289,7 +284,7 @@ def _start_axis(low, high, inverse, rows, row):
 @kernel
 def _distances(accel, node, axis, flight, place):
     """Return the distances to the near planes, and minus those to the far ones."""
-    at = np.int64(load_one(flight.words, 0, place * _WORD + _BYTES + axis))
+    at = np.int64(load_one(flight.words, 0, place * _WORD + _NEAR_BYTES + axis))
     word = node * WIDE_WORDS + axis
     row = place * _ROW + 32 * axis
     plane = load_bytes(accel.octets, 0, node * WIDE_BYTES + at) * load_one(
@@ -339,7 +334,7 @@ def _meet_block(blocks, block, rays, ends, hits, blocked, i, tally):
     x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
     found = mask_bits(x.hit)
     _keep_nearest(hits, i, x, found, blocks, block)
-    return found != 0 and _block(blocked, i)
+    return found != 0 and _mark_blocked(blocked, i)
 
 
 @kernel
@@ -365,7 +360,7 @@ def _keep_nearest(hits, i, x, found, blocks, block):
 
 
 @kernel
-def _block(blocked, i):
+def _mark_blocked(blocked, i):
     """Note that ray i is blocked, which ends it; a ray to its nearest hit goes on."""
     if blocked is None:
         return False

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.extents import Extents
 from renderer.jit import builder_kernel, kernel
-from renderer.shapes.blocks import WIDTH
+from renderer.shapes.blocks import WIDTH, aligned_bytes
 
 # words of a node of a pair
 PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive
@@ -25,21 +25,14 @@ ORIGIN = 0  # 3 floats: where byte 0 is
 SCALE = 3  # 3 floats: what a byte counts, a power of two
 CHILD = 6  # 8 integers: 0 nothing, > 0 a node, < 0 the block ~child
 WIDE_WORDS = 32
-BOXES = 56  # byte offset; for each axis 8 lower bounds, 8 upper bounds, 8 lower bounds
+BOX_BYTES = 56  # byte offset; for each axis 8 lower bounds, 8 upper bounds, 8 lower bounds
 AXIS_BYTES = 24
 WIDE_BYTES = 128
 
-# A box is rounded outwards by at least this share of a byte's unit. The traversal's own
-# rounding is a few units in the last place of the node's extent: 2^-22 of 250 bytes.
+# Covers the rounding in here. The traversal's own is at most half a unit in the last place
+# of a coordinate, an eighth of a byte's unit; the 32 of `primitive_bounds` hold it.
 _SLACK = 2.0**-10
 _LARGEST_BYTE = 250.0  # leaves room for the rounding of the origin
-
-
-def aligned_bytes(count: int) -> NDArray[np.uint8]:
-    """Return `count` zeros that begin with a pair of cache lines."""
-    memory = np.zeros(count + 128, np.uint8)
-    skip = -memory.ctypes.data % 128
-    return memory[skip : skip + count]
 
 
 def pack_pairs(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
@@ -168,7 +161,7 @@ def _quantise(bounds, node, members, size, floats, octets, wide):
         origin = np.float64(np.float32(low - unit))
         floats[WIDE_WORDS * wide + ORIGIN + axis] = origin
         floats[WIDE_WORDS * wide + SCALE + axis] = unit
-        place = WIDE_BYTES * wide + BOXES + AXIS_BYTES * axis
+        place = WIDE_BYTES * wide + BOX_BYTES + AXIS_BYTES * axis
         for k in range(size):
             lower = (np.float64(bounds[members[k], axis]) - origin) / unit
             upper = (np.float64(bounds[members[k], axis + 3]) - origin) / unit
@@ -218,13 +211,13 @@ def _validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
     nodes = octets.reshape(-1, WIDE_BYTES)
     floats, integers = nodes.view(np.float32), nodes.view(np.int32)
     origin, unit = floats[:, ORIGIN : ORIGIN + 3, None], floats[:, SCALE : SCALE + 3, None]
-    stored = nodes[:, BOXES:].reshape(len(nodes), 3, 3, 8).astype(np.float64)
+    stored = nodes[:, BOX_BYTES:].reshape(len(nodes), 3, 3, 8).astype(np.float64)
     if not np.array_equal(stored[:, :, 0], stored[:, :, 2]):
         raise ValueError("wide node: the two copies of the lower bounds differ")
     low, high = (origin + unit * stored[:, :, k] for k in (0, 1))
     children = integers[:, CHILD : CHILD + 8]
-    _require_once("wide node", children[children > 0] - 1, len(nodes) - 1)
-    _require_once("block of the wide tree", ~children[children < 0], len(lower))
+    _require_once("wide node", children[children > 0], 1, len(nodes))
+    _require_once("block of the wide tree", ~children[children < 0], 0, len(lower))
 
     held_low = np.full((len(nodes), 3), np.inf)
     held_high = -held_low
@@ -251,10 +244,16 @@ def _validate_pairs(pairs: Any, blocks: Any, lower: Any, upper: Any) -> None:
         if (low < outer_low).any() or (high > outer_high).any():
             raise ValueError(f"pair node {node} is not inside of its parent")
         child, count = links[node]
+        if count < 0 and not 0 < child < len(boxes) - 1:
+            raise ValueError(f"pair node {node} has children that do not exist")
+        if len(seen) + len(waiting) > len(boxes):
+            raise ValueError(f"pair node {node} is below itself")
         if count < 0:
             waiting += [(child, low, high), (child + 1, low, high)]
             continue
         block = child // WIDTH
+        if not 0 <= block < len(lower):
+            raise ValueError(f"pair node {node} names block {block} of {len(lower)}")
         seen.append(block)
         if child % WIDTH or count != (blocks.id[child : child + WIDTH] >= 0).sum():
             raise ValueError(
@@ -262,13 +261,13 @@ def _validate_pairs(pairs: Any, blocks: Any, lower: Any, upper: Any) -> None:
             )
         if (low > lower[block]).any() or (high < upper[block]).any():
             raise ValueError(f"pair node {node} does not hold block {block}")
-    _require_once("block of the pairs", np.array(seen), len(lower))
+    _require_once("block of the pairs", np.array(seen), 0, len(lower))
 
 
-def _require_once(what: str, found: Any, count: int) -> None:
-    times = np.bincount(found, minlength=count)
-    wrong = np.flatnonzero(times[:count] != 1)
-    if len(times) > count or wrong.size:
-        raise ValueError(
-            f"{what} {wrong[:1]} is reached {times[wrong[:1]]} times, not once"
-        )
+def _require_once(what: str, found: Any, first: int, end: int) -> None:
+    """Check that `found` holds each number first .. end - 1 once, and no other."""
+    numbers, times = np.unique(found, return_counts=True)
+    wrong = np.setxor1d(numbers[times == 1], np.arange(first, end))
+    if wrong.size:
+        reached = np.count_nonzero(found == wrong[0])
+        raise ValueError(f"{what} {wrong[0]} is reached {reached} times, not once")

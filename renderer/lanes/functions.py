@@ -180,7 +180,7 @@ def to_f32(typingctx: Any, x: Any) -> Any:
     return signature(f32x16, x), codegen
 
 
-def _to_precision(element: Any, convert: str) -> Any:
+def _to_precision(element: Any, convert: str, doc: str) -> Any:
     """Make the conversion of floats, lanes or one, to another precision."""
 
     @intrinsic
@@ -196,11 +196,12 @@ def _to_precision(element: Any, convert: str) -> Any:
 
         return signature(result, x), codegen
 
+    function.__doc__ = doc
     return function
 
 
-to_double = _to_precision(types.float64, "fpext")
-to_single = _to_precision(types.float32, "fptrunc")
+to_double = _to_precision(types.float64, "fpext", "Floats in double precision.")
+to_single = _to_precision(types.float32, "fptrunc", "Floats rounded to single precision.")
 
 
 @intrinsic
@@ -216,7 +217,7 @@ def any_of(typingctx: Any, mask: Any) -> Any:
     return signature(types.boolean, mask), codegen
 
 
-def _reinterpret_as(element: Any) -> Any:
+def _reinterpret_as(element: Any, doc: str) -> Any:
     @intrinsic
     def reinterpret(typingctx: Any, x: Any) -> Any:
         given = x.element if isinstance(x, Lanes) else x
@@ -229,12 +230,13 @@ def _reinterpret_as(element: Any) -> Any:
 
         return signature(result, x), codegen
 
+    reinterpret.__doc__ = doc
     return reinterpret
 
 
-as_f32 = _reinterpret_as(types.float32)  # the same bits, read as another type; also scalars
-as_i32 = _reinterpret_as(types.int32)
-as_u32 = _reinterpret_as(types.uint32)
+as_f32 = _reinterpret_as(types.float32, "The same bits as float32, of lanes or a scalar.")
+as_i32 = _reinterpret_as(types.int32, "The same bits as int32, of lanes or a scalar.")
+as_u32 = _reinterpret_as(types.uint32, "The same bits as uint32, of lanes or a scalar.")
 
 
 def _half(first: int, doc: str) -> Any:

@@ -22,9 +22,13 @@ from renderer.lanes.types import Lanes, Mask, lanes_of, llvm_vector
 _I64 = ir.IntType(64)
 
 
-def _lanes_in(array: Any) -> Lanes:
+def _require_rows(array: Any) -> None:
     if not isinstance(array, types.Array) or array.ndim > 2 or array.layout != "C":
         raise TypingError(f"lanes live in C-ordered arrays of 1 or 2 dimensions: {array}")
+
+
+def _lanes_in(array: Any) -> Lanes:
+    _require_rows(array)
     return lanes_of(array.dtype)
 
 
@@ -86,7 +90,8 @@ load_eight = _loading(8, "Load `array[row, i : i + 8]`.")
 @intrinsic
 def load_bytes(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     """Load `array[row, i : i + 16]`, bytes without sign, as f32x16."""
-    if not isinstance(array, types.Array) or array.dtype != types.uint8:
+    _require_rows(array)
+    if array.dtype != types.uint8:
         raise TypingError(f"bytes are loaded from arrays of uint8, not from {array}")
     lanes = Lanes(types.float32, 16)
 
@@ -107,6 +112,7 @@ def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     Numba's own indexing asks of each index whether it counts from the end: three
     instructions for every load of a traversal.
     """
+    _require_rows(array)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load(_element_at(context, builder, sig, args))
@@ -117,6 +123,9 @@ def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
 @intrinsic
 def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
     """Set `array[row, i]` for indices that are not negative."""
+    _require_rows(array)
+    if not array.mutable:
+        raise TypingError(f"cannot store in {array}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         value = context.cast(builder, args[3], x, array.dtype)
@@ -129,8 +138,7 @@ def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
 @intrinsic
 def prefetch(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     """Ask for the cache line of `array[row, i]`, which will be read soon."""
-    if not isinstance(array, types.Array) or array.ndim > 2 or array.layout != "C":
-        raise TypingError(f"cannot prefetch from {array}")
+    _require_rows(array)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         start = _element_at(context, builder, sig, args)
@@ -195,8 +203,8 @@ def _lane_pointers(builder: Any, base: Any, index: Any, lanes: Any) -> Any:
 def append_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) -> Any:
     """Store the lanes of x that the mask names, side by side, from `array[row, i]` on.
 
-    Overwrites up to 16 elements, so appends go upward only. The lanes are packed in a
-    register first: a compressing store to memory is microcoded on AMD processors.
+    Overwrites as many elements as x has, so appends go upward only. The lanes are packed in
+    a register first: a compressing store to memory is microcoded on AMD processors.
     """
     lanes = _lanes_into(array, x)
     if mask != Mask(lanes.width):

@@ -76,6 +76,13 @@ _BLOCKS = {
 }
 
 
+def aligned_bytes(count: int) -> NDArray[np.uint8]:
+    """Return `count` zeros that begin with a pair of cache lines."""
+    memory = np.zeros(count + 128, np.uint8)
+    skip = -memory.ctypes.data % 128
+    return memory[skip : skip + count]
+
+
 def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int64]) -> Any:
     """Return primitives in blocks.
 
@@ -90,7 +97,9 @@ def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int
     *fields, ids, count = record
     rows = np.concatenate([np.atleast_2d(field)[:, :count] for field in fields])
     rows[:, columns < 0] = np.nan  # zeros would be a sphere at the origin
-    blocks = np.ascontiguousarray(rows.reshape(len(rows), -1, WIDTH).swapaxes(0, 1))
+    eights = rows.reshape(len(rows), -1, WIDTH).swapaxes(0, 1)
+    blocks = aligned_bytes(4 * eights.size).view(np.float32).reshape(eights.shape)
+    blocks[...] = eights
     return _BLOCKS[type(record)](
         blocks.reshape(len(blocks), -1),
         np.where(columns < 0, np.int32(-1), ids[:count]),

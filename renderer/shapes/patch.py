@@ -88,9 +88,10 @@ def meet_plane(patch, origin, direction):
     t = dot(patch.normal, to_corner)
     u = dot(patch.edge2, r)
     v = -dot(patch.edge1, r)
-    n = patch.normal
+    n, d = patch.normal, direction
     scale = fabs(slope)
-    grazing = scale < GRAZING * (fabs(n.x) + fabs(n.y) + fabs(n.z))
+    longest = GRAZING * (fabs(d.x) + fabs(d.y) + fabs(d.z))  # 1 in the world, not in groups
+    grazing = scale < longest * (fabs(n.x) + fabs(n.y) + fabs(n.z))
     doubtful = grazing & (fabs(u) <= scale) & (fabs(v) <= scale)
     if any_of(doubtful):
         slope, t, u, v = _meet_plane_in_double(
