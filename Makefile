@@ -14,7 +14,7 @@ help: ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 27
 
 demo: $(INSTALLED) ## render every scene in both renderers, write the HTML page
-	@$(BIN)/python -m reports --out $(OUT)
+	@$(BIN)/python -m reports --no-accelerators --out $(OUT)
 
 test: $(INSTALLED) ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
