@@ -66,6 +66,7 @@ class SurfacePoints(NamedTuple):
     pdf: NDArray[np.float32]  # (n,)
     eta: NDArray[np.float32]  # (n,)
     slot: NDArray[np.int32]  # (n,)
+    tangent: Any = None  # (3, n) dp/du in world, not unit; None: nobody asks
 
 
 class Workspace(NamedTuple):
@@ -97,6 +98,7 @@ def make_workspace(
     depths: int,
     counted: bool = False,
     instances: bool = False,
+    tangents: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -114,6 +116,8 @@ def make_workspace(
         Whether the work of the rays is counted.
     instances : bool
         Whether the scene has any.
+    tangents : bool
+        Whether shading needs dp/du (a replay of Mitsuba does).
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -154,6 +158,7 @@ def make_workspace(
         _row(points),
         _row(points),
         _row(points, np.int32),
+        _rows(3, points) if tangents else None,
     )
     order = _row(points, np.int32)
     radiance = _rows(channels, CAPACITY)

@@ -54,6 +54,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         1 if plan.hide_emitters else 0,
         plan.cutoff,
         *RAY_OFFSETS[plan.ray_offset],
+        1 if plan.replay else None,
     )
     return KernelScene(
         accelerators,

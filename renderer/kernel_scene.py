@@ -266,6 +266,7 @@ class Settings(NamedTuple):
     cutoff: float  # Whitted: weight below which a ray is dropped
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)
+    replay: int | None  # 1: choose lights, points and frames as Mitsuba does; None: our way
 
 
 class KernelScene(NamedTuple):

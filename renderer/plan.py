@@ -66,6 +66,7 @@ class Plan:
     spp: int
     sampler: Sampler
     ray_offset: str = "tight"
+    replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 

@@ -101,6 +101,7 @@ class Rendering:
             depths=depths,
             counted=self.counted,
             instances=self.kernel_scene.accelerators.instances is not None,
+            tangents=self.plan.replay,
         )
 
     def _render(self, job: _Job) -> Any:
