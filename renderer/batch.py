@@ -27,6 +27,8 @@ class Rays(NamedTuple):
     pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: a mirror or the camera
     eta: NDArray[np.float32]  # (n,) product of relative indices of refraction
     slot: NDArray[np.int32]  # (n,) pixel of the tile that the path belongs to
+    # (3, n) surface point that it left, which its origin is slightly off; None: nobody asks
+    previous: Any = None
 
 
 class Hits(NamedTuple):
@@ -67,6 +69,7 @@ class SurfacePoints(NamedTuple):
     eta: NDArray[np.float32]  # (n,)
     slot: NDArray[np.int32]  # (n,)
     tangent: Any = None  # (3, n) dp/du in world, not unit; None: nobody asks
+    previous: Any = None  # (3, n) surface point before on the path; None: nobody asks
 
 
 class Workspace(NamedTuple):
@@ -98,7 +101,7 @@ def make_workspace(
     depths: int,
     counted: bool = False,
     instances: bool = False,
-    tangents: bool = False,
+    replay: bool = False,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -116,8 +119,8 @@ def make_workspace(
         Whether the work of the rays is counted.
     instances : bool
         Whether the scene has any.
-    tangents : bool
-        Whether shading needs dp/du (a replay of Mitsuba does).
+    replay : bool
+        Whether what only a replay of Mitsuba asks for is kept: dp/du, previous points.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -126,6 +129,7 @@ def make_workspace(
         _row(ray_capacity),
         _row(ray_capacity),
         _row(ray_capacity, np.int32),
+        _rows(3, ray_capacity) if replay else None,
     )
     hits = Hits(
         _row(ray_capacity),
@@ -158,7 +162,8 @@ def make_workspace(
         _row(points),
         _row(points),
         _row(points, np.int32),
-        _rows(3, points) if tangents else None,
+        _rows(3, points) if replay else None,
+        _rows(3, points) if replay else None,
     )
     order = _row(points, np.int32)
     radiance = _rows(channels, CAPACITY)

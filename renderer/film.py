@@ -16,7 +16,8 @@ from renderer.jit import kernel
 from renderer.lanes.functions import lane, lane_index
 from renderer.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
-from renderer.stages.camera_rays import TILE_SIZE, Tile, film_position, slot_pixel
+from renderer.stages.camera_rays import film_position
+from renderer.stages.tile import TILE_SIZE, Tile, slot_pixel
 
 
 class FilterTable(NamedTuple):

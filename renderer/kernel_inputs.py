@@ -8,9 +8,13 @@ import numpy as np
 
 from renderer.accelerators.build import build_accelerators
 from renderer.camera import kernel_camera
-from renderer.kernel_scene import Bsdfs, KernelScene, Settings, Surfaces
+from renderer.kernel_scene import DIFFUSE, Bsdfs, KernelScene, Settings, Surfaces
 from renderer.light_tables import light_tables
+from renderer.materials import shape_stages
 from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
+from renderer.replay.numbers import LIGHT, Replay
+from renderer.replay.pixel_seeds import pixel_seeds
+from renderer.replay.sequences import MAKERS
 from renderer.sampling import Independent, Stratified
 from renderer.scene import KINDS, Scene
 
@@ -24,6 +28,27 @@ def kernel_sampler(plan: Plan, seed: int) -> Any:
     columns, rows = stratified_cells(plan.spp)
     jitter = 1.0 if plan.sampler.jitter else 0.0
     return Stratified(mixed, columns, rows, jitter, None if name == "stratified" else 1)
+
+
+def replay_sampler(scene: Scene, plan: Plan, seed: int) -> Replay:
+    """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
+    film = scene.description.camera.film
+    seeds = np.zeros((film.height, film.width), np.uint32)
+    rows = slice(film.crop_offset_y, film.crop_offset_y + film.crop_height)
+    columns = slice(film.crop_offset_x, film.crop_offset_x + film.crop_width)
+    seeds[rows, columns] = pixel_seeds(film.crop_width, film.crop_height, seed)
+    asked = scene.description.integrator
+    direct = asked.name == "direct"
+    light_samples = asked.emitter_samples if direct else 1
+    smooth = [bool(shape_stages(s) & DIFFUSE) for s in scene.description.every_shape]
+    return Replay(
+        MAKERS[plan.sampler.name](seeds.ravel(), plan.sampler),
+        np.zeros((LIGHT + 2 * light_samples, seeds.size), np.float32),
+        np.array(smooth or [False], np.int32),
+        light_samples,
+        None if direct and asked.bsdf_samples == 0 else 1,
+        None if direct else 1,
+    )
 
 
 def _bsdfs(scene: Scene, plan: Plan) -> Bsdfs:
@@ -67,6 +92,6 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         _bsdfs(scene, plan),
         None if first_hit or counted else light_tables(scene),
         kernel_camera(scene.description.camera),
-        kernel_sampler(plan, seed),
+        replay_sampler(scene, plan, seed) if plan.replay else kernel_sampler(plan, seed),
         settings,
     )

@@ -34,6 +34,7 @@ from renderer.threads import default_threads
 
 INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
 # A new ray starts off its surface, so as not to meet it again: so many rounding errors of
 # the position, plus this times (1 + its largest coordinate). `tight` is right for scenes of
 # millimetres and of kilometres alike. `mitsuba` is the rule of Mitsuba 3.9.1 (1500 units in
@@ -91,10 +92,10 @@ def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
 
 def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
     asked = scene.description.camera.sampler
-    if name in (None, asked.name):
+    if name in (None, asked.name, REPLAY):
         return asked
     if name not in SAMPLERS:
-        known = ", ".join(SAMPLERS)
+        known = ", ".join((*SAMPLERS, REPLAY))
         raise SceneError(f"sampler {name!r} is unknown; there are: {known}")
     return dataclasses.replace(asked, name=name, jitter=True)
 
@@ -127,14 +128,16 @@ def make_plan(
         One of `INTEGRATORS`. None and "auto" take the least method that gives the answer
         which the file asks for; any other name is taken at its word.
     sampler : str, optional
-        One of `SAMPLERS`; None takes the file's.
+        One of `SAMPLERS`; None takes the file's, `mitsuba` too but with the random numbers
+        that Mitsuba's scalar variants draw, in their order.
     spp : int, optional
         Samples per pixel; None takes the file's. Rounded up to what the sampler's pattern
         allows, as in Mitsuba.
     accel : str, optional
         What `build_accelerators` will be asked for; it is explained here.
     ray_offset : str, optional
-        One of `RAY_OFFSETS`: how far off their surface new rays start.
+        One of `RAY_OFFSETS`: how far off their surface new rays start. None is `tight`, in
+        a replay of Mitsuba its own.
     threads : int, optional
         That will trace; None is one for each core.
 
@@ -154,15 +157,15 @@ def make_plan(
     explain_accelerators(scene, accel or "auto", rays, why)
     return dataclasses.replace(
         plan,
-        ray_offset=_known_ray_offset(ray_offset),
+        ray_offset=_known_ray_offset(ray_offset, plan.replay),
         rays=rays,
         lines=tuple(why.lines),
     )
 
 
-def _known_ray_offset(name: str | None) -> str:
+def _known_ray_offset(name: str | None, replay: bool) -> str:
     if name is None:
-        return "tight"
+        return "mitsuba" if replay else "tight"
     if name not in RAY_OFFSETS:
         known = ", ".join(RAY_OFFSETS)
         raise SceneError(f"ray offset {name!r} is unknown; there are: {known}")
@@ -174,7 +177,9 @@ def _decide(
 ) -> Plan:
     why = Explanation()
     asked = _choose_integrator(scene, integrator)
-    reduce = integrator in (None, "auto")
+    replay = sampler == REPLAY
+    # a leaner method gives the same answer, but not by the same paths
+    reduce = integrator in (None, "auto") and not replay
     chosen_sampler = _choose_sampler(scene, sampler)
     count = chosen_sampler.sample_count if spp is None else spp
     materials = scene.materials
@@ -191,12 +196,12 @@ def _decide(
 
     if method in ("depth", "aov"):
         why.say("method", f"{method}: the first hit alone; no light, no BSDF is sampled")
-        return _first_hit_plan(scene, asked, chosen_sampler, count, why)
+        return _first_hit_plan(scene, asked, chosen_sampler, count, why, replay=replay)
     if method == "work":
         why.say("method", "work: what camera rays cost; nothing is shaded")
         why.say("colours", COLOURS_OF_WORK)
         why.say("filter", "box, whatever the file asks for: counts stay in their pixel")
-        return _first_hit_plan(scene, asked, chosen_sampler, count, why)
+        return _first_hit_plan(scene, asked, chosen_sampler, count, why, replay=replay)
 
     if method == "direct":
         depth = min(depth, 2) if asked.max_depth >= 0 else 2
@@ -218,10 +223,13 @@ def _decide(
     else:
         why.say("method", f"{method}, as asked for")
 
-    if method == "direct" and max(asked.emitter_samples, asked.bsdf_samples) > 1:
+    more = max(asked.emitter_samples, asked.bsdf_samples) > 1
+    if method == "direct" and more and not replay:
         why.say("samples", "one of each light and of the BSDF, whatever the file asks for")
     mirrors = mirrors and not (method == "direct" and asked.bsdf_samples == 0)
-    every_light = method in ("direct", "whitted")
+    if replay:
+        _check_replay(asked, method, extended, why)
+    every_light = method == "whitted" or (method == "direct" and not replay)
     # BSDF samples look for lights only where lights can be hit
     follow = method == "path" or (
         method == "direct" and extended and asked.bsdf_samples > 0
@@ -260,14 +268,37 @@ def _decide(
         asked.cutoff if method == "whitted" else 0.0,
         chosen_sampler.sample_count,
         chosen_sampler,
+        replay=replay,
     )
     random = _is_random(plan, extended, materials.has(Dielectric))
     explain_samples(chosen_sampler, count, random, why)
     return dataclasses.replace(plan, lines=tuple(why.lines))
 
 
+def _check_replay(asked: Integrator, method: str, extended: bool, why: Explanation) -> None:
+    """Refuse what Mitsuba's order of random numbers does not let us follow."""
+    if method == "whitted" and extended:
+        raise SceneError(
+            "sampler 'mitsuba': a tree of rays that asks lights with an area draws in the "
+            "order of the tree; possible are path, direct, and whitted with point, spot "
+            "and directional lights"
+        )
+    if method == "direct" and asked.bsdf_samples > 1:
+        raise SceneError(
+            f"sampler 'mitsuba': direct with {asked.bsdf_samples} bsdf_samples cannot be "
+            "replayed; possible are 0 and 1"
+        )
+    why.say("numbers", "those of Mitsuba's scalar variants, in their order")
+
+
 def _first_hit_plan(
-    scene: Scene, asked: Integrator, sampler: Sampler, count: int, why: Explanation
+    scene: Scene,
+    asked: Integrator,
+    sampler: Sampler,
+    count: int,
+    why: Explanation,
+    *,
+    replay: bool,
 ) -> Plan:
     plan = Plan(
         method=asked.name,
@@ -281,6 +312,7 @@ def _first_hit_plan(
         cutoff=0.0,
         spp=sampler.sample_count,
         sampler=sampler,
+        replay=replay,
     )
     explain_geometry(scene, why)
     explain_samples(sampler, count, False, why)

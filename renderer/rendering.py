@@ -19,7 +19,7 @@ from renderer.kernel_inputs import kernel_scene
 from renderer.kernel_scene import KernelScene
 from renderer.plan import Plan
 from renderer.scene import Scene
-from renderer.stages.camera_rays import Tile
+from renderer.stages.tile import Tile
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -101,7 +101,7 @@ class Rendering:
             depths=depths,
             counted=self.counted,
             instances=self.kernel_scene.accelerators.instances is not None,
-            tangents=self.plan.replay,
+            replay=self.plan.replay,
         )
 
     def _render(self, job: _Job) -> Any:
@@ -130,6 +130,8 @@ class Rendering:
         lights = self.kernel_scene.lights
         asked = lights.count if lights is not None and self.plan.every_light else 1
         step = max(1, SAMPLES_PER_JOB // asked)
+        if self.plan.replay:
+            step = self.plan.spp  # a pixel's stream runs on from sample to sample
         for first in range(0, self.plan.spp, step):
             for tile in tiles:
                 yield _Job(tile, first, min(first + step, self.plan.spp))

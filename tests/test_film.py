@@ -15,7 +15,8 @@ from renderer.lanes.memory import store_row
 from renderer.reconstruction import lookup_weight, pixels_touched
 from renderer.sampling import Independent
 from renderer.scene_file.description import ReconstructionFilter
-from renderer.stages.camera_rays import TILE_SIZE, Tile, film_position
+from renderer.stages.camera_rays import film_position
+from renderer.stages.tile import TILE_SIZE, Tile
 
 
 class FilmCamera(NamedTuple):

@@ -29,7 +29,8 @@ from renderer.kernel_inputs import kernel_scene
 from renderer.plan import INTEGRATORS, make_plan
 from renderer.plan_text import plan_text
 from renderer.rendering import Rendering
-from renderer.stages.camera_rays import Tile, camera_rays
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.tile import Tile
 from renderer.stages.intersect import intersect
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import kernel
+from renderer.replay.draws import draw_bounce
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.shade import arrive, group_by_bsdf, light_diffuse, scatter
@@ -27,6 +28,7 @@ def trace_paths(scene, tile, sample, work):
         arrive(scene, work, 0, count, bounce > 0 or settings.hide_emitters == 0)
         if bounce + 1 >= settings.max_depth:
             break
+        draw_bounce(scene.sampler, scene, tile, sample, work, count)
         groups = group_by_bsdf(scene, work, 0, count)
         light_diffuse(scene, tile, sample, bounce, work, groups[0])
         count = scatter(scene, tile, sample, bounce, work, groups)

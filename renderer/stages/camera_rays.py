@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from renderer.batch import CAPACITY
 from renderer.jit import kernel
 from renderer.lanes.functions import (
-    as_u32,
     lane_index,
     mask_bits,
     popcount,
@@ -18,35 +15,10 @@ from renderer.lanes.functions import (
     to_f32,
 )
 from renderer.lanes.memory import append_row
+from renderer.replay.draws import draw_film_places
 from renderer.sampling import FILM_BLOCK, draw4
+from renderer.stages.tile import pixel_key, slot_pixel
 from renderer.vectors import append3, column, dot, normalize, vec3
-
-
-class Tile(NamedTuple):
-    """A rectangle of at most 32 x 32 pixels, in coordinates of the full film."""
-
-    x: int
-    y: int
-    width: int
-    height: int
-
-
-TILE_SIZE = 32  # CAPACITY = TILE_SIZE ** 2
-
-
-@kernel
-def slot_pixel(slot):
-    """Return the (x, y) of slots in a tile; 16 neighbouring slots are 4 x 4 pixels."""
-    x = (slot & 3) | (((slot >> 4) & 7) << 2)
-    y = ((slot >> 2) & 3) | ((slot >> 7) << 2)
-    return x, y
-
-
-@kernel
-def pixel_key(scene, tile, slot):
-    """Return the number of the slots' pixels in the full film: the key of their numbers."""
-    x, y = slot_pixel(slot)
-    return as_u32((y + tile.y) * scene.camera.film_width + (x + tile.x))
 
 
 @kernel
@@ -60,6 +32,7 @@ def film_position(scene, tile, slot, sample):
 @kernel
 def camera_rays(scene, tile, sample, rays, hits):
     """Fill `rays` with one ray for each pixel of the tile; return how many."""
+    draw_film_places(scene.sampler, scene, tile, sample)
     camera = scene.camera
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
     count = 0

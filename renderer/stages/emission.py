@@ -18,7 +18,7 @@ from renderer.lights.area import pdf_area_light
 from renderer.lights.choose import light_probability
 from renderer.lights.constant import SPHERE_PDF
 from renderer.sampling import power_heuristic
-from renderer.vectors import column, dot, gather3, load3
+from renderer.vectors import column, dot, gather3, length, load3
 
 
 @kernel
@@ -43,6 +43,22 @@ def _bsdf_sample_weight(weigh, pdf, light_pdf):
 
 
 @kernel
+def _seen_from(exact, points, i, wo):
+    """Return the previous point of the path, the distance to it, and the |cosine| here.
+
+    Up to the offset of the ray's origin, but exactly where the exact points are kept.
+    """
+    here, normal = load3(points.position, i), load3(points.normal, i)
+    if exact is None:
+        t = load_row(points.t, 0, i)
+        return here + wo * t, t, fabs(dot(wo, normal))
+    previous = load3(exact, i)
+    back = previous - here
+    distance = length(back)
+    return previous, distance, fabs(dot(back, normal)) / distance
+
+
+@kernel
 def add_emission(scene, lights, areas, points, count, radiance):
     """Add L_e of the area lights that `count` paths have arrived at."""
     if areas is None:
@@ -57,10 +73,7 @@ def add_emission(scene, lights, areas, points, count, radiance):
         shining = valid & (light >= 0) & (dot(wo, load3(points.shading_normal, i)) > 0.0)
         if mask_bits(shining) == 0:
             continue
-        t = load_row(points.t, 0, i)
-        cosine = fabs(dot(wo, load3(points.normal, i)))
-        # the previous point of the path, up to the small offset of the ray's origin
-        previous = load3(points.position, i) + wo * t
+        previous, distance, cosine = _seen_from(points.previous, points, i, wo)
         light_pdf = pdf_area_light(
             areas,
             scene.surfaces,
@@ -68,7 +81,7 @@ def add_emission(scene, lights, areas, points, count, radiance):
             load_row(points.prim, 0, i),
             shining,
             previous,
-            t,
+            distance,
             cosine,
         )
         weight = _bsdf_sample_weight(

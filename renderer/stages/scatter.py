@@ -23,8 +23,8 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.memory import append_row, gather_row, load_row
 from renderer.sampling import BLOCKS_PER_BOUNCE, draw4
-from renderer.stages.camera_rays import pixel_key
 from renderer.stages.shading_frame import facing, leave_surface
+from renderer.stages.tile import pixel_key
 from renderer.vectors import append3, dot, gather3, load3, select3, vec3
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
@@ -58,6 +58,13 @@ def _survive(roulette_depth, depth, throughput, eta, number, alive):
 
 
 @kernel
+def _append_previous(previous, end, points, i, alive):
+    if previous is None:
+        return
+    append3(previous, end, load3(points.position, i), alive)
+
+
+@kernel
 def append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive):
     """Append the rays of the masked lanes to `rays`; return the new end."""
     append3(rays.origin, end, leave_surface(points, i, direction), alive)
@@ -66,6 +73,7 @@ def append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive):
     append_row(rays.pdf, 0, end, pdf, alive)
     append_row(rays.eta, 0, end, eta, alive)
     append_row(rays.slot, 0, end, load_row(points.slot, 0, i), alive)
+    _append_previous(rays.previous, end, points, i, alive)
     return end + popcount(mask_bits(alive))
 
 

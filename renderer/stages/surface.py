@@ -254,6 +254,13 @@ def surface_at(surfaces, prim, mask, u, v, hit_point):
 
 
 @kernel
+def _store_previous(previous, i, rays, ray, valid):
+    if previous is None:
+        return
+    store3(previous, i, gather3(rays.previous, ray, valid))
+
+
+@kernel
 def surface_points(scene, rays, hits, order, count, points):
     """Fill `points` with the hits `order[:count]` and the state of their paths."""
     per_rounding = np.float32(scene.settings.rounding_offset)
@@ -292,3 +299,4 @@ def surface_points(scene, rays, hits, order, count, points):
         store_row(points.pdf, 0, i, gather_row(rays.pdf, 0, ray, valid))
         store_row(points.eta, 0, i, gather_row(rays.eta, 0, ray, valid))
         store_row(points.slot, 0, i, gather_row(rays.slot, 0, ray, valid))
+        _store_previous(points.previous, i, rays, ray, valid)

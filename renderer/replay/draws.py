@@ -1,0 +1,101 @@
+"""The stage that draws Mitsuba's numbers, in its order; it is empty for our own samplers.
+
+Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
+the place on the film; then at each hit from which the path may go on: two numbers for each
+light sample if the surface has a smooth part (whichever side is seen), one and two for the
+BSDF, one for the roulette. All are drawn even where nobody uses them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.extending import overload
+
+from renderer.jit import kernel, record_class
+from renderer.replay.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
+from renderer.replay.sequences import begin_sample, next_1d, next_2d
+from renderer.stages.tile import slot_pixel
+
+
+def draw_film_places(sampler: Any, scene: Any, tile: Any, sample: int) -> None:
+    """Begin a sample of each pixel of a tile: draw its place on the film."""
+    raise TypeError("inside kernels only")
+
+
+def draw_bounce(
+    sampler: Any, scene: Any, tile: Any, sample: int, work: Any, n: int
+) -> None:
+    """Draw what the first n paths need at the surfaces that they have just hit."""
+    raise TypeError("inside kernels only")
+
+
+@kernel
+def _nothing_for_film(sampler, scene, tile, sample):
+    return
+
+
+@kernel
+def _nothing_for_bounce(sampler, scene, tile, sample, work, n):
+    return
+
+
+@kernel
+def _replay_film_places(sampler, scene, tile, sample):
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for y in range(tile.y, tile.y + tile.height):
+        for x in range(tile.x, tile.x + tile.width):
+            pixel = y * scene.camera.film_width + x
+            begin_sample(sequence, pixel)
+            numbers[FILM, pixel], numbers[FILM + 1, pixel] = next_2d(
+                sequence, pixel, sample
+            )
+
+
+@kernel
+def _draw_bsdf(bsdf, sequence, numbers, pixel, sample):
+    if bsdf is None:
+        return
+    numbers[BSDF_CHOICE, pixel] = next_1d(sequence, pixel, sample)
+    numbers[BSDF, pixel], numbers[BSDF + 1, pixel] = next_2d(sequence, pixel, sample)
+
+
+@kernel
+def _draw_roulette(roulette, sequence, numbers, pixel, sample):
+    if roulette is None:
+        return
+    numbers[ROULETTE, pixel] = next_1d(sequence, pixel, sample)
+
+
+@kernel
+def _replay_bounce(sampler, scene, tile, sample, work, n):
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for i in range(n):
+        prim = work.hits.prim[i]
+        if prim < 0:
+            continue
+        x, y = slot_pixel(work.rays.slot[i])
+        pixel = (y + tile.y) * scene.camera.film_width + x + tile.x
+        if sampler.smooth[scene.shape[prim]] == 1:
+            for row in range(LIGHT, LIGHT + 2 * sampler.light_samples, 2):
+                numbers[row, pixel], numbers[row + 1, pixel] = next_2d(
+                    sequence, pixel, sample
+                )
+        _draw_bsdf(sampler.bsdf, sequence, numbers, pixel, sample)
+        _draw_roulette(sampler.roulette, sequence, numbers, pixel, sample)
+
+
+@overload(draw_film_places)
+def _draw_film_places(sampler, scene, tile, sample):
+    replays = record_class(sampler) is Replay
+    draw = _replay_film_places if replays else _nothing_for_film
+    return lambda sampler, scene, tile, sample: draw(sampler, scene, tile, sample)
+
+
+@overload(draw_bounce)
+def _draw_bounce(sampler, scene, tile, sample, work, n):
+    replays = record_class(sampler) is Replay
+    draw = _replay_bounce if replays else _nothing_for_bounce
+    return lambda sampler, scene, tile, sample, work, n: draw(
+        sampler, scene, tile, sample, work, n
+    )
