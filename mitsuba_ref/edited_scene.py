@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_ref.variant import VARIANT, load_mitsuba
+from renderer.replay.pixel_seeds import BLOCK_SIZE
 
 BOX_INSTEAD = "reconstruction filter replaced by box"
 
@@ -33,6 +34,7 @@ def load_edited_scene(
     box_filter: bool = False,
     pixel_centres: bool = False,
     keep_shapes_apart: bool = False,
+    fixed_blocks: bool = False,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
 
@@ -48,6 +50,9 @@ def load_edited_scene(
         Replace the sampler by one sample in the middle of each pixel.
     keep_shapes_apart
         Do not merge meshes, so that shape and primitive indices are those of the file.
+    fixed_blocks
+        Cut the film into blocks of Mitsuba's usual size whatever the number of workers:
+        which random numbers a pixel gets follows from them.
     """
     mi = load_mitsuba()
     config = mi.parser.ParserConfig(VARIANT)
@@ -71,6 +76,8 @@ def load_edited_scene(
         if pixel_centres:
             nodes.replace("Sampler", "stratified", {"jitter": False, "sample_count": 1})
             changes.append("one sample at each pixel's centre")
+        if fixed_blocks and nodes.set_block_size(BLOCK_SIZE):
+            changes.append(f"film in blocks of {BLOCK_SIZE}")
         mi.parser.transform_all(config, state)
         scene = mi.parser.instantiate(config, state)
     return EditedScene(scene, integrator, tuple(changes))
@@ -103,6 +110,14 @@ class _Nodes:
     def set_film(self, name: str, value: Any) -> None:
         """Set one property of the film."""
         self._nodes[self._film].props[name] = value
+
+    def set_block_size(self, size: int) -> bool:
+        """Set the integrator's block size; False if it has no property of that name."""
+        index = self._find("Integrator")
+        if index is None:
+            index = self._add("Integrator", "path", parent=0)
+        self._nodes[index].props["block_size"] = size
+        return True
 
     def replace(self, kind: str, plugin: str, values: Mapping[str, Any]) -> bool:
         """Make the node of `kind` a `plugin` with `values`; False if it is one already."""

@@ -70,6 +70,7 @@ def render_ours(request: RenderRequest) -> OurPicture:
         spp=1 if wants_aovs else request.spp,
         seed=request.seed,
         threads=request.threads,
+        sampler="mitsuba" if request.replay else None,
         # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
         ray_offset="mitsuba",
     )

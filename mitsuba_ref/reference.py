@@ -59,7 +59,8 @@ def render_reference(request: RenderRequest) -> Reference:
             request.parameters,
             box_filter=request.box_filter or wants_aovs,
             pixel_centres=wants_aovs,
-            keep_shapes_apart=wants_aovs,
+            keep_shapes_apart=wants_aovs or request.replay,
+            fixed_blocks=request.replay,
         )
         scene = edited.scene
         integrator = _aov_integrator(mi) if wants_aovs else scene.integrator()

@@ -17,3 +17,4 @@ class RenderRequest:
     seed: int = 0
     threads: int | None = None  # None: one for each core
     box_filter: bool = False  # instead of the file's filter
+    replay: bool = False  # both sides draw the same random numbers

@@ -65,6 +65,37 @@ class Ladder:
 
 
 @dataclass(frozen=True)
+class DivergentPixel:
+    """A pixel whose paths parted although both renderers drew the same numbers."""
+
+    x: int  # from the left of the picture
+    y: int  # from its top
+    ours: tuple[float, ...]  # linear sRGB
+    reference: tuple[float, ...]
+    relative: float  # difference
+    cause: str = ""  # where the first path parted and why; empty: nobody looked
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayResult:
+    """Two pictures drawn with the same random numbers (`mitsuba_ref.replay`)."""
+
+    spp: int = 0
+    seed: int = 0
+    pixels: int = 0
+    divergent: int = 0
+    divergent_allowed: int = 0
+    rmse: float | None = None  # of the other pixels, relative to the mean
+    rmse_limit: float = 0.0
+    largest: float | None = None  # relative difference of a pixel that did not diverge
+    passed: bool
+    sentence: str
+    seconds_ours: float | None = None
+    seconds_reference: float | None = None
+    listed: tuple[DivergentPixel, ...] = ()  # the worst ones
+
+
+@dataclass(frozen=True)
 class Finite:
     """How many values are not finite."""
 
@@ -118,6 +149,7 @@ class SceneResult:
     settings: dict[str, str] = field(default_factory=dict)
     images: dict[str, str] = field(default_factory=dict)  # .npy, relative to the JSON
     ladder: Ladder | None = None
+    replay: tuple[ReplayResult, ...] = ()  # one for each number of samples
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from renderer.errors import SceneError
 from renderer.image import Image
 from renderer.image_files import check_output_path
 from renderer.interrupts import Interrupts
-from renderer.plan import INTEGRATORS, RAY_OFFSETS, SAMPLERS
+from renderer.plan import INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 from renderer.plan_text import plan_text
 from renderer.progress_display import ProgressDisplay
 from renderer.rendering import Progress
@@ -235,9 +235,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     add(
         "--sampler",
-        choices=SAMPLERS,
+        choices=(*SAMPLERS, REPLAY),
         metavar="NAME",
-        help=f"{', '.join(SAMPLERS)} (default: the file's)",
+        help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with the "
+        "random numbers that Mitsuba scalar draws",
     )
     add(
         "--ray-offset",

@@ -1,4 +1,4 @@
-"""The one exception that bad input raises."""
+"""What bad input raises."""
 
 from __future__ import annotations
 
@@ -8,3 +8,7 @@ class SceneError(ValueError):
 
     The message is one line: where (file and line), what was found, what is possible.
     """
+
+
+class NotReplayable(SceneError):
+    """A scene can be rendered, but not with Mitsuba's random numbers in its order."""

@@ -10,7 +10,7 @@ import dataclasses
 from dataclasses import dataclass
 
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
-from renderer.errors import SceneError
+from renderer.errors import NotReplayable, SceneError
 from renderer.expected_rays import expected_rays
 from renderer.explanation import (
     Explanation,
@@ -278,13 +278,13 @@ def _decide(
 def _check_replay(asked: Integrator, method: str, extended: bool, why: Explanation) -> None:
     """Refuse what Mitsuba's order of random numbers does not let us follow."""
     if method == "whitted" and extended:
-        raise SceneError(
+        raise NotReplayable(
             "sampler 'mitsuba': a tree of rays that asks lights with an area draws in the "
             "order of the tree; possible are path, direct, and whitted with point, spot "
             "and directional lights"
         )
     if method == "direct" and asked.bsdf_samples > 1:
-        raise SceneError(
+        raise NotReplayable(
             f"sampler 'mitsuba': direct with {asked.bsdf_samples} bsdf_samples cannot be "
             "replayed; possible are 0 and 1"
         )

@@ -1,0 +1,153 @@
+"""Both renderers draw the same random numbers: their pictures must agree path by path.
+
+There is no noise between them, so any difference is rounding or a defect. Rounding may
+send a path to the other side of an edge; the few pixels where that happened are counted,
+named and left out of the RMSE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.ours import RenderOurs
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.results import DivergentPixel, ReplayResult
+
+Array = NDArray[np.float32]
+
+TOLERANCE = 1e-3
+"""Relative difference from which on a pixel has diverged."""
+
+DARK = 1e-2
+"""Of the picture's mean: below it a pixel's difference is relative to this instead."""
+
+MOST_DIVERGENT = 1e-3
+"""Share of the pixels that may diverge."""
+
+RMSE_LIMIT = 1e-5
+"""RMSE of all other pixels, relative to the picture's mean."""
+
+LISTED = 32
+"""Divergent pixels that a result names, the worst first."""
+
+
+def replay_scene(
+    request: RenderRequest,
+    spp: int,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+) -> tuple[ReplayResult, Array, Array]:
+    """Render a scene on both sides with Mitsuba's random numbers, and compare.
+
+    Parameters
+    ----------
+    request
+        The scene, its parameters, seed and threads; rendered with the box filter, since
+        any other spreads a divergent path over its neighbours.
+    spp
+        Samples per pixel.
+    render_ours, references
+        The two renderers.
+
+    Returns
+    -------
+    The result and both pictures, (H, W, 3).
+    """
+    parameters = request.parameters
+    if "spp" in parameters:
+        parameters = parameters | {"spp": str(spp)}
+    request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
+    ours = render_ours(request)
+    reference = references.get(request, ours.files)
+    result = compare_replay(ours.pixels, reference.pixels)
+    result = replace(
+        result,
+        spp=ours.spp,
+        seed=request.seed,
+        seconds_ours=ours.seconds,
+        seconds_reference=reference.seconds,
+    )
+    return result, ours.pixels, reference.pixels
+
+
+def relative_difference(ours: Array, reference: Array) -> NDArray[np.float64]:
+    """Return the largest relative difference of each pixel's channels, (H, W).
+
+    Relative to the reference's brightest channel there, and where that is dark to
+    `DARK` times the picture's mean: a difference of two tiny numbers tells nothing.
+    """
+    theirs = reference.astype(np.float64)
+    scale = np.maximum(np.abs(theirs).max(axis=2), DARK * np.abs(theirs).mean())
+    difference = np.abs(ours.astype(np.float64) - theirs).max(axis=2)
+    return np.divide(difference, scale, out=np.zeros_like(scale), where=difference > 0.0)
+
+
+def compare_replay(ours: Array, reference: Array) -> ReplayResult:
+    """Compare two pictures that were drawn with the same numbers.
+
+    Parameters
+    ----------
+    ours, reference
+        (H, W, 3), linear. Values that are not finite, or another size, fail.
+    """
+    if ours.shape != reference.shape:
+        sentence = f"our picture has shape {ours.shape}, Mitsuba's has {reference.shape}"
+        return ReplayResult(passed=False, sentence=sentence)
+    height, width = ours.shape[:2]
+    if not (np.isfinite(ours).all() and np.isfinite(reference).all()):
+        return ReplayResult(
+            pixels=width * height, passed=False, sentence="not all values are finite"
+        )
+    relative = relative_difference(ours, reference)
+    diverged = relative > TOLERANCE
+    together = ~diverged
+    squares = (ours[together].astype(np.float64) - reference[together]) ** 2
+    mean = float(np.abs(reference).mean(dtype=np.float64))
+    error = float(np.sqrt(squares.mean())) if squares.size else 0.0
+    rmse = error / mean if mean > 0.0 else error
+    count = int(diverged.sum())
+    allowed = int(MOST_DIVERGENT * diverged.size)
+    passed = count <= allowed and rmse <= RMSE_LIMIT
+    return ReplayResult(
+        pixels=diverged.size,
+        divergent=count,
+        divergent_allowed=allowed,
+        rmse=rmse,
+        rmse_limit=RMSE_LIMIT,
+        largest=float(relative[together].max()) if together.any() else None,
+        passed=passed,
+        sentence=_sentence(count, allowed, diverged.size, rmse),
+        listed=_worst(ours, reference, relative, diverged),
+    )
+
+
+def _sentence(count: int, allowed: int, pixels: int, rmse: float) -> str:
+    paths = f"{pixels - count} of {pixels} pixels took the same paths in both renderers"
+    return (
+        f"{paths}; {count} diverged ({allowed} may); RMSE of the others {rmse:.2g} of the "
+        f"mean (limit {RMSE_LIMIT:g})"
+    )
+
+
+def _worst(
+    ours: Array,
+    reference: Array,
+    relative: NDArray[np.float64],
+    diverged: NDArray[np.bool_],
+) -> tuple[DivergentPixel, ...]:
+    rows, columns = np.nonzero(diverged)
+    order = np.argsort(-relative[rows, columns], kind="stable")[:LISTED]
+    return tuple(
+        DivergentPixel(
+            int(columns[k]),
+            int(rows[k]),
+            tuple(float(v) for v in ours[rows[k], columns[k]]),
+            tuple(float(v) for v in reference[rows[k], columns[k]]),
+            float(relative[rows[k], columns[k]]),
+        )
+        for k in order
+    )

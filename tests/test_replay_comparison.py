@@ -1,0 +1,85 @@
+"""`compare_replay`: hand-worked pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mitsuba_ref.replay import LISTED, RMSE_LIMIT, compare_replay, relative_difference
+
+
+def grey(height=50, width=40, value=0.5):
+    return np.full((height, width, 3), value, np.float32)
+
+
+def test_equal_pictures_pass():
+    """No pixel diverges and nothing is left of the RMSE."""
+    result = compare_replay(grey(), grey())
+    assert (result.passed, result.divergent, result.rmse) == (True, 0, 0.0)
+    assert (result.pixels, result.divergent_allowed) == (2000, 2)
+
+
+def test_black_pictures_pass():
+    """A mean of 0 is no division by zero."""
+    result = compare_replay(grey(value=0.0), grey(value=0.0))
+    assert (result.passed, result.rmse) == (True, 0.0)
+
+
+def test_a_divergent_pixel_is_named_and_left_out_of_the_rmse():
+    """One pixel in 2000 may part; its place is (x, y) as in the picture."""
+    ours = grey()
+    ours[7, 31] = 0.75
+    result = compare_replay(ours, grey())
+    assert (result.passed, result.divergent, result.rmse) == (True, 1, 0.0)
+    pixel = result.listed[0]
+    assert (pixel.x, pixel.y, pixel.relative) == (31, 7, 0.5)
+
+
+def test_three_divergent_pixels_of_two_thousand_fail():
+    """0.15 % is more than 0.1 %."""
+    ours = grey()
+    ours[0, :3] *= 1.01
+    assert not compare_replay(ours, grey()).passed
+
+
+def test_a_small_difference_everywhere_fails():
+    """2e-5 of every pixel is below the tolerance of each, and twice the RMSE allowed."""
+    result = compare_replay(grey(value=0.5 * (1 + 2e-5)), grey())
+    assert (result.passed, result.divergent) == (False, 0)
+    assert result.rmse == pytest.approx(2 * RMSE_LIMIT, rel=0.01)
+
+
+def test_differences_in_the_dark_are_relative_to_the_mean():
+    """Of 1e-6 in a black pixel nothing follows; of 1e-4 beside a mean of 0.5 neither."""
+    reference = grey()
+    reference[0, 0] = 0.0
+    ours = reference.copy()
+    ours[0, 0] = 4e-6
+    assert relative_difference(ours, reference)[0, 0] == pytest.approx(8e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("side", ["ours", "theirs"])
+def test_values_that_are_not_finite_never_pass(bad, side):
+    """On either side."""
+    broken = grey()
+    broken[3, 3, 1] = bad
+    pair = (broken, grey()) if side == "ours" else (grey(), broken)
+    result = compare_replay(*pair)
+    assert not result.passed
+    assert "finite" in result.sentence
+
+
+def test_another_size_never_passes():
+    """The sentence names both."""
+    result = compare_replay(grey(40, 50), grey())
+    assert not result.passed
+    assert "(40, 50, 3)" in result.sentence and "(50, 40, 3)" in result.sentence
+
+
+def test_the_list_holds_the_worst():
+    """A picture that is wrong everywhere names a few pixels, not all."""
+    ours = grey() * np.linspace(1.01, 2.0, 2000, dtype=np.float32).reshape(50, 40, 1)
+    result = compare_replay(ours, grey())
+    assert len(result.listed) == LISTED
+    assert result.listed[0].relative == pytest.approx(1.0)
