@@ -237,8 +237,8 @@ def _parser() -> argparse.ArgumentParser:
         "--sampler",
         choices=(*SAMPLERS, REPLAY),
         metavar="NAME",
-        help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with the "
-        "random numbers that Mitsuba scalar draws",
+        help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with "
+        "the random numbers that Mitsuba scalar draws",
     )
     add(
         "--ray-offset",

@@ -30,8 +30,8 @@ from renderer.plan import INTEGRATORS, make_plan
 from renderer.plan_text import plan_text
 from renderer.rendering import Rendering
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.tile import Tile
 from renderer.stages.intersect import intersect
+from renderer.stages.tile import Tile
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow
 AOVS = tuple(f"work.{name.replace(' ', '_')}" for name in NAMES)
