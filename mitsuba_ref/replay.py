@@ -7,6 +7,7 @@ named and left out of the RMSE.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import DivergentPixel, ReplayResult
+from renderer.errors import NotReplayable
 
 Array = NDArray[np.float32]
 
@@ -72,6 +74,38 @@ def replay_scene(
         seconds_reference=reference.seconds,
     )
     return result, ours.pixels, reference.pixels
+
+
+def replay_all(
+    request: RenderRequest,
+    samples: Sequence[int],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+) -> tuple[tuple[ReplayResult, ...], dict[str, Array], str]:
+    """Replay a scene with several numbers of samples.
+
+    Parameters
+    ----------
+    request, render_ours, references
+        As for `replay_scene`.
+    samples
+        Numbers of samples per pixel, rising.
+
+    Returns
+    -------
+    The results; the pictures of the last one by name; why the scene cannot be replayed, or
+    an empty string.
+    """
+    results: list[ReplayResult] = []
+    pictures: dict[str, Array] = {}
+    try:
+        for spp in samples:
+            result, ours, reference = replay_scene(request, spp, render_ours, references)
+            results.append(result)
+            pictures = {"replay_ours": ours, "replay_reference": reference}
+    except NotReplayable as refusal:
+        return (), {}, str(refusal)
+    return tuple(results), pictures, ""
 
 
 def relative_difference(ours: Array, reference: Array) -> NDArray[np.float64]:

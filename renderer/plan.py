@@ -71,6 +71,11 @@ class Plan:
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
+    @property
+    def sampler_name(self) -> str:
+        """Name of the sampler, and whose numbers it draws."""
+        return f"{REPLAY} {self.sampler.name}" if self.replay else self.sampler.name
+
 
 def _has_extended_lights(scene: Scene) -> bool:
     shapes = any(shape.radiance is not None for shape in scene.description.shapes)

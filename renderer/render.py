@@ -53,7 +53,8 @@ def render(
     accel : str, optional
         `brute` or `bvh`; None or `auto` choose by the number of primitives.
     sampler : str, optional
-        A sampler's name instead of the file's.
+        A sampler's name instead of the file's; `mitsuba` is the file's with the random
+        numbers that Mitsuba's scalar variants draw, so that both take the same paths.
     progress : callable, optional
         Called with a `Progress` in the calling thread, several times a second.
     ray_offset : str, optional
@@ -164,7 +165,7 @@ def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
     metadata = {
         "lightproof": __version__,
         "integrator": rendering.plan.method,
-        "sampler": rendering.plan.sampler.name,
+        "sampler": rendering.plan.sampler_name,
         "seed": str(rendering.seed),
     }
     if not complete:
