@@ -47,7 +47,7 @@ def replay_sampler(scene: Scene, plan: Plan, seed: int) -> Replay:
         np.array(smooth or [False], np.int32),
         light_samples,
         None if direct and asked.bsdf_samples == 0 else 1,
-        None if direct else 1,
+        1 if direct else None,
     )
 
 

@@ -3,7 +3,9 @@
 Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
 the place on the film; then at each hit from which the path may go on: two numbers for each
 light sample if the surface has a smooth part (whichever side is seen), one and two for the
-BSDF, one for the roulette. All are drawn even where nobody uses them.
+BSDF, one for the roulette. All are drawn even where nobody uses them. `direct` plays no
+roulette and draws the BSDF's two before its one: they are arguments of one call, which the
+wheel's compiler evaluates from the right.
 """
 
 from __future__ import annotations
@@ -53,18 +55,21 @@ def _replay_film_places(sampler, scene, tile, sample):
 
 
 @kernel
-def _draw_bsdf(bsdf, sequence, numbers, pixel, sample):
-    if bsdf is None:
+def _draw_bsdf(direct, sequence, numbers, pixel, sample):
+    if direct is None:
+        numbers[BSDF_CHOICE, pixel] = next_1d(sequence, pixel, sample)
+        numbers[BSDF, pixel], numbers[BSDF + 1, pixel] = next_2d(sequence, pixel, sample)
+        numbers[ROULETTE, pixel] = next_1d(sequence, pixel, sample)
         return
-    numbers[BSDF_CHOICE, pixel] = next_1d(sequence, pixel, sample)
     numbers[BSDF, pixel], numbers[BSDF + 1, pixel] = next_2d(sequence, pixel, sample)
+    numbers[BSDF_CHOICE, pixel] = next_1d(sequence, pixel, sample)
 
 
 @kernel
-def _draw_roulette(roulette, sequence, numbers, pixel, sample):
-    if roulette is None:
+def _draw_for_scattering(bsdf, direct, sequence, numbers, pixel, sample):
+    if bsdf is None:
         return
-    numbers[ROULETTE, pixel] = next_1d(sequence, pixel, sample)
+    _draw_bsdf(direct, sequence, numbers, pixel, sample)
 
 
 @kernel
@@ -81,8 +86,7 @@ def _replay_bounce(sampler, scene, tile, sample, work, n):
                 numbers[row, pixel], numbers[row + 1, pixel] = next_2d(
                     sequence, pixel, sample
                 )
-        _draw_bsdf(sampler.bsdf, sequence, numbers, pixel, sample)
-        _draw_roulette(sampler.roulette, sequence, numbers, pixel, sample)
+        _draw_for_scattering(sampler.bsdf, sampler.direct, sequence, numbers, pixel, sample)
 
 
 @overload(draw_film_places)

@@ -34,7 +34,7 @@ class Replay(NamedTuple):
     smooth: NDArray[np.int32]  # (shapes,) 1: light samples are drawn at this shape
     light_samples: int  # at each bounce
     bsdf: int | None  # None: the integrator draws nothing for BSDFs
-    roulette: int | None  # None: the integrator plays none and draws nothing for it
+    direct: int | None  # None: in the order of `path`
 
 
 @kernel
