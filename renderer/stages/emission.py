@@ -43,6 +43,17 @@ def _bsdf_sample_weight(weigh, pdf, light_pdf):
 
 
 @kernel
+def _density_normal(replay, points, i):
+    """Return the normal that the density of light samples goes by, see `lights.triangles`.
+
+    Only on smooth meshes is Mitsuba's another one.
+    """
+    if replay is None:
+        return load3(points.normal, i)
+    return load3(points.shading_normal, i)
+
+
+@kernel
 def add_emission(scene, lights, areas, points, count, radiance):
     """Add L_e of the area lights that `count` paths have arrived at."""
     if areas is None:
@@ -58,7 +69,7 @@ def add_emission(scene, lights, areas, points, count, radiance):
         if mask_bits(shining) == 0:
             continue
         t = load_row(points.t, 0, i)
-        cosine = fabs(dot(wo, load3(points.normal, i)))
+        cosine = fabs(dot(wo, _density_normal(settings.replay, points, i)))
         # the previous point of the path, up to the small offset of the ray's origin
         previous = load3(points.position, i) + wo * t
         light_pdf = pdf_area_light(
