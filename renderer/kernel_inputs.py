@@ -16,6 +16,7 @@ from renderer.replay.numbers import LIGHT, Replay
 from renderer.replay.pixel_seeds import pixel_seeds
 from renderer.replay.sequences import MAKERS
 from renderer.sampling import Independent, Stratified
+from renderer.replay_arithmetic import triangle_tangents
 from renderer.scene import KINDS, Scene
 
 
@@ -66,6 +67,9 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
     surfaces.update(scene.surfaces)
     if surfaces["triangles"] is not None and not with_uv:
         surfaces["triangles"] = surfaces["triangles"]._replace(uvs=None)
+    if surfaces["triangles"] is not None and plan.replay:
+        tangents = triangle_tangents(scene.surfaces["triangles"])
+        surfaces["triangles"] = surfaces["triangles"]._replace(tangents=tangents)
     accelerators = build_accelerators(scene, accel, plan.rays)
     seen = accelerators
     if plan.hide_emitters:
@@ -90,7 +94,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         scene.face,
         scene.shapes,
         _bsdfs(scene, plan),
-        None if first_hit or counted else light_tables(scene),
+        None if first_hit or counted else light_tables(scene, plan.replay),
         kernel_camera(scene.description.camera),
         replay_sampler(scene, plan, seed) if plan.replay else kernel_sampler(plan, seed),
         settings,

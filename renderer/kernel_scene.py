@@ -59,6 +59,7 @@ class TriangleSurfaces(NamedTuple):
     normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
     normals: NDArray[np.float32] | None  # (9, n) unit, of the three vertices in turn
     uvs: NDArray[np.float32] | None  # (6, n) of the three vertices in turn
+    tangents: NDArray[np.float32] | None = None  # (3, n) dp/du; None: nobody asks
 
 
 class RectangleSurfaces(NamedTuple):
@@ -205,6 +206,18 @@ class ConstantLights(NamedTuple):
     distance: float  # beyond the whole scene
 
 
+class TriangleShares(NamedTuple):
+    """Cumulated areas that choose a triangle of a mesh light as Mitsuba does."""
+
+    first: NDArray[np.int32]  # (n,) of each light, into the columns below
+    count: NDArray[np.int32]  # (n,)
+    area: NDArray[np.float32]  # (n,) of the whole mesh
+    cumulated: NDArray[np.float32]  # (total,) area of a triangle and all before it
+    below: NDArray[np.float32]  # (total,) share of the area before a triangle
+    share: NDArray[np.float32]  # (total,) of the triangle itself
+    prim: NDArray[np.int32]  # (total,) primitive id
+
+
 class TriangleLights(NamedTuple):
     """Alias tables [Walker1977] that choose a triangle of a mesh light by its area."""
 
@@ -222,7 +235,7 @@ class AreaLights(NamedTuple):
     inverse_area: NDArray[np.float32]  # (n,)
     prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
     orientation: NDArray[np.float32]  # (n,)
-    triangles: TriangleLights | None
+    triangles: TriangleLights | TriangleShares | None
     rectangles: int | None  # None: no light of this shape
     disks: int | None
     spheres: int | None

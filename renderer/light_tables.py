@@ -1,4 +1,4 @@
-"""Emitters as tables: the area lights in the order of their shapes, then the others."""
+"""Emitters as tables, in the order of `renderer.light_order`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ from renderer.kernel_scene import (
     PointLights,
     SpotLights,
     TriangleLights,
+    TriangleShares,
 )
+from renderer.light_order import light_order
+from renderer.replay_arithmetic import triangle_areas
 from renderer.scene import Scene, emits
 from renderer.scene_file.description import (
     ConstantLight,
@@ -28,7 +31,6 @@ from renderer.scene_file.description import (
     Emitter,
     Mesh,
     PointLight,
-    Shape,
     SpotLight,
 )
 
@@ -40,17 +42,23 @@ _KIND = {
 }
 
 
-def light_tables(scene: Scene) -> Lights | None:
-    """Return the kernels' record of all lights, None for a scene without any."""
-    shining = [
-        (i, s) for i, s in enumerate(scene.description.shapes) if s.radiance is not None
-    ]
+def light_tables(scene: Scene, replay: bool = False) -> Lights | None:
+    """Return the kernels' record of all lights, None for a scene without any.
+
+    Parameters
+    ----------
+    replay
+        Whether the triangles of mesh lights are chosen as Mitsuba does it, in a time that
+        grows with the logarithm of their number.
+    """
+    order = light_order(scene.description)
     emitters = scene.description.emitters
-    count = len(shining) + len(emitters)
+    others = dict(zip(order.of_emitters, emitters, strict=True))
+    shining = {light: i for i, light in enumerate(order.of_shapes) if light >= 0}
+    count = len(shining) + len(others)
     if count == 0:
         return None
-    kinds = [AREA] * len(shining) + [_KIND[type(e)] for e in emitters]
-    others = dict(enumerate(emitters, start=len(shining)))
+    kinds = [_KIND[type(others[i])] if i in others else AREA for i in range(count)]
     # nothing of the scene is farther from any of its points than this
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
     return Lights(
@@ -60,7 +68,7 @@ def light_tables(scene: Scene) -> Lights | None:
         _spots(count, _of(others, SpotLight)),
         _directionals(count, _of(others, DirectionalLight), beyond),
         _constants(count, _of(others, ConstantLight), beyond),
-        _areas(count, scene, shining) if shining else None,
+        _areas(count, scene, shining, replay) if shining else None,
     )
 
 
@@ -134,13 +142,15 @@ def _constants(
     )
 
 
-def _areas(count: int, scene: Scene, shining: list[tuple[int, Shape]]) -> AreaLights:
+def _areas(count: int, scene: Scene, shining: dict[int, int], replay: bool) -> AreaLights:
+    """Return the area lights; `shining` has the shape of each light id."""
     areas, prims, orientation, tables = {}, np.zeros(count, np.int32), {}, {}
     by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
     ends = np.searchsorted(
         scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
     )
-    for light, (shape_id, shape) in enumerate(shining):
+    shapes = scene.description.shapes
+    for light, shape_id in shining.items():
         ids = by_shape[ends[shape_id] : ends[shape_id + 1]]
         sizes = np.concatenate(
             [_primitive_areas(scene, kind, ids) for kind in scene.surfaces]
@@ -148,14 +158,14 @@ def _areas(count: int, scene: Scene, shining: list[tuple[int, Shape]]) -> AreaLi
         areas[light] = sizes.sum()
         prims[light] = ids[0]
         orientation[light] = scene.shapes.orientation[shape_id]
-        if isinstance(shape, Mesh):
+        if isinstance(shapes[shape_id], Mesh):
             tables[light] = (ids, sizes)
     return AreaLights(
-        _columns(count, {i: s.radiance for i, (_, s) in enumerate(shining)}),
+        _columns(count, {i: shapes[k].radiance for i, k in shining.items()}),
         _row(count, {i: 1.0 / a for i, a in areas.items()}),
         prims,
         _row(count, orientation),
-        _triangle_lights(count, tables) if tables else None,
+        _mesh_lights(count, scene, tables, replay) if tables else None,
         *(
             1 if emits(scene, k) else None
             for k in ("rectangles", "disks", "spheres", "cylinders")
@@ -176,6 +186,38 @@ def _primitive_areas(
     cross = np.cross(s.edge1[:, k].T.astype(np.float64), s.edge2[:, k].T.astype(np.float64))
     factor = {"triangles": 0.5, "rectangles": 1.0, "disks": np.pi}[kind]
     return factor * np.linalg.norm(cross, axis=1)
+
+
+def _mesh_lights(
+    count: int, scene: Scene, tables: dict[int, Any], replay: bool
+) -> TriangleLights | TriangleShares:
+    if not replay:
+        return _triangle_lights(count, tables)
+    return _triangle_shares(count, scene, {i: ids for i, (ids, _) in tables.items()})
+
+
+def _triangle_shares(
+    count: int, scene: Scene, meshes: dict[int, NDArray[np.int32]]
+) -> TriangleShares:
+    """Return the cumulated areas of mesh lights, rounded as Mitsuba does it."""
+    triangles = scene.surfaces["triangles"]
+    first, number = np.zeros(count, np.int32), np.zeros(count, np.int32)
+    area = np.zeros(count, np.float32)
+    columns: list[list[NDArray[Any]]] = []
+    total = 0
+    for light, ids in meshes.items():
+        k = ids - triangles.first
+        sizes = triangle_areas(triangles.edge1[:, k], triangles.edge2[:, k])
+        cumulated = np.cumsum(sizes, dtype=np.float64).astype(np.float32)
+        normalization = np.float32(1.0) / cumulated[-1]
+        below = np.append(np.float32(0.0), cumulated[:-1]) * normalization
+        first[light], number[light], area[light] = total, len(ids), cumulated[-1]
+        columns.append([cumulated, below, sizes * normalization, ids])
+        total += len(ids)
+    cumulated, below, share, prim = (
+        np.concatenate(parts) for parts in zip(*columns, strict=True)
+    )
+    return TriangleShares(first, number, area, cumulated, below, share, prim)
 
 
 def _triangle_lights(count: int, tables: dict[int, Any]) -> TriangleLights:

@@ -20,6 +20,7 @@ from renderer.kernel_scene import (
     DiffuseTable,
     Textures,
 )
+from renderer.light_order import light_order
 from renderer.scene_file.description import (
     BitmapTexture,
     Bsdf,
@@ -100,11 +101,10 @@ class MaterialTables:
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
-        """Collect the BSDFs; area lights are numbered in the order of their shapes."""
+        """Collect the BSDFs and the numbers of the area lights."""
         tables = cls()
         ids: dict[int, int] = {}
-        front, back, light = [], [], []
-        lights = 0
+        front, back = [], []
 
         def number(bsdf: Any) -> int:
             if bsdf is None:
@@ -118,11 +118,10 @@ class MaterialTables:
             ahead, behind = sides(shape.bsdf)
             front.append(number(ahead))
             back.append(number(behind))
-            light.append(lights if shape.radiance is not None else -1)
-            lights += shape.radiance is not None
         tables.front = np.array(front or [-1], np.int32)
         tables.back = np.array(back or [-1], np.int32)
-        tables.light = np.array(light or [-1], np.int32)
+        tables.light = np.full(max(len(front), 1), -1, np.int32)
+        tables.light[: len(description.shapes)] = light_order(description).of_shapes
         return tables
 
     def has(self, kind: type) -> bool:

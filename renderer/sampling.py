@@ -237,7 +237,7 @@ def square_to_disk(x, y):
 def square_to_cosine_hemisphere(x, y):
     """Map [0, 1)^2 to unit vectors around +z with density cos / pi."""
     p, q = square_to_disk(x, y)
-    z2 = 1.0 - p * p - q * q
+    z2 = 1.0 - (p * p + q * q)  # bracketed as Mitsuba does it, which shows near the rim
     return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))
 
 
@@ -245,9 +245,16 @@ def square_to_cosine_hemisphere(x, y):
 def square_to_sphere(x, y):
     """Map [0, 1)^2 to unit vectors with density 1 / (4 pi)."""
     z = 1.0 - 2.0 * y
-    r = sqrt(maximum(1.0 - z * z, splat_f32(0.0)))
+    r = sqrt((1.0 - z) * (1.0 + z))  # 1 - z^2 would cancel at the poles
     sine, cosine = sincos(TWO_PI * x)
     return vec3(r * cosine, r * sine, z)
+
+
+@kernel
+def square_to_triangle(x, y):
+    """Map [0, 1)^2 to barycentric coordinates of a triangle, keeping areas."""
+    root = sqrt(maximum(1.0 - x, splat_f32(0.0)))
+    return 1.0 - root, root * y
 
 
 @kernel

@@ -178,9 +178,10 @@ def select3(mask, a, b):
 def orthonormal_basis(n):
     """Return two unit vectors that complete the unit vector n to a right-handed frame.
 
-    Branchless and continuous except at n.z = 0 [Duff2017, listing 3].
+    Branchless and continuous except at n.z = 0 [Duff2017, listing 3]. The sign is that of
+    the bit, as there: 1 / z tells -0 from 0.
     """
-    sign = select(n.z >= 0.0, n.z * 0.0 + 1.0, n.z * 0.0 - 1.0)
+    sign = select(1.0 / n.z > 0.0, n.z * 0.0 + 1.0, n.z * 0.0 - 1.0)
     a = -1.0 / (sign + n.z)
     b = n.x * n.y * a
     tangent = vec3(1.0 + sign * n.x * n.x * a, sign * b, -(sign * n.x))
@@ -214,6 +215,16 @@ def gather3(array, indices, mask):
         gather_row(array, 0, indices, mask),
         gather_row(array, 1, indices, mask),
         gather_row(array, 2, indices, mask),
+    )
+
+
+@kernel
+def gather_rows3(array, row, indices, mask):
+    """Load rows row to row + 2 of the columns that `indices` names, as `gather3` does."""
+    return vec3(
+        gather_row(array, row, indices, mask),
+        gather_row(array, row + 1, indices, mask),
+        gather_row(array, row + 2, indices, mask),
     )
 
 

@@ -12,7 +12,7 @@ from renderer.bsdfs.fresnel import fresnel_conductor, fresnel_dielectric
 from renderer.bsdfs.mirror import reflect, refract
 from renderer.jit import entry_kernel
 from renderer.lanes.memory import load_row, store_row
-from renderer.vectors import dot, load3, store3, vec3
+from renderer.vectors import dot, load3, orthonormal_basis, store3, vec3
 
 
 @entry_kernel
@@ -40,9 +40,9 @@ def run_mirror(wo, normal, eta, reflected, refracted):
 def run_diffuse(normal, x, y, wi, cosines, f):
     """Directions around normals; rows of cosines: of the sample, its pdf."""
     for i in range(0, x.size, 16):
-        direction, cosine = sample_diffuse(
-            load3(normal, i), load_row(x, 0, i), load_row(y, 0, i)
-        )
+        n = load3(normal, i)
+        s, t = orthonormal_basis(n)
+        direction, cosine = sample_diffuse(s, t, n, load_row(x, 0, i), load_row(y, 0, i))
         store3(wi, i, direction)
         store_row(cosines, 0, i, cosine)
         store_row(cosines, 1, i, pdf_diffuse(cosine))

@@ -76,7 +76,8 @@ def run_pdf_area_light(areas, surfaces, light, prim, position, distance, cosine,
 @entry_kernel
 def run_choose_light(lights, number, light):
     for i in range(0, number.size, 16):
-        store_row(light, 0, i, choose_light(lights, None, 0, load_row(number, 0, i)))
+        x = load_row(number, 0, i)
+        store_row(light, 0, i, choose_light(lights, None, None, 0, x, x)[0])
 
 
 # ------------------------------------------------------------------------ the scene

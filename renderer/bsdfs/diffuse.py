@@ -6,7 +6,7 @@ from renderer.jit import kernel
 from renderer.lanes.functions import select
 from renderer.sampling import INV_PI, square_to_cosine_hemisphere
 from renderer.textures import eval_texture
-from renderer.vectors import gather3, orthonormal_basis
+from renderer.vectors import gather3
 
 
 @kernel
@@ -29,11 +29,10 @@ def pdf_diffuse(cos_i):
 
 
 @kernel
-def sample_diffuse(normal, x, y):
+def sample_diffuse(s, t, normal, x, y):
     """Choose a direction around the normal by its cosine; return it and its cosine.
 
-    f cos / pdf is the albedo exactly.
+    s and t are unit vectors across the normal. f cos / pdf is the albedo exactly.
     """
     local = square_to_cosine_hemisphere(x, y)
-    s, t = orthonormal_basis(normal)
     return s * local.x + t * local.y + normal * local.z, local.z

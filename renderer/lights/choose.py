@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import kernel
-from renderer.lanes.functions import minimum, splat_f32, splat_i32, to_i32
+from renderer.lanes.functions import minimum, splat_f32, splat_i32, to_f32, to_i32
 from renderer.lanes.memory import gather_row
 from renderer.lights.area import sample_area_lights
 from renderer.lights.constant import sample_constant_lights
@@ -29,12 +29,26 @@ def light_probability(lights, every_light):
 
 
 @kernel
-def choose_light(lights, every_light, turn, number):
-    """Return the light to ask in a turn; `number` in [0, 1) decides where one is chosen."""
+def _place(replay, scaled, light, x):
+    """Return the first number for the light's own sample."""
+    if replay is None:
+        return x
+    return scaled - to_f32(light)
+
+
+@kernel
+def choose_light(lights, every_light, replay, turn, x, number):
+    """Return the light to ask in a turn, and the first number of its own sample.
+
+    Where one of all is asked, `number` in [0, 1) chooses it. The sample's number is x; in
+    a replay of Mitsuba it is what the choice has left over of `number`.
+    """
     if every_light is not None:
-        return splat_i32(turn)
+        return splat_i32(turn), x
     last = np.float32(lights.count - 1)
-    return to_i32(minimum(number * np.float32(lights.count), splat_f32(last)))
+    scaled = number * np.float32(lights.count)
+    light = to_i32(minimum(scaled, splat_f32(last)))
+    return light, _place(replay, scaled, light, x)
 
 
 @kernel

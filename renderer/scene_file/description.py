@@ -315,6 +315,8 @@ class SceneDescription:
     ] = ()  # everything that was read: the scene, includes, meshes, images
     groups: tuple[Group, ...] = ()  # those that have instances
     instances: tuple[Instance, ...] = ()
+    # of each emitter, how many of `shapes` come before it in the file; (): all of them
+    emitter_places: tuple[int, ...] = ()
 
     @property
     def every_shape(self) -> tuple[Shape, ...]:

@@ -9,7 +9,7 @@ from renderer.scene_file.bsdfs import read_bsdf
 from renderer.scene_file.description import ConstantLight, Emitter, SceneDescription
 from renderer.scene_file.emitters import read_emitter
 from renderer.scene_file.films import read_film, read_rfilter
-from renderer.scene_file.groups import read_shapes
+from renderer.scene_file.groups import SPECIAL, read_shapes
 from renderer.scene_file.integrators import read_integrator
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
@@ -57,6 +57,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         groups=groups,
         instances=instances,
         emitters=tuple(emitters),
+        emitter_places=_emitter_places(root),
         warnings=tuple(dict.fromkeys(reading.warnings)),
         source=source,
         files=tuple(reading.files),
@@ -76,6 +77,18 @@ def _emitters(properties: Properties) -> list[Emitter]:
             )
         emitters.append(emitter)
     return emitters
+
+
+def _emitter_places(root: Element) -> tuple[int, ...]:
+    """Return for each emitter how many surfaces come before it in the file."""
+    places: list[int] = []
+    surfaces = 0
+    for child in (property_.value for property_ in root.properties.values()):
+        if isinstance(child, Element) and child.tag == "emitter":
+            places.append(surfaces)
+        elif isinstance(child, Element) and child.tag == "shape":
+            surfaces += child.plugin not in SPECIAL
+    return tuple(places)
 
 
 def _read_unused(properties: Properties) -> None:

@@ -53,7 +53,9 @@ def direct_light(scene, lights, turn, tile, sample, bounce, points, stop, shadow
             continue
         slot = load_row(points.slot, 0, i)
         x, y, z, number = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
-        light = choose_light(lights, settings.every_light, turn, number)
+        light, x = choose_light(
+            lights, settings.every_light, settings.replay, turn, x, number
+        )
         position = load3(points.position, i)
         asked = sample_light(lights, scene.surfaces, light, position, x, y, z)
 

@@ -43,12 +43,23 @@ def _bsdf_sample_weight(weigh, pdf, light_pdf):
 
 
 @kernel
-def _seen_from(exact, points, i, wo):
+def _density_normal(replay, points, i):
+    """Return the normal that the density of light samples goes by, see `lights.triangles`.
+
+    Only on smooth meshes is Mitsuba's another one.
+    """
+    if replay is None:
+        return load3(points.normal, i)
+    return load3(points.shading_normal, i)
+
+
+@kernel
+def _seen_from(exact, replay, points, i, wo):
     """Return the previous point of the path, the distance to it, and the |cosine| here.
 
     Up to the offset of the ray's origin, but exactly where the exact points are kept.
     """
-    here, normal = load3(points.position, i), load3(points.normal, i)
+    here, normal = load3(points.position, i), _density_normal(replay, points, i)
     if exact is None:
         t = load_row(points.t, 0, i)
         return here + wo * t, t, fabs(dot(wo, normal))
@@ -73,7 +84,9 @@ def add_emission(scene, lights, areas, points, count, radiance):
         shining = valid & (light >= 0) & (dot(wo, load3(points.shading_normal, i)) > 0.0)
         if mask_bits(shining) == 0:
             continue
-        previous, distance, cosine = _seen_from(points.previous, points, i, wo)
+        previous, distance, cosine = _seen_from(
+            points.previous, settings.replay, points, i, wo
+        )
         light_pdf = pdf_area_light(
             areas,
             scene.surfaces,

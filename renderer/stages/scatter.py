@@ -23,7 +23,7 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.memory import append_row, gather_row, load_row
 from renderer.sampling import BLOCKS_PER_BOUNCE, draw4
-from renderer.stages.shading_frame import facing, leave_surface
+from renderer.stages.shading_frame import facing, leave_surface, tangents_of
 from renderer.stages.tile import pixel_key
 from renderer.vectors import append3, dot, gather3, load3, select3, vec3
 
@@ -90,8 +90,9 @@ def scatter_diffuse(scene, tile, sample, bounce, points, start, stop, rays, end)
             scene.sampler, pixel_key(scene, tile, slot), sample, block
         )
         normal = load3(points.shading_normal, i)
+        s, t = tangents_of(points.tangent, i, normal)
         normal = select3(face.front, normal, -normal)
-        direction, cos_i = sample_diffuse(normal, x, y)
+        direction, cos_i = sample_diffuse(s, t, normal, x, y)
         u = load_row(points.uv, 0, i)
         v = load_row(points.uv, 1, i)
         albedo = diffuse_albedo(scene.bsdfs.diffuse, face.bsdf, u, v, face.mine)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from renderer.jit import kernel
 from renderer.lanes.functions import select
 from renderer.lanes.memory import gather_row, load_row
-from renderer.vectors import dot, load3
+from renderer.vectors import cross, dot, load3, normalize, orthonormal_basis, select3
 
 
 class Facing(NamedTuple):
@@ -30,6 +30,24 @@ def facing(scene, points, i, valid, kind):
     shown = valid & (bsdf >= 0)
     mine = shown & (gather_row(scene.bsdfs.kind, 0, bsdf, shown) == kind)
     return Facing(mine, bsdf, front)
+
+
+@kernel
+def tangents_of(tangent, i, normal):
+    """Return two unit vectors across the shading normals of points i to i + 15.
+
+    In a replay the first is Mitsuba's, dp/du without its part along the normal. They
+    belong to the surface and not to the side that is seen: from behind, Mitsuba turns z
+    around and leaves x and y, which makes the frame left-handed.
+    """
+    s, t = orthonormal_basis(normal)
+    if tangent is None:
+        return s, t
+    along_u = load3(tangent, i)
+    across = normalize(along_u - normal * dot(normal, along_u))
+    nowhere = (along_u.x == 0.0) & (along_u.y == 0.0) & (along_u.z == 0.0)
+    s = select3(nowhere, s, across)
+    return s, cross(normal, s)
 
 
 @kernel

@@ -29,7 +29,8 @@ from renderer.stages.placement import (
     magnitude,
     object_hit_point,
 )
-from renderer.vectors import dot, gather3, normalize, select3, store3, vec3
+from renderer.stages.tangent import store_tangents
+from renderer.vectors import dot, gather3, gather_rows3, normalize, select3, store3, vec3
 
 _INV_TWO_PI = np.float32(0.5 / np.pi)
 _INV_PI = np.float32(1.0 / np.pi)
@@ -62,24 +63,14 @@ def _choose(mask, position, normal, offset, u, v, other):
 
 
 @kernel
-def _rows3(array, row, index, mask):
-    """Gather rows row .. row + 2 as a vector."""
-    return vec3(
-        gather_row(array, row, index, mask),
-        gather_row(array, row + 1, index, mask),
-        gather_row(array, row + 2, index, mask),
-    )
-
-
-@kernel
 def interpolated_normal(normals, index, mask, u, v, flat):
     """Return the unit normals between the vertices' own; `flat` where there are none."""
     if normals is None:
         return flat
     return normalize(
-        _rows3(normals, 0, index, mask) * (1.0 - u - v)
-        + _rows3(normals, 3, index, mask) * u
-        + _rows3(normals, 6, index, mask) * v
+        gather_rows3(normals, 0, index, mask) * (1.0 - u - v)
+        + gather_rows3(normals, 3, index, mask) * u
+        + gather_rows3(normals, 6, index, mask) * v
     )
 
 
@@ -188,9 +179,9 @@ def _polar_uv(frame, index, mask, n, with_uv):
     """Return longitude / 2 pi and colatitude / pi of a direction in the local frame."""
     if with_uv is None:
         return n.x * 0.0, n.x * 0.0
-    x = dot(_rows3(frame, 0, index, mask), n)
-    y = dot(_rows3(frame, 3, index, mask), n)
-    z = dot(_rows3(frame, 6, index, mask), n)
+    x = dot(gather_rows3(frame, 0, index, mask), n)
+    y = dot(gather_rows3(frame, 3, index, mask), n)
+    z = dot(gather_rows3(frame, 6, index, mask), n)
     return _turn(x, y, with_uv), arccos(z) * _INV_PI
 
 
@@ -214,8 +205,8 @@ def _on_spheres(spheres, prim, mask, hit_point, with_uv, surface):
 def _cylinder_uv(cylinders, index, mask, normal, height, with_uv):
     if with_uv is None:
         return height, height
-    x = dot(_rows3(cylinders.frame, 0, index, mask), normal)
-    y = dot(_rows3(cylinders.frame, 3, index, mask), normal)
+    x = dot(gather_rows3(cylinders.frame, 0, index, mask), normal)
+    y = dot(gather_rows3(cylinders.frame, 3, index, mask), normal)
     return _turn(x, y, with_uv), height
 
 
@@ -228,7 +219,7 @@ def _on_cylinders(cylinders, prim, mask, hit_point, height, with_uv, surface):
         return surface
     index = prim - cylinders.first
     base = gather3(cylinders.base, index, mine)
-    axis = _rows3(cylinders.frame, 6, index, mine)
+    axis = gather_rows3(cylinders.frame, 6, index, mine)
     radius = gather_row(cylinders.radius, 0, index, mine)
     length = gather_row(cylinders.height, 0, index, mine)
     from_base = hit_point - base
@@ -289,6 +280,18 @@ def surface_points(scene, rays, hits, order, count, points):
         store3(points.normal, i, place.normal)
         store3(points.shading_normal, i, place.shading_normal)
         unlike_rounding = (1.0 + magnitude(place.position)) * fixed
+        store_tangents(
+            points.tangent,
+            i,
+            scene.surfaces,
+            instances,
+            instance,
+            prim,
+            valid,
+            u,
+            v,
+            s.normal,
+        )
         store_row(points.offset, 0, i, place.offset * per_rounding + unlike_rounding)
         store_row(points.uv, 0, i, s.u)
         store_row(points.uv, 1, i, s.v)
