@@ -15,8 +15,8 @@ from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
 from renderer.replay.numbers import LIGHT, Replay
 from renderer.replay.pixel_seeds import pixel_seeds
 from renderer.replay.sequences import MAKERS
-from renderer.sampling import Independent, Stratified
 from renderer.replay_arithmetic import triangle_tangents
+from renderer.sampling import Independent, Stratified
 from renderer.scene import KINDS, Scene
 
 
