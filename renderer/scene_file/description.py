@@ -257,6 +257,7 @@ class Sampler:
     sample_count: int = 4
     seed: int = 0
     jitter: bool = True
+    strength: int = 2  # orthogonal
 
 
 @dataclass(frozen=True, eq=False)

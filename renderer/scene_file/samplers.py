@@ -35,8 +35,12 @@ def read_sampler(element: Element | None, reading: Reading) -> Sampler:
     jitter = True
     if name in ("stratified", "multijitter", "orthogonal"):
         jitter = properties.boolean("jitter", True)
+    strength = 2
+    if name == "orthogonal":
+        # Mitsuba divides by zero at 0 and hangs at 1
+        strength = properties.integer("strength", 2, at_least=2, at_most=31)
     properties.finish()
-    return Sampler(name, count, seed, jitter)
+    return Sampler(name, count, seed, jitter, strength)
 
 
 def round_sample_count(sampler: str, count: int) -> int:

@@ -1,0 +1,27 @@
+"""a * b + c rounded once, where the compiler of Mitsuba's wheels has fused the two.
+
+Our own kernels never fuse (see `renderer.jit`); a replay must do so in the same places. It
+is rounded the same everywhere: a processor without the instruction calls the C library's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core.errors import TypingError
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic
+
+
+@intrinsic
+def fused_multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a * b + c of three float32."""
+    if (a, b, c) != (types.float32,) * 3:
+        raise TypingError(f"fused_multiply_add takes three float32, not {(a, b, c)}")
+
+    def codegen(context: Any, builder: ir.IRBuilder, sig: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return signature(types.float32, a, b, c), codegen
