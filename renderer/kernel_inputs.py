@@ -14,7 +14,8 @@ from renderer.materials import shape_stages
 from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
 from renderer.replay.numbers import LIGHT, Replay
 from renderer.replay.pixel_seeds import pixel_seeds
-from renderer.replay.sequences import MAKERS
+from renderer.replay.sequences import make_sequence
+from renderer.replay.surfaces import replay_surfaces
 from renderer.replay_arithmetic import triangle_tangents
 from renderer.sampling import Independent, Stratified
 from renderer.scene import KINDS, Scene
@@ -43,7 +44,7 @@ def replay_sampler(scene: Scene, plan: Plan, seed: int) -> Replay:
     light_samples = asked.emitter_samples if direct else 1
     smooth = [bool(shape_stages(s) & DIFFUSE) for s in scene.description.every_shape]
     return Replay(
-        MAKERS[plan.sampler.name](seeds.ravel(), plan.sampler),
+        make_sequence(seeds.ravel(), plan.sampler),
         np.zeros((LIGHT + 2 * light_samples, seeds.size), np.float32),
         np.array(smooth or [False], np.int32),
         light_samples,
@@ -98,4 +99,7 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         kernel_camera(scene.description.camera),
         replay_sampler(scene, plan, seed) if plan.replay else kernel_sampler(plan, seed),
         settings,
+        replay_surfaces(scene.description, scene.surfaces.get("rectangles"))
+        if plan.replay
+        else None,
     )

@@ -297,3 +297,4 @@ class KernelScene(NamedTuple):
     camera: Camera
     sampler: Any
     settings: Settings
+    replayed: Any = None  # replay.surfaces.ReplaySurfaces; None: this is no replay

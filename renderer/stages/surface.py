@@ -20,6 +20,7 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.mathematics import arccos, arctan2
 from renderer.lanes.memory import gather_row, load_row, store_row
+from renderer.replay.hit_points import as_mitsuba_rounds
 from renderer.sampling import TWO_PI
 from renderer.stages.placement import (
     ROUNDING,
@@ -303,3 +304,4 @@ def surface_points(scene, rays, hits, order, count, points):
         store_row(points.eta, 0, i, gather_row(rays.eta, 0, ray, valid))
         store_row(points.slot, 0, i, gather_row(rays.slot, 0, ray, valid))
         _store_previous(points.previous, i, rays, ray, valid)
+    as_mitsuba_rounds(scene.replayed, scene, rays, hits, order, count, points)

@@ -1,0 +1,328 @@
+"""Stage 3 in a replay: the surface points as Mitsuba rounds them.
+
+A mirror ball multiplies the distance of two paths by ten at each bounce, and (u, v) on a
+floor of 140 x 140 are known to 8e-6. With roundings of its own a path would leave its twin
+after a few bounces; so the points of hits are computed anew as Mitsuba and Embree do it:
+
+- triangles, and rectangles as two of them: Embree's robust test by Plücker coordinates
+  [Davidovic2012], then the vertices weighted by (1 - u - v, u, v);
+- spheres and cylinders: t in double precision; the point goes onto the surface;
+- disks: t in double precision, the point goes onto the plane.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.affine import affine_at, times
+from renderer.jit import kernel
+from renderer.replay.fused import fused_multiply_add
+from renderer.replay.rounded_once import fused_cross, fused_dot, fused_sum, unit
+from renderer.vectors import column, dot, vec3
+
+_ONE = np.float32(1.0)
+
+
+class HitPoint(NamedTuple):
+    """What Mitsuba knows of a hit, as scalars; valid is what the kind of surface has."""
+
+    position: Any
+    normal: Any  # unit: outwards of a curved surface, interpolated on a smooth mesh
+    u: Any  # texture coordinates of triangles and rectangles
+    v: Any
+
+
+@kernel
+def _columns3(rows, first, k):
+    return vec3(rows[first, k], rows[first + 1, k], rows[first + 2, k])
+
+
+@kernel
+def _barycentric(a, b, c, origin, direction):
+    """Return (u, v), the weights of b and c where the ray meets the triangle's plane."""
+    a, b, c = a - origin, b - origin, c - origin
+    u = fused_dot(fused_cross(c - a, c + a), direction)
+    v = fused_dot(fused_cross(a - b, a + b), direction)
+    w = fused_dot(fused_cross(b - c, b + c), direction)
+    inverse = _ONE / ((u + v) + w)
+    return u * inverse, v * inverse
+
+
+@kernel
+def _weighted(rows, k, w, u, v):
+    """Return the weighted sum of three vectors in a column, the first one last."""
+    a, b, c = _columns3(rows, 0, k), _columns3(rows, 3, k), _columns3(rows, 6, k)
+    return fused_sum(a, w, fused_sum(b, u, c * v))
+
+
+@kernel
+def _texture_coordinate(uvs, row, k, w, u, v):
+    """Return one weighted texture coordinate, the third one last."""
+    first = fused_multiply_add(uvs[row + 2, k], u, uvs[row, k] * w)
+    return fused_multiply_add(uvs[row + 4, k], v, first)
+
+
+@kernel
+def _with_uv(uvs, k, w, u, v):
+    if uvs is None:
+        return u, v
+    return (
+        _texture_coordinate(uvs, 0, k, w, u, v),
+        _texture_coordinate(uvs, 1, k, w, u, v),
+    )
+
+
+@kernel
+def _vertex_normal(normals, k, w, u, v, flat):
+    if normals is None:
+        return flat
+    a, b, c = _columns3(normals, 0, k), _columns3(normals, 3, k), _columns3(normals, 6, k)
+    return unit(fused_sum(c, v, fused_sum(b, u, a * w)))
+
+
+@kernel
+def _on_triangle(triangles, vertices, k, origin, direction):
+    a, b, c = (
+        _columns3(vertices, 0, k),
+        _columns3(vertices, 3, k),
+        _columns3(vertices, 6, k),
+    )
+    u, v = _barycentric(a, b, c, origin, direction)
+    w = (_ONE - u) - v
+    flat = column(triangles.normal, k)
+    normal = _vertex_normal(triangles.normals, k, w, u, v, flat)
+    texture_u, texture_v = _with_uv(triangles.uvs, k, w, u, v)
+    return HitPoint(_weighted(vertices, k, w, u, v), normal, texture_u, texture_v)
+
+
+@kernel
+def _on_rectangle(rectangles, vertices, k, u, v, origin, direction):
+    """Return the point on the half with the vertices (10, 01, 00), or (10, 11, 01)."""
+    far = u + v > _ONE
+    half = 2 * k + (1 if far else 0)
+    a, b, c = (
+        _columns3(vertices, 0, half),
+        _columns3(vertices, 3, half),
+        _columns3(vertices, 6, half),
+    )
+    u, v = _barycentric(a, b, c, origin, direction)
+    w = (_ONE - u) - v
+    position = _weighted(vertices, half, w, u, v)
+    normal = column(rectangles.normal, k)
+    if far:
+        return HitPoint(position, normal, w + u, u + v)
+    return HitPoint(position, normal, w, u)
+
+
+@kernel
+def _on_disk(disks, k, origin, direction):
+    center, normal = column(disks.corner, k), column(disks.normal, k)
+    o, d, n = _in_double(origin), _in_double(direction), _in_double(normal)
+    t = np.float32(dot(n, _in_double(center) - o) / dot(n, d))
+    point = fused_sum(direction, t, origin)
+    position = fused_sum(normal, dot(center - point, normal), point)
+    return HitPoint(position, normal, t, t)
+
+
+@kernel
+def _in_double(a):
+    return vec3(np.float64(a.x), np.float64(a.y), np.float64(a.z))
+
+
+@kernel
+def _root_near(t, a, half_b, c):
+    """Return that root of a t^2 + 2 half_b t + c which is the nearer one to t, exactly."""
+    root = np.sqrt(max(half_b * half_b - a * c, 0.0))
+    q = -(half_b + (root if half_b > 0.0 else -root))
+    first, second = q / a, c / q
+    return np.float32(first if abs(first - t) < abs(second - t) else second)
+
+
+@kernel
+def _on_sphere(spheres, k, t, origin, direction):
+    center, radius = column(spheres.center, k), spheres.radius[k]
+    o, d = _in_double(origin) - _in_double(center), _in_double(direction)
+    square = np.float64(radius) * np.float64(radius)
+    t = _root_near(t, dot(d, d), dot(o, d), dot(o, o) - square)
+    normal = unit(fused_sum(direction, t, origin) - center)
+    return HitPoint(fused_sum(normal, radius, center), normal, t, t)
+
+
+@kernel
+def _on_cylinder(cylinders, k, t, origin, direction):
+    """Return the point on a cylinder, computed in double precision, and rounded once."""
+    base, radius = _in_double(column(cylinders.base, k)), cylinders.radius[k]
+    axis = _in_double(_columns3(cylinders.frame, 6, k))
+    o, d = _in_double(origin) - base, _in_double(direction)
+    o_axis, d_axis = dot(o, axis), dot(d, axis)
+    across, d_across = o - axis * o_axis, d - axis * d_axis
+    square = np.float64(radius) * np.float64(radius)
+    c = dot(across, across) - square
+    t = _root_near(t, dot(d_across, d_across), dot(across, d_across), c)
+    from_axis = across + d_across * np.float64(t)
+    normal = from_axis * (1.0 / np.sqrt(dot(from_axis, from_axis)))
+    along = axis * (o_axis + np.float64(t) * d_axis)
+    position = base + along + normal * np.float64(radius)
+    return HitPoint(_in_single(position), _in_single(normal), t, t)
+
+
+@kernel
+def _in_single(a):
+    return vec3(np.float32(a.x), np.float32(a.y), np.float32(a.z))
+
+
+@kernel
+def _of_kind(surfaces, prim):
+    return prim >= surfaces.first and prim < surfaces.end
+
+
+@kernel
+def _try_triangles(triangles, vertices, prim, o, d, found):
+    if triangles is None:
+        return found
+    if not _of_kind(triangles, prim):
+        return found
+    return _on_triangle(triangles, vertices, prim - triangles.first, o, d)
+
+
+@kernel
+def _try_rectangles(rectangles, vertices, prim, u, v, o, d, found):
+    if rectangles is None:
+        return found
+    if not _of_kind(rectangles, prim):
+        return found
+    return _on_rectangle(rectangles, vertices, prim - rectangles.first, u, v, o, d)
+
+
+@kernel
+def _try_disks(disks, prim, o, d, found):
+    if disks is None:
+        return found
+    if not _of_kind(disks, prim):
+        return found
+    return _on_disk(disks, prim - disks.first, o, d)
+
+
+@kernel
+def _try_spheres(spheres, prim, t, o, d, found):
+    if spheres is None:
+        return found
+    if not _of_kind(spheres, prim):
+        return found
+    return _on_sphere(spheres, prim - spheres.first, t, o, d)
+
+
+@kernel
+def _try_cylinders(cylinders, prim, t, o, d, found):
+    if cylinders is None:
+        return found
+    if not _of_kind(cylinders, prim):
+        return found
+    return _on_cylinder(cylinders, prim - cylinders.first, t, o, d)
+
+
+@kernel
+def _into_object(instances, instance, origin, direction):
+    if instances is None:
+        return origin, direction
+    if instance < 0:
+        return origin, direction
+    m = affine_at(instances.placements.to_object, instance)
+    return times(m, origin - m.at), times(m, direction)
+
+
+@kernel
+def _row_times(row, at, p):
+    x = fused_multiply_add(row.x, p.x, at)
+    return fused_multiply_add(row.z, p.z, fused_multiply_add(row.y, p.y, x))
+
+
+@kernel
+def _into_world(instances, instance, p):
+    if instances is None:
+        return p
+    if instance < 0:
+        return p
+    m = affine_at(instances.placements.to_world, instance)
+    return vec3(
+        _row_times(m.x, m.at.x, p), _row_times(m.y, m.at.y, p), _row_times(m.z, m.at.z, p)
+    )
+
+
+@kernel
+def _instance_number(numbers, ray):
+    if numbers is None:
+        return np.int32(-1)
+    return numbers[ray]
+
+
+@kernel
+def _put(rows, i, a):
+    rows[0, i], rows[1, i], rows[2, i] = a.x, a.y, a.z
+
+
+@kernel
+def _put_normals(surfaces, prim, normal, orientation, points, i):
+    """Store the normals that depend on where a surface is hit."""
+    if _has(surfaces.spheres, prim) or _has(surfaces.cylinders, prim):
+        _put(points.normal, i, normal * orientation)
+        _put(points.shading_normal, i, normal * orientation)
+    elif _is_smooth(surfaces.triangles, prim):
+        _put(points.shading_normal, i, normal)
+
+
+@kernel
+def _has(surfaces, prim):
+    if surfaces is None:
+        return False
+    return _of_kind(surfaces, prim)
+
+
+@kernel
+def _is_smooth(triangles, prim):
+    if triangles is None:
+        return False
+    return _with_normals(triangles.normals) and _of_kind(triangles, prim)
+
+
+@kernel
+def _with_normals(normals):
+    return normals is not None
+
+
+@kernel
+def as_mitsuba_rounds(replayed, scene, rays, hits, order, count, points):
+    """Compute the first `count` surface points anew, if this is a replay.
+
+    Parameters
+    ----------
+    replayed : ReplaySurfaces or None
+        None: this is none.
+    scene, rays, hits, order, count, points
+        As `surface_points` has them; `points` is filled.
+    """
+    if replayed is None:
+        return
+    surfaces, instances = scene.surfaces, scene.accelerators.instances
+    for i in range(count):
+        ray = order[i]
+        prim, t, u, v = hits.prim[ray], hits.t[ray], hits.u[ray], hits.v[ray]
+        instance = _instance_number(hits.instance, ray)
+        o, d = column(rays.origin, ray), column(rays.direction, ray)
+        o, d = _into_object(instances, instance, o, d)
+        found = HitPoint(column(points.position, i), column(points.normal, i), u, v)
+        found = _try_triangles(surfaces.triangles, replayed.triangles, prim, o, d, found)
+        found = _try_rectangles(
+            surfaces.rectangles, replayed.rectangles, prim, u, v, o, d, found
+        )
+        found = _try_disks(surfaces.disks, prim, o, d, found)
+        found = _try_spheres(surfaces.spheres, prim, t, o, d, found)
+        found = _try_cylinders(surfaces.cylinders, prim, t, o, d, found)
+        _put(points.position, i, _into_world(instances, instance, found.position))
+        if _has(surfaces.triangles, prim) or _has(surfaces.rectangles, prim):
+            points.uv[0, i], points.uv[1, i] = found.u, found.v
+        if instance < 0:
+            orientation = scene.shapes.orientation[scene.shape[prim]]
+            _put_normals(surfaces, prim, found.normal, orientation, points, i)

@@ -1,0 +1,47 @@
+"""Vector arithmetic with the fused multiply-adds of Mitsuba's wheels, on float32 scalars.
+
+Which products are fused, and in which order sums are taken, was found by trying all on
+thousands of hits: with these, positions, uv and normals are Mitsuba's bit for bit [run].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import kernel
+from renderer.replay.fused import fused_multiply_add
+from renderer.vectors import vec3
+
+_ONE = np.float32(1.0)
+
+
+@kernel
+def fused_cross(a, b):
+    """Return a x b, of each component the second product rounded first."""
+    return vec3(
+        fused_multiply_add(a.y, b.z, -(a.z * b.y)),
+        fused_multiply_add(a.z, b.x, -(a.x * b.z)),
+        fused_multiply_add(a.x, b.y, -(a.y * b.x)),
+    )
+
+
+@kernel
+def fused_dot(a, b):
+    """Return a . b, summed from the last component."""
+    return fused_multiply_add(a.x, b.x, fused_multiply_add(a.y, b.y, a.z * b.z))
+
+
+@kernel
+def fused_sum(a, s, b):
+    """Return a s + b for vectors a, b and a number s."""
+    return vec3(
+        fused_multiply_add(a.x, s, b.x),
+        fused_multiply_add(a.y, s, b.y),
+        fused_multiply_add(a.z, s, b.z),
+    )
+
+
+@kernel
+def unit(a):
+    """Return a / |a|; the square is summed as four lanes are: x and z first."""
+    return a * (_ONE / np.sqrt((a.x * a.x + a.z * a.z) + a.y * a.y))
