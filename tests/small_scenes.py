@@ -210,7 +210,9 @@ def assert_mean(
     """Assert that the expectation of a picture's mean is a value known on paper.
 
     `within` is the relative standard error that the test must reach to mean anything.
-    Single precision may add 2e-5 of the value.
+    Single precision may add 2e-5 of the value. The false alarm rate is 1e-4, and a bias of
+    8.5 standard errors is found with 99 % (Student's t with 15 degrees of freedom): at most
+    8.5 x `within` of the value.
     """
     mean, error = mean_and_error(content, **arguments)
     assert (error < within * expected).all(), f"too noisy: {error} of {expected}"

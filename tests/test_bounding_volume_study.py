@@ -37,7 +37,11 @@ def test_the_study_is_whole_and_goes_through_json(study):
 
 
 def test_shares_of_random_lines_are_areas(study):
-    """Cauchy: hits of the volumes are in proportion to their areas, within the noise."""
+    """Cauchy: hits of the volumes are in proportion to their areas, within the noise.
+
+    False alarm rate 6e-5 for each of 18 shares. With 99 % an area is found that is 9 to
+    30 % off, by volume; of the long object's OBB, which 2 % of the lines meet, 71 %.
+    """
     for found in study["objects"]:
         shares = [
             (row["false_hits_per_ray"] + found["hit_share"], row["area"])

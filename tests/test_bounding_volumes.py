@@ -426,7 +426,10 @@ def random_lines(radius, count, rng):
 
 @every_volume
 def test_the_area_is_the_share_of_random_lines_that_hit(name):
-    """Cauchy: of the lines through a ball, A / A_0 go through a body inside of it."""
+    """Cauchy: of the lines through a ball, A / A_0 go through a body inside of it.
+
+    False alarm rate 6e-5; an area that is 5 to 8 % off, by volume, is found with 99 %.
+    """
     rng = np.random.default_rng(13)
     points = rotation(rng) @ (rng.uniform(-1, 1, (3, 100)) * np.vstack((1, 0.6, 0.2)))
     volume, ball, n = VOLUMES[name].fit(points), 2.0, 40_000

@@ -3,6 +3,12 @@
 Irradiance E is the mean of radiance times cosine over samples of a light, where radiance
 already is divided by the density. Answers are those of the project's table of ground
 truths (rows C, D, E, F, L).
+
+Seeds are fixed. A limit of 4.5 standard errors has a false alarm rate of 7e-6 and finds
+with 99 % what is 6.9 of them off. One is below 0.65 % of the answer in 36 of 46 comparisons
+and below 3.7 % in 44; 0.01 below the wall of the sphere that shines inwards it is 19 and
+61 %, which says little. tests/test_light_samplers.py compares the densities themselves, and
+finds a tilt of 3 %.
 """
 
 from __future__ import annotations
