@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from metamorphic_scenes import unseen
 from small_scenes import (
+    assert_mean,
     diffuse,
     glass,
     mirror,
@@ -121,6 +123,28 @@ def test_glass_slab_is_a_geometric_series_approached_from_below(index):
     assert (np.diff(seen, axis=0) >= 0).all()
     assert seen[-1] == pytest.approx(limit, rel=1e-4)
     assert (seen < limit * (1 + 1e-6)).all()
+
+
+@pytest.mark.parametrize("depth", [3, 5, 12])
+def test_path_finds_the_same_series_by_chance(depth):
+    """The slab once more, where each surface reflects or lets through at random.
+
+    Paths of 3, 5 and 12 segments hold 1, 2 and 5 terms of T.
+    """
+    r = (0.5 / 2.5) ** 2
+    expected = (1 - r) ** 2 * (r ** (2 * np.arange((depth - 1) // 2))).sum()
+    views = {"size": (32, 32), "fov": 1e-3, "spp": 16, "jitter": True}
+    content = scene(
+        sensor((0, 0, 1), (0, 0, 0), up=(0, 1, 0), **views),
+        "path",
+        rectangle((0, 0, 0), (3, 0, 0), (0, 3, 0), glass()),
+        rectangle((0, 0, -0.1), (3, 0, 0), (0, -3, 0), glass()),
+        lamp((0, 0, -2), (1.0, 1.0, 1.0)),
+        *unseen(),
+        max_depth=depth,
+        rr_depth=64,
+    )
+    assert_mean(content, expected, within=1e-3, integrator="path")
 
 
 def corridor(bounces, **settings):

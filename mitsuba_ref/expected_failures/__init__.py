@@ -1,0 +1,18 @@
+"""What is known to disagree, as a list that runs: `check_register()`.
+
+A method that fails where the textbook says it does is evidence too. If it starts to agree,
+then the check has gone blind or the method was changed, and someone has to look.
+
+`rounding, offsets, reference, light, cost` measure, one number for each entry; `register`
+says what is expected.
+"""
+
+from mitsuba_ref.expected_failures.register import (
+    REGISTER,
+    ExpectedFailure,
+    Outcome,
+    check,
+    check_register,
+)
+
+__all__ = ["REGISTER", "ExpectedFailure", "Outcome", "check", "check_register"]
