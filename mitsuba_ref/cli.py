@@ -20,6 +20,7 @@ from mitsuba_ref.options import Options, scene_name
 from mitsuba_ref.ours import RenderOurs, render_ours
 from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
 from mitsuba_ref.table import print_table
+from mitsuba_ref.trace_command import add_trace_options, asks_for_trace, run_trace
 from mitsuba_ref.validation import Validated, validate_scene
 from mitsuba_ref.variant import MIN_THREADS
 from mitsuba_ref.warm import compile_kernels, kernel_requests
@@ -48,6 +49,8 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     except FileNotFoundError as error:
         Console(stderr=True).print(f"lightproof-validate: {error}", markup=False)
         return 2
+    if asks_for_trace(options):
+        return run_trace(options, list(scenes.values()), _options(options))
     results: list[SceneResult] = []
     console = Console(stderr=True)
     try:
@@ -188,6 +191,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="S",
         help="seconds for one picture by Mitsuba (default: %(default)g)",
     )
+    add_trace_options(parser)
     return parser
 
 

@@ -1,0 +1,129 @@
+"""`--trace X,Y`: one path of one pixel in both renderers, and where the two part.
+
+The first thing to look at when a new BSDF, light or shape gives another picture than
+Mitsuba's: the table shows which quantity of which bounce differs first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from rich.console import Console
+
+from mitsuba_ref.errors import MitsubaError
+from mitsuba_ref.options import Options, scene_request
+from mitsuba_ref.path_comparison import CAMERA, TOLERANCE, compare_paths, first_difference
+from mitsuba_ref.path_table import print_paths
+from mitsuba_ref.proof_file import read_proof
+from mitsuba_ref.traced_pair import Pixel, TracedPair
+from renderer.errors import SceneError
+
+WIDTH = 128
+"""Columns of the table: a narrower terminal wraps its lines, rich would cut the numbers."""
+
+
+def add_trace_options(parser: argparse.ArgumentParser) -> None:
+    """Add `--trace` and what belongs to it."""
+    group = parser.add_argument_group(
+        "trace",
+        "Compare one path instead of pictures: both renderers draw Mitsuba's random "
+        "numbers. Exit status 0: the paths agree, 1: they do not, 2: cannot be traced.",
+    )
+    group.add_argument(
+        "--trace",
+        type=_pixel,
+        metavar="X,Y",
+        help="print both paths at a pixel of the picture as shown (counted from 0 at the "
+        "top left, inside the crop window), bounce by bounce; for path and direct",
+    )
+    group.add_argument(
+        "--sample",
+        type=_sample,
+        metavar="S",
+        help="which of the pixel's samples, from 0 (default: 0)",
+    )
+    group.add_argument(
+        "--tolerance",
+        type=_tolerance,
+        metavar="R",
+        help=f"relative error from which on a quantity differs (default: {TOLERANCE:g})",
+    )
+
+
+def asks_for_trace(given: argparse.Namespace) -> bool:
+    """Return whether one of the options of `add_trace_options` is given."""
+    return any(value is not None for value in (given.trace, given.sample, given.tolerance))
+
+
+def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -> int:
+    """Trace, print and return the exit status.
+
+    Parameters
+    ----------
+    given
+        The command line, with the options of `add_trace_options`.
+    scenes
+        Its scene files; one of them.
+    options
+        Size, samples, seed and parameters, as for pictures.
+    """
+    errors = Console(stderr=True)
+    try:
+        if given.trace is None:
+            raise SceneError("--sample and --tolerance go with --trace")
+        if len(scenes) != 1:
+            raise SceneError(f"--trace takes one scene; {len(scenes)} are given")
+        request = scene_request(scenes[0], read_proof(scenes[0]), options)
+        with TracedPair(request) as pair:
+            return _trace(given, pair, f"{scenes[0]}, seed {request.seed}")
+    except (SceneError, MitsubaError) as error:
+        sentence = " ".join(str(error).split())
+        errors.print(f"lightproof-validate: {sentence}", markup=False, soft_wrap=True)
+        return 2
+    except KeyboardInterrupt:
+        errors.print("interrupted")
+        return 130
+
+
+def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
+    """Trace and print; return 0 if the paths agree, else 1."""
+    pixel, sample = given.trace, given.sample or 0
+    tolerance = given.tolerance or TOLERANCE
+    ours, reference = pair.trace(pixel, sample)
+    quantities = compare_paths(ours, reference)
+    first = first_difference(quantities, tolerance)
+    notes = []
+    if first is not None and sample > 0 and quantities[first].bounce == CAMERA:
+        notes = [
+            "A pixel's samples share one stream of numbers.",
+            pair.cause(pixel, tolerance),
+        ]
+    output = Console(width=max(WIDTH, Console().width), highlight=False)
+    title = f"{scene}: pixel {pixel[0]},{pixel[1]}, sample {sample} of {pair.spp}"
+    output.print(title, markup=False, soft_wrap=True)
+    print_paths(quantities, (ours.renderer, reference.renderer), tolerance, output)
+    for note in notes:
+        output.print(note, markup=False, soft_wrap=True)
+    return 0 if first is None else 1
+
+
+def _pixel(text: str) -> Pixel:
+    x, comma, y = text.partition(",")
+    if not (comma and x.isdecimal() and y.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be X,Y, whole numbers from 0")
+    return int(x), int(y)
+
+
+def _sample(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from 0")
+    return int(text)
+
+
+def _tolerance(text: str) -> float:
+    value = float(text)
+    if not (value > 0.0 and math.isfinite(value)):
+        raise argparse.ArgumentTypeError(f"{text}: must be above 0")
+    return value

@@ -1,0 +1,67 @@
+"""What a replay has drawn for one pixel, by name, and the way back to its first sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernel_scene import KernelScene
+from renderer.replay.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
+from renderer.stages.tile import Tile
+from renderer.traced_path import Numbers, light_number
+
+
+class NumbersDrawn:
+    """What a replay of Mitsuba has drawn; our own samplers keep no numbers."""
+
+    def __init__(self, scene: KernelScene) -> None:
+        self._scene = scene
+        self._sampler = scene.sampler if isinstance(scene.sampler, Replay) else None
+        arrays = _arrays(self._sampler.sequence) if self._sampler else []
+        self._at_start = [(array, array.copy()) for array in arrays]
+
+    def rewind(self, sample: int) -> range:
+        """Go back to sample 0; return the samples to be drawn before the one wanted."""
+        for array, at_start in self._at_start:
+            array[...] = at_start
+        return range(sample if self._sampler else 0)
+
+    def of_film(self, tile: Tile) -> Numbers:
+        """Return the numbers of the position on the film."""
+        return {} if self._sampler is None else self._pair(tile, "film", FILM)
+
+    def of_bounce(self, tile: Tile, prim: int) -> Numbers:
+        """Return the numbers drawn at a hit on a primitive."""
+        sampler = self._sampler
+        drawn: Numbers = {}
+        if sampler is None:
+            return drawn
+        if sampler.smooth[self._scene.shape[prim]]:
+            for k in range(sampler.light_samples):
+                drawn |= self._pair(tile, light_number(k), LIGHT + 2 * k)
+        if sampler.bsdf is not None:
+            drawn["bsdf"] = self._number(tile, BSDF_CHOICE)
+            drawn |= self._pair(tile, "bsdf", BSDF)
+        if sampler.direct is None:  # `direct` plays no roulette
+            drawn["roulette"] = self._number(tile, ROULETTE)
+        return drawn
+
+    def _pair(self, tile: Tile, name: str, row: int) -> Numbers:
+        return {
+            f"{name} {axis}": self._number(tile, row + k) for k, axis in enumerate("xy")
+        }
+
+    def _number(self, tile: Tile, row: int) -> float:
+        assert self._sampler is not None
+        pixel = tile.y * self._scene.camera.film_width + tile.x
+        return float(self._sampler.numbers[row, pixel])
+
+
+def _arrays(record: Any) -> list[NDArray[Any]]:
+    """Return all arrays of a record of records."""
+    if isinstance(record, np.ndarray):
+        return [record]
+    parts = record if isinstance(record, tuple) else ()
+    return [array for part in parts for array in _arrays(part)]

@@ -1,0 +1,152 @@
+"""`python -m mitsuba_ref SCENE --trace X,Y`: both paths of a pixel, and the exit status.
+
+The Cornell box at 12 x 12 pixels, so that the kernels are those of other tests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import renderer
+from mitsuba_ref.cli import main
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.traced_pair import TracedPair
+from renderer.traced_path import TracedPath
+
+SCENES = Path(__file__).parent.parent / "scenes"
+BOX = SCENES / "cornell-box" / "scene.xml"
+SIZE = {"width": "12", "height": "12", "spp": "3"}
+PIXEL, SAMPLE = "5,4", "2"
+
+
+def run(*arguments: object, scene: Path = BOX) -> int:
+    defines = [f"-D{name}={value}" for name, value in SIZE.items()]
+    return main([str(scene), *map(str, arguments), *defines])
+
+
+@pytest.fixture(scope="module")
+def pair():
+    with TracedPair(RenderRequest(str(BOX), SIZE, spp=3, seed=5)) as both:
+        yield both
+
+
+def test_agreeing_paths_are_status_0(capsys):
+    """Both paths, bounce by bounce, no mark, and nothing cut off in a pipe."""
+    assert run("--trace", PIXEL, "--sample", SAMPLE) == 0
+    output = capsys.readouterr().out
+    for shown in (
+        "pixel 5,4, sample 2 of 3",
+        "random: film x",
+        "bounce 0",
+        "light blocked",
+    ):
+        assert shown in output
+    assert "The paths agree" in output
+    assert "first" not in output and "…" not in output
+
+
+def darker_light(path: TracedPath) -> TracedPath:
+    """Return a path on which the light of bounce 1 carries a tenth less."""
+    first, second, *rest = path.bounces
+    (light,) = second.lights
+    light = replace(light, carried=tuple(0.9 * c for c in light.carried))
+    return replace(path, bounces=(first, replace(second, lights=(light,)), *rest))
+
+
+def test_an_injected_defect_is_status_1_and_marked_in_its_bounce(monkeypatch, capsys):
+    """A tenth less light at bounce 1: the row `unblocked light`, called a value."""
+    real = TracedPair.trace_ours
+    monkeypatch.setattr(TracedPair, "trace_ours", lambda *given: darker_light(real(*given)))
+    assert run("--trace", PIXEL, "--sample", SAMPLE) == 1
+    output = capsys.readouterr().out
+    (marked,) = (line for line in output.splitlines() if "<-- first" in line)
+    assert marked.split()[:2] == ["unblocked", "light"]
+    assert "First difference at bounce 1: unblocked light" in output
+    assert "Likely a value" in output
+
+
+def test_an_earlier_sample_that_parted_is_named(monkeypatch, capsys):
+    """Samples share a stream: where sample 0 parted, sample 2 draws other numbers."""
+    real = TracedPair.trace_ours
+
+    def parted(self, pixel, sample):
+        path = real(self, pixel, sample)
+        if sample == 0:
+            return darker_light(path)
+        return replace(path, numbers=dict.fromkeys(path.numbers, 0.5))
+
+    monkeypatch.setattr(TracedPair, "trace_ours", parted)
+    assert run("--trace", PIXEL, "--sample", SAMPLE) == 1
+    output = capsys.readouterr().out
+    assert "First difference at the camera: random: film x" in output
+    assert "Sample 0. First difference at bounce 1: unblocked light" in output
+
+
+@pytest.mark.parametrize(
+    ("scenes", "arguments", "sentence"),
+    [
+        ("cornell-box", "--trace=12,0", "pixel 12,0 is outside"),
+        ("cornell-box", "--trace=0,12", "12 x 12 pixels"),
+        ("cornell-box", "--trace=0,0 --sample=3", "3 samples, 0 to 2"),
+        ("whitted-spheres", "--trace=0,0", "not whitted"),
+        ("cornell-box caustic", "--trace=0,0", "one scene; 2 are given"),
+        ("cornell-box", "--trace=-1,0", "must be X,Y"),
+        ("cornell-box", "--trace=3", "must be X,Y"),
+        ("cornell-box", "--trace=0,0 --sample=x", "whole number"),
+        ("cornell-box", "--trace=0,0 --tolerance=0", "above 0"),
+        ("cornell-box", "--sample=1", "go with --trace"),
+    ],
+)
+def test_wrong_use_is_status_2_and_one_sentence(scenes, arguments, sentence, capsys):
+    """Nothing on standard output, no traceback."""
+    paths = [SCENES / scene / "scene.xml" for scene in scenes.split()]
+    assert run(*paths[1:], *arguments.split(), scene=paths[0]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert sentence in " ".join(captured.err.split())
+    assert "Traceback" not in captured.err
+
+
+def test_a_scene_that_mitsuba_refuses_is_status_2(monkeypatch, capsys):
+    """Its own sentence, from its own process."""
+    real = TracedPair.trace_ours
+
+    def then_spoil(self, pixel, sample):
+        path = real(self, pixel, sample)
+        self._request = replace(self._request, parameters={**SIZE, "unheard": "1"})
+        return path
+
+    monkeypatch.setattr(TracedPair, "trace_ours", then_spoil)
+    assert run("--trace", PIXEL) == 2
+    captured = capsys.readouterr()
+    assert "scalar_rgb: " in captured.err and "unheard" in captured.err
+
+
+def test_help_says_which_pixels_are_meant(capsys):
+    """X,Y count inside the crop window."""
+    assert main(["--help"]) == 0
+    assert "inside the crop window" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_steps_are_the_render(pair):
+    """Our path, stage by stage, adds up to the pixel of an ordinary render.
+
+    The mean of the three samples is the pixel of the picture to the last bit or two, for
+    pixels all over it; so what a trace shows is what the kernels do.
+    """
+    scene = renderer.load_file(BOX, **SIZE)
+    picture = np.asarray(
+        renderer.render(scene, spp=3, seed=5, sampler="mitsuba", ray_offset="mitsuba")
+    )
+    for x, y in ((0, 0), (5, 4), (6, 2), (3, 9), (11, 11), (8, 7)):
+        samples = [pair.trace_ours((x, y), sample).radiance for sample in range(3)]
+        np.testing.assert_allclose(np.mean(samples, axis=0), picture[y, x], rtol=3e-7)
+
+
+def test_a_pixel_whose_samples_agree_has_no_cause(pair):
+    """`cause` is for pixels that diverged."""
+    assert pair.cause((5, 4)) == ""
