@@ -29,6 +29,7 @@ class Rays(NamedTuple):
     slot: NDArray[np.int32]  # (n,) pixel of the tile that the path belongs to
     # (3, n) surface point that it left, which its origin is slightly off; None: nobody asks
     previous: Any = None
+    point: Any = None  # (n,) its column in the batch's surface points; None: nobody asks
 
 
 class Hits(NamedTuple):
@@ -130,6 +131,7 @@ def make_workspace(
         _row(ray_capacity),
         _row(ray_capacity, np.int32),
         _rows(3, ray_capacity) if replay else None,
+        _row(ray_capacity, np.int32) if replay else None,
     )
     hits = Hits(
         _row(ray_capacity),

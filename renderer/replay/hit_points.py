@@ -19,13 +19,21 @@ import numpy as np
 from renderer.affine import affine_at, times
 from renderer.jit import kernel
 from renderer.replay.fused import fused_multiply_add
-from renderer.replay.rounded_once import fused_cross, fused_dot, fused_sum, unit
+from renderer.replay.rounded_once import (
+    fused_affine,
+    fused_cross,
+    fused_dot,
+    fused_sum,
+    plain_dot,
+    unit,
+)
 from renderer.vectors import column, dot, vec3
 
 _ONE = np.float32(1.0)
+_TWO_PI = np.float32(2.0 * np.pi)
 # What differs by more is no rounding: it stays, so that a replay shows it. The largest
 # difference that a scene of ours has is 1e-5, on a floor 140 wide.
-_ROUNDING = np.float32(1e-4)
+ROUNDING = np.float32(1e-4)
 
 
 class HitPoint(NamedTuple):
@@ -33,6 +41,7 @@ class HitPoint(NamedTuple):
 
     position: Any
     normal: Any  # unit: outwards of a curved surface, interpolated on a smooth mesh
+    tangent: Any  # dp/du of a sphere
     u: Any  # texture coordinates of triangles and rectangles
     v: Any
 
@@ -97,7 +106,7 @@ def _on_triangle(triangles, vertices, k, origin, direction):
     flat = column(triangles.normal, k)
     normal = _vertex_normal(triangles.normals, k, w, u, v, flat)
     texture_u, texture_v = _with_uv(triangles.uvs, k, w, u, v)
-    return HitPoint(_weighted(vertices, k, w, u, v), normal, texture_u, texture_v)
+    return HitPoint(_weighted(vertices, k, w, u, v), normal, normal, texture_u, texture_v)
 
 
 @kernel
@@ -115,8 +124,8 @@ def _on_rectangle(rectangles, vertices, k, u, v, origin, direction):
     position = _weighted(vertices, half, w, u, v)
     normal = column(rectangles.normal, k)
     if far:
-        return HitPoint(position, normal, w + u, u + v)
-    return HitPoint(position, normal, w, u)
+        return HitPoint(position, normal, normal, w + u, u + v)
+    return HitPoint(position, normal, normal, w, u)
 
 
 @kernel
@@ -126,7 +135,7 @@ def _on_disk(disks, k, origin, direction):
     t = np.float32(dot(n, _in_double(center) - o) / dot(n, d))
     point = fused_sum(direction, t, origin)
     position = fused_sum(normal, dot(center - point, normal), point)
-    return HitPoint(position, normal, t, t)
+    return HitPoint(position, normal, normal, t, t)
 
 
 @kernel
@@ -144,13 +153,43 @@ def _root_near(t, a, half_b, c):
 
 
 @kernel
-def _on_sphere(spheres, k, t, origin, direction):
+def _sphere_distance(center, radius, origin, direction):
+    """Return t of the nearer hit ahead, as Mitsuba finds it.
+
+    From the point of the ray next to the centre on, in double precision; but that point
+    itself is rounded to single.
+    """
+    d = _in_double(direction)
+    length2 = dot(d, d)
+    ahead = dot(_in_double(center) - _in_double(origin), d) / np.sqrt(length2)
+    o = _in_double(fused_sum(direction, np.float32(ahead), origin)) - _in_double(center)
+    half_b = dot(o, d)
+    c = dot(o, o) - np.float64(radius) * np.float64(radius)
+    root = np.sqrt(max(half_b * half_b - length2 * c, 0.0))
+    q = -(half_b + (root if half_b >= 0.0 else -root))
+    first, second = q / length2 + ahead, c / q + ahead
+    near, far = min(first, second), max(first, second)
+    return np.float32(far if near < 0.0 else near)
+
+
+@kernel
+def _sphere_tangent(spheres, k, center, radius, p):
+    """Return dp/du on a sphere, which turns about its local z axis."""
+    x_axis, y_axis = _columns3(spheres.frame, 0, k), _columns3(spheres.frame, 3, k)
+    inverse = _ONE / radius
+    x = fused_affine(x_axis * inverse, -plain_dot(x_axis * inverse, center), p)
+    y = fused_affine(y_axis * inverse, -plain_dot(y_axis * inverse, center), p)
+    return fused_sum(y_axis * radius, x, x_axis * (radius * -y)) * _TWO_PI
+
+
+@kernel
+def _on_sphere(spheres, k, origin, direction):
     center, radius = column(spheres.center, k), spheres.radius[k]
-    o, d = _in_double(origin) - _in_double(center), _in_double(direction)
-    square = np.float64(radius) * np.float64(radius)
-    t = _root_near(t, dot(d, d), dot(o, d), dot(o, o) - square)
+    t = _sphere_distance(center, radius, origin, direction)
     normal = unit(fused_sum(direction, t, origin) - center)
-    return HitPoint(fused_sum(normal, radius, center), normal, t, t)
+    position = fused_sum(normal, radius, center)
+    tangent = _sphere_tangent(spheres, k, center, radius, position)
+    return HitPoint(position, normal, tangent, t, t)
 
 
 @kernel
@@ -168,7 +207,8 @@ def _on_cylinder(cylinders, k, t, origin, direction):
     normal = from_axis * (1.0 / np.sqrt(dot(from_axis, from_axis)))
     along = axis * (o_axis + np.float64(t) * d_axis)
     position = base + along + normal * np.float64(radius)
-    return HitPoint(_in_single(position), _in_single(normal), t, t)
+    n = _in_single(normal)
+    return HitPoint(_in_single(position), n, n, t, t)
 
 
 @kernel
@@ -209,12 +249,12 @@ def _try_disks(disks, prim, o, d, found):
 
 
 @kernel
-def _try_spheres(spheres, prim, t, o, d, found):
+def _try_spheres(spheres, prim, o, d, found):
     if spheres is None:
         return found
     if not _of_kind(spheres, prim):
         return found
-    return _on_sphere(spheres, prim - spheres.first, t, o, d)
+    return _on_sphere(spheres, prim - spheres.first, o, d)
 
 
 @kernel
@@ -237,12 +277,6 @@ def _into_object(instances, instance, origin, direction):
 
 
 @kernel
-def _row_times(row, at, p):
-    x = fused_multiply_add(row.x, p.x, at)
-    return fused_multiply_add(row.z, p.z, fused_multiply_add(row.y, p.y, x))
-
-
-@kernel
 def _into_world(instances, instance, p):
     if instances is None:
         return p
@@ -250,7 +284,9 @@ def _into_world(instances, instance, p):
         return p
     m = affine_at(instances.placements.to_world, instance)
     return vec3(
-        _row_times(m.x, m.at.x, p), _row_times(m.y, m.at.y, p), _row_times(m.z, m.at.z, p)
+        fused_affine(m.x, m.at.x, p),
+        fused_affine(m.y, m.at.y, p),
+        fused_affine(m.z, m.at.z, p),
     )
 
 
@@ -267,14 +303,22 @@ def _round(rows, i, a):
     old = column(rows, i)
     size = _ONE + max(abs(old.x), max(abs(old.y), abs(old.z)))
     apart = max(abs(a.x - old.x), max(abs(a.y - old.y), abs(a.z - old.z)))
-    if apart <= _ROUNDING * size:
+    if apart <= ROUNDING * size:
         rows[0, i], rows[1, i], rows[2, i] = a.x, a.y, a.z
+
+
+@kernel
+def _replace_tangent(tangents, i, a):
+    """Replace a tangent by one of the same direction; the old one has another length."""
+    old = column(tangents, i)
+    if dot(old, a) ** 2 >= (_ONE - ROUNDING) ** 2 * dot(old, old) * dot(a, a):
+        tangents[0, i], tangents[1, i], tangents[2, i] = a.x, a.y, a.z
 
 
 @kernel
 def _round_uv(uv, i, u, v):
     apart = max(abs(uv[0, i] - u), abs(uv[1, i] - v))
-    if apart <= _ROUNDING * (_ONE + max(abs(u), abs(v))):
+    if apart <= ROUNDING * (_ONE + max(abs(u), abs(v))):
         uv[0, i], uv[1, i] = u, v
 
 
@@ -327,13 +371,14 @@ def as_mitsuba_rounds(replayed, scene, rays, hits, order, count, points):
         instance = _instance_number(hits.instance, ray)
         o, d = column(rays.origin, ray), column(rays.direction, ray)
         o, d = _into_object(instances, instance, o, d)
-        found = HitPoint(column(points.position, i), column(points.normal, i), u, v)
+        n = column(points.normal, i)
+        found = HitPoint(column(points.position, i), n, n, u, v)
         found = _try_triangles(surfaces.triangles, replayed.triangles, prim, o, d, found)
         found = _try_rectangles(
             surfaces.rectangles, replayed.rectangles, prim, u, v, o, d, found
         )
         found = _try_disks(surfaces.disks, prim, o, d, found)
-        found = _try_spheres(surfaces.spheres, prim, t, o, d, found)
+        found = _try_spheres(surfaces.spheres, prim, o, d, found)
         found = _try_cylinders(surfaces.cylinders, prim, t, o, d, found)
         _round(points.position, i, _into_world(instances, instance, found.position))
         if _has(surfaces.triangles, prim) or _has(surfaces.rectangles, prim):
@@ -341,3 +386,5 @@ def as_mitsuba_rounds(replayed, scene, rays, hits, order, count, points):
         if instance < 0:
             orientation = scene.shapes.orientation[scene.shape[prim]]
             _round_normals(surfaces, prim, found.normal, orientation, points, i)
+            if _has(surfaces.spheres, prim):
+                _replace_tangent(points.tangent, i, found.tangent)

@@ -32,6 +32,19 @@ def fused_dot(a, b):
 
 
 @kernel
+def plain_dot(a, b):
+    """Return a . b, without fusing."""
+    return (a.x * b.x + a.y * b.y) + a.z * b.z
+
+
+@kernel
+def fused_affine(row, at, p):
+    """Return row . p + at, summed from the translation on."""
+    x = fused_multiply_add(row.x, p.x, at)
+    return fused_multiply_add(row.z, p.z, fused_multiply_add(row.y, p.y, x))
+
+
+@kernel
 def fused_sum(a, s, b):
     """Return a s + b for vectors a, b and a number s."""
     return vec3(

@@ -14,6 +14,7 @@ from renderer.jit import kernel
 from renderer.kernel_scene import CONDUCTOR, DIELECTRIC, DIFFUSE
 from renderer.lanes.functions import (
     first_lanes,
+    lane_index,
     mask_bits,
     maximum,
     minimum,
@@ -58,10 +59,11 @@ def _survive(roulette_depth, depth, throughput, eta, number, alive):
 
 
 @kernel
-def _append_previous(previous, end, points, i, alive):
+def _append_previous(previous, rays, end, points, i, alive):
     if previous is None:
         return
     append3(previous, end, load3(points.position, i), alive)
+    append_row(rays.point, 0, end, lane_index() + i, alive)
 
 
 @kernel
@@ -73,7 +75,7 @@ def append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive):
     append_row(rays.pdf, 0, end, pdf, alive)
     append_row(rays.eta, 0, end, eta, alive)
     append_row(rays.slot, 0, end, load_row(points.slot, 0, i), alive)
-    _append_previous(rays.previous, end, points, i, alive)
+    _append_previous(rays.previous, rays, end, points, i, alive)
     return end + popcount(mask_bits(alive))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from renderer.jit import kernel
 from renderer.kernel_scene import CONDUCTOR, DIELECTRIC, DIFFUSE, EMIT
 from renderer.lights.choose import lights_asked
+from renderer.replay.new_rays import rays_as_mitsuba_rounds
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import add_emission, add_environment
 from renderer.stages.intersect import collect, trace_shadow_rays
@@ -140,6 +141,8 @@ def scatter(scene, tile, sample, bounce, work, groups):
     end = _scatter_conductor(
         bsdfs.conductor, scene, tile, sample, bounce, work, diffuse, conductor, end
     )
-    return _scatter_dielectric(
+    end = _scatter_dielectric(
         bsdfs.dielectric, scene, tile, sample, bounce, work, conductor, dielectric, end
     )
+    rays_as_mitsuba_rounds(scene.replayed, scene, tile, work.rays, end, work.points)
+    return end
