@@ -11,8 +11,8 @@ from renderer.camera import kernel_camera
 from renderer.kernel_scene import Bsdfs, KernelScene, Settings, Surfaces
 from renderer.light_tables import light_tables
 from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
+from renderer.replay_arithmetic import face_normals, triangle_tangents
 from renderer.sampling import Independent, Stratified
-from renderer.replay_arithmetic import triangle_tangents
 from renderer.scene import KINDS, Scene
 
 
@@ -43,8 +43,11 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
     if surfaces["triangles"] is not None and not with_uv:
         surfaces["triangles"] = surfaces["triangles"]._replace(uvs=None)
     if surfaces["triangles"] is not None and plan.replay:
-        tangents = triangle_tangents(scene.surfaces["triangles"])
-        surfaces["triangles"] = surfaces["triangles"]._replace(tangents=tangents)
+        triangles = scene.surfaces["triangles"]
+        surfaces["triangles"] = surfaces["triangles"]._replace(
+            normal=face_normals(triangles.edge1, triangles.edge2),
+            tangents=triangle_tangents(triangles),
+        )
     accelerators = build_accelerators(scene, accel, plan.rays)
     seen = accelerators
     if plan.hide_emitters:

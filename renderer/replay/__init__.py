@@ -1,0 +1,1 @@
+"""Mitsuba's random numbers, drawn in its order: two renderers, the same paths."""
