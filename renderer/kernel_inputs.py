@@ -16,7 +16,7 @@ from renderer.replay.numbers import LIGHT, Replay
 from renderer.replay.pixel_seeds import pixel_seeds
 from renderer.replay.sequences import make_sequence
 from renderer.replay.surfaces import replay_surfaces
-from renderer.replay_arithmetic import triangle_tangents
+from renderer.replay_arithmetic import face_normals, triangle_tangents
 from renderer.sampling import Independent, Stratified
 from renderer.scene import KINDS, Scene
 
@@ -69,8 +69,11 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
     if surfaces["triangles"] is not None and not with_uv:
         surfaces["triangles"] = surfaces["triangles"]._replace(uvs=None)
     if surfaces["triangles"] is not None and plan.replay:
-        tangents = triangle_tangents(scene.surfaces["triangles"])
-        surfaces["triangles"] = surfaces["triangles"]._replace(tangents=tangents)
+        triangles = scene.surfaces["triangles"]
+        surfaces["triangles"] = surfaces["triangles"]._replace(
+            normal=face_normals(triangles.edge1, triangles.edge2),
+            tangents=triangle_tangents(triangles),
+        )
     accelerators = build_accelerators(scene, accel, plan.rays)
     seen = accelerators
     if plan.hide_emitters:

@@ -214,6 +214,7 @@ class TriangleShares(NamedTuple):
     area: NDArray[np.float32]  # (n,) of the whole mesh
     cumulated: NDArray[np.float32]  # (total,) area of a triangle and all before it
     below: NDArray[np.float32]  # (total,) share of the area before a triangle
+    lost: NDArray[np.float32]  # (total,) what the rounding of `below` has lost
     share: NDArray[np.float32]  # (total,) of the triangle itself
     prim: NDArray[np.int32]  # (total,) primitive id
 
@@ -235,6 +236,7 @@ class AreaLights(NamedTuple):
     inverse_area: NDArray[np.float32]  # (n,)
     prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
     orientation: NDArray[np.float32]  # (n,)
+    replay: int | None  # 1: densities as Mitsuba computes them
     triangles: TriangleLights | TriangleShares | None
     rectangles: int | None  # None: no light of this shape
     disks: int | None

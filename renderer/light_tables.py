@@ -165,6 +165,7 @@ def _areas(count: int, scene: Scene, shining: dict[int, int], replay: bool) -> A
         _row(count, {i: 1.0 / a for i, a in areas.items()}),
         prims,
         _row(count, orientation),
+        1 if replay else None,
         _mesh_lights(count, scene, tables, replay) if tables else None,
         *(
             1 if emits(scene, k) else None
@@ -210,14 +211,14 @@ def _triangle_shares(
         sizes = triangle_areas(triangles.edge1[:, k], triangles.edge2[:, k])
         cumulated = np.cumsum(sizes, dtype=np.float64).astype(np.float32)
         normalization = np.float32(1.0) / cumulated[-1]
-        below = np.append(np.float32(0.0), cumulated[:-1]) * normalization
+        exact = np.append(0.0, cumulated[:-1].astype(np.float64)) * normalization
+        below = exact.astype(np.float32)
         first[light], number[light], area[light] = total, len(ids), cumulated[-1]
-        columns.append([cumulated, below, sizes * normalization, ids])
+        lost = (exact - below).astype(np.float32)
+        columns.append([cumulated, below, lost, sizes * normalization, ids])
         total += len(ids)
-    cumulated, below, share, prim = (
-        np.concatenate(parts) for parts in zip(*columns, strict=True)
-    )
-    return TriangleShares(first, number, area, cumulated, below, share, prim)
+    rows = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    return TriangleShares(first, number, area, *rows)
 
 
 def _triangle_lights(count: int, tables: dict[int, Any]) -> TriangleLights:

@@ -20,7 +20,7 @@ from numba.extending import (
 )
 
 from renderer.jit import kernel
-from renderer.lanes.functions import select, sqrt
+from renderer.lanes.functions import as_i32, select, sqrt
 from renderer.lanes.memory import append_row, gather_row, load_row, store_row
 from renderer.lanes.operators import operands, widen
 from renderer.lanes.types import Lanes
@@ -179,9 +179,9 @@ def orthonormal_basis(n):
     """Return two unit vectors that complete the unit vector n to a right-handed frame.
 
     Branchless and continuous except at n.z = 0 [Duff2017, listing 3]. The sign is that of
-    the bit, as there: 1 / z tells -0 from 0.
+    the bit, as there: -0 is negative.
     """
-    sign = select(1.0 / n.z > 0.0, n.z * 0.0 + 1.0, n.z * 0.0 - 1.0)
+    sign = select(as_i32(n.z) < 0, n.z * 0.0 - 1.0, n.z * 0.0 + 1.0)
     a = -1.0 / (sign + n.z)
     b = n.x * n.y * a
     tangent = vec3(1.0 + sign * n.x * n.x * a, sign * b, -(sign * n.x))

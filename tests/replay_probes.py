@@ -11,13 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from kernel_probes import fill, float32
 
-from renderer.batch import CAPACITY, make_workspace
+from renderer.batch import CAPACITY, Workspace, make_workspace
 from renderer.bsdfs.diffuse import sample_diffuse
 from renderer.jit import entry_kernel
 from renderer.kernel_inputs import kernel_scene
 from renderer.kernel_scene import ANY, KernelScene
-from renderer.lanes.memory import load_row, store_row
+from renderer.lanes.functions import fabs, first_lanes
+from renderer.lanes.memory import gather_row, load_row, store_row
+from renderer.lights.area import pdf_area_light
 from renderer.lights.choose import choose_light, light_probability, sample_light
+from renderer.lights.triangles import density_normal
 from renderer.plan import make_plan
 from renderer.scene import Scene
 from renderer.stages.intersect import collect, intersect
@@ -30,6 +33,22 @@ def replay_inputs(scene: Scene) -> KernelScene:
     """What the kernels get for a replay of Mitsuba's path integrator."""
     plan = dataclasses.replace(make_plan(scene, integrator="path"), replay=True)
     return kernel_scene(scene, plan, "brute", 0)
+
+
+def _at_rays(inputs: KernelScene, origin: Any, direction: Any) -> tuple[Workspace, int]:
+    """A workspace with rays (n, 3) that wait to be traced, and n."""
+    work = make_workspace(
+        ray_capacity=CAPACITY,
+        shadow_capacity=16,
+        channels=3,
+        depths=1,
+        instances=inputs.accelerators.instances is not None,
+        tangents=True,
+    )
+    n = fill(work.rays, origin, direction)
+    work.hits.t[:n] = np.inf
+    work.hits.prim[:] = -1
+    return work, n
 
 
 # -------------------------------------------------------------------------------- lights
@@ -84,6 +103,44 @@ def ask(inputs: KernelScene, position: Any, x: Any, y: Any) -> Asked:
     return Asked(light[:n], *(a[:n].astype(float) for a in rows[1:]))
 
 
+@entry_kernel
+def run_density(scene, areas, work, count, density):
+    intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
+    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    points = work.points
+    surface_points(scene, work.rays, work.hits, work.order, found, points)
+    for i in range(0, found, 16):
+        valid = first_lanes(found - i)
+        light = gather_row(scene.shapes.light, 0, load_row(points.shape, 0, i), valid)
+        wo, t = load3(points.wo, i), load_row(points.t, 0, i)
+        flat, smooth = load3(points.normal, i), load3(points.shading_normal, i)
+        light_pdf = pdf_area_light(
+            areas,
+            scene.surfaces,
+            light,
+            load_row(points.prim, 0, i),
+            valid & (light >= 0),
+            load3(points.position, i) + wo * t,
+            t,
+            fabs(dot(wo, density_normal(areas.replay, flat, smooth))),
+        )
+        store_row(density, 0, i, light_pdf)
+    return found
+
+
+def density_towards(inputs: KernelScene, origin: Any, direction: Any) -> np.ndarray:
+    """Densities [1/sr] of light samples in directions (n, 3) that all hit a light."""
+    parts = []
+    for first in range(0, len(origin), CAPACITY):
+        part = slice(first, first + CAPACITY)
+        work, n = _at_rays(inputs, origin[part], direction[part])
+        density = np.empty(CAPACITY, np.float32)
+        found = run_density(inputs, inputs.lights.areas, work, n, density)
+        assert found == n, "a ray missed"
+        parts.append(density[:n].astype(float))
+    return np.concatenate(parts)
+
+
 # ---------------------------------------------------------------------------- directions
 
 
@@ -99,7 +156,9 @@ def run_scatter(scene, work, count, x, y, direction):
         s, t = tangents_of(points.tangent, i, normal)
         front = dot(load3(points.wo, i), normal) > 0.0
         normal = select3(front, normal, -normal)
-        wi, _ = sample_diffuse(s, t, normal, load_row(x, 0, i), load_row(y, 0, i))
+        wi, _ = sample_diffuse(
+            scene.settings.replay, s, t, normal, load_row(x, 0, i), load_row(y, 0, i)
+        )
         store3(direction, i, wi)
     return found
 
@@ -109,17 +168,7 @@ def scattered(inputs: KernelScene, origin: Any, direction: Any, x: Any, y: Any) 
     parts = []
     for first in range(0, len(origin), CAPACITY):
         part = slice(first, first + CAPACITY)
-        work = make_workspace(
-            ray_capacity=CAPACITY,
-            shadow_capacity=16,
-            channels=3,
-            depths=1,
-            instances=inputs.accelerators.instances is not None,
-            tangents=True,
-        )
-        n = fill(work.rays, origin[part], direction[part])
-        work.hits.t[:n] = np.inf
-        work.hits.prim[:] = -1
+        work, n = _at_rays(inputs, origin[part], direction[part])
         numbers = [np.pad(float32(a[part]), (0, -n % 16), "edge") for a in (x, y)]
         out = np.empty((3, n + -n % 16), np.float32)
         assert run_scatter(inputs, work, n, *numbers, out) == n, "a ray missed"

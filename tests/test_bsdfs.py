@@ -42,7 +42,9 @@ def run_diffuse(normal, x, y, wi, cosines, f):
     for i in range(0, x.size, 16):
         n = load3(normal, i)
         s, t = orthonormal_basis(n)
-        direction, cosine = sample_diffuse(s, t, n, load_row(x, 0, i), load_row(y, 0, i))
+        direction, cosine = sample_diffuse(
+            None, s, t, n, load_row(x, 0, i), load_row(y, 0, i)
+        )
         store3(wi, i, direction)
         store_row(cosines, 0, i, cosine)
         store_row(cosines, 1, i, pdf_diffuse(cosine))

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from renderer.jit import kernel
 from renderer.lanes.functions import select
+from renderer.replay.directions import (
+    cosine_hemisphere_as_mitsuba,
+    to_world_as_mitsuba,
+)
 from renderer.sampling import INV_PI, square_to_cosine_hemisphere
 from renderer.textures import eval_texture
 from renderer.vectors import gather3
@@ -29,10 +33,14 @@ def pdf_diffuse(cos_i):
 
 
 @kernel
-def sample_diffuse(s, t, normal, x, y):
+def sample_diffuse(replay, s, t, normal, x, y):
     """Choose a direction around the normal by its cosine; return it and its cosine.
 
-    s and t are unit vectors across the normal. f cos / pdf is the albedo exactly.
+    s and t are unit vectors across the normal. f cos / pdf is the albedo exactly. A replay
+    rounds as Mitsuba does.
     """
+    if replay is not None:
+        local = cosine_hemisphere_as_mitsuba(x, y)
+        return to_world_as_mitsuba(s, t, normal, local), local.z
     local = square_to_cosine_hemisphere(x, y)
     return s * local.x + t * local.y + normal * local.z, local.z

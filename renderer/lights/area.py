@@ -81,10 +81,11 @@ def pdf_area_light(areas, surfaces, light, prim, mask, position, distance, cosin
     pdf = distance * distance * inverse_area / cosine
     return pdf_on_spheres(
         areas.spheres,
+        areas,
         surfaces.spheres,
+        light,
         prim,
         mask,
-        gather_row(areas.orientation, 0, light, mask),
         inverse_area,
         position,
         distance,
@@ -109,7 +110,16 @@ def sample_area_lights(areas, surfaces, light, kind, position, x, y, z, sample):
     zero = splat_f32(0.0)
     none = vec3(zero, zero, zero)
     p, n, mesh_side = sample_triangles(
-        areas.triangles, surfaces.triangles, light, orientation, x, y, z, none, none
+        areas.triangles,
+        areas.replay,
+        surfaces.triangles,
+        light,
+        orientation,
+        x,
+        y,
+        z,
+        none,
+        none,
     )
     p, n = _sample_rectangles(areas.rectangles, surfaces.rectangles, prim, mine, x, y, p, n)
     p, n = _sample_disks(areas.disks, surfaces.disks, prim, mine, x, y, p, n)

@@ -52,11 +52,22 @@ def _outside(distance2, radius, orientation):
 
 
 @kernel
-def sphere_light_pdf(center, radius, orientation, inverse_area, position, distance, cosine):
+def _as_mitsuba(replay, one_minus_cos, sine2):
+    """Return 1 - cos of the half angle; in a replay with the digits that Mitsuba loses."""
+    if replay is None:
+        return one_minus_cos
+    return 1.0 - sqrt(maximum(1.0 - sine2, splat_f32(0.0)))
+
+
+@kernel
+def sphere_light_pdf(
+    replay, center, radius, orientation, inverse_area, position, distance, cosine
+):
     """Return the density [1/sr] with which `sample_spheres` chooses a direction."""
     to_center = center - position
     distance2 = dot(to_center, to_center)
-    one_minus_cos, _ = _cone(distance2, radius)
+    one_minus_cos, sine2 = _cone(distance2, radius)
+    one_minus_cos = _as_mitsuba(replay, one_minus_cos, sine2)
     outside = _outside(distance2, radius, orientation)
     by_area = distance * distance * inverse_area / cosine
     return select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
@@ -68,7 +79,7 @@ def sample_spheres(
 ):
     """Choose a direction in the cone of the sphere; from inside, a point by area.
 
-    x is the share of the cone's solid angle and y the longitude [Akalin2019]; Mitsuba's
+    x is the share of the cone's solid angle and y the longitude [Akalin2015]; Mitsuba's
     series for cones under 1.5 degrees differs from it by up to 1.7e-4 of sin^2 theta.
     """
     if present is None:
@@ -106,7 +117,7 @@ def sample_spheres(
 
 @kernel
 def pdf_on_spheres(
-    present, surfaces, prim, mask, orientation, inverse_area, position, r, cosine, pdf
+    present, areas, surfaces, light, prim, mask, inverse_area, position, r, cosine, pdf
 ):
     """Return `pdf` with the lanes whose primitive is a sphere replaced."""
     if present is None:
@@ -118,6 +129,13 @@ def pdf_on_spheres(
     center = gather3(surfaces.center, index, mine)
     radius = gather_row(surfaces.radius, 0, index, mine)
     on_sphere = sphere_light_pdf(
-        center, radius, orientation, inverse_area, position, r, cosine
+        areas.replay,
+        center,
+        radius,
+        gather_row(areas.orientation, 0, light, mine),
+        inverse_area,
+        position,
+        r,
+        cosine,
     )
     return select(mine, on_sphere, pdf)

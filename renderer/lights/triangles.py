@@ -38,7 +38,10 @@ def _by_alias(table, light, mask, y, z):
 
 @kernel
 def _by_search(table, light, mask, y, z):
-    """Find the first triangle that reaches y; the rest is its place within the share."""
+    """Find the first triangle that reaches y; the rest is its place within the share.
+
+    Mitsuba rounds y - cumulated / area once; small triangles need what `below` has lost.
+    """
     first = gather_row(table.first, 0, light, mask)
     wanted = y * gather_row(table.area, 0, light, mask)
     low = first
@@ -51,7 +54,8 @@ def _by_search(table, light, mask, y, z):
         high = select(searching & ~short, middle, high)
         searching = mask & (low < high)
     below = gather_row(table.below, 0, low, mask)
-    rest = (y - below) / gather_row(table.share, 0, low, mask)
+    rest = (y - below) - gather_row(table.lost, 0, low, mask)
+    rest = rest / gather_row(table.share, 0, low, mask)
     return gather_row(table.prim, 0, low, mask), rest
 
 
@@ -64,23 +68,20 @@ def _choose_triangle(table, light, mask, y, z):
     return lambda table, light, mask, y, z: choose(table, light, mask, y, z)
 
 
-def density_normal(table: Any, flat: Any, smooth: Any) -> Any:
+@kernel
+def density_normal(replay, flat, smooth):
     """Return the normal whose cosine turns a density per area into one per solid angle.
 
-    The geometric one, of which the area is; Mitsuba takes the one between the vertices.
+    That is the geometric one, which the area belongs to. Mitsuba takes the one between the
+    vertices, so its smooth mesh lights are a little too bright here and too dark there.
     """
-    raise TypeError("inside kernels only")
-
-
-@overload(density_normal)
-def _density_normal(table, flat, smooth):
-    if record_class(table) is TriangleShares:
-        return lambda table, flat, smooth: smooth
-    return lambda table, flat, smooth: flat
+    if replay is None:
+        return flat
+    return smooth
 
 
 @kernel
-def sample_triangles(table, surfaces, light, orientation, x, y, z, point, normal):
+def sample_triangles(table, replay, surfaces, light, orientation, x, y, z, point, normal):
     """Choose a triangle of the mesh by its area, then a point in it, uniformly.
 
     Returns point, the normal of the density and the normal of the side that shines: the
@@ -99,7 +100,7 @@ def sample_triangles(table, surfaces, light, orientation, x, y, z, point, normal
     p = gather3(surfaces.corner, index, mine) + edge1 * u + edge2 * v
     n = gather3(surfaces.normal, index, mine)
     side = interpolated_normal(surfaces.normals, index, mine, u, v, n * orientation)
-    n = density_normal(table, n, side)
+    n = density_normal(replay, n, side)
     return select3(mine, p, point), select3(mine, n, normal), side
 
 

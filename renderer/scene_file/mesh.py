@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.scene_file import transforms
 from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Rgb
 from renderer.scene_file.mesh_data import MeshData, first_not_finite, show_numbers
 
@@ -73,7 +74,8 @@ def build_mesh(
             f"{location}: vertex {bad} of {data.source} becomes "
             f"{show_numbers(placed[bad])} under to_world; a finite point is needed"
         )
-    vertices = placed.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        vertices = transforms.place_points(to_world, data.vertices)
 
     keep = ~_degenerate(vertices, data.faces)
     faces = data.faces[keep]

@@ -91,7 +91,7 @@ def read_obj(path: Path, *, flip_tex_coords: bool = True) -> MeshData:
     uv = None
     if keys[:, 1].any():
         if flip_tex_coords:
-            uvs[:, 1] = 1.0 - uvs[:, 1]
+            uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
         uv = np.vstack((np.zeros((1, 2)), uvs))[keys[:, 1]]
     return MeshData(
         vertices=vertices[keys[:, 0] - 1],

@@ -57,7 +57,7 @@ def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
     if pair := next((pair for pair in _UV_NAMES if set(pair) <= vertex.keys()), None):
         uvs = _finite_columns(vertex, pair, "uv", path)
         if flip_tex_coords:
-            uvs[:, 1] = 1.0 - uvs[:, 1]
+            uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
     return MeshData(vertices, faces, normals, uvs, str(path), _warnings(header, path))
 
 

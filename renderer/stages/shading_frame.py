@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 from renderer.jit import kernel
 from renderer.lanes.functions import select
 from renderer.lanes.memory import gather_row, load_row
-from renderer.vectors import cross, dot, load3, normalize, orthonormal_basis, select3
+from renderer.replay.directions import frame_as_mitsuba
+from renderer.vectors import dot, load3, orthonormal_basis, select3
 
 
 class Facing(NamedTuple):
@@ -44,10 +45,9 @@ def tangents_of(tangent, i, normal):
     if tangent is None:
         return s, t
     along_u = load3(tangent, i)
-    across = normalize(along_u - normal * dot(normal, along_u))
+    across, beside = frame_as_mitsuba(along_u, normal)
     nowhere = (along_u.x == 0.0) & (along_u.y == 0.0) & (along_u.z == 0.0)
-    s = select3(nowhere, s, across)
-    return s, cross(normal, s)
+    return select3(nowhere, s, across), select3(nowhere, t, beside)
 
 
 @kernel
