@@ -16,7 +16,7 @@ from renderer.replay.numbers import LIGHT, Replay
 from renderer.replay.pixel_seeds import pixel_seeds
 from renderer.replay.sequences import make_sequence
 from renderer.replay.surfaces import replay_surfaces
-from renderer.replay_arithmetic import face_normals, triangle_tangents
+from renderer.replay.triangle_arithmetic import face_normals, triangle_tangents
 from renderer.sampling import Independent, Stratified
 from renderer.scene import KINDS, Scene
 

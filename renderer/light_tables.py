@@ -23,7 +23,7 @@ from renderer.kernel_scene import (
     TriangleShares,
 )
 from renderer.light_order import light_order
-from renderer.replay_arithmetic import triangle_areas
+from renderer.replay.triangle_arithmetic import triangle_areas
 from renderer.scene import Scene, emits
 from renderer.scene_file.description import (
     ConstantLight,

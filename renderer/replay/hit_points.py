@@ -7,7 +7,10 @@ after a few bounces; so the points of hits are rounded as Mitsuba and Embree do 
 - triangles, and rectangles as two of them: Embree's robust test by Plücker coordinates
   [Davidovic2012], then the vertices weighted by (1 - u - v, u, v);
 - spheres and cylinders: t in double precision; the point goes onto the surface;
-- disks: t in double precision, the point goes onto the plane.
+- disks: t in the disk's own space; the point goes onto the plane.
+
+Which operations are fused, and in which order sums are taken, was found by trying: each
+kind agreed in all bits with Mitsuba 3.9.1 on 500 to 3000 hits [run].
 """
 
 from __future__ import annotations
@@ -25,11 +28,14 @@ from renderer.replay.rounded_once import (
     fused_dot,
     fused_sum,
     plain_dot,
+    times_point,
+    times_vector,
     unit,
 )
 from renderer.vectors import column, dot, vec3
 
 _ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
 _TWO_PI = np.float32(2.0 * np.pi)
 # What differs by more is no rounding: it stays, so that a replay shows it. The largest
 # difference that a scene of ours has is 1e-5, on a floor 140 wide.
@@ -41,7 +47,7 @@ class HitPoint(NamedTuple):
 
     position: Any
     normal: Any  # unit: outwards of a curved surface, interpolated on a smooth mesh
-    tangent: Any  # dp/du of a sphere
+    tangent: Any  # dp/du of rectangles and curved surfaces, and of disks
     u: Any  # texture coordinates of triangles and rectangles
     v: Any
 
@@ -110,10 +116,11 @@ def _on_triangle(triangles, vertices, k, origin, direction):
 
 
 @kernel
-def _on_rectangle(rectangles, vertices, k, u, v, origin, direction):
+def _on_rectangle(replayed, k, u, v, origin, direction):
     """Return the point on the half with the vertices (10, 01, 00), or (10, 11, 01)."""
     far = u + v > _ONE
     half = 2 * k + (1 if far else 0)
+    vertices = replayed.rectangles
     a, b, c = (
         _columns3(vertices, 0, half),
         _columns3(vertices, 3, half),
@@ -122,34 +129,30 @@ def _on_rectangle(rectangles, vertices, k, u, v, origin, direction):
     u, v = _barycentric(a, b, c, origin, direction)
     w = (_ONE - u) - v
     position = _weighted(vertices, half, w, u, v)
-    normal = column(rectangles.normal, k)
+    normal = column(replayed.rectangle_normals, half)
+    tangent = column(replayed.rectangle_tangents, half)
     if far:
-        return HitPoint(position, normal, normal, w + u, u + v)
-    return HitPoint(position, normal, normal, w, u)
+        return HitPoint(position, normal, tangent, w + u, u + v)
+    return HitPoint(position, normal, tangent, w, u)
 
 
 @kernel
-def _on_disk(disks, k, origin, direction):
+def _on_disk(matrices, disks, k, origin, direction):
     center, normal = column(disks.corner, k), column(disks.normal, k)
-    o, d, n = _in_double(origin), _in_double(direction), _in_double(normal)
-    t = np.float32(dot(n, _in_double(center) - o) / dot(n, d))
+    o = times_point(matrices, 12, k, origin)
+    d = times_vector(matrices, 12, k, direction)
+    t = -o.z / d.z
+    x, y = fused_multiply_add(d.x, t, o.x), fused_multiply_add(d.y, t, o.y)
+    inverse = _ONE / np.sqrt(fused_multiply_add(x, x, y * y))
+    outwards = vec3(x * inverse, y * inverse, _ZERO)
     point = fused_sum(direction, t, origin)
-    position = fused_sum(normal, dot(center - point, normal), point)
-    return HitPoint(position, normal, normal, t, t)
+    position = fused_sum(normal, plain_dot(center - point, normal), point)
+    return HitPoint(position, normal, times_vector(matrices, 0, k, outwards), t, t)
 
 
 @kernel
 def _in_double(a):
     return vec3(np.float64(a.x), np.float64(a.y), np.float64(a.z))
-
-
-@kernel
-def _root_near(t, a, half_b, c):
-    """Return that root of a t^2 + 2 half_b t + c which is the nearer one to t, exactly."""
-    root = np.sqrt(max(half_b * half_b - a * c, 0.0))
-    q = -(half_b + (root if half_b > 0.0 else -root))
-    first, second = q / a, c / q
-    return np.float32(first if abs(first - t) < abs(second - t) else second)
 
 
 @kernel
@@ -193,27 +196,32 @@ def _on_sphere(spheres, k, origin, direction):
 
 
 @kernel
-def _on_cylinder(cylinders, k, t, origin, direction):
-    """Return the point on a cylinder, computed in double precision, and rounded once."""
-    base, radius = _in_double(column(cylinders.base, k)), cylinders.radius[k]
-    axis = _in_double(_columns3(cylinders.frame, 6, k))
-    o, d = _in_double(origin) - base, _in_double(direction)
-    o_axis, d_axis = dot(o, axis), dot(d, axis)
-    across, d_across = o - axis * o_axis, d - axis * d_axis
-    square = np.float64(radius) * np.float64(radius)
-    c = dot(across, across) - square
-    t = _root_near(t, dot(d_across, d_across), dot(across, d_across), c)
-    from_axis = across + d_across * np.float64(t)
-    normal = from_axis * (1.0 / np.sqrt(dot(from_axis, from_axis)))
-    along = axis * (o_axis + np.float64(t) * d_axis)
-    position = base + along + normal * np.float64(radius)
-    n = _in_single(normal)
-    return HitPoint(_in_single(position), n, n, t, t)
+def _cylinder_distance(o, d):
+    """Return t of the hit on the tube x^2 + y^2 = 1 that is the nearer with 0 <= z <= 1."""
+    o, d = _in_double(o), _in_double(d)
+    a = d.x * d.x + d.y * d.y
+    half_b = d.x * o.x + d.y * o.y
+    root = np.sqrt(max(half_b * half_b - a * (o.x * o.x + o.y * o.y - 1.0), 0.0))
+    q = -(half_b + (root if half_b >= 0.0 else -root))
+    first, second = q / a, (o.x * o.x + o.y * o.y - 1.0) / q
+    near, far = min(first, second), max(first, second)
+    z = o.z + d.z * near
+    return np.float32(near if near >= 0.0 and 0.0 <= z <= 1.0 else far)
 
 
 @kernel
-def _in_single(a):
-    return vec3(np.float32(a.x), np.float32(a.y), np.float32(a.z))
+def _on_cylinder(matrices, k, origin, direction):
+    t = _cylinder_distance(
+        times_point(matrices, 12, k, origin), times_vector(matrices, 12, k, direction)
+    )
+    point = fused_sum(direction, t, origin)
+    local = times_point(matrices, 12, k, point)
+    around = vec3(-local.y * _TWO_PI, local.x * _TWO_PI, _ZERO)
+    tangent = times_vector(matrices, 0, k, around)
+    along = times_vector(matrices, 0, k, vec3(_ZERO, _ZERO, _ONE))
+    normal = unit(fused_cross(tangent, along))
+    radius = np.sqrt(fused_multiply_add(local.x, local.x, local.y * local.y))
+    return HitPoint(fused_sum(normal, _ONE - radius, point), normal, tangent, t, t)
 
 
 @kernel
@@ -231,21 +239,21 @@ def _try_triangles(triangles, vertices, prim, o, d, found):
 
 
 @kernel
-def _try_rectangles(rectangles, vertices, prim, u, v, o, d, found):
+def _try_rectangles(rectangles, replayed, prim, u, v, o, d, found):
     if rectangles is None:
         return found
     if not _of_kind(rectangles, prim):
         return found
-    return _on_rectangle(rectangles, vertices, prim - rectangles.first, u, v, o, d)
+    return _on_rectangle(replayed, prim - rectangles.first, u, v, o, d)
 
 
 @kernel
-def _try_disks(disks, prim, o, d, found):
+def _try_disks(disks, matrices, prim, o, d, found):
     if disks is None:
         return found
     if not _of_kind(disks, prim):
         return found
-    return _on_disk(disks, prim - disks.first, o, d)
+    return _on_disk(matrices, disks, prim - disks.first, o, d)
 
 
 @kernel
@@ -258,12 +266,12 @@ def _try_spheres(spheres, prim, o, d, found):
 
 
 @kernel
-def _try_cylinders(cylinders, prim, t, o, d, found):
+def _try_cylinders(cylinders, matrices, prim, o, d, found):
     if cylinders is None:
         return found
     if not _of_kind(cylinders, prim):
         return found
-    return _on_cylinder(cylinders, prim - cylinders.first, t, o, d)
+    return _on_cylinder(matrices, prim - cylinders.first, o, d)
 
 
 @kernel
@@ -323,13 +331,14 @@ def _round_uv(uv, i, u, v):
 
 
 @kernel
-def _round_normals(surfaces, prim, normal, orientation, points, i):
-    """Store the normals that depend on where a surface is hit."""
-    if _has(surfaces.spheres, prim) or _has(surfaces.cylinders, prim):
-        _round(points.normal, i, normal * orientation)
-        _round(points.shading_normal, i, normal * orientation)
-    elif _is_smooth(surfaces.triangles, prim):
-        _round(points.shading_normal, i, normal)
+def _round_frame(surfaces, prim, found, orientation, points, i):
+    """Round normals and dp/du, where they depend on where a surface is hit."""
+    if _is_smooth(surfaces.triangles, prim):
+        _round(points.shading_normal, i, found.normal)
+    elif not _has(surfaces.triangles, prim):
+        _round(points.normal, i, found.normal * orientation)
+        _round(points.shading_normal, i, found.normal * orientation)
+        _replace_tangent(points.tangent, i, found.tangent)
 
 
 @kernel
@@ -367,24 +376,20 @@ def as_mitsuba_rounds(replayed, scene, rays, hits, order, count, points):
     surfaces, instances = scene.surfaces, scene.accelerators.instances
     for i in range(count):
         ray = order[i]
-        prim, t, u, v = hits.prim[ray], hits.t[ray], hits.u[ray], hits.v[ray]
+        prim, u, v = hits.prim[ray], hits.u[ray], hits.v[ray]
         instance = _instance_number(hits.instance, ray)
         o, d = column(rays.origin, ray), column(rays.direction, ray)
         o, d = _into_object(instances, instance, o, d)
         n = column(points.normal, i)
         found = HitPoint(column(points.position, i), n, n, u, v)
         found = _try_triangles(surfaces.triangles, replayed.triangles, prim, o, d, found)
-        found = _try_rectangles(
-            surfaces.rectangles, replayed.rectangles, prim, u, v, o, d, found
-        )
-        found = _try_disks(surfaces.disks, prim, o, d, found)
+        found = _try_rectangles(surfaces.rectangles, replayed, prim, u, v, o, d, found)
+        found = _try_disks(surfaces.disks, replayed.disks, prim, o, d, found)
         found = _try_spheres(surfaces.spheres, prim, o, d, found)
-        found = _try_cylinders(surfaces.cylinders, prim, t, o, d, found)
+        found = _try_cylinders(surfaces.cylinders, replayed.cylinders, prim, o, d, found)
         _round(points.position, i, _into_world(instances, instance, found.position))
         if _has(surfaces.triangles, prim) or _has(surfaces.rectangles, prim):
             _round_uv(points.uv, i, found.u, found.v)
         if instance < 0:
             orientation = scene.shapes.orientation[scene.shape[prim]]
-            _round_normals(surfaces, prim, found.normal, orientation, points, i)
-            if _has(surfaces.spheres, prim):
-                _replace_tangent(points.tangent, i, found.tangent)
+            _round_frame(surfaces, prim, found, orientation, points, i)

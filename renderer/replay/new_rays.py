@@ -1,4 +1,4 @@
-"""Stage 6 in a replay: the directions and origins of new rays as Mitsuba rounds them.
+"""Stage 6 in a replay: mirrored and refracted directions, and origins, as Mitsuba rounds.
 
 Mitsuba scatters in the frame (s, t, n) of the surface and turns the result into the world;
 our kernels work in the world. Both are right, and differ by a rounding, which grows by the
@@ -14,80 +14,11 @@ from renderer.jit import kernel
 from renderer.kernel_scene import CONDUCTOR, DIFFUSE
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.hit_points import ROUNDING
-from renderer.replay.numbers import BSDF
 from renderer.replay.rounded_once import fused_cross, fused_sum, plain_dot, unit
-from renderer.stages.tile import slot_pixel
 from renderer.vectors import column, vec3
 
 _ONE = np.float32(1.0)
-_TWO = np.float32(2.0)
-_HALF = np.float32(0.5)
 _ZERO = np.float32(0.0)
-_HALF_PI = np.float32(np.pi / 2.0)
-_QUARTER_PI = np.float32(np.pi / 4.0)
-_FOUR_OVER_PI = np.float32(4.0 / np.pi)
-# pi / 4 in three parts, and the polynomials of sine and cosine on it [Moshier1989]
-_PARTS = (
-    np.float32(0.78515625),
-    np.float32(2.4187564849853515625e-4),
-    np.float32(3.77489497744594108e-8),
-)
-_SINE = (
-    np.float32(-1.6666654611e-1),
-    np.float32(8.3321608736e-3),
-    np.float32(-1.9515295891e-4),
-)
-_COSINE = (
-    np.float32(4.166664568298827e-2),
-    np.float32(-1.388731625493765e-3),
-    np.float32(2.443315711809948e-5),
-)
-
-
-@kernel
-def _polynomial(z, c):
-    inner = fused_multiply_add(z, c[1], c[0])
-    return fused_multiply_add(z * z, c[2], inner)
-
-
-@kernel
-def rounded_sincos(x):
-    """Return (sin x, cos x) of an angle below 2 pi, rounded as Dr.Jit does."""
-    size = abs(x)
-    octant = np.int32(size * _FOUR_OVER_PI)
-    octant = (octant + 1) & ~1
-    y = np.float32(octant)
-    r = fused_multiply_add(-y, _PARTS[0], size)
-    r = fused_multiply_add(-y, _PARTS[1], r)
-    r = fused_multiply_add(-y, _PARTS[2], r)
-    z = r * r
-    sine = fused_multiply_add(_polynomial(z, _SINE) * z, r, r)
-    cosine = fused_multiply_add(
-        _polynomial(z, _COSINE) * z, z, fused_multiply_add(z, -_HALF, _ONE)
-    )
-    if octant & 2:
-        sine, cosine = cosine, sine
-    if ((octant & 4) != 0) != (x < _ZERO):
-        sine = -sine
-    if ((octant + 2) & 4) != 0:
-        cosine = -cosine
-    return sine, cosine
-
-
-@kernel
-def rounded_cosine_hemisphere(x, y):
-    """Return `sampling.square_to_cosine_hemisphere` of one point, rounded as Mitsuba does."""
-    a = fused_multiply_add(_TWO, x, -_ONE)
-    b = fused_multiply_add(_TWO, y, -_ONE)
-    steep = abs(a) < abs(b)
-    radius, other = (b, a) if steep else (a, b)
-    if radius == _ZERO:
-        return vec3(_ZERO, _ZERO, _ONE)
-    angle = _QUARTER_PI * other / radius
-    sine, cosine = rounded_sincos(_HALF_PI - angle if steep else angle)
-    p, q = radius * cosine, radius * sine
-    z2 = max(_ONE - (p * p + q * q), _ZERO)
-    return vec3(p, q, np.float32(np.sqrt(z2)))
 
 
 @kernel
@@ -118,7 +49,7 @@ def _index_of(dielectric, bsdf):
 
 
 @kernel
-def _scattered(scene, tile, points, i, direction):
+def _scattered(scene, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)
@@ -128,12 +59,8 @@ def _scattered(scene, tile, points, i, direction):
     bsdf = front if wi.z > _ZERO else scene.shapes.back[shape]
     kind = scene.bsdfs.kind[bsdf]
     if kind == DIFFUSE:
-        x, y = slot_pixel(points.slot[i])
-        pixel = (y + tile.y) * scene.camera.film_width + x + tile.x
-        numbers = scene.sampler.numbers
-        wo = rounded_cosine_hemisphere(numbers[BSDF, pixel], numbers[BSDF + 1, pixel])
-        wo = vec3(wo.x, wo.y, wo.z if wi.z > _ZERO else -wo.z)
-    elif kind == CONDUCTOR or plain_dot(direction, normal) * wi.z > _ZERO:
+        return direction  # `directions.py` has done it
+    if kind == CONDUCTOR or plain_dot(direction, normal) * wi.z > _ZERO:
         wo = vec3(-wi.x, -wi.y, wi.z)
     else:
         wo = _refracted(wi, _index_of(scene.bsdfs.dielectric, bsdf))
@@ -157,7 +84,7 @@ def _off_surface(points, i, direction, fixed):
 
 
 @kernel
-def rays_as_mitsuba_rounds(replayed, scene, tile, rays, end, points):
+def rays_as_mitsuba_rounds(replayed, scene, rays, end, points):
     """Round the first `end` rays, which have just left `points`, if this is a replay.
 
     A direction that differs by more than rounding explains stays, so that a replay shows
@@ -170,7 +97,7 @@ def rays_as_mitsuba_rounds(replayed, scene, tile, rays, end, points):
     for k in range(end):
         i = rays.point[k]
         old = column(rays.direction, k)
-        new = _scattered(scene, tile, points, i, old)
+        new = _scattered(scene, points, i, old)
         if _far_apart(new, old):
             continue
         rays.direction[0, k], rays.direction[1, k] = new.x, new.y

@@ -13,6 +13,7 @@ from renderer.replay.fused import fused_multiply_add
 from renderer.vectors import vec3
 
 _ONE = np.float32(1.0)
+_ZERO = np.float32(0.0)
 
 
 @kernel
@@ -42,6 +43,31 @@ def fused_affine(row, at, p):
     """Return row . p + at, summed from the translation on."""
     x = fused_multiply_add(row.x, p.x, at)
     return fused_multiply_add(row.z, p.z, fused_multiply_add(row.y, p.y, x))
+
+
+@kernel
+def times_point(rows, first, k, p):
+    """Return the point p moved by the matrix in rows first .. first + 11 of column k."""
+    return vec3(
+        _row_times(rows, first, k, rows[first + 3, k], p),
+        _row_times(rows, first + 4, k, rows[first + 7, k], p),
+        _row_times(rows, first + 8, k, rows[first + 11, k], p),
+    )
+
+
+@kernel
+def times_vector(rows, first, k, a):
+    """Return the vector a turned by the same matrix; it knows no translation."""
+    return vec3(
+        _row_times(rows, first, k, -_ZERO, a),
+        _row_times(rows, first + 4, k, -_ZERO, a),
+        _row_times(rows, first + 8, k, -_ZERO, a),
+    )
+
+
+@kernel
+def _row_times(rows, row, k, at, p):
+    return fused_affine(vec3(rows[row, k], rows[row + 1, k], rows[row + 2, k]), at, p)
 
 
 @kernel

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernel_scene import RectangleSurfaces
-from renderer.scene_file.description import Mesh, SceneDescription
+from renderer.replay.triangle_arithmetic import face_normals, uv_tangents
+from renderer.scene_file.description import Cylinder, Disk, Mesh, SceneDescription
 
 
 class ReplaySurfaces(NamedTuple):
@@ -16,19 +18,28 @@ class ReplaySurfaces(NamedTuple):
 
     triangles: NDArray[np.float32] | None  # (9, n)
     rectangles: NDArray[np.float32] | None  # (9, 2 n): the halves of each, one by one
+    rectangle_normals: NDArray[np.float32] | None  # (3, 2 n) unit, of the halves
+    rectangle_tangents: NDArray[np.float32] | None  # (3, 2 n) dp/du of the halves
+    disks: NDArray[np.float32] | None  # (24, n): rows of to_world, then of to_object
+    cylinders: NDArray[np.float32] | None  # (24, n)
 
 
 def replay_surfaces(
     description: SceneDescription, rectangles: RectangleSurfaces | None
 ) -> ReplaySurfaces:
-    """Return the vertices of a scene's triangles and of its rectangles' halves."""
+    """Return what Mitsuba has of a scene's flat shapes and cylinders."""
     meshes = [shape for shape in description.every_shape if isinstance(shape, Mesh)]
     corners = [mesh.vertices[mesh.faces].reshape(-1, 9).T for mesh in meshes]
+    halves = None if rectangles is None else _halves(rectangles)
     return ReplaySurfaces(
         np.ascontiguousarray(np.concatenate(corners, axis=1), np.float32)
         if meshes
         else None,
-        None if rectangles is None else _halves(rectangles),
+        halves,
+        None if halves is None else face_normals(*_edges(halves)),
+        None if halves is None else _tangents(halves),
+        _matrices([s for s in description.every_shape if isinstance(s, Disk)]),
+        _matrices([s for s in description.every_shape if isinstance(s, Cylinder)]),
     )
 
 
@@ -40,3 +51,21 @@ def _halves(rectangles: RectangleSurfaces) -> NDArray[np.float32]:
     d = b + rectangles.edge2
     halves = np.stack([np.vstack([b, c, a]), np.vstack([b, d, c])], axis=2)
     return np.ascontiguousarray(halves.reshape(9, -1), np.float32)
+
+
+def _edges(halves: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    return halves[3:6] - halves[0:3], halves[6:9] - halves[0:3]
+
+
+def _tangents(halves: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return dp/du of the halves, whose uv run over the whole rectangle."""
+    uvs = np.array([[1, 0, 0, 1, 0, 0], [1, 0, 1, 1, 0, 1]], np.float32)
+    return uv_tangents(*_edges(halves), np.tile(uvs.T, halves.shape[1] // 2))
+
+
+def _matrices(shapes: Sequence[Disk | Cylinder]) -> NDArray[np.float32] | None:
+    if not shapes:
+        return None
+    matrices = np.array([shape.to_world for shape in shapes])
+    both = np.stack([matrices, np.linalg.inv(matrices)], axis=1)[:, :, :3]
+    return np.ascontiguousarray(both.reshape(-1, 24).T, np.float32)

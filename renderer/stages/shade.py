@@ -144,5 +144,5 @@ def scatter(scene, tile, sample, bounce, work, groups):
     end = _scatter_dielectric(
         bsdfs.dielectric, scene, tile, sample, bounce, work, conductor, dielectric, end
     )
-    rays_as_mitsuba_rounds(scene.replayed, scene, tile, work.rays, end, work.points)
+    rays_as_mitsuba_rounds(scene.replayed, scene, work.rays, end, work.points)
     return end

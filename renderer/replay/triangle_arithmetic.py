@@ -60,13 +60,17 @@ def first_tangents(normal: Columns) -> Columns:
 
 
 def triangle_tangents(triangles: TriangleSurfaces) -> Columns:
-    """Return dp/du (3, n) of triangles in object space, not unit; flips leave it alone.
+    """Return dp/du (3, n) of triangles in object space, not unit; flips leave it alone."""
+    assert triangles.uvs is not None
+    return uv_tangents(triangles.edge1, triangles.edge2, triangles.uvs)
+
+
+def uv_tangents(edge1: Columns, edge2: Columns, uvs: NDArray[np.float32]) -> Columns:
+    """Return dp/du (3, n) from edges and the texture coordinates (6, n) of the vertices.
 
     Meshes without texture coordinates have those of their barycentric ones, so edge1. Where
     u and v span no area it is the first tangent of the geometric normal.
     """
-    edge1, edge2, uvs = triangles.edge1, triangles.edge2, triangles.uvs
-    assert uvs is not None
     du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
     du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
     determinant = fused(du1, dv2, dv1 * du2)
