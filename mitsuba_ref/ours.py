@@ -71,6 +71,7 @@ def render_ours(request: RenderRequest) -> OurPicture:
         seed=request.seed,
         threads=request.threads,
         sampler="mitsuba" if request.replay else None,
+        measured_camera=request.camera,
         # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
         ray_offset="mitsuba",
     )

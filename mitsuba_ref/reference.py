@@ -14,6 +14,7 @@ from mitsuba_ref.edited_scene import load_edited_scene
 from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.variant import load_mitsuba, set_threads
+from renderer.replay.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 Array = NDArray[np.float32]
@@ -75,6 +76,8 @@ def render_reference(request: RenderRequest) -> Reference:
         raise MitsubaError(f"Mitsuba: {_one_line(str(error))}") from None
     pixels = np.array(image, dtype=np.float32)
     arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
+    if request.replay:
+        arrays["camera"] = _camera_entries(mi, sensor)
     return Reference(
         arrays=arrays,
         seconds=seconds,
@@ -83,6 +86,21 @@ def render_reference(request: RenderRequest) -> Reference:
         integrator="aov" if wants_aovs else edited.integrator,
         changes=edited.changes,
     )
+
+
+def _camera_entries(mi: Any, sensor: Any) -> Array:
+    """Return what of the matrix from the crop window to the camera a replay rounds by."""
+    film = sensor.film()
+    to_window = mi.perspective_projection(
+        film.size(),
+        film.crop_size(),
+        film.crop_offset(),
+        mi.traverse(sensor)["x_fov"],
+        sensor.near_clip(),
+        sensor.far_clip(),
+    )
+    matrix = np.array(to_window.inverse().matrix, np.float32)
+    return np.array([matrix[entry] for entry in ENTRIES], np.float32)
 
 
 def _aov_integrator(mi: Any) -> Any:

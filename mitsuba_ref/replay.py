@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import DivergentPixel, ReplayResult
 from renderer.errors import NotReplayable
+from renderer.scene_file import read_file
 
 Array = NDArray[np.float32]
 
@@ -63,8 +65,10 @@ def replay_scene(
     if "spp" in parameters:
         parameters = parameters | {"spp": str(spp)}
     request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
-    ours = render_ours(request)
-    reference = references.get(request, ours.files)
+    files = read_file(Path(request.path), **request.parameters).files
+    reference = references.get(request, files)
+    camera = tuple(float(entry) for entry in reference.arrays["camera"])
+    ours = render_ours(replace(request, camera=camera))
     result = compare_replay(ours.pixels, reference.pixels)
     result = replace(
         result,

@@ -18,3 +18,5 @@ class RenderRequest:
     threads: int | None = None  # None: one for each core
     box_filter: bool = False  # instead of the file's filter
     replay: bool = False  # both sides draw the same random numbers
+    # our side of a replay: what Mitsuba has in its camera's matrix (Reference.arrays)
+    camera: tuple[float, ...] | None = None

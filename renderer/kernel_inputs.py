@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -59,8 +60,17 @@ def _bsdfs(scene: Scene, plan: Plan) -> Bsdfs:
     return bsdfs if plan.mirrors else bsdfs._replace(conductor=None, dielectric=None)
 
 
-def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene:
-    """Assemble what the kernels of a plan may look at."""
+def kernel_scene(
+    scene: Scene,
+    plan: Plan,
+    accel: str,
+    seed: int,
+    measured_camera: Sequence[float] | None = None,
+) -> KernelScene:
+    """Assemble what the kernels of a plan may look at.
+
+    `measured_camera` is for a replay, see `replay.camera.replay_camera`.
+    """
     first_hit = plan.method in ("depth", "aov")
     counted = plan.method == "work"
     with_uv = (scene.materials.textured or first_hit) and not counted
@@ -102,7 +112,9 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int) -> KernelScene
         kernel_camera(scene.description.camera),
         replay_sampler(scene, plan, seed) if plan.replay else kernel_sampler(plan, seed),
         settings,
-        replay_surfaces(scene.description, scene.surfaces.get("rectangles"))
+        replay_surfaces(
+            scene.description, scene.surfaces.get("rectangles"), measured_camera
+        )
         if plan.replay
         else None,
     )

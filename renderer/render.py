@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ def render(
     sampler: str | None = None,
     progress: Callable[[Progress], None] | None = None,
     ray_offset: str | None = None,
+    measured_camera: Sequence[float] | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -59,6 +60,9 @@ def render(
         Called with a `Progress` in the calling thread, several times a second.
     ray_offset : str, optional
         `tight` (the default) or `mitsuba`: how far off their surface new rays start.
+    measured_camera : sequence of 6 floats, optional
+        With the sampler `mitsuba`: what Mitsuba on this machine has in its camera's matrix,
+        of which ours takes the rounding (`replay.camera`).
 
     Returns
     -------
@@ -98,7 +102,14 @@ def render(
     with watch.installed():
         compile_seconds = compile_builders(scene, accel, plan.rays)
         started = time.perf_counter()
-        rendering = Rendering(scene, plan, accel=accel, seed=seed, threads=threads)
+        rendering = Rendering(
+            scene,
+            plan,
+            accel=accel,
+            seed=seed,
+            threads=threads,
+            measured_camera=measured_camera,
+        )
         build_seconds = time.perf_counter() - started
         compile_seconds += rendering.compile()
     if progress is not None and watch.compiled:
@@ -120,6 +131,7 @@ def render(
             sampler=sampler,
             progress=progress,
             ray_offset=ray_offset,
+            measured_camera=measured_camera,
         )
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}

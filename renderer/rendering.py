@@ -6,7 +6,7 @@ import itertools
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -66,10 +66,19 @@ class Rendering:
     """
 
     def __init__(
-        self, scene: Scene, plan: Plan, *, accel: str, seed: int, threads: int
+        self,
+        scene: Scene,
+        plan: Plan,
+        *,
+        accel: str,
+        seed: int,
+        threads: int,
+        measured_camera: Sequence[float] | None = None,
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
-        self.kernel_scene: KernelScene = kernel_scene(scene, plan, accel, seed)
+        self.kernel_scene: KernelScene = kernel_scene(
+            scene, plan, accel, seed, measured_camera
+        )
         self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
         # counts stay in their own pixel, so that they can be added up

@@ -1,4 +1,4 @@
-"""The vertices from which Mitsuba computes hits, exactly as it stores them."""
+"""The numbers from which Mitsuba computes camera rays and hits, as it stores them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernel_scene import RectangleSurfaces
+from renderer.replay.camera import ReplayCamera, replay_camera
 from renderer.replay.triangle_arithmetic import face_normals, uv_tangents
 from renderer.scene_file.description import Cylinder, Disk, Mesh, SceneDescription
 
@@ -22,12 +23,15 @@ class ReplaySurfaces(NamedTuple):
     rectangle_tangents: NDArray[np.float32] | None  # (3, 2 n) dp/du of the halves
     disks: NDArray[np.float32] | None  # (24, n): rows of to_world, then of to_object
     cylinders: NDArray[np.float32] | None  # (24, n)
+    camera: ReplayCamera
 
 
 def replay_surfaces(
-    description: SceneDescription, rectangles: RectangleSurfaces | None
+    description: SceneDescription,
+    rectangles: RectangleSurfaces | None,
+    measured_camera: Sequence[float] | None,
 ) -> ReplaySurfaces:
-    """Return what Mitsuba has of a scene's flat shapes and cylinders."""
+    """Return what Mitsuba has of a scene's flat shapes, cylinders and camera."""
     meshes = [shape for shape in description.every_shape if isinstance(shape, Mesh)]
     corners = [mesh.vertices[mesh.faces].reshape(-1, 9).T for mesh in meshes]
     halves = None if rectangles is None else _halves(rectangles)
@@ -40,6 +44,7 @@ def replay_surfaces(
         None if halves is None else _tangents(halves),
         _matrices([s for s in description.every_shape if isinstance(s, Disk)]),
         _matrices([s for s in description.every_shape if isinstance(s, Cylinder)]),
+        replay_camera(description.camera, measured_camera),
     )
 
 

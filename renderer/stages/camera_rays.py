@@ -7,7 +7,9 @@ import numpy as np
 from renderer.batch import CAPACITY
 from renderer.jit import kernel
 from renderer.lanes.functions import (
+    lane,
     lane_index,
+    lowest_bit,
     mask_bits,
     popcount,
     splat_f32,
@@ -15,6 +17,7 @@ from renderer.lanes.functions import (
     to_f32,
 )
 from renderer.lanes.memory import append_row
+from renderer.replay.camera import round_camera_ray
 from renderer.replay.draws import draw_film_places
 from renderer.sampling import FILM_BLOCK, draw4
 from renderer.stages.tile import pixel_key, slot_pixel
@@ -27,6 +30,19 @@ def film_position(scene, tile, slot, sample):
     x, y = slot_pixel(slot)
     dx, dy, _, _ = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, FILM_BLOCK)
     return to_f32(x + tile.x) + dx, to_f32(y + tile.y) + dy
+
+
+@kernel
+def _round(replayed, rays, count, inside, px, py):
+    """Round the rays just appended as Mitsuba does, if this is a replay."""
+    if replayed is None:
+        return
+    bits = mask_bits(inside)
+    while bits != 0:
+        j = lowest_bit(bits)
+        bits &= bits - 1
+        round_camera_ray(replayed.camera, rays, count, lane(px, j), lane(py, j))
+        count += 1
 
 
 @kernel
@@ -59,5 +75,6 @@ def camera_rays(scene, tile, sample, rays, hits):
         append_row(rays.slot, 0, count, slot, inside)
         append_row(hits.t, 0, count, np.float32(camera.far) * along - near, inside)
         append_row(hits.prim, 0, count, splat_i32(-1), inside)
+        _round(scene.replayed, rays, count, inside, px, py)
         count += popcount(mask_bits(inside))
     return count
