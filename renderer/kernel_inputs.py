@@ -13,7 +13,7 @@ from renderer.kernel_scene import DIFFUSE, Bsdfs, KernelScene, Settings, Surface
 from renderer.light_tables import light_tables
 from renderer.materials import shape_stages
 from renderer.plan import RAY_OFFSETS, Plan, stratified_cells
-from renderer.replay.numbers import LIGHT, Replay
+from renderer.replay.numbers import ROWS, Replay
 from renderer.replay.pixel_seeds import pixel_seeds
 from renderer.replay.sequences import make_sequence
 from renderer.replay.surfaces import replay_surfaces
@@ -42,13 +42,11 @@ def replay_sampler(scene: Scene, plan: Plan, seed: int) -> Replay:
     seeds[rows, columns] = pixel_seeds(film.crop_width, film.crop_height, seed)
     asked = scene.description.integrator
     direct = asked.name == "direct"
-    light_samples = asked.emitter_samples if direct else 1
     smooth = [bool(shape_stages(s) & DIFFUSE) for s in scene.description.every_shape]
     return Replay(
         make_sequence(seeds.ravel(), plan.sampler),
-        np.zeros((LIGHT + 2 * light_samples, seeds.size), np.float32),
+        np.zeros((ROWS, seeds.size), np.float32),
         np.array(smooth or [False], np.int32),
-        light_samples,
         None if direct and asked.bsdf_samples == 0 else 1,
         1 if direct else None,
     )

@@ -70,7 +70,11 @@ def test_a_tree_of_rays_with_point_lights_is_replayed():
 
 @pytest.mark.parametrize(
     ("integrator", "settings", "words"),
-    [("whitted", {}, "whitted with point"), ("direct", {"bsdf_samples": 2}, "0 and 1")],
+    [
+        ("whitted", {}, "whitted with point"),
+        ("direct", {"bsdf_samples": 2}, "0 or 1"),
+        ("direct", {"emitter_samples": 2}, "possible are 1"),
+    ],
 )
 def test_what_cannot_be_replayed_is_refused_with_what_can(integrator, settings, words):
     with pytest.raises(NotReplayable, match=words):

@@ -1,7 +1,7 @@
 """The stage that draws Mitsuba's numbers, in its order; it is empty for our own samplers.
 
 Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
-the place on the film; then at each hit from which the path may go on: two numbers for each
+the place on the film; then at each hit from which the path may go on: two numbers for a
 light sample if the surface has a smooth part (whichever side is seen), one and two for the
 BSDF, one for the roulette. All are drawn even where nobody uses them. `direct` plays no
 roulette and draws the BSDF's two before its one: they are arguments of one call, which the
@@ -82,10 +82,9 @@ def _replay_bounce(sampler, scene, tile, sample, work, n):
         x, y = slot_pixel(work.rays.slot[i])
         pixel = (y + tile.y) * scene.camera.film_width + x + tile.x
         if sampler.smooth[scene.shape[prim]] == 1:
-            for row in range(LIGHT, LIGHT + 2 * sampler.light_samples, 2):
-                numbers[row, pixel], numbers[row + 1, pixel] = next_2d(
-                    sequence, pixel, sample
-                )
+            numbers[LIGHT, pixel], numbers[LIGHT + 1, pixel] = next_2d(
+                sequence, pixel, sample
+            )
         _draw_for_scattering(sampler.bsdf, sampler.direct, sequence, numbers, pixel, sample)
 
 

@@ -23,16 +23,16 @@ FILM = 0  # x, y in the pixel
 BSDF_CHOICE = 2
 BSDF = 3  # x, y
 ROULETTE = 5
-LIGHT = 6  # x, y of the first light sample of a bounce, then of the others
+LIGHT = 6  # x, y
+ROWS = 8
 
 
 class Replay(NamedTuple):
     """Numbers drawn ahead from a sampler of Mitsuba's, by pixel of the full film."""
 
     sequence: Any  # a record of renderer.replay.sequences
-    numbers: NDArray[np.float32]  # (LIGHT + 2 * light_samples, pixels)
+    numbers: NDArray[np.float32]  # (ROWS, pixels)
     smooth: NDArray[np.int32]  # (shapes,) 1: light samples are drawn at this shape
-    light_samples: int  # at each bounce
     bsdf: int | None  # None: the integrator draws nothing for BSDFs
     direct: int | None  # None: in the order of `path`
 
@@ -55,10 +55,9 @@ def _draw_replayed(sampler, pixel, sample, block):
             gather_row(numbers, BSDF_CHOICE, index, inside),
             gather_row(numbers, ROULETTE, index, inside),
         )
-    row = LIGHT + 2 * (place - 1)
-    x = gather_row(numbers, row, index, inside)
+    x = gather_row(numbers, LIGHT, index, inside)
     # x also chooses the light, and is then stretched over what is left of it
-    return x, gather_row(numbers, row + 1, index, inside), none, x
+    return x, gather_row(numbers, LIGHT + 1, index, inside), none, x
 
 
 @overload(draw4)

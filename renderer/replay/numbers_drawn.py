@@ -39,8 +39,7 @@ class NumbersDrawn:
         if sampler is None:
             return drawn
         if sampler.smooth[self._scene.shape[prim]]:
-            for k in range(sampler.light_samples):
-                drawn |= self._pair(tile, light_number(k), LIGHT + 2 * k)
+            drawn |= self._pair(tile, light_number(0), LIGHT)
         if sampler.bsdf is not None:
             drawn["bsdf"] = self._number(tile, BSDF_CHOICE)
             drawn |= self._pair(tile, "bsdf", BSDF)
