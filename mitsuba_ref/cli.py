@@ -152,6 +152,7 @@ def _options(given: argparse.Namespace) -> Options:
         threads=given.threads,
         parameters=dict(given.define),
         ladder=given.ladder,
+        checks=given.checks,
     )
 
 
@@ -182,6 +183,13 @@ def _parser() -> argparse.ArgumentParser:
         type=_definition,
         metavar="NAME=VALUE",
         help="set a parameter of the scene files",
+    )
+    add(
+        "--checks",
+        choices=("all", "replay", "statistics"),
+        default="all",
+        help="replay: both renderers draw the same random numbers and must agree pixel by "
+        "pixel; statistics: each draws its own (default: both)",
     )
     add("--ladder", action="store_true", help="measure speed against accuracy too")
     add(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mitsuba_ref import metrics
 from mitsuba_ref.aov_comparison import compare_aovs
-from mitsuba_ref.results import AovResult, Finite, Metric, Verdict
+from mitsuba_ref.results import AovResult, Finite, Metric, ReplayResult, Verdict
 from mitsuba_ref.with_noise import NOISY_RMSE_FACTOR, judge_with_noise
 from mitsuba_ref.without_noise import judge_without_noise
 
@@ -88,6 +88,18 @@ def with_metric(comparison: Comparison, name: str, metric: Metric) -> Comparison
         reasons=reasons,
         metrics={**comparison.metrics, name: metric},
     )
+
+
+def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Comparison:
+    """Return the comparison with what replays said, which counts for the verdict."""
+    reasons = [
+        f"replay at {replay.spp} samples per pixel: {replay.sentence}"
+        for replay in replays
+        if not replay.passed
+    ]
+    if not reasons:
+        return comparison
+    return replace(comparison, verdict="fail", reasons=(*comparison.reasons, *reasons))
 
 
 def count_non_finite(ours: Iterable[Array], references: Iterable[Array]) -> Finite:

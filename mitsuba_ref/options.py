@@ -23,8 +23,8 @@ class Options:
     threads: int | None = None
     parameters: dict[str, str] = field(default_factory=dict)
     ladder: bool = False
-    replay: tuple[int, ...] = (1, 16)  # samples per pixel of the replays; empty: none
-    only_replay: bool = False  # leave out everything else
+    checks: Literal["all", "replay", "statistics"] = "all"
+    replay: tuple[int, ...] = (1, 16)  # samples per pixel of the replays
 
     @property
     def workers(self) -> int:

@@ -67,7 +67,8 @@ def replay_scene(
     request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
     files = read_file(Path(request.path), **request.parameters).files
     reference = references.get(request, files)
-    camera = tuple(float(entry) for entry in reference.arrays["camera"])
+    entries = reference.arrays.get("camera")
+    camera = None if entries is None else tuple(float(entry) for entry in entries)
     ours = render_ours(replace(request, camera=camera))
     result = compare_replay(ours.pixels, reference.pixels)
     result = replace(

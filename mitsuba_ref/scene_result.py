@@ -64,7 +64,7 @@ def describe_scene(
             ours_threads=ours.threads or request.threads,
         ),
         commands=_commands(blank.path, request, options, reference),
-        settings=_settings(proof, request, reference, comparison),
+        settings=blank.settings | _settings(proof, request, reference, comparison),
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.comparison import Comparison, compare, with_metric
+from mitsuba_ref.comparison import Comparison, compare, with_metric, with_replays
 from mitsuba_ref.edited_scene import BOX_INSTEAD
 from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ladder import measure_ladder
@@ -18,11 +18,12 @@ from mitsuba_ref.options import Options, scene_name, scene_request, shown_path
 from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.proof_file import Proof, read_proof
 from mitsuba_ref.reference import Reference
+from mitsuba_ref.replay import replay_all
 from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import SceneResult
+from mitsuba_ref.results import Finite, SceneResult, Seconds
 from mitsuba_ref.scene_result import describe_scene
 from mitsuba_ref.with_noise import compare_filtered
-from renderer.errors import SceneError
+from renderer.errors import NotReplayable, SceneError
 
 Array = NDArray[np.float32]
 
@@ -96,6 +97,8 @@ def _validate(
     references: ReferenceCache,
     progress: Callable[[str], None],
 ) -> Validated:
+    if options.checks == "replay":
+        return _only_replays(blank, request, options, render_ours, references, progress)
     progress("our renderer")
     ours = render_ours(request)
     our_aovs = render_ours(replace(request, kind="aovs", spp=None))
@@ -124,7 +127,16 @@ def _validate(
     if boxed and not deterministic and comparison.finite.passed:
         progress("with the scene's own filter")
         comparison = _with_own_filter(comparison, request, render_ours, references)
-    blank = replace(blank, deterministic=bool(deterministic))
+    progress("replay")
+    samples = options.replay if options.checks != "statistics" else ()
+    replays, replayed, refusal = replay_all(request, samples, render_ours, references)
+    comparison = with_replays(comparison, replays)
+    blank = replace(
+        blank,
+        deterministic=bool(deterministic),
+        replay=replays,
+        settings={"replay": refusal} if refusal else {},
+    )
     result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
     if options.ladder and not deterministic and comparison.finite.passed:
         ladder = measure_ladder(
@@ -135,8 +147,49 @@ def _validate(
         "ours": ours.pixels,
         "reference": pictures[0].pixels,
         "reference_other_seed": pictures[1].pixels,
+        **replayed,
     }
     return Validated(result, shown)
+
+
+def _only_replays(
+    blank: SceneResult,
+    request: RenderRequest,
+    options: Options,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None],
+) -> Validated:
+    """Compare with the same random numbers on both sides and in no other way.
+
+    Raises
+    ------
+    NotReplayable
+        If the scene's integrator draws in an order that cannot be followed.
+    """
+    progress("replay")
+    replays, pictures, refusal = replay_all(
+        request, options.replay, render_ours, references
+    )
+    if refusal:
+        raise NotReplayable(refusal)
+    height, width = pictures["replay_ours"].shape[:2]
+    nothing = Comparison("pass", (), Finite(), {}, ())
+    comparison = with_replays(nothing, replays)
+    result = replace(
+        blank,
+        width=width,
+        height=height,
+        spp=replays[-1].spp,
+        seed=request.seed,
+        verdict=comparison.verdict,
+        reasons=comparison.reasons,
+        replay=replays,
+        seconds=Seconds(
+            ours=replays[-1].seconds_ours, reference=replays[-1].seconds_reference
+        ),
+    )
+    return Validated(result, pictures)
 
 
 def _with_own_filter(

@@ -291,7 +291,8 @@ def _check_replay(asked: Integrator, method: str, extended: bool, why: Explanati
     if method == "direct" and (asked.bsdf_samples > 1 or asked.emitter_samples > 1):
         raise NotReplayable(
             f"sampler 'mitsuba': direct with {asked.emitter_samples} emitter_samples and "
-            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are 1, and 0 or 1"
+            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are 1, and "
+            "0 or 1"
         )
     why.say("numbers", "those of Mitsuba's scalar variants, in their order")
 
