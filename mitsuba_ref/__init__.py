@@ -2,7 +2,8 @@
 
 The only package that imports mitsuba or drjit, and only below `variant`:
 `variant -> edited_scene -> whitted, reference -> cache, worker` renders the file in
-`scalar_rgb`; `metrics, edges, noise -> with_noise, without_noise, aov_comparison ->
-comparison` judge two sets of arrays without knowing where they came from; `validation`
-does both for one scene.
+`scalar_rgb`, in a process of its own (`mitsuba_process`); `metrics, edges, noise ->
+with_noise, without_noise, aov_comparison -> comparison` judge two sets of arrays without
+knowing where they came from, once `obstacles` has found nothing against it; `validation`
+does both for one scene, and `verdicts` lists what can come out.
 """

@@ -111,7 +111,9 @@ def _compare_indices(
     compared = ~edge
     differs = (a != b) & compared
     # At a tie both hit the same point, and our primitive is a neighbour's in the reference.
-    same_point = _errors("position", ours, reference) <= TOLERANCES["position"][0]
+    same_point = np.zeros(a.shape, dtype=bool)  # without positions no tie is excused
+    if "position" in ours:
+        same_point = _errors("position", ours, reference) <= TOLERANCES["position"][0]
     among = np.zeros(a.shape, dtype=bool)
     for neighbour in _neighbours(b):
         among |= neighbour == a

@@ -23,11 +23,15 @@ from mitsuba_ref.table import print_table
 from mitsuba_ref.trace_command import add_trace_options, asks_for_trace, run_trace
 from mitsuba_ref.validation import Validated, validate_scene
 from mitsuba_ref.variant import MIN_THREADS
+from mitsuba_ref.verdicts import exit_status, statuses_in_words
 from mitsuba_ref.warm import compile_kernels, kernel_requests
 from mitsuba_ref.worker import TIME_LIMIT, MitsubaWorker
 
-EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
-2 the command line was wrong, 130 interrupted."""
+EPILOG = f"""exit status, one for each verdict:
+{statuses_in_words()}
+Of several scenes the most severe decides: the smallest status other than 0.
+"""
+WRONG_USE, INTERRUPTED = 2, 130
 
 
 def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours) -> int:
@@ -48,7 +52,7 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
         return int(stop.code or 0)
     except FileNotFoundError as error:
         Console(stderr=True).print(f"lightproof-validate: {error}", markup=False)
-        return 2
+        return WRONG_USE
     if asks_for_trace(options):
         return run_trace(options, list(scenes.values()), _options(options))
     results: list[SceneResult] = []
@@ -68,12 +72,15 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
                     path, _options(options), ours, references, progress
                 )
                 results.append(_keep(validated, name, options.report))
+        _finish(results, given, options.report)
     except KeyboardInterrupt:
         console.print("interrupted; the scenes so far:")
         _finish(results, given, options.report)
-        return 130
-    _finish(results, given, options.report)
-    return 0 if all(scene.verdict == "pass" for scene in results) else 1
+        return INTERRUPTED
+    except OSError as error:  # what a scene meets is in its verdict
+        console.print(f"lightproof-validate: {error}", markup=False, soft_wrap=True)
+        return WRONG_USE
+    return exit_status(scene.verdict for scene in results)
 
 
 def _warm_up(scenes: Iterable[Path], options: Options, show: Callable[[str], None]) -> None:
@@ -162,6 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Render scenes in lightproof and in Mitsuba 3 (scalar_rgb) and say how "
         "far apart they are, beside the noise that Mitsuba has against itself.",
         epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("scenes", nargs="*", type=Path, metavar="SCENE.xml", help="default: all of scenes/")

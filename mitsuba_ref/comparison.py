@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from mitsuba_ref import metrics
 from mitsuba_ref.aov_comparison import compare_aovs
-from mitsuba_ref.results import AovResult, Finite, Metric, ReplayResult, Verdict
+from mitsuba_ref.obstacles import Obstacle, count_non_finite, find_obstacle
+from mitsuba_ref.results import AovResult, Finite, Metric, ReplayResult
+from mitsuba_ref.verdicts import Verdict, most_severe
 from mitsuba_ref.with_noise import NOISY_RMSE_FACTOR, judge_with_noise
 from mitsuba_ref.without_noise import judge_without_noise
 
@@ -56,17 +58,16 @@ def compare(
 
     Notes
     -----
-    Values that are not finite, a missing reference and a different size fail before
-    anything else is measured.
+    Values that are not finite, a missing reference and a different size have verdicts of
+    their own (`find_obstacle`), and nothing else is measured then.
     """
     if rmse_factor is None:
         rmse_factor = 1.0 if deterministic else NOISY_RMSE_FACTOR
     aov_arrays = [*(ours_aovs or {}).values()], [*(reference_aovs or {}).values()]
     finite = count_non_finite([ours, *aov_arrays[0]], [*references, *aov_arrays[1]])
-    obstacle = _obstacle(ours, references, finite)
+    obstacle = find_obstacle(ours, references, ours_aovs, reference_aovs)
     if obstacle:
-        unmeasured = Metric(None, None, None, False, f"not measured: {obstacle}")
-        return Comparison("fail", (obstacle,), finite, {"rmse": unmeasured}, ())
+        return without_numbers(Comparison(obstacle.verdict, (), finite, {}, ()), obstacle)
     measured = _for_the_eye(ours, references)
     aovs: tuple[AovResult, ...] = ()
     if reference_aovs is not None:
@@ -99,33 +100,24 @@ def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Com
     ]
     if not reasons:
         return comparison
-    return replace(comparison, verdict="fail", reasons=(*comparison.reasons, *reasons))
-
-
-def count_non_finite(ours: Iterable[Array], references: Iterable[Array]) -> Finite:
-    """Count NaN and infinite values on both sides."""
-    ours, references = list(ours), list(references)
-    return Finite(
-        ours_nan=sum(int(np.isnan(a).sum()) for a in ours),
-        ours_inf=sum(int(np.isinf(a).sum()) for a in ours),
-        reference_nan=sum(int(np.isnan(a).sum()) for a in references),
-        reference_inf=sum(int(np.isinf(a).sum()) for a in references),
+    return replace(
+        comparison,
+        verdict=most_severe((comparison.verdict, "fail")),
+        reasons=(*comparison.reasons, *reasons),
     )
 
 
-def _obstacle(ours: Array, references: Sequence[Array], finite: Finite) -> str | None:
-    """Return why the pictures cannot be compared at all."""
-    if len(references) < 2:
-        return f"{len(references)} reference pictures; a noise floor needs two"
-    for reference in references:
-        if reference.shape != ours.shape:
-            return f"our picture has shape {ours.shape}, Mitsuba's has {reference.shape}"
-    if not finite.passed:
-        return (
-            f"NOT FINITE: ours has {finite.ours_nan} NaN and {finite.ours_inf} infinite "
-            f"values, Mitsuba's {finite.reference_nan} and {finite.reference_inf}"
-        )
-    return None
+def without_numbers(
+    comparison: Comparison, obstacle: Obstacle, name: str = "rmse"
+) -> Comparison:
+    """Return the comparison with the metric `name` as one that could not be measured."""
+    unmeasured = Metric(None, None, None, False, f"not measured: {obstacle.what}")
+    return replace(
+        comparison,
+        verdict=most_severe((comparison.verdict, obstacle.verdict)),
+        reasons=(obstacle.sentence, *comparison.reasons),
+        metrics={**comparison.metrics, name: unmeasured},
+    )
 
 
 def _for_the_eye(ours: Array, references: Sequence[Array]) -> dict[str, Metric]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.edited_scene import load_edited_scene
-from mitsuba_ref.errors import MitsubaError
+from mitsuba_ref.errors import MitsubaRefused
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.variant import load_mitsuba, set_threads
 from renderer.replay.camera import ENTRIES
@@ -48,7 +48,7 @@ def render_reference(request: RenderRequest) -> Reference:
 
     Raises
     ------
-    MitsubaError
+    MitsubaRefused
         With Mitsuba's own sentence, when it refuses the scene.
     """
     mi = load_mitsuba()
@@ -72,8 +72,8 @@ def render_reference(request: RenderRequest) -> Reference:
             scene, sensor=sensor, integrator=integrator, spp=spp, seed=request.seed
         )
         seconds = time.perf_counter() - start
-    except RuntimeError as error:
-        raise MitsubaError(f"Mitsuba: {_one_line(str(error))}") from None
+    except (RuntimeError, MemoryError) as error:
+        raise MitsubaRefused(_one_line(str(error))) from None
     pixels = np.array(image, dtype=np.float32)
     arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
     if request.replay:

@@ -1,7 +1,8 @@
 """results.json, schema 1: the records that the harness writes and the report reads.
 
 The fields of the records are the keys of the file, in order. Numbers are finite or null:
-JSON has no NaN, and a value that could not be measured is null.
+JSON has no NaN, and a value that could not be measured is null. Files of older versions
+have the verdicts "pass", "fail" and "error" alone.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ import os
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
+
+from mitsuba_ref.verdicts import Verdict
 
 SCHEMA = 1
-
-Verdict = Literal["pass", "fail", "error"]
 
 
 @dataclass(frozen=True)

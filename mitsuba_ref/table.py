@@ -10,10 +10,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from mitsuba_ref.results import Metric, SceneResult
+from mitsuba_ref.verdicts import Verdict
 
 TEXTS = ("scene", "method")
 NUMBERS = ("spp", "RMSE", "floor", "limit", "SSIM", "FLIP", "s ours", "s Mitsuba")
-COLOURS = {"pass": "green", "fail": "bold red", "error": "bold magenta"}
+COLOURS: dict[Verdict, str] = {"pass": "green", "fail": "bold red"}
+NOT_COMPARED = "bold magenta"
 
 
 def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
@@ -32,8 +34,7 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
     for scene in scenes:
         for reason in scene.reasons:
             console.print(
-                f"[{COLOURS[scene.verdict]}]{scene.verdict}[/] {escape(scene.name)}: "
-                f"{escape(reason)}",
+                f"{_coloured(scene.verdict)} {escape(scene.name)}: {escape(reason)}",
                 soft_wrap=True,
             )
 
@@ -54,8 +55,12 @@ def _row(scene: SceneResult) -> list[str]:
         _number(flip.value, ".4f"),
         _number(scene.seconds.ours),
         _number(scene.seconds.reference),
-        f"[{COLOURS[scene.verdict]}]{scene.verdict}[/]",
+        _coloured(scene.verdict),
     ]
+
+
+def _coloured(verdict: Verdict) -> str:
+    return f"[{COLOURS.get(verdict, NOT_COMPARED)}]{verdict}[/]"
 
 
 def _number(value: float | None, form: str = ".2g") -> str:

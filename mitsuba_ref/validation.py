@@ -10,10 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.comparison import Comparison, compare, with_metric, with_replays
+from mitsuba_ref.comparison import (
+    Comparison,
+    compare,
+    with_metric,
+    with_replays,
+    without_numbers,
+)
 from mitsuba_ref.edited_scene import BOX_INSTEAD
-from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ladder import measure_ladder
+from mitsuba_ref.obstacles import count_non_finite, find_obstacle
 from mitsuba_ref.options import Options, scene_name, scene_request, shown_path
 from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.proof_file import Proof, read_proof
@@ -22,6 +28,8 @@ from mitsuba_ref.replay import replay_all
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import Finite, SceneResult, Seconds
 from mitsuba_ref.scene_result import describe_scene
+from mitsuba_ref.stopped import Stopped, bad_request, stopped_by, with_the_other_side
+from mitsuba_ref.verdicts import COMPARED
 from mitsuba_ref.with_noise import compare_filtered
 from renderer.errors import NotReplayable, SceneError
 
@@ -54,8 +62,8 @@ def validate_scene(
 ) -> Validated:
     """Render a scene in both renderers and compare.
 
-    A scene that either renderer refuses gets the verdict "error" and the sentence; this
-    function raises nothing but `KeyboardInterrupt`.
+    A scene that cannot be compared gets a verdict that says why, and a sentence from each
+    side that refused it; this function raises nothing but `KeyboardInterrupt`.
 
     Parameters
     ----------
@@ -70,7 +78,15 @@ def validate_scene(
     progress
         Told what is being done.
     """
-    blank = SceneResult(name=scene_name(path), path=shown_path(path), verdict="error")
+    blank = SceneResult(name=scene_name(path), path=shown_path(path), verdict="broken")
+    stage = "reading proof.toml"
+
+    def note(now: str) -> None:
+        nonlocal stage
+        stage = now
+        progress(now)
+
+    request: RenderRequest | None = None
     try:
         proof = read_proof(path)
         blank = replace(
@@ -80,12 +96,19 @@ def validate_scene(
             deterministic=bool(proof.deterministic),
         )
         request = scene_request(path, proof, options)
-        return _validate(blank, proof, request, options, render_ours, references, progress)
-    except (SceneError, MitsubaError) as error:
-        sentence = str(error)
+        return _validate(blank, proof, request, options, render_ours, references, note)
     except Exception as error:  # a bug on our side must not end the other scenes
-        sentence = f"unexpected {type(error).__name__}: {error}"
-    return Validated(replace(blank, reasons=(" ".join(sentence.split()),)))
+        if request is None and isinstance(error, SceneError):
+            return _without_pictures(blank, bad_request(error))
+        stopped = stopped_by(error, stage)
+    if request is not None and stopped.verdict == "refused-by-us":
+        note("Mitsuba, after our refusal")
+        stopped = with_the_other_side(stopped, request, references)
+    return _without_pictures(blank, stopped)
+
+
+def _without_pictures(blank: SceneResult, stopped: Stopped) -> Validated:
+    return Validated(replace(blank, verdict=stopped.verdict, reasons=stopped.reasons))
 
 
 def _validate(
@@ -124,7 +147,7 @@ def _validate(
         rmse_factor=proof.rmse_factor,
     )
     boxed = BOX_INSTEAD in pictures[0].changes
-    if boxed and not deterministic and comparison.finite.passed:
+    if boxed and not deterministic and comparison.verdict in COMPARED:
         progress("with the scene's own filter")
         comparison = _with_own_filter(comparison, request, render_ours, references)
     progress("replay")
@@ -138,7 +161,7 @@ def _validate(
         settings={"replay": refusal} if refusal else {},
     )
     result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
-    if options.ladder and not deterministic and comparison.finite.passed:
+    if options.ladder and not deterministic and comparison.verdict in COMPARED:
         ladder = measure_ladder(
             request, ours, pictures, render_ours, references, progress=progress
         )
@@ -205,6 +228,9 @@ def _with_own_filter(
         references.get(replace(own, seed=FIRST_REFERENCE_SEED + index), ours.files).pixels
         for index in range(FILTERED_SEEDS)
     ]
-    return with_metric(
-        comparison, "rmse_with_filter", compare_filtered(ours.pixels, pictures)
-    )
+    name = "rmse_with_filter"
+    obstacle = find_obstacle(ours.pixels, pictures)
+    if obstacle:
+        comparison = without_numbers(comparison, obstacle, name)
+        return replace(comparison, finite=count_non_finite([ours.pixels], pictures))
+    return with_metric(comparison, name, compare_filtered(ours.pixels, pictures))

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from mitsuba_ref import cli as harness
 from mitsuba_ref.results import write_atomically
+from mitsuba_ref.verdicts import exit_status, statuses_in_words
 from reports.accelerators_reader import read_accelerators
 from reports.accelerators_study import write_study
 from reports.benchmark_record import read_benchmark
@@ -22,10 +23,11 @@ from reports.study_settings import QUICK
 DEFAULT_OUT = Path("reports/out")
 DEFAULT_SIZE = "demo"
 ACCELERATORS = "accelerators.json"
-WRONG_USE, INTERRUPTED = 2, 130
+WRONG_USE, INTERRUPTED = STOPPED = 2, 130
 
-EPILOG = """Exit status: 0 every scene passed, 1 a scene failed or could not be rendered,
-2 the command line or the results are wrong, 130 interrupted."""
+EPILOG = f"""exit status, that of the most severe verdict:
+{statuses_in_words()}
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,24 +51,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.source is None:
         written_before = _written_at(source)
         status = _run_harness(given, source.parent)
-        if status not in (0, 1) and _written_at(source) == written_before:
+        if status in STOPPED and _written_at(source) == written_before:
             return status  # nothing new to show
-        if _wants_accelerators(given) and status in (0, 1):
+        if _wants_accelerators(given) and status not in STOPPED:
             try:
                 _study_accelerators(source.parent)
             except KeyboardInterrupt:
                 status = INTERRUPTED  # the scenes are there to look at
     try:
-        all_passed = draw(source, given.out)
+        shown = draw(source, given.out)
     except ReportError as error:
         sentence = f"lightproof-report: {error}"
         Console(stderr=True).print(sentence, markup=False, soft_wrap=True)
         return WRONG_USE
-    return status or (0 if all_passed else 1)
+    return status or shown
 
 
-def draw(source: Path, out: Path) -> bool:
-    """Draw index.html in `out` from results; say where it is and whether all passed.
+def draw(source: Path, out: Path) -> int:
+    """Draw index.html in `out` from results; say where it is; return the exit status.
+
+    That is the status of the most severe verdict, or 1 if the accelerators disagree.
 
     Parameters
     ----------
@@ -94,7 +98,7 @@ def draw(source: Path, out: Path) -> bool:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
     faulty = study is not None and bool(study.faults)
-    return not faulty and all(scene.verdict == "pass" for scene in results.scenes)
+    return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
 
 
 def _wants_accelerators(given: argparse.Namespace) -> bool:
@@ -137,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Render scenes in lightproof and in Mitsuba 3, compare them, and write "
         "one self-contained HTML page.",
         epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add(

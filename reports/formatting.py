@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from mitsuba_ref.verdicts import COMPARED, VERDICTS, Verdict
+
 NOTHING = "–"  # noqa: RUF001  an en dash, as tables print it
 
 METRIC_NAMES = {
@@ -18,7 +20,13 @@ METRIC_NAMES = {
     "mean_difference": "mean difference",
 }
 
-VERDICT_SIGNS = {"pass": "✓ pass", "fail": "✗ fail", "error": "! error"}
+VERDICT_SIGNS: dict[Verdict, str] = {
+    verdict: {"pass": "✓ pass", "fail": "✗ fail"}.get(verdict, f"! {verdict}")
+    for verdict in VERDICTS
+}
+VERDICT_STYLES: dict[Verdict, str] = {  # classes of the style sheet
+    verdict: verdict if verdict in COMPARED else "error" for verdict in VERDICTS
+}
 
 
 def number(value: float | None, digits: int = 3) -> str:

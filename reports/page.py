@@ -9,6 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from mitsuba_ref.results import Results
+from mitsuba_ref.verdicts import CURRENT, VERDICTS
 from reports import formatting, heat_map, pictures, scene_tables
 from reports.accelerators_record import AcceleratorStudy
 from reports.accelerators_section import build_accelerators_section
@@ -93,6 +94,8 @@ def _draw(template: str, **context: Any) -> str:
         metric_name=formatting.metric_name,
     )
     environment.globals["verdict_signs"] = formatting.VERDICT_SIGNS
+    environment.globals["verdict_styles"] = formatting.VERDICT_STYLES
+    environment.globals["verdict_facts"] = {name: VERDICTS[name] for name in CURRENT}
     environment.globals["ramp_colours"] = ", ".join(
         "rgb({:.0f} {:.0f} {:.0f})".format(*colour) for colour in pictures.DIVERGING
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from mitsuba_ref.results import (
     SCHEMA,
@@ -21,12 +21,10 @@ from mitsuba_ref.results import (
     Results,
     SceneResult,
     Seconds,
-    Verdict,
 )
+from mitsuba_ref.verdicts import VERDICTS
 from reports.errors import ReportError
 from reports.json_fields import JsonFields, load_json
-
-VERDICTS = ("error", "fail", "pass")  # the order of the page: what needs eyes comes first
 
 
 def read_results(path: Path) -> Results:
@@ -59,8 +57,9 @@ def read_results(path: Path) -> Results:
 
 
 def worst_first(results: Results) -> list[SceneResult]:
-    """Return the scenes, errors and failures before passes, else in the file's order."""
-    return sorted(results.scenes, key=lambda scene: VERDICTS.index(scene.verdict))
+    """Return the scenes, the most severe verdict first, else in the file's order."""
+    order = list(VERDICTS)
+    return sorted(results.scenes, key=lambda scene: order.index(scene.verdict))
 
 
 def contradicted(scene: SceneResult) -> SceneResult:
@@ -104,7 +103,7 @@ def _scene(entry: JsonFields) -> SceneResult:
         spp=entry.integer("spp", 0),
         seed=entry.integer("seed", 0),
         deterministic=bool(entry.flag("deterministic")),
-        verdict=cast(Verdict, verdict),
+        verdict=verdict,
         reasons=entry.texts("reasons"),
         finite=Finite(*(counts.integer(side.name, 0) for side in fields(Finite))),
         metrics={key: _metric(metric) for key, metric in entry.named_objects("metrics")},

@@ -11,6 +11,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from mitsuba_ref.results import Ladder, LadderPoint, Metric, SceneResult
+from mitsuba_ref.verdicts import COMPARED
 from reports import formatting, pictures
 from reports.charts import log_log_chart
 from reports.errors import ReportError
@@ -96,10 +97,12 @@ def build_sections(scenes: Sequence[SceneResult], folder: Path) -> list[SceneSec
 
 
 def _pictures(scene: SceneResult, folder: Path) -> Pictures | None:
-    """Return the pictures; a scene that stopped with an error may have none."""
+    """Return the pictures; a scene that was not compared may have none, or two sizes."""
+    if scene.verdict == "size-mismatch":
+        return None
     for side in ("ours", "reference"):
         if side not in scene.images:
-            if scene.verdict == "error":
+            if scene.verdict not in COMPARED:
                 return None
             raise ReportError(f"scene {scene.name}: no {side} picture, but it was compared")
     reference = pictures.load_picture(folder / scene.images["reference"])

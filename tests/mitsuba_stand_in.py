@@ -12,9 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_ref.errors import MitsubaRefused
 from mitsuba_ref.ours import OurPicture, RenderOurs
 from mitsuba_ref.reference import render_reference
 from mitsuba_ref.request import RenderRequest
+from renderer.errors import SceneError
 
 Change = Callable[[np.ndarray], np.ndarray]
 
@@ -23,7 +25,10 @@ def stand_in(change: Change = lambda array: array, *, aovs_too: bool = False) ->
     """Return a renderer that is Mitsuba, its picture (and AOVs) changed by `change`."""
 
     def render(request: RenderRequest) -> OurPicture:
-        rendered = render_reference(replace(request, threads=2))
+        try:
+            rendered = render_reference(replace(request, threads=2))
+        except MitsubaRefused as error:  # a renderer refuses in its own name
+            raise SceneError(str(error)) from None
         arrays = rendered.arrays
         if request.kind == "image" or aovs_too:
             arrays = {name: change(array) for name, array in arrays.items()}

@@ -193,8 +193,8 @@ def test_a_worker_that_died_between_two_requests_is_named_and_replaced(tmp_path)
     request = RenderRequest(str(scene), {"width": "8", "height": "6"}, spp=1)
     with MitsubaWorker() as worker:
         worker.render(request, tmp_path / "first.npz")
-        worker._process.kill()
-        worker._process.wait()
+        worker._process._process.kill()
+        worker._process._process.wait()
         with pytest.raises(MitsubaError, match="ended with status -9"):
             worker.render(request, tmp_path / "second.npz")
         worker.render(request, tmp_path / "third.npz")

@@ -12,7 +12,8 @@ import pytest
 import report_samples
 from report_samples import scene, stopped_scene, write_results
 
-from reports import cli
+from mitsuba_ref.verdicts import COMPARED, VERDICTS, Verdict
+from reports import cli, formatting
 from reports.errors import ReportError
 from reports.page import results_page
 from reports.results import read_results
@@ -60,7 +61,7 @@ def test_a_scene_without_noise_says_why_it_has_no_chart(tmp_path: Path) -> None:
     assert why not in draw(tmp_path, scene("noisy", "pass"))
 
 
-def test_errors_and_failures_come_before_passes(tmp_path: Path) -> None:
+def test_failures_and_stops_come_before_passes(tmp_path: Path) -> None:
     """Order in the file: pass, fail, error, pass. On the page: what needs eyes first."""
     page = draw(
         tmp_path,
@@ -71,8 +72,32 @@ def test_errors_and_failures_come_before_passes(tmp_path: Path) -> None:
     )
     links = re.findall(r'<th scope="row"><a href="#scene-(\w+)"', page)
     sections = re.findall(r'<section class="scene \w+" id="scene-(\w+)"', page)
-    assert links == sections == ["broken", "shifted", "sound", "solid"]
-    assert "2 of 4 scenes do not pass, 1 of them stopped with an error" in page
+    assert links == sections == ["shifted", "broken", "sound", "solid"]
+    assert "2 of 4 scenes do not pass, 1 of them could not be compared" in page
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_has_its_place_on_the_page(tmp_path: Path, verdict: Verdict) -> None:
+    """Stopped scenes come without pictures; "error" is what older versions wrote."""
+    compared = verdict in COMPARED
+    entry = scene("one", verdict) if compared else stopped_scene("one")
+    page = draw(tmp_path, scene("sound", "pass"), entry | {"verdict": verdict})
+    text = " ".join(Outline(page).text.split())
+    assert formatting.VERDICT_SIGNS[verdict] in text
+    assert ("1 of them could not be compared" in text) != compared
+    assert all(reason in text for reason in entry["reasons"])
+    if verdict != "error":
+        assert verdict in text.partition("Other verdicts")[2] or compared
+
+
+def test_pictures_of_two_sizes_leave_a_page_with_the_sentence(tmp_path: Path) -> None:
+    """There is no difference to draw, but the other scenes and the reason must be there."""
+    reasons = ["our picture has shape (3, 4, 3), Mitsuba's has (12, 16, 3)"]
+    path = write_results(tmp_path, [scene("one", "size-mismatch", reasons=reasons)])
+    np.save(tmp_path / "one/ours.npy", np.zeros((3, 4, 3), dtype=np.float32))
+    text = Outline(results_page(read_results(path), tmp_path)).text
+    assert reasons[0] in text
+    assert "they are not of one size" in text
 
 
 def test_every_row_links_to_a_section_that_exists(tmp_path: Path) -> None:
@@ -165,7 +190,7 @@ def test_nan_in_the_json_is_refused(tmp_path: Path, constant: str) -> None:
             {"scenes": [{"name": "a"}]},
             r"scenes\[0\].verdict: expected a string, found nothing",
         ),
-        ({"scenes": [{"verdict": "good"}]}, "verdict: 'good'; known: error, fail, pass"),
+        ({"scenes": [{"verdict": "good"}]}, "verdict: 'good'; known: fail, not-finite, "),
         (
             {"scenes": [{"name": "a", "verdict": "fail", "spp": True}]},
             r"scenes\[0\].spp: expected an integer, found true",
@@ -230,8 +255,8 @@ def test_pictures_of_different_sizes_are_an_error(tmp_path: Path) -> None:
 def test_exit_status_and_the_place_of_the_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """0 when all pass, 1 when one does not; the page is written and named either way."""
-    for verdict, status in (("pass", 0), ("fail", 1)):
+    """That of the verdict; the page is written and named either way."""
+    for verdict, status in (("pass", 0), ("fail", 1), ("not-finite", 3)):
         out = tmp_path / verdict / "out"
         path = write_results(tmp_path / verdict, [scene("one", verdict)])
         assert cli.main(["--from", str(path), "--out", str(out)]) == status

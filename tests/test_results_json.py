@@ -20,6 +20,7 @@ from mitsuba_ref.results import (
     to_json,
     write_results,
 )
+from mitsuba_ref.verdicts import CURRENT, exit_status
 from reports.results import read_results
 
 
@@ -108,3 +109,20 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
         write_results(example(title="new"), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("verdict", ["pass", "fail", "error"])
+def test_files_of_the_first_version_are_still_read(tmp_path, verdict):
+    """Their "error" was everything that is a verdict of its own today; no pass, ever."""
+    path = tmp_path / "results.json"
+    path.write_text(to_json(example(verdict=verdict, reasons=("why",))))
+    (scene,) = read_results(path).scenes
+    assert (scene.verdict, scene.reasons) == (verdict, ("why",))
+    assert (exit_status([scene.verdict]) == 0) == (verdict == "pass")
+
+
+@pytest.mark.parametrize("verdict", CURRENT)
+def test_every_verdict_survives_writing_and_reading(tmp_path, verdict):
+    path = tmp_path / "results.json"
+    write_results(example(verdict=verdict), path)
+    assert read_results(path).scenes[0].verdict == verdict

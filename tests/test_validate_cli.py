@@ -44,27 +44,28 @@ def test_a_broken_renderer_fails_with_status_1_and_the_reason(scene, capsys):
     assert "mean_difference" in output
 
 
-def test_a_refused_scene_is_an_error_and_the_others_go_on(scene, tmp_path, capsys):
-    """The sentence in the table, no traceback, status 1; the good scene still passes."""
+def test_a_refused_scene_is_no_pass_and_the_others_go_on(scene, tmp_path, capsys):
+    """The sentence in the table, no traceback; the good scene still passes."""
     refused = tmp_path / "refused.xml"
     refused.write_text(scene.read_text().replace('"sphere"', '"teapot"'))
-    assert run(refused, scene, "--report", tmp_path / "report") == 1
+    assert run(refused, scene, "--report", tmp_path / "report") == 10
     captured = capsys.readouterr()
-    assert "error refused: Mitsuba: " in captured.out
+    assert "refused-by-both refused: our renderer: " in captured.out
+    assert "refused-by-both refused: Mitsuba, asked as well: " in captured.out
     assert "teapot" in captured.out
     assert "Traceback" not in captured.out + captured.err
     results = read_results(tmp_path / "report" / "results.json")
     assert [(s.name, s.verdict) for s in results.scenes] == [
-        ("refused", "error"),
+        ("refused", "refused-by-both"),
         ("ball", "pass"),
     ]
 
 
-def test_a_bug_in_our_renderer_is_an_error_of_that_scene(scene, capsys):
+def test_a_bug_in_our_renderer_is_a_verdict_of_that_scene(scene, capsys):
     def buggy(request):
         raise KeyError("spheres")
 
-    assert run(scene, ours=buggy) == 1
+    assert run(scene, ours=buggy) == 5
     assert "unexpected KeyError: 'spheres'" in capsys.readouterr().out
 
 
@@ -84,9 +85,9 @@ def test_ctrl_c_shows_the_scenes_so_far(scene, tmp_path, capsys):
     assert [s.name for s in read_results(report / "results.json").scenes] == ["ball"]
 
 
-def test_a_wrong_proof_file_is_an_error_of_that_scene(scene, capsys):
+def test_a_wrong_proof_file_is_a_verdict_of_that_scene(scene, capsys):
     scene.with_name("proof.toml").write_text("titel = 1")
-    assert run(scene) == 1
+    assert run(scene) == 11
     assert "title is missing" in capsys.readouterr().out
 
 
@@ -154,7 +155,7 @@ def test_a_sample_count_given_by_D_goes_before_the_proof_s(scene, tmp_path, caps
     (result,) = read_results(report / "results.json").scenes
     assert result.spp == 9
     assert result.settings["reference_spp"] == "9"
-    assert run(scene, "-D", "spp=many") == 1
+    assert run(scene, "-D", "spp=many") == 11
     assert "-D spp=many: a whole number of 1 or more" in capsys.readouterr().out
 
 

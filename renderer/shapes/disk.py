@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.shapes.patch import Intersection, divided, meet_plane
+from renderer.lanes.functions import any_of, fabs
+from renderer.shapes.patch import (
+    Intersection,
+    divided,
+    grazing,
+    meet_plane,
+    meet_plane_in_double,
+)
 
 
 class Disks(NamedTuple):
@@ -23,9 +30,23 @@ class Disks(NamedTuple):
 
 
 @kernel
-def hit_disk(disk, origin, direction, t_max):
-    """Intersect; hits have 0 < t <= t_max, u and v are the local x and y."""
-    p = meet_plane(disk, origin, direction)
+def _doubtful(disk, p, direction):
+    around = (fabs(p.u) <= p.scale) & (fabs(p.v) <= p.scale)
+    return around & grazing(disk, p, direction)
+
+
+@kernel
+def _within(p, t_max):
     # divided first: the squares of the undivided numbers of a tiny disk would underflow
     x = divided(p, p.scale > 0.0, t_max)
     return Intersection(x.hit & (x.u * x.u + x.v * x.v <= 1.0), x.t, x.u, x.v)
+
+
+@kernel
+def hit_disk(disk, origin, direction, t_max):
+    """Intersect; hits have 0 < t <= t_max, u and v are the local x and y."""
+    p = meet_plane(disk, origin, direction)
+    doubtful = _doubtful(disk, p, direction)
+    if any_of(doubtful):
+        p = meet_plane_in_double(disk, origin, direction, doubtful, p)
+    return _within(p, t_max)

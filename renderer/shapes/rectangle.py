@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.shapes.patch import divided, meet_plane
+from renderer.lanes.functions import any_of
+from renderer.shapes.patch import (
+    MARGIN,
+    divided,
+    grazing,
+    greater,
+    lesser,
+    meet_plane,
+    meet_plane_in_double,
+)
 
 
 class Rectangles(NamedTuple):
@@ -23,8 +32,16 @@ class Rectangles(NamedTuple):
 
 
 @kernel
+def _inside(p):
+    return (p.u >= 0.0) & (p.v >= 0.0) & (p.u <= p.scale) & (p.v <= p.scale)
+
+
+@kernel
 def hit_rectangle(rectangle, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max and 0 <= u, v <= 1."""
     p = meet_plane(rectangle, origin, direction)
-    inside = (p.u >= 0.0) & (p.v >= 0.0) & (p.u <= p.scale) & (p.v <= p.scale)
-    return divided(p, inside, t_max)
+    depth = lesser(lesser(p.u, p.v), p.scale - greater(p.u, p.v))
+    doubtful = grazing(rectangle, p, direction) & (depth >= MARGIN * p.scale)
+    if any_of(doubtful):
+        p = meet_plane_in_double(rectangle, origin, direction, doubtful, p)
+    return divided(p, _inside(p), t_max)

@@ -12,7 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.shapes.patch import ONE, Intersection, divided, meet_plane
+from renderer.lanes.functions import any_of
+from renderer.shapes.patch import (
+    MARGIN,
+    ONE,
+    Intersection,
+    divided,
+    grazing,
+    lesser,
+    meet_plane,
+    meet_plane_in_double,
+)
 from renderer.vectors import cross, dot
 
 
@@ -28,11 +38,24 @@ class Triangles(NamedTuple):
 
 
 @kernel
+def _depth_inside(p):
+    """Return how deep in the triangle the point is, times scale: the least of u, v, w.
+
+    w last: it is NaN if u or v is, and then so is the result.
+    """
+    return lesser(lesser(p.u, p.v), p.scale - (p.u + p.v))
+
+
+@kernel
 def hit_triangle(triangle, origin, direction, t_max):
     """Plane, then (u, v): hits have 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
     p = meet_plane(triangle, origin, direction)
-    inside = (p.u >= 0.0) & (p.v >= 0.0) & (p.u + p.v <= p.scale)
-    return divided(p, inside, t_max)
+    depth = _depth_inside(p)
+    doubtful = grazing(triangle, p, direction) & (depth >= MARGIN * p.scale)
+    if any_of(doubtful):
+        p = meet_plane_in_double(triangle, origin, direction, doubtful, p)
+        depth = _depth_inside(p)
+    return divided(p, depth >= 0.0, t_max)
 
 
 @kernel

@@ -1,0 +1,108 @@
+"""A scene that could not be compared: which verdict that is, and in which words."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.errors import (
+    MitsubaCrashed,
+    MitsubaError,
+    MitsubaRefused,
+    MitsubaTimeout,
+)
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.verdicts import VERDICTS, Verdict, most_severe
+from renderer.errors import SceneError
+
+VERDICT_OF: tuple[tuple[type[Exception], Verdict], ...] = (
+    (MitsubaRefused, "refused-by-mitsuba"),
+    (MitsubaCrashed, "mitsuba-crashed"),
+    (MitsubaTimeout, "mitsuba-timeout"),
+    (SceneError, "refused-by-us"),
+    (MemoryError, "refused-by-us"),  # as Mitsuba's refusal of a film of 10^6 x 10^6 is
+)
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """Why there is nothing to compare: what was said, by whom, at which stage."""
+
+    verdict: Verdict
+    said: tuple[str, ...]  # "stage: sentence"
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """One sentence for each side: what, where, and what can be done."""
+        facts = VERDICTS[self.verdict]
+        beside = {
+            "refused-by-us": "; Mitsuba renders it",
+            "refused-by-mitsuba": "; we render it",
+        }.get(self.verdict, "")
+        return tuple(f"{one}{beside}; {facts.advice}" for one in self.said)
+
+
+def stopped_by(error: Exception, stage: str) -> Stopped:
+    """Return what an exception means; one that nobody announced is a bug on our side.
+
+    Parameters
+    ----------
+    error
+        What a side raised.
+    stage
+        What was being done.
+    """
+    for kind, verdict in VERDICT_OF:
+        if isinstance(error, kind):
+            return Stopped(verdict, (_said(stage, _one_line(error)),))
+    what = _one_line(error)
+    if not isinstance(error, MitsubaError):
+        what = f"unexpected {type(error).__name__}: {what}{_place(error)}"
+    return Stopped("broken", (_said(stage, what),))
+
+
+def with_the_other_side(
+    ours: Stopped, request: RenderRequest, references: ReferenceCache
+) -> Stopped:
+    """Ask Mitsuba too, after our refusal.
+
+    It is asked for one ray through each pixel, which builds all that the file names and is
+    as good as no work, and for nothing that the cache could keep: without our reading of
+    the scene nobody knows its files.
+    """
+    try:
+        references.render_uncached(replace(request, kind="aovs", spp=None))
+    except Exception as error:
+        theirs = stopped_by(error, "Mitsuba, asked as well")
+        verdict = most_severe((ours.verdict, theirs.verdict))
+        if theirs.verdict == "refused-by-mitsuba":
+            verdict = "refused-by-both"
+        return Stopped(verdict, ours.said + theirs.said)
+    return ours
+
+
+def bad_request(error: SceneError) -> Stopped:
+    """Return what a wrong proof.toml or -D means: nobody was asked."""
+    return Stopped("bad-request", (_one_line(error),))
+
+
+def _said(stage: str, what: str) -> str:
+    if stage.startswith("Mitsuba"):  # who says it need not be said twice
+        what = what.removeprefix("Mitsuba: ")
+    return f"{stage}: {what}"
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()).rstrip(".!") or type(error).__name__
+
+
+def _place(error: Exception) -> str:
+    """Return where a bug is: the last line of ours that was running."""
+    frames: Sequence[traceback.FrameSummary] = traceback.extract_tb(error.__traceback__)
+    if not frames:
+        return ""
+    last = frames[-1]
+    return f" (in {last.name}, {Path(last.filename).name}:{last.lineno})"
