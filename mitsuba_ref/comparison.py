@@ -102,7 +102,7 @@ def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Com
         return comparison
     return replace(
         comparison,
-        verdict=most_severe((comparison.verdict, "fail")),
+        verdict=most_severe((comparison.verdict, *(r.verdict for r in replays))),
         reasons=(*comparison.reasons, *reasons),
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.obstacles import find_obstacle
 from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import DivergentPixel, ReplayResult
@@ -133,13 +134,10 @@ def compare_replay(ours: Array, reference: Array) -> ReplayResult:
     ours, reference
         (H, W, 3), linear. Values that are not finite, or another size, fail.
     """
-    if ours.shape != reference.shape:
-        sentence = f"our picture has shape {ours.shape}, Mitsuba's has {reference.shape}"
-        return ReplayResult(passed=False, sentence=sentence)
-    height, width = ours.shape[:2]
-    if not (np.isfinite(ours).all() and np.isfinite(reference).all()):
+    obstacle = find_obstacle(ours, [reference, reference])
+    if obstacle is not None:
         return ReplayResult(
-            pixels=width * height, passed=False, sentence="not all values are finite"
+            passed=False, verdict=obstacle.verdict, sentence=obstacle.sentence
         )
     relative = relative_difference(ours, reference)
     diverged = relative > TOLERANCE
@@ -159,6 +157,7 @@ def compare_replay(ours: Array, reference: Array) -> ReplayResult:
         rmse_limit=RMSE_LIMIT,
         largest=float(relative[together].max()) if together.any() else None,
         passed=passed,
+        verdict="pass" if passed else "fail",
         sentence=_sentence(count, allowed, diverged.size, rmse),
         listed=_worst(ours, reference, relative, diverged),
     )

@@ -90,6 +90,7 @@ class ReplayResult:
     rmse_limit: float = 0.0
     largest: float | None = None  # relative difference of a pixel that did not diverge
     passed: bool
+    verdict: Verdict = "fail"  # of this comparison alone
     sentence: str
     seconds_ours: float | None = None
     seconds_reference: float | None = None

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.jit import kernel, never_inline
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.rounded_once import fused_sum, times_vector, unit
 from renderer.scene_file.description import PerspectiveCamera
@@ -96,6 +96,7 @@ def _direction(camera, px, py):
 @kernel
 def round_camera_ray(camera, rays, k, px, py):
     """Round ray k, which goes through film position (px, py), unless it is another ray."""
+    never_inline()
     local = _direction(camera, px, py)
     new = times_vector(camera.to_world, 0, 0, local)
     old = column(rays.direction, k)

@@ -14,7 +14,7 @@ from typing import Any
 
 from numba.extending import overload
 
-from renderer.jit import kernel, record_class
+from renderer.jit import kernel, never_inline, record_class
 from renderer.replay.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
 from renderer.replay.sequences import begin_sample, next_1d, next_2d
 from renderer.stages.tile import slot_pixel
@@ -44,6 +44,7 @@ def _nothing_for_bounce(sampler, scene, tile, sample, work, n):
 
 @kernel
 def _replay_film_places(sampler, scene, tile, sample):
+    never_inline()
     sequence, numbers = sampler.sequence, sampler.numbers
     for y in range(tile.y, tile.y + tile.height):
         for x in range(tile.x, tile.x + tile.width):
@@ -74,6 +75,7 @@ def _draw_for_scattering(bsdf, direct, sequence, numbers, pixel, sample):
 
 @kernel
 def _replay_bounce(sampler, scene, tile, sample, work, n):
+    never_inline()
     sequence, numbers = sampler.sequence, sampler.numbers
     for i in range(n):
         prim = work.hits.prim[i]

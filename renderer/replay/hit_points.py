@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.affine import affine_at, times
-from renderer.jit import kernel
+from renderer.jit import kernel, never_inline
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.rounded_once import (
     fused_affine,
@@ -373,6 +373,7 @@ def as_mitsuba_rounds(replayed, scene, rays, hits, order, count, points):
     """
     if replayed is None:
         return
+    never_inline()  # it is called from two stages, and compiling it twice takes seconds
     surfaces, instances = scene.surfaces, scene.accelerators.instances
     for i in range(count):
         ray = order[i]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.jit import kernel, never_inline
 from renderer.kernel_scene import CONDUCTOR, DIFFUSE
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.hit_points import ROUNDING
@@ -92,6 +92,7 @@ def rays_as_mitsuba_rounds(replayed, scene, rays, end, points):
     """
     if replayed is None:
         return
+    never_inline()
     settings = scene.settings
     fixed = np.float32(settings.fixed_offset)
     for k in range(end):
