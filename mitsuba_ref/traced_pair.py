@@ -111,7 +111,12 @@ class TracedPair:
         """Return our path alone; see `trace`."""
         if self._ours is None:
             rendering = Rendering(
-                self._scene, self._plan, accel="auto", seed=self._request.seed, threads=1
+                self._scene,
+                self._plan,
+                accel="auto",
+                seed=self._request.seed,
+                threads=1,
+                measured_camera=self._request.camera,
             )
             self._ours = StepByStep(rendering)
         return self._ours.trace(pixel, sample)
