@@ -23,6 +23,7 @@ class Options:
     threads: int | None = None
     parameters: dict[str, str] = field(default_factory=dict)
     ladder: bool = False
+    seeds: int = 1  # pictures of each renderer for the ladder of tests; 1: not climbed
 
     @property
     def workers(self) -> int:
