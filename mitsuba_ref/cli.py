@@ -16,6 +16,7 @@ from rich.console import Console
 
 from mitsuba_ref import machine
 from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
 from mitsuba_ref.options import Options, scene_name
 from mitsuba_ref.ours import RenderOurs, render_ours
 from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
@@ -160,6 +161,7 @@ def _options(given: argparse.Namespace) -> Options:
         parameters=dict(given.define),
         ladder=given.ladder,
         checks=given.checks,
+        seeds=given.seeds,
     )
 
 
@@ -199,6 +201,13 @@ def _parser() -> argparse.ArgumentParser:
         help="replay: both renderers draw the same random numbers and must agree pixel by "
         "pixel; statistics: each draws its own (default: both)",
     )
+    add(
+        "--seeds",
+        type=_seeds,
+        default=1,
+        metavar="K",
+        help="climb the ladder of tests with K pictures of each renderer, at least 8",
+    )
     add("--ladder", action="store_true", help="measure speed against accuracy too")
     add(
         "--time-limit",
@@ -215,6 +224,13 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{value}: must be 1 or more")
+    return value
+
+
+def _seeds(text: str) -> int:
+    value = int(text)
+    if value != 1 and value < FEWEST_SEEDS:
+        raise argparse.ArgumentTypeError(f"{value}: must be {FEWEST_SEEDS} or more, or 1")
     return value
 
 

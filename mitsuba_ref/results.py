@@ -98,6 +98,21 @@ class ReplayResult:
 
 
 @dataclass(frozen=True)
+class Rung:
+    """One test of the ladder (`ladder_of_tests`), and what it was able to see."""
+
+    name: str
+    passed: bool
+    statistic: float | None
+    limit: float | None  # of the statistic; null: infinite
+    p_value: float | None  # null: no noise is involved
+    false_alarm_rate: float | None  # claimed: of an alarm although all is right
+    detectable_bias: float | None  # seen with 99 % probability; null: not known
+    detectable: str  # what that number measures
+    sentence: str  # for readers who know no statistics
+
+
+@dataclass(frozen=True)
 class Finite:
     """How many values are not finite."""
 
@@ -152,6 +167,7 @@ class SceneResult:
     images: dict[str, str] = field(default_factory=dict)  # .npy, relative to the JSON
     ladder: Ladder | None = None
     replay: tuple[ReplayResult, ...] = ()  # one for each number of samples
+    rungs: tuple[Rung, ...] = ()  # up to the first broken one; empty: not climbed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,7 @@ from mitsuba_ref.replay import replay_all
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import Finite, SceneResult, Seconds
 from mitsuba_ref.scene_result import describe_scene
+from mitsuba_ref.seeds import FIRST_REFERENCE_SEED, climb_scene, with_rungs
 from mitsuba_ref.stopped import Stopped, bad_request, stopped_by, with_the_other_side
 from mitsuba_ref.verdicts import COMPARED
 from mitsuba_ref.with_noise import compare_filtered
@@ -40,9 +41,6 @@ REFERENCE_SEEDS = 4
 
 FILTERED_SEEDS = 3
 """Mitsuba pictures with the scene's own filter, where that is not the box."""
-
-# Far from any seed that a user gives: the same seed on both sides proves nothing.
-FIRST_REFERENCE_SEED = 1_000_003
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +170,19 @@ def _validate(
         "reference_other_seed": pictures[1].pixels,
         **replayed,
     }
+    if options.seeds > 1 and comparison.verdict in COMPARED:
+        climbed = climb_scene(
+            request,
+            options.seeds,
+            (ours, our_aovs),
+            (pictures, aovs),
+            render_ours,
+            references,
+            progress,
+            deterministic=bool(deterministic),
+        )
+        result = with_rungs(result, climbed.rungs)
+        shown |= climbed.pictures
     return Validated(result, shown)
 
 

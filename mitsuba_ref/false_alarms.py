@@ -1,0 +1,248 @@
+"""How often the ladder of tests alarms when nothing is wrong.
+
+Renders a small scene with thousands of seeds and climbs the whole ladder on pairs of sets
+of pictures, Mitsuba against Mitsuba, where every alarm is false, and ours against Mitsuba.
+Within a comparison each picture is used once, so the pairs are independent trials. The
+rungs without noise are not random and are left out.
+
+Alarms at the claimed rate are rare, so 200 pairs can show that it is not far exceeded and
+not much more. The share of p-values below 5 % tells more about the calibration.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from mitsuba_ref.edited_scene import load_edited_scene
+from mitsuba_ref.ladder_of_tests import FALSE_ALARMS, FEWEST_SEEDS, climb
+from mitsuba_ref.machine import installed_versions
+from mitsuba_ref.ours import edit_description
+from mitsuba_ref.results import Rung, write_atomically
+from mitsuba_ref.seeds import FIRST_REFERENCE_SEED
+from mitsuba_ref.statistics.binomial import Rate, rate
+from mitsuba_ref.variant import load_mitsuba, set_threads
+
+Pictures = NDArray[np.float32]
+
+OFTEN = 0.05  # a p-value that is frequent enough to be counted in 200 pairs
+WHOLE = "whole ladder"
+
+
+@dataclass(frozen=True)
+class RungAlarms:
+    """One rung, or the whole ladder, over all pairs."""
+
+    name: str
+    alarms: Rate
+    claimed: float | None
+    below_often: Rate | None  # p-values of at most `OFTEN`
+    detectable_bias: float | None  # median over the pairs
+    detectable: str
+
+
+@dataclass(frozen=True)
+class FalseAlarms:
+    """One comparison of a scene with itself."""
+
+    scene: str
+    comparison: str
+    width: int
+    height: int
+    spp: int
+    seeds: int  # pictures of each side in a pair
+    rungs: tuple[RungAlarms, ...]
+
+
+def count_alarms(
+    first: Sequence[Pictures], second: Sequence[Pictures], alpha: float = FALSE_ALARMS
+) -> tuple[RungAlarms, ...]:
+    """Climb to the top for each pair; return how often each rung was broken.
+
+    Parameters
+    ----------
+    first, second
+        For each pair a set of pictures, (K, H, W, 3); no picture twice.
+    alpha
+        Claimed for each rung.
+    """
+    climbs = [
+        climb(list(a), list(b), alpha=alpha, to_the_top=True)
+        for a, b in zip(first, second, strict=True)
+    ]
+    found = [_count(rungs) for rungs in zip(*climbs, strict=True)]
+    broken = sum(any(not rung.passed for rung in rungs) for rungs in climbs)
+    claims = [rung.claimed for rung in found if rung.claimed is not None]
+    whole = RungAlarms(WHOLE, rate(broken, len(climbs)), sum(claims), None, None, "")
+    return (*found, whole)
+
+
+def _count(rungs: Sequence[Rung]) -> RungAlarms:
+    """Count over the same rung of all pairs."""
+    p = [rung.p_value for rung in rungs if rung.p_value is not None]
+    bias = [rung.detectable_bias for rung in rungs if rung.detectable_bias is not None]
+    return RungAlarms(
+        name=rungs[0].name,
+        alarms=rate(sum(not rung.passed for rung in rungs), len(rungs)),
+        claimed=rungs[0].false_alarm_rate,
+        below_often=rate(sum(value <= OFTEN for value in p), len(p)) if p else None,
+        detectable_bias=float(np.median(bias)) if bias else None,
+        detectable=rungs[0].detectable,
+    )
+
+
+def render_mitsuba(
+    path: Path, parameters: dict[str, str], seeds: range, progress: Callable[[], None]
+) -> Pictures:
+    """Render a scene with Mitsuba, box filter, one picture for each seed, (n, H, W, 3)."""
+    mi = load_mitsuba()
+    set_threads(None)
+    scene = load_edited_scene(path, parameters, box_filter=True).scene
+    pictures = []
+    for seed in seeds:
+        rendered = np.array(mi.render(scene, seed=seed), dtype=np.float32)
+        pictures.append(rendered[..., :3])
+        progress()
+    return np.stack(pictures)
+
+
+def render_ours(
+    path: Path, parameters: dict[str, str], seeds: range, progress: Callable[[], None]
+) -> Pictures:
+    """Render a scene with our renderer, box filter, (n, H, W, 3)."""
+    import renderer
+    from renderer.scene import build_scene
+    from renderer.scene_file import read_file
+
+    description = read_file(path, **parameters)
+    scene = build_scene(edit_description(description, box_filter=True, first_hits=False))
+    pictures = []
+    for seed in seeds:
+        pictures.append(np.asarray(renderer.render(scene, seed=seed, ray_offset="mitsuba")))
+        progress()
+    return np.stack(pictures)
+
+
+def measure(
+    path: Path,
+    pairs: int,
+    size: int,
+    spp: int,
+    seeds: int,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> tuple[FalseAlarms, FalseAlarms]:
+    """Compare a scene with itself: Mitsuba with Mitsuba, then ours with Mitsuba."""
+    parameters = {"width": str(size), "height": str(size), "spp": str(spp)}
+    name, half = path.resolve().parent.name, pairs * seeds
+    total, done = 3 * half, 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        progress(f"{name}: picture {done} of {total}")
+
+    start = FIRST_REFERENCE_SEED
+    theirs = render_mitsuba(path, parameters, range(start, start + 2 * half), step)
+    ours = render_ours(path, parameters, range(half), step)
+    sets = theirs.reshape(2, pairs, seeds, *theirs.shape[1:])
+    our_sets = ours.reshape(pairs, seeds, *ours.shape[1:])
+    measured = []
+    for comparison, a, b in (
+        ("Mitsuba against Mitsuba", sets[0], sets[1]),
+        ("ours against Mitsuba", our_sets, sets[0]),
+    ):
+        progress(f"{name}: {comparison}")
+        rungs = count_alarms(list(a), list(b))
+        measured.append(FalseAlarms(name, comparison, size, size, spp, seeds, rungs))
+    return measured[0], measured[1]
+
+
+def print_alarms(measured: FalseAlarms, output: Console) -> None:
+    """Print one comparison as a table."""
+    title = (
+        f"{measured.scene}, {measured.comparison}: {measured.width} x {measured.height}, "
+        f"{measured.spp} samples, {measured.seeds} pictures a side"
+    )
+    table = Table(title=title, title_justify="left")
+    for column in ("rung", "alarms", "rate [95 % interval]", "claimed", f"p <= {OFTEN}"):
+        table.add_column(column, justify="left" if column == "rung" else "right")
+    table.add_column("bias seen")
+    for rung in measured.rungs:
+        alarms = rung.alarms
+        table.add_row(
+            rung.name,
+            f"{alarms.count} of {alarms.trials}",
+            _shown(alarms),
+            "none" if rung.claimed is None else f"{rung.claimed:.2%}",
+            "" if rung.below_often is None else _shown(rung.below_often),
+            "" if rung.detectable_bias is None else f"{rung.detectable_bias:.3g}",
+        )
+    output.print(table)
+
+
+def _shown(found: Rate) -> str:
+    return f"{found.value:.1%} [{found.low:.1%}, {found.high:.1%}]"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print tables, write JSON; return 1 if the ladder alarms too often."""
+    given = _parser().parse_args(arguments)
+    measured: list[FalseAlarms] = []
+    with Console(stderr=True).status("") as status:
+        for scene in given.scene or ["cornell-box", "grey-furnace"]:
+            path = given.scenes / scene / "scene.xml"
+            measured += measure(
+                path, given.pairs, given.size, given.spp, given.seeds, status.update
+            )
+    output = Console() if sys.stdout.isatty() else Console(width=120)
+    for comparison in measured:
+        print_alarms(comparison, output)
+    content = {
+        "versions": installed_versions(),
+        "pairs": given.pairs,
+        "comparisons": [asdict(comparison) for comparison in measured],
+    }
+    write_atomically(given.out, (json.dumps(content, indent=1) + "\n").encode())
+    output.print(f"wrote {given.out}", markup=False, soft_wrap=True)
+    return int(any(exceeds(comparison) for comparison in measured))
+
+
+def exceeds(measured: FalseAlarms) -> bool:
+    """Return whether the whole ladder surely alarms more often than it claims."""
+    whole = measured.rungs[-1]
+    return whole.claimed is not None and whole.alarms.low > whole.claimed
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m mitsuba_ref.false_alarms",
+        description="Climb the ladder of tests on pairs of an unchanged scene and count "
+        "how often it alarms. Exit status 1 if more often than it claims.",
+    )
+    add = parser.add_argument
+    add("--pairs", type=int, default=200, help="trials (default: %(default)s)")
+    add(
+        "--scene",
+        action="append",
+        metavar="NAME",
+        help="a folder of scenes/; may be given again (default: cornell-box, grey-furnace)",
+    )
+    add("--size", type=int, default=32, help="pixels a side (default: %(default)s)")
+    add("--spp", type=int, default=16, help="samples per pixel (default: %(default)s)")
+    add("--seeds", type=int, default=FEWEST_SEEDS, help="pictures (default: %(default)s)")
+    add("--scenes", type=Path, default=Path("scenes"), help="the folder of scenes")
+    add("--out", type=Path, default=Path("false-alarms.json"), metavar="FILE")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""The ladder of tests: from "the same size" to "the same noise", easy things first.
+
+Each rung presumes those below: a shifted picture fails every test of radiance, and only
+the rung that fails first says why. So the ladder stops at the first broken one. Rungs
+under noise take K >= 8 pictures with independent seeds from each renderer.
+
+What each rung assumes, sees and cannot see is in docs/statistics.md, with its false alarm
+rate as measured by `mitsuba_ref.false_alarms`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref import noisy_rungs, still_rungs
+from mitsuba_ref.results import Rung
+from mitsuba_ref.statistics.convergence import Convergence
+from mitsuba_ref.statistics.samples import stack
+
+Array = NDArray[np.floating]
+
+FALSE_ALARMS = 1e-3
+"""Of each rung under noise; seven rungs make at most 7e-3 for the whole ladder."""
+
+FEWEST_SEEDS = 8
+"""Of each renderer. With fewer no relabelling reaches a p-value of 1e-3."""
+
+
+def climb(
+    ours: Sequence[Array],
+    theirs: Sequence[Array],
+    our_aovs: Mapping[str, NDArray[np.float32]] | None = None,
+    their_aovs: Mapping[str, NDArray[np.float32]] | None = None,
+    deterministic: bool = False,
+    *,
+    alpha: float = FALSE_ALARMS,
+    convergence: Convergence | None = None,
+    to_the_top: bool = False,
+) -> list[Rung]:
+    """Test two sets of pictures rung by rung; return the rungs up to the first broken one.
+
+    Parameters
+    ----------
+    ours, theirs
+        Pictures (H, W, 3) in linear sRGB, each with a seed of its own, box filter. At
+        least 8 of each renderer; for a scene without noise one of ours and two of theirs.
+    our_aovs, their_aovs
+        As `compare_aovs` takes them; without theirs this rung is left out.
+    deterministic
+        The scene has no noise: its radiance is compared pixel by pixel, and the rungs
+        about noise are left out.
+    alpha
+        False alarm rate of each rung under noise.
+    convergence
+        Of our renderer, with a sampler of independent samples; None leaves the rung out.
+    to_the_top
+        Go on after a broken rung, to learn which of them see a defect. Pictures of
+        different size or with NaN end the climb all the same.
+
+    Raises
+    ------
+    ValueError
+        For too few pictures.
+    """
+    needed = (1, 2) if deterministic else (FEWEST_SEEDS, FEWEST_SEEDS)
+    if len(ours) < needed[0] or len(theirs) < needed[1]:
+        raise ValueError(
+            f"{len(ours)} pictures of ours and {len(theirs)} of theirs; the ladder needs "
+            f"{needed[0]} and {needed[1]}"
+        )
+    first = still_rungs.finite(ours, theirs, our_aovs, their_aovs)
+    climbed = [first]
+    if not first.passed:
+        return climbed
+    for rung in _rungs(
+        ours, theirs, our_aovs, their_aovs, deterministic, alpha, convergence
+    ):
+        climbed.append(rung())
+        if not (climbed[-1].passed or to_the_top):
+            break
+    return climbed
+
+
+def _rungs(
+    ours: Sequence[Array],
+    theirs: Sequence[Array],
+    our_aovs: Mapping[str, NDArray[np.float32]] | None,
+    their_aovs: Mapping[str, NDArray[np.float32]] | None,
+    deterministic: bool,
+    alpha: float,
+    convergence: Convergence | None,
+) -> Iterator[Callable[[], Rung]]:
+    """Yield what makes each rung, in order; nothing is computed before it is called."""
+    # One picture without noise counts as two that are equal: a variance of zero.
+    a, b = stack([*ours, ours[0]] if deterministic else ours), stack(theirs)
+    yield lambda: noisy_rungs.registration(a, b, alpha, deterministic)
+    if their_aovs is not None:
+        yield lambda: still_rungs.aovs(our_aovs or {}, their_aovs)
+    if deterministic:
+        yield lambda: still_rungs.radiance(ours[0], theirs, their_aovs)
+        return
+    yield lambda: noisy_rungs.pixels(a, b, alpha)
+    yield lambda: noisy_rungs.tiles(a, b, alpha)
+    yield lambda: noisy_rungs.mean(a, b, alpha)
+    yield lambda: noisy_rungs.uniformity(a, b, alpha)
+    yield lambda: noisy_rungs.noise_free(a, b, alpha)
+    yield lambda: noisy_rungs.floors(a, b, alpha)
+    if convergence is not None:
+        yield lambda: noisy_rungs.exponent(convergence)

@@ -1,0 +1,93 @@
+"""A scene rendered with many seeds by both renderers, for the ladder of tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.ladder_of_tests import climb
+from mitsuba_ref.ours import OurPicture, RenderOurs
+from mitsuba_ref.reference import Reference
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.results import Rung, SceneResult
+from mitsuba_ref.statistics.maps import evidence
+from mitsuba_ref.statistics.samples import stack
+from mitsuba_ref.verdicts import most_severe
+
+Array = NDArray[np.float32]
+
+# Far from any seed that a user gives: the same seed on both sides proves nothing.
+FIRST_REFERENCE_SEED = 1_000_003
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """The rungs, and the arrays that show what they saw."""
+
+    rungs: tuple[Rung, ...]
+    pictures: dict[str, Array] = field(default_factory=dict)
+
+
+def climb_scene(
+    request: RenderRequest,
+    seeds: int,
+    ours: tuple[OurPicture, OurPicture],
+    theirs: tuple[Sequence[Reference], Reference],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+    *,
+    deterministic: bool = False,
+) -> Climbed:
+    """Render what is missing of `seeds` pictures a side and climb the ladder.
+
+    Parameters
+    ----------
+    request
+        Of our first picture.
+    seeds
+        Pictures of each renderer; a scene without noise needs no more than it has.
+    ours
+        Our first picture and our AOVs.
+    theirs
+        Mitsuba's first pictures, with seeds from `FIRST_REFERENCE_SEED` on, and its AOVs.
+    render_ours, references
+        Where further pictures come from.
+    progress
+        Told what is being done.
+    deterministic
+        The scene has no noise.
+
+    Raises
+    ------
+    SceneError, MitsubaError
+        When a renderer refuses the scene.
+    """
+    a = [ours[0].pixels]
+    b = [picture.pixels for picture in theirs[0]]
+    for index in range(1, 1 if deterministic else seeds):
+        progress(f"our renderer, seed {index + 1} of {seeds}")
+        a.append(render_ours(replace(request, seed=(request.seed + index) % 2**32)).pixels)
+    for index in range(len(b), len(b) if deterministic else seeds):
+        progress(f"Mitsuba, seed {index + 1} of {seeds}")
+        seeded = replace(request, seed=FIRST_REFERENCE_SEED + index)
+        b.append(references.get(seeded, ours[0].files).pixels)
+    progress("the ladder of tests")
+    rungs = climb(a, b, ours[1].arrays, theirs[1].arrays, deterministic)
+    comparable = not deterministic and rungs[0].passed
+    return Climbed(tuple(rungs), evidence(stack(a), stack(b)) if comparable else {})
+
+
+def with_rungs(result: SceneResult, rungs: Sequence[Rung]) -> SceneResult:
+    """Return the result with its ladder; a broken rung is a failure of the scene."""
+    broken = [f"rung {rung.name}: {rung.sentence}" for rung in rungs if not rung.passed]
+    return replace(
+        result,
+        rungs=tuple(rungs),
+        verdict=most_severe((result.verdict, "fail")) if broken else result.verdict,
+        reasons=(*result.reasons, *broken),
+    )

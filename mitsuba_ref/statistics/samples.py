@@ -1,0 +1,30 @@
+"""Pictures of one renderer with different seeds, as one array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+ROUNDING = 1e-4
+"""Relative difference that no test calls a bias: what single precision may do to a sum of
+thousands of samples, with a margin. A pixel whose noise is smaller than this has none."""
+
+
+def stack(pictures: Sequence[NDArray[np.floating]]) -> Floats:
+    """Return pictures as (K, H, W, C) in double precision.
+
+    Raises
+    ------
+    ValueError
+        For fewer than two pictures, another number of axes or different sizes.
+    """
+    shapes = {np.shape(picture) for picture in pictures}
+    if len(pictures) < 2:
+        raise ValueError(f"noise can only be told from two pictures, not {len(pictures)}")
+    if len(shapes) != 1 or len(next(iter(shapes))) != 3:
+        raise ValueError(f"expected pictures of one shape (H, W, C), found {shapes}")
+    return np.stack([np.asarray(picture, dtype=np.float64) for picture in pictures])
