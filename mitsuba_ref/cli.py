@@ -161,6 +161,7 @@ def _options(given: argparse.Namespace) -> Options:
         parameters=dict(given.define),
         ladder=given.ladder,
         checks=given.checks,
+        causes=given.causes,
         seeds=given.seeds,
     )
 
@@ -207,6 +208,13 @@ def _parser() -> argparse.ArgumentParser:
         default=1,
         metavar="K",
         help="climb the ladder of tests with K pictures of each renderer, at least 8",
+    )
+    add(
+        "--causes",
+        type=_positive,
+        default=0,
+        metavar="N",
+        help="trace N pixels that diverged in a replay and say where the paths part",
     )
     add("--ladder", action="store_true", help="measure speed against accuracy too")
     add(

@@ -25,6 +25,7 @@ class Options:
     ladder: bool = False
     checks: Literal["all", "replay", "statistics"] = "all"
     replay: tuple[int, ...] = (1, 16)  # samples per pixel of the replays
+    causes: int = 0  # divergent pixels of a replay to be traced
     seeds: int = 1  # pictures of each renderer for the ladder of tests; 1: not climbed
 
     @property

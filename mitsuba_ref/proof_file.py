@@ -25,6 +25,15 @@ class Size:
 
 
 @dataclass(frozen=True)
+class ReplayLimits:
+    """How far a replay may be off; the defaults are for all scenes without a reason."""
+
+    divergent: float = 1e-3  # share of the pixels that may diverge
+    rmse: float = 1e-5  # of the others, relative to the picture's mean
+    reason: str = "default"
+
+
+@dataclass(frozen=True)
 class Proof:
     """The checked content of a proof.toml; the defaults are for a scene without one."""
 
@@ -35,6 +44,7 @@ class Proof:
     test: Size | None = None
     rmse_factor: float | None = None  # None: the default of `compare`
     reason: str = "default"
+    replay: ReplayLimits = ReplayLimits()
 
     def size(self, name: str) -> Size | None:
         """Return the size called "demo" or "test"."""
@@ -67,6 +77,7 @@ def read_proof(scene: Path) -> Proof:
         rmse_factor=_factor(tolerance),
         # A tolerance without a reason is one that was tuned until the light went green.
         reason=tolerance.get("reason", str, None if tolerance.data else "default"),
+        replay=_replay_limits(table.table("replay", required=False)),
     )
     tolerance.refuse_others()
     table.refuse_others()
@@ -115,6 +126,23 @@ def _factor(tolerance: _Table) -> float | None:
     if not factor >= 1.0:
         raise SceneError(f"{tolerance.where}: rmse_factor = {factor:g}; it is 1 or more")
     return factor
+
+
+def _replay_limits(table: _Table) -> ReplayLimits:
+    """Read the table [replay], which wider limits need together with a reason."""
+    if not table.data:
+        return ReplayLimits()
+    limits = ReplayLimits(
+        divergent=float(table.get("divergent", (int, float), ReplayLimits.divergent)),
+        rmse=float(table.get("rmse", (int, float), ReplayLimits.rmse)),
+        reason=table.get("reason", str, None),
+    )
+    for key in ("divergent", "rmse"):
+        if not 0.0 <= getattr(limits, key) <= 0.1:
+            value = getattr(limits, key)
+            raise SceneError(f"{table.where}: {key} = {value:g}; it is 0 to 0.1")
+    table.refuse_others()
+    return limits
 
 
 def _size(table: _Table) -> Size:

@@ -119,7 +119,9 @@ def _validate(
     progress: Callable[[str], None],
 ) -> Validated:
     if options.checks == "replay":
-        return _only_replays(blank, request, options, render_ours, references, progress)
+        return _only_replays(
+            blank, proof, request, options, render_ours, references, progress
+        )
     progress("our renderer")
     ours = render_ours(request)
     our_aovs = render_ours(replace(request, kind="aovs", spp=None))
@@ -150,7 +152,9 @@ def _validate(
         comparison = _with_own_filter(comparison, request, render_ours, references)
     progress("replay")
     samples = options.replay if options.checks != "statistics" else ()
-    replays, replayed, refusal = replay_all(request, samples, render_ours, references)
+    replays, replayed, refusal = replay_all(
+        request, samples, render_ours, references, proof.replay, options.causes
+    )
     comparison = with_replays(comparison, replays)
     blank = replace(
         blank,
@@ -188,6 +192,7 @@ def _validate(
 
 def _only_replays(
     blank: SceneResult,
+    proof: Proof,
     request: RenderRequest,
     options: Options,
     render_ours: RenderOurs,
@@ -203,7 +208,7 @@ def _only_replays(
     """
     progress("replay")
     replays, pictures, refusal = replay_all(
-        request, options.replay, render_ours, references
+        request, options.replay, render_ours, references, proof.replay, options.causes
     )
     if refusal:
         raise NotReplayable(refusal)

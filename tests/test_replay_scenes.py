@@ -1,8 +1,8 @@
 """Every scene of scenes/ with Mitsuba's random numbers: the same paths, pixel by pixel.
 
 There is no noise between the two pictures, so a difference is a defect. At 1 and at 16
-samples per pixel at least 99.9 % of the pixels are within 1e-3, and the RMSE of these is
-below 1e-5 of the mean (`mitsuba_ref.replay`).
+samples per pixel at least 99.9 % of the pixels are within 3e-4, and the RMSE of these is
+below 1e-5 of the mean (`mitsuba_ref.replay`); a scene with wider limits gives a reason.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def request_for(scene, size="test", **fields):
 @pytest.mark.parametrize("spp", [1, 16])
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.parent.name)
 def test_scene_takes_mitsubas_paths(scene, spp, references):
-    result, _, _ = replay_scene(request_for(scene), spp, render_ours, references)
+    limits = read_proof(scene).replay
+    result, _, _ = replay_scene(request_for(scene), spp, render_ours, references, limits)
     assert result.passed, result.sentence
 
 
@@ -45,5 +46,6 @@ def test_scene_takes_mitsubas_paths(scene, spp, references):
 def test_scene_takes_mitsubas_paths_at_full_size(scene, references):
     """At the size of the demo, on films of many blocks."""
     request = request_for(scene, "demo", seed=7)
-    result, _, _ = replay_scene(request, 16, render_ours, references)
+    limits = read_proof(scene).replay
+    result, _, _ = replay_scene(request, 16, render_ours, references, limits)
     assert result.passed, result.sentence
