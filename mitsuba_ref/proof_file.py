@@ -33,6 +33,9 @@ class ReplayLimits:
     reason: str = "default"
 
 
+USUAL_LIMITS = ReplayLimits()
+
+
 @dataclass(frozen=True)
 class Proof:
     """The checked content of a proof.toml; the defaults are for a scene without one."""
@@ -44,7 +47,7 @@ class Proof:
     test: Size | None = None
     rmse_factor: float | None = None  # None: the default of `compare`
     reason: str = "default"
-    replay: ReplayLimits = ReplayLimits()
+    replay: ReplayLimits = USUAL_LIMITS
 
     def size(self, name: str) -> Size | None:
         """Return the size called "demo" or "test"."""
@@ -131,7 +134,7 @@ def _factor(tolerance: _Table) -> float | None:
 def _replay_limits(table: _Table) -> ReplayLimits:
     """Read the table [replay], which wider limits need together with a reason."""
     if not table.data:
-        return ReplayLimits()
+        return USUAL_LIMITS
     limits = ReplayLimits(
         divergent=float(table.get("divergent", (int, float), ReplayLimits.divergent)),
         rmse=float(table.get("rmse", (int, float), ReplayLimits.rmse)),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.obstacles import find_obstacle
 from mitsuba_ref.ours import RenderOurs
-from mitsuba_ref.proof_file import ReplayLimits
+from mitsuba_ref.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import DivergentPixel, ReplayResult
 from mitsuba_ref.traced_pair import METHODS, TracedPair
@@ -42,7 +42,7 @@ def replay_scene(
     spp: int,
     render_ours: RenderOurs,
     references: ReferenceCache,
-    limits: ReplayLimits = ReplayLimits(),
+    limits: ReplayLimits = USUAL_LIMITS,
     causes: int = 0,
 ) -> tuple[ReplayResult, Array, Array]:
     """Render a scene on both sides with Mitsuba's random numbers, and compare.
@@ -93,7 +93,7 @@ def replay_all(
     samples: Sequence[int],
     render_ours: RenderOurs,
     references: ReferenceCache,
-    limits: ReplayLimits = ReplayLimits(),
+    limits: ReplayLimits = USUAL_LIMITS,
     causes: int = 0,
 ) -> tuple[tuple[ReplayResult, ...], dict[str, Array], str]:
     """Replay a scene with several numbers of samples.
@@ -137,7 +137,7 @@ def relative_difference(ours: Array, reference: Array) -> NDArray[np.float64]:
 
 
 def compare_replay(
-    ours: Array, reference: Array, limits: ReplayLimits = ReplayLimits()
+    ours: Array, reference: Array, limits: ReplayLimits = USUAL_LIMITS
 ) -> ReplayResult:
     """Compare two pictures that were drawn with the same numbers.
 
