@@ -13,7 +13,7 @@ from mitsuba_ref.validation import validate_scene
 from mitsuba_ref.worker import MitsubaWorker
 
 # Every scene is replayed with Mitsuba's numbers (test_replay_scenes.py), which sees more in
-# less time. These show that our own samplers and leaner methods agree too, one of each kind:
+# less time. These show that our own samplers and leaner methods agree too, one of each:
 # area lights, glass, all lights asked in turn, textures and vertex normals, ray trees,
 # instances, a filter of its own, hidden emitters and AOVs.
 QUICK = (
