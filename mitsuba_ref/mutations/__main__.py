@@ -1,0 +1,117 @@
+"""`python -m mitsuba_ref.mutations`: print the mutation matrix and write matrix.json."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from mitsuba_ref import machine
+from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.mutations.catalogue import named
+from mitsuba_ref.mutations.matrix import Row, try_all, write_matrix
+from mitsuba_ref.worker import MitsubaWorker
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run mutations; return 0 if each is seen, or not, as it should be, else 1."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    options = _parser().parse_args(given)
+    console = Console(stderr=True)
+    try:
+        mutations = named(options.only)
+    except KeyError as error:
+        console.print(str(error.args[0]), markup=False)
+        return 2
+    path = options.out / "matrix.json"
+    circumstances = {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": shlex.join(["python", "-m", "mitsuba_ref.mutations", *given]),
+        "machine": machine.describe_machine(),
+        "versions": machine.installed_versions(),
+        "commit": machine.current_commit(),
+    }
+    done: list[Row] = []
+
+    def keep(row: Row) -> None:
+        console.print(_line(row), markup=False, soft_wrap=True)
+        done.append(row)
+        write_matrix(done, circumstances, path)  # an interrupt loses nothing
+
+    with MitsubaWorker() as worker:
+        rows = try_all(mutations, ReferenceCache(worker.render), keep, options.jobs)
+    write_matrix(rows, circumstances, path)
+    output = Console() if sys.stdout.isatty() else Console(width=150)
+    output.print(_table(rows))
+    output.print(f"wrote {path}", markup=False, soft_wrap=True)
+    return 0 if all(row.as_expected for row in rows) else 1
+
+
+def _line(row: Row) -> str:
+    found = f"caught by {row.caught_by}" if row.caught_by else "not seen"
+    blind = f"; blind: {', '.join(row.blind)}" if row.blind else ""
+    broken = f"; broken: {', '.join(row.broken)}" if row.broken else ""
+    mark = "" if row.as_expected else "NOT AS EXPECTED "
+    return f"{mark}{row.mutation} on {row.scene}: {found}{blind}{broken}"
+
+
+def _table(rows: Sequence[Row]) -> Table:
+    table = Table(title="Mutation matrix", title_justify="left", box=SIMPLE_HEAD)
+    for column in ("mutation", "scene", "caught by"):
+        table.add_column(column, overflow="fold")
+    for column in ("spp", "s", "s compile"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("also", overflow="fold")
+    table.add_column("blind", overflow="fold")
+    for row in rows:
+        caught = [rung for rung in row.rungs if rung.caught]
+        first = caught[0] if caught else None
+        table.add_row(
+            row.mutation,
+            row.scene,
+            ("" if row.as_expected else "! ") + (first.name if first else "-"),
+            str(first.spp or "") if first else "",
+            f"{first.seconds:.1f}" if first else "",
+            f"{row.compile_seconds:.0f}",
+            ", ".join(rung.name for rung in caught[1:]),
+            ", ".join(row.blind),
+        )
+    return table
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m mitsuba_ref.mutations",
+        description="Build known defects into copies of our renderer and say which rung of "
+        "which check sees them. Exit status: 0 every harmful one is seen and no neutral "
+        "one, 1 not so, 2 the command line was wrong.",
+    )
+    add = parser.add_argument
+    add("--only", nargs="+", default=[], metavar="NAME", help="default: all of them")
+    add(
+        "--out",
+        type=Path,
+        default=Path("reports/out"),
+        metavar="DIR",
+        help="where matrix.json goes (default: %(default)s)",
+    )
+    add(
+        "--jobs",
+        type=int,
+        choices=range(1, 9),
+        default=1,
+        metavar="N",
+        help="mutants at a time (default: %(default)s)",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,169 @@
+"""Defects of camera, film and picture files."""
+
+from __future__ import annotations
+
+from mitsuba_ref.mutations.mutation import Edit, Mutation
+
+DEFECTS = (
+    Mutation(
+        "half-a-pixel-right",
+        "the picture is shifted by half a pixel",
+        (
+            Edit(
+                "camera.py",
+                "corner = p.f - p.x * (p.xres / 2.0)",
+                "corner = p.f - p.x * ((p.xres - 1.0) / 2.0)",
+            ),
+        ),
+        scene="appel-teapot",
+    ),
+    Mutation(
+        "mirrored-picture",
+        "left and right change places",
+        (
+            Edit(
+                "camera.py",
+                "x = -left * (width / film.width)",
+                "x = left * (width / film.width)",
+            ),
+        ),
+        scene="appel-teapot",
+    ),
+    Mutation(
+        "principal-point-other-way",
+        "principal_point_offset_x moves the picture the other way",
+        (
+            Edit(
+                "camera.py",
+                "+ x * (camera.principal_point_offset_x * film.width)",
+                "- x * (camera.principal_point_offset_x * film.width)",
+            ),
+        ),
+        scene="cropped-film",
+    ),
+    Mutation(
+        "far-plane-ignored",
+        "camera rays reach beyond far_clip",
+        (
+            Edit(
+                "stages/camera_rays.py",
+                "np.float32(camera.far) * along - near",
+                "np.float32(np.inf) * along - near",
+            ),
+        ),
+        scene="smooth-lamp",
+    ),
+    Mutation(
+        "near-plane-by-distance",
+        "near_clip is a distance along the ray instead of the depth of a plane",
+        (
+            Edit(
+                "stages/camera_rays.py",
+                "near = np.float32(camera.near) * along",
+                "near = np.float32(camera.near) + 0.0 * along",
+            ),
+        ),
+        scene="smooth-lamp",
+        remark="few pixels of few scenes lie between the plane and the sphere",
+    ),
+    Mutation(
+        "no-antialiasing",
+        "every sample of a pixel lies at its centre",
+        (
+            Edit(
+                "stages/camera_rays.py",
+                "return to_f32(x + tile.x) + dx, to_f32(y + tile.y) + dy",
+                "return to_f32(x + tile.x) + 0.5, to_f32(y + tile.y) + 0.5",
+            ),
+        ),
+        scene="cornell-box",
+    ),
+    Mutation(
+        "filter-not-normalised",
+        "a pixel is divided by the number of its samples, not by their weights",
+        (
+            Edit(
+                "film.py",
+                "sums[channels, row, column] += weight",
+                "sums[channels, row, column] += 1.0",
+            ),
+        ),
+        scene="cropped-film",
+        tests=("test_film.py::test_one_whole_tile",),
+        remark="a replay takes the box filter",
+    ),
+    Mutation(
+        "filter-off-centre",
+        "the reconstruction filter is centred on a pixel's corner",
+        (
+            Edit(
+                "film.py",
+                "x = np.float64(lane(px, j)) - tile.x + border - 0.5",
+                "x = np.float64(lane(px, j)) - tile.x + border - 0.25",
+            ),
+        ),
+        scene="cropped-film",
+        tests=("test_film.py::test_one_whole_tile",),
+        remark="a replay takes the box filter",
+    ),
+    Mutation(
+        "clamped-at-ten",
+        "a sample's radiance is at most 10",
+        (
+            Edit(
+                "integrators/render_tile.py",
+                "trace_paths(scene, tile, sample, work)\n        add_to_tile(",
+                "trace_paths(scene, tile, sample, work)\n"
+                "        for channel in range(3):\n"
+                "            for slot in range(CAPACITY):\n"
+                "                shown = min(work.radiance[channel, slot], 10.0)\n"
+                "                work.radiance[channel, slot] = shown\n"
+                "        add_to_tile(",
+            ),
+        ),
+        scene="cornell-box",
+    ),
+    Mutation(
+        "film-in-single-precision",
+        "the film's sums are kept in float32",
+        (
+            Edit(
+                "film.py",
+                "return np.zeros((channels + 1, size, size))",
+                "return np.zeros((channels + 1, size, size), np.float32)",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_film.py::test_sums_are_double",),
+        remark="it loses light from some million samples per pixel on",
+    ),
+    Mutation(
+        "gamma-twice",
+        "a PNG is encoded by the curve of sRGB twice",
+        (
+            Edit(
+                "image_files.py",
+                "encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))",
+                "encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))\n"
+                "    encoded = srgb_from_linear(encoded)",
+            ),
+        ),
+        scene="grey-furnace",
+        tests=("test_image.py::test_png_is_the_nearest_srgb_level",),
+        remark="pictures are compared as numbers, before they are files",
+    ),
+    Mutation(
+        "exr-channels-reversed",
+        "an EXR file holds B, G, R in the place of R, G, B",
+        (
+            Edit(
+                "image_files.py",
+                'for c, channel in enumerate("RGB"):',
+                'for c, channel in enumerate("BGR"):',
+            ),
+        ),
+        scene="grey-furnace",
+        tests=("test_image.py::test_exr_keeps_every_bit",),
+        remark="pictures are compared as numbers, before they are files",
+    ),
+)

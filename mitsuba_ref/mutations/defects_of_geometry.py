@@ -1,0 +1,138 @@
+"""Defects of intersection, normals, and the way off a surface."""
+
+from __future__ import annotations
+
+from mitsuba_ref.mutations.mutation import Edit, Mutation
+
+DEFECTS = (
+    Mutation(
+        "fixed-epsilon",
+        "new rays start 1e-3 off their surface, whatever the scene's size",
+        (
+            Edit(
+                "stages/surface.py",
+                "place.offset * per_rounding + unlike_rounding",
+                "place.offset * 0.0 + 1e-3",
+            ),
+        ),
+        scene="kaleidoscope",
+        tests=("test_ray_offset.py::test_the_smallest_gap_that_is_resolved",),
+    ),
+    Mutation(
+        "leaf-loses-a-triangle",
+        "a leaf of the hierarchy forgets its last primitive if it has more than six",
+        (
+            Edit(
+                "accelerators/bvh_build.py",
+                "count[node] = end - first",
+                "count[node] = end - first - (end - first) // 7",
+            ),
+        ),
+        scene="appel-teapot",
+        tests=("test_bvh_build.py::test_random_soups",),
+    ),
+    Mutation(
+        "box-left-too-early",
+        "camera rays leave a box a tenth before its far side",
+        (
+            Edit(
+                "accelerators/bvh.py",
+                "leave = maximum(minimum(x0 * STRETCH, t), minimum(x1 * STRETCH, t))",
+                "leave = maximum(minimum(x0 * 0.9, t), minimum(x1 * 0.9, t))",
+            ),
+        ),
+        scene="appel-teapot",
+        tests=("test_accelerators_agree.py::test_made_soups[bvh]",),
+    ),
+    Mutation(
+        "sphere-near-root-only",
+        "a ray that starts inside of a sphere does not meet it",
+        (
+            Edit(
+                "shapes/sphere.py",
+                "t = select(first > 0.0, first, second)",
+                "t = first",
+            ),
+        ),
+        scene="whitted-spheres",
+        tests=("test_sphere_and_cylinder.py::test_from_inside_the_far_root_counts",),
+    ),
+    Mutation(
+        "smooth-normals-ignored",
+        "vertex normals are read and not used",
+        (
+            Edit(
+                "stages/surface.py",
+                "n = interpolated_normal(normals, index, mask, u, v, surface.normal)",
+                "n = surface.normal",
+            ),
+        ),
+        scene="smooth-mesh",
+        tests=("test_surface_points.py::test_shading_normals",),
+    ),
+    Mutation(
+        "geometric-normal-for-light",
+        "direct light is weighed by the cosine to the face instead of the smooth normal",
+        (
+            Edit(
+                "stages/direct_light.py",
+                "normal = load3(points.shading_normal, i)",
+                "normal = load3(points.normal, i)",
+            ),
+        ),
+        scene="smooth-mesh",
+    ),
+    Mutation(
+        "shading-normal-for-offset",
+        "new rays leave a surface along its shading normal",
+        (
+            Edit(
+                "stages/shading_frame.py",
+                "normal = load3(points.normal, i)",
+                "normal = load3(points.shading_normal, i)",
+            ),
+        ),
+        scene="smooth-lamp",
+        remark="it decides only where a ray leaves between the two normals' planes",
+    ),
+    Mutation(
+        "instance-normal-by-matrix",
+        "normals of instances are transformed like points",
+        (
+            Edit(
+                "stages/placement.py",
+                "normal = transposed_times(back, place.normal)",
+                "normal = times(out, place.normal)",
+            ),
+        ),
+        scene="instances",
+        tests=("test_instances.py::test_surface_points_are_mitsubas",),
+    ),
+    Mutation(
+        "triangle-uv-swapped",
+        "the two barycentric coordinates of a triangle change places",
+        (
+            Edit(
+                "shapes/triangle.py",
+                "return divided(p, depth >= 0.0, t_max)",
+                "found = divided(p, depth >= 0.0, t_max)\n"
+                "    return Intersection(found.hit, found.t, found.v, found.u)",
+            ),
+        ),
+        scene="smooth-mesh",
+        tests=("test_triangle.py::test_both_methods_against_float64",),
+    ),
+    Mutation(
+        "disk-is-a-square",
+        "a disk reaches to the corners of its square",
+        (
+            Edit(
+                "shapes/disk.py",
+                "x.hit & (x.u * x.u + x.v * x.v <= 1.0)",
+                "x.hit & (x.u * x.u <= 1.0) & (x.v * x.v <= 1.0)",
+            ),
+        ),
+        scene="analytic-shapes",
+        tests=("test_flat_shapes.py::test_the_border_of_a_disk_belongs_to_it",),
+    ),
+)

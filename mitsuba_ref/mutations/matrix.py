@@ -1,0 +1,181 @@
+"""The mutation matrix: every mutation against every check."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
+from mitsuba_ref.mutations.mutation import Mutation
+from mitsuba_ref.mutations.rungs import CHECKS, LADDER, RUNS, TESTS, CountedRender, Rung
+from mitsuba_ref.reference import Reference
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.results import write_atomically
+
+OWN_SCENES = Path(__file__).with_name("scenes")
+
+UNCHANGED = "unchanged"
+"""The name of the mutation that changes nothing."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One mutation, and what each rung says of it, in the order of the ladder."""
+
+    mutation: str
+    does: str
+    harmful: bool
+    scene: str
+    rungs: tuple[Rung, ...]
+    compile_seconds: float
+    remark: str = ""
+    # rungs that see a difference in the unchanged renderer as well, and so say nothing
+    broken: tuple[str, ...] = ()
+
+    @property
+    def caught_by(self) -> str | None:
+        """The first rung that sees the mutation."""
+        return next((rung.name for rung in self.rungs if rung.caught), None)
+
+    @property
+    def blind(self) -> tuple[str, ...]:
+        """The rungs that were asked and see nothing, without those that only need life."""
+        return tuple(r.name for r in self.rungs if not r.caught and r.name != RUNS)
+
+    @property
+    def as_expected(self) -> bool:
+        """Harmful and seen, or neutral and not seen, by rungs that mean something."""
+        return (self.caught_by is not None) == self.harmful and not self.broken
+
+
+class SharedReferences(ReferenceCache):
+    """Mitsuba's pictures for several threads: it renders one at a time."""
+
+    def __init__(self, references: ReferenceCache) -> None:
+        super().__init__(references._render, references.folder)
+        self._alone = threading.Lock()
+
+    def get(self, request: RenderRequest, files: Sequence[str | Path]) -> Reference:
+        """Return the reference for `request`; see `ReferenceCache.get`."""
+        with self._alone:
+            return super().get(request, files)
+
+
+def scene_file(name: str) -> Path:
+    """Return the file of a scene of scenes/, or of a small one of the mutations."""
+    own = OWN_SCENES / name / "scene.xml"
+    return own if own.is_file() else ROOT / "scenes" / name / "scene.xml"
+
+
+def control(scene: str) -> Mutation:
+    """Return the mutation that changes nothing: what sees it is broken."""
+    does = "nothing: the renderer as it is, by the same mechanism"
+    return Mutation(UNCHANGED, does, (), scene, harmful=False)
+
+
+def try_mutation(
+    mutation: Mutation, references: ReferenceCache, broken: Iterable[str] = ()
+) -> Row:
+    """Show one mutation to every check.
+
+    Parameters
+    ----------
+    mutation
+        What to change.
+    references
+        Mitsuba's pictures.
+    broken
+        Rungs that see the unchanged renderer: they are left out, and named.
+
+    Raises
+    ------
+    AnchorError
+        If the mutation does not fit the sources.
+    MitsubaError
+        If Mitsuba cannot render the scene.
+    """
+    rungs: list[Rung] = []
+    with Mutant(mutation) as mutant:
+        ours = CountedRender(mutant.render)
+        for check in CHECKS:
+            rungs += check(scene_file(mutation.scene), ours, references)
+        rungs += _unit_tests(mutant)
+    best = {rung.name: rung for rung in sorted(rungs, key=lambda rung: rung.caught)}
+    return Row(
+        mutation.name,
+        mutation.does,
+        mutation.harmful,
+        mutation.scene,
+        tuple(best[name] for name in LADDER if name in best and name not in broken),
+        round(ours.compile_seconds, 1),
+        mutation.remark,
+        tuple(sorted(broken)),
+    )
+
+
+def _unit_tests(mutant: Mutant) -> list[Rung]:
+    tests = mutant.mutation.tests
+    if not tests:
+        return []
+    try:
+        run = mutant.run_tests(tests)
+    except MutantError as error:
+        return [Rung(TESTS, True, str(error), None, mutant.time_limit)]
+    return [Rung(TESTS, bool(run.failed), "; ".join(run.failed), None, run.seconds)]
+
+
+def try_all(
+    mutations: Sequence[Mutation],
+    references: ReferenceCache,
+    tell: Callable[[Row], None] = lambda row: None,
+    jobs: int = 1,
+) -> list[Row]:
+    """Return the matrix's rows: the unchanged renderer on each scene, then the mutations.
+
+    Parameters
+    ----------
+    mutations
+        Of the catalogue.
+    references
+        Mitsuba's pictures.
+    tell
+        Gets each row as soon as it is there.
+    jobs
+        Mutants at a time; each compiles on one core.
+    """
+    shared = SharedReferences(references)
+    broken: dict[str, set[str]] = {}
+    one_at_a_time = threading.Lock()
+
+    def one(mutation: Mutation) -> Row:
+        row = try_mutation(mutation, shared, broken.get(mutation.scene, ()))
+        with one_at_a_time:
+            tell(row)
+        return row
+
+    rows: list[Row] = []
+    with ThreadPoolExecutor(jobs) as pool:
+        controls = [control(scene) for scene in dict.fromkeys(m.scene for m in mutations)]
+        rows += pool.map(one, controls)
+        broken |= {r.scene: {g.name for g in r.rungs if g.caught} for r in rows}
+        rows += pool.map(one, mutations)
+    return rows
+
+
+def write_matrix(
+    rows: Iterable[Row], circumstances: Mapping[str, object], path: Path
+) -> None:
+    """Write matrix.json: the circumstances, then a row for each mutation."""
+    written = [
+        dataclasses.asdict(row)
+        | {"caught_by": row.caught_by, "blind": row.blind, "as_expected": row.as_expected}
+        for row in rows
+    ]
+    text = json.dumps({"schema": 1, **circumstances, "rows": written}, indent=1)
+    write_atomically(path, (text + "\n").encode())

@@ -1,0 +1,221 @@
+"""A mutant: our renderer with a mutation, in a process of its own with a time limit.
+
+`Mutant.render` has the form of `mitsuba_ref.ours.render_ours`, so that every check of the
+harness takes a mutant in the renderer's place. `Mutant.run_tests` runs tests of the suite
+on it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from mitsuba_ref.mutations.mutation import Mutation, mutant_folder
+from mitsuba_ref.ours import OurPicture
+from mitsuba_ref.request import RenderRequest
+from renderer.errors import NotReplayable, SceneError
+
+TIME_LIMIT = 240.0
+"""Seconds for one picture or one run of tests, compilation included: a mutation may make a
+loop endless. The slowest takes 40 s on an idle machine."""
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# what the renderer says of scenes that it does not take: no sign of a defect
+REFUSALS: dict[str, type[Exception]] = {
+    "SceneError": SceneError,
+    "NotReplayable": NotReplayable,
+}
+
+
+class MutantError(Exception):
+    """A mutant refused a scene, ended, or was silent for too long."""
+
+
+@dataclass(frozen=True)
+class SuiteRun:
+    """What tests of the suite say of a mutant."""
+
+    failed: tuple[str, ...]  # "test_file.py::test" of those that do not pass
+    output: str
+    seconds: float
+
+
+class Mutant:
+    """One mutant; a context manager that ends its process.
+
+    Parameters
+    ----------
+    mutation
+        The defect. Its copy of the renderer is made here.
+    time_limit
+        Seconds for each answer.
+    root
+        Where copies of the renderer are kept (see `mutant_folder`).
+
+    Raises
+    ------
+    AnchorError
+        If the mutation does not fit the sources.
+    """
+
+    def __init__(
+        self, mutation: Mutation, time_limit: float = TIME_LIMIT, root: Path | None = None
+    ) -> None:
+        self.mutation = mutation
+        self.time_limit = time_limit
+        self.folder = mutant_folder(mutation, root)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._answers = tempfile.TemporaryDirectory()
+
+    def __enter__(self) -> Self:
+        """Return the mutant; its process starts with the first picture."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the process."""
+        self.stop()
+        self._answers.cleanup()
+
+    def render(self, request: RenderRequest) -> OurPicture:
+        """Render as `mitsuba_ref.ours.render_ours` does, with the defect.
+
+        Raises
+        ------
+        MutantError
+            When the mutant raises, ends, or is silent for the time limit.
+        """
+        path = Path(self._answers.name) / "picture.npz"
+        answer = self._ask({"request": asdict(request), "path": str(path)})
+        with np.load(path) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        path.unlink()
+        return OurPicture(arrays=arrays, **answer | {"files": tuple(answer["files"])})
+
+    def run_tests(self, tests: tuple[str, ...]) -> SuiteRun:
+        """Run tests of tests/ on the mutant.
+
+        Parameters
+        ----------
+        tests
+            As "test_file.py::test", the names that pytest gives them.
+
+        Raises
+        ------
+        MutantError
+            When they do not end within the time limit, or pytest cannot run them.
+        """
+        started = time.perf_counter()
+        # `-m` puts the current folder first on the path, where the mutant lies; pytest's
+        # own setting would put the unharmed renderer before it.
+        command = [sys.executable, "-m", "pytest", "-o", "pythonpath=", "-q", "-rfE"]
+        command += ["-p", "no:cacheprovider", "-p", "no:xdist", "--tb=line"]
+        command += [str(ROOT / "tests" / test) for test in tests]
+        run = subprocess.Popen(
+            command,
+            cwd=self.folder,
+            env=self._environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            output = run.communicate(timeout=self.time_limit)[0].decode(errors="replace")
+        except subprocess.TimeoutExpired:
+            raise MutantError(f"tests did not end within {self.time_limit:g} s") from None
+        finally:
+            # whatever the tests have started goes with them
+            with suppress(ProcessLookupError):
+                os.killpg(run.pid, signal.SIGKILL)
+            run.communicate()
+        if run.returncode not in (0, 1):  # neither all passed nor some failed
+            raise MutantError(f"pytest ended with status {run.returncode}: {output[-500:]}")
+        return SuiteRun(_failures(output), output, time.perf_counter() - started)
+
+    def stop(self) -> None:
+        """End the process."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            assert stream is not None
+            with suppress(BrokenPipeError):
+                stream.close()
+
+    def _ask(self, question: dict[str, Any]) -> dict[str, Any]:
+        process = self._process or self._start()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            with suppress(BrokenPipeError):  # its silence says more
+                process.stdin.write(json.dumps(question).encode() + b"\n")
+                process.stdin.flush()
+            if not select.select([process.stdout], [], [], self.time_limit)[0]:
+                raise MutantError(f"no answer within {self.time_limit:g} s")
+            line = process.stdout.readline()
+            if not line:
+                raise MutantError(f"the process ended with status {process.wait()}")
+        except BaseException:
+            self.stop()
+            raise
+        answer: dict[str, Any] = json.loads(line)
+        if "error" not in answer:
+            return answer
+        refusal = REFUSALS.get(answer["kind"])
+        if refusal is not None:
+            raise refusal(answer["error"])
+        raise MutantError(f"{answer['kind']}: {answer['error']}")
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "mitsuba_ref.mutations.mutant_process"],
+            cwd=self.folder,
+            env=self._environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for the harness, which then ends this
+        )
+        return self._process
+
+    def _environment(self) -> dict[str, str]:
+        paths = [str(self.folder), str(ROOT)]
+        return {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(paths),
+            # kernels and whatever else the mutant keeps: deleted with its folder
+            "LIGHTPROOF_CACHE": str(self.folder / "cache"),
+            # Pictures are small and compiling is all the time there is: 36 % less of it
+            # on the Cornell box. IEEE arithmetic is the same at any level.
+            "NUMBA_OPT": "1",
+        }
+
+
+def _failures(output: str) -> tuple[str, ...]:
+    """Return the names in pytest's lines "FAILED tests/test_file.py::test - why"."""
+    found = []
+    for line in output.splitlines():
+        word, _, rest = line.partition(" ")
+        if word in ("FAILED", "ERROR"):
+            found.append(rest.partition(" - ")[0].rpartition("tests/")[2])
+    return tuple(found)

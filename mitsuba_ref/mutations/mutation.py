@@ -1,0 +1,134 @@
+"""A mutation: a piece of our renderer's source text, and what is put in its place."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import renderer
+from renderer.jit import cache_root
+
+PACKAGE = Path(renderer.__file__).parent
+
+
+class AnchorError(ValueError):
+    """The text that a mutation replaces is not in the source exactly once."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One replacement in one file."""
+
+    file: str  # relative to renderer/
+    old: str  # stands in the file exactly once
+    new: str
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """A defect with a name, or (`harmful` false) a change that no check may see."""
+
+    name: str
+    does: str  # what is wrong, one phrase
+    edits: tuple[Edit, ...]
+    scene: str  # the smallest scene that shows it: a folder of scenes/ or of ours
+    tests: tuple[str, ...] = ()  # of `make test`, "test_file.py::test": they see it too
+    harmful: bool = True
+    remark: str = ""  # why a rung is blind for it
+
+
+def mutated_text(source: str, edit: Edit) -> str:
+    """Return a file's text with the replacement made.
+
+    Raises
+    ------
+    AnchorError
+        If the old text is there more than once or not at all, or nothing would change.
+    """
+    count = source.count(edit.old)
+    if count != 1:
+        raise AnchorError(
+            f"renderer/{edit.file}: expected the text {edit.old!r} exactly once, "
+            f"found it {count} times; the mutation has to follow the source"
+        )
+    if edit.old == edit.new:
+        raise AnchorError(f"renderer/{edit.file}: {edit.old!r} is replaced by itself")
+    return source.replace(edit.old, edit.new)
+
+
+def mutated_files(mutation: Mutation, package: Path = PACKAGE) -> dict[str, str]:
+    """Return the new text of each file that a mutation touches.
+
+    Raises
+    ------
+    AnchorError
+        As `mutated_text`; also for a file that does not exist.
+    """
+    texts: dict[str, str] = {}
+    for edit in mutation.edits:
+        if edit.file not in texts:
+            path = package / edit.file
+            if not path.is_file():
+                raise AnchorError(f"{mutation.name}: there is no file renderer/{edit.file}")
+            texts[edit.file] = path.read_text(encoding="utf-8")
+        texts[edit.file] = mutated_text(texts[edit.file], edit)
+    return texts
+
+
+def mutant_folder(mutation: Mutation, root: Path | None = None) -> Path:
+    """Return the folder that holds the mutated copy of `renderer/`, made if need be.
+
+    Its name ends with a hash of all the sources, so that it is found again as long as
+    neither the renderer nor the mutation changes; then it is made anew and the old one is
+    deleted. Numba finds its kernels by path and time of a source: both stay.
+
+    Parameters
+    ----------
+    mutation
+        What to change.
+    root
+        Where the folders are; default `mutants` in lightproof's cache.
+
+    Raises
+    ------
+    AnchorError
+        If the mutation does not fit the sources.
+    """
+    root = root or cache_root() / "mutants"
+    texts = mutated_files(mutation)
+    folder = root / f"{mutation.name}-{_hash(texts)}"
+    if folder.is_dir():
+        return folder
+    root.mkdir(parents=True, exist_ok=True)
+    _delete(root.glob(f"{mutation.name}-{'[0-9a-f]' * 16}"))
+    made = Path(tempfile.mkdtemp(dir=root, prefix=".new-"))
+    shutil.copytree(
+        PACKAGE, made / "renderer", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    for name, text in texts.items():
+        (made / "renderer" / name).write_text(text, encoding="utf-8")
+    with suppress(OSError):  # another process was first
+        os.rename(made, folder)
+    _delete([made])
+    return folder
+
+
+def _delete(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _hash(texts: dict[str, str]) -> str:
+    digest = hashlib.sha256()
+    for source in sorted(PACKAGE.rglob("*.py")):
+        name = source.relative_to(PACKAGE).as_posix()
+        text = texts.get(name)
+        digest.update(f"\0{name}\0".encode())
+        digest.update(source.read_bytes() if text is None else text.encode())
+    return digest.hexdigest()[:16]
