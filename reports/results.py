@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from mitsuba_ref.results import (
     SCHEMA,
@@ -21,12 +21,11 @@ from mitsuba_ref.results import (
     Results,
     SceneResult,
     Seconds,
-    Verdict,
 )
+from mitsuba_ref.verdicts import VERDICTS
 from reports.errors import ReportError
 from reports.json_fields import JsonFields, load_json
-
-VERDICTS = ("error", "fail", "pass")  # the order of the page: what needs eyes comes first
+from reports.rungs_reader import read_replay, read_rung
 
 
 def read_results(path: Path) -> Results:
@@ -59,8 +58,9 @@ def read_results(path: Path) -> Results:
 
 
 def worst_first(results: Results) -> list[SceneResult]:
-    """Return the scenes, errors and failures before passes, else in the file's order."""
-    return sorted(results.scenes, key=lambda scene: VERDICTS.index(scene.verdict))
+    """Return the scenes, the most severe verdict first, else in the file's order."""
+    order = list(VERDICTS)
+    return sorted(results.scenes, key=lambda scene: order.index(scene.verdict))
 
 
 def contradicted(scene: SceneResult) -> SceneResult:
@@ -70,6 +70,8 @@ def contradicted(scene: SceneResult) -> SceneResult:
     judged: list[tuple[str, bool | None]] = [
         *((name, metric.passed) for name, metric in scene.metrics.items()),
         *((aov.name, aov.passed) for aov in scene.aovs),
+        *((f"the replay at {one.spp} samples", one.passed) for one in scene.replay),
+        *((f"rung {rung.name}", rung.passed) for rung in scene.rungs),
     ]
     found = [f"the file says pass, but {name} failed" for name, ok in judged if ok is False]
     if not any(ok for _, ok in judged):
@@ -104,7 +106,7 @@ def _scene(entry: JsonFields) -> SceneResult:
         spp=entry.integer("spp", 0),
         seed=entry.integer("seed", 0),
         deterministic=bool(entry.flag("deterministic")),
-        verdict=cast(Verdict, verdict),
+        verdict=verdict,
         reasons=entry.texts("reasons"),
         finite=Finite(*(counts.integer(side.name, 0) for side in fields(Finite))),
         metrics={key: _metric(metric) for key, metric in entry.named_objects("metrics")},
@@ -114,6 +116,8 @@ def _scene(entry: JsonFields) -> SceneResult:
         settings=entry.strings("settings"),
         images=entry.strings("images"),
         ladder=_ladder(entry.object("ladder")) if has_ladder else None,
+        replay=tuple(read_replay(one) for one in entry.objects("replay")),
+        rungs=tuple(read_rung(one) for one in entry.objects("rungs")),
     )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from mitsuba_ref.results import Ladder, LadderPoint, Metric, SceneResult
+from mitsuba_ref.verdicts import COMPARED
 from reports import formatting, pictures
 from reports.charts import log_log_chart
 from reports.errors import ReportError
@@ -81,25 +82,33 @@ def build_sections(scenes: Sequence[SceneResult], folder: Path) -> list[SceneSec
     ReportError
         If a scene that was compared lacks a picture.
     """
-    anchors: set[str] = set()
     sections = []
-    for scene in scenes:
-        slug = re.sub(r"[^a-z0-9]+", "-", scene.name.lower()).strip("-") or "scene"
-        anchor, count = f"scene-{slug}", 2
-        while anchor in anchors:
-            anchor, count = f"scene-{slug}-{count}", count + 1
-        anchors.add(anchor)
+    for scene, anchor in zip(scenes, scene_anchors(scenes), strict=True):
         chart = ladder_chart(scene.ladder) if scene.ladder else None
         note = equal_error_note(scene.ladder) if scene.ladder else ""
         sections.append(SceneSection(scene, anchor, _pictures(scene, folder), chart, note))
     return sections
 
 
+def scene_anchors(scenes: Sequence[SceneResult]) -> list[str]:
+    """Return an id for each scene's section, no two alike."""
+    anchors: list[str] = []
+    for scene in scenes:
+        slug = re.sub(r"[^a-z0-9]+", "-", scene.name.lower()).strip("-") or "scene"
+        anchor, count = f"scene-{slug}", 2
+        while anchor in anchors:
+            anchor, count = f"scene-{slug}-{count}", count + 1
+        anchors.append(anchor)
+    return anchors
+
+
 def _pictures(scene: SceneResult, folder: Path) -> Pictures | None:
-    """Return the pictures; a scene that stopped with an error may have none."""
+    """Return the pictures; a scene that was not compared may have none, or two sizes."""
+    if scene.verdict == "size-mismatch":
+        return None
     for side in ("ours", "reference"):
         if side not in scene.images:
-            if scene.verdict == "error":
+            if scene.verdict not in COMPARED:
                 return None
             raise ReportError(f"scene {scene.name}: no {side} picture, but it was compared")
     reference = pictures.load_picture(folder / scene.images["reference"])
