@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
-.PHONY: help demo test test-all lint format bench bench-accelerators clean
+.PHONY: help demo proof test test-all lint format bench bench-accelerators clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -14,7 +14,10 @@ help: ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 27
 
 demo: $(INSTALLED) ## render every scene in both renderers, write the HTML page
-	@$(BIN)/python -m reports --no-accelerators --out $(OUT)
+	@$(BIN)/python -m reports --no-accelerators --no-proof --out $(OUT)
+
+proof: $(INSTALLED) ## replay and test every scene, write what it proves as a page
+	@$(BIN)/python -m reports.proof --out $(OUT)
 
 test: $(INSTALLED) ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'

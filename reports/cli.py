@@ -16,7 +16,10 @@ from reports.accelerators_reader import read_accelerators
 from reports.accelerators_study import write_study
 from reports.benchmark_record import read_benchmark
 from reports.errors import ReportError
-from reports.page import accelerators_page, benchmark_page, results_page
+from reports.page import accelerators_page, benchmark_page, proof_page, results_page
+from reports.proof_reader import read_proof_record
+from reports.proof_run import QUICK as QUICK_PROOF
+from reports.proof_run import make_proof, results_file
 from reports.results import read_results
 from reports.study_settings import QUICK
 
@@ -41,10 +44,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(sys.argv[1:] if arguments is None else arguments)
     if given.source is not None and (
-        given.scenes or given.size or given.ladder is not None or given.accelerators
+        given.scenes
+        or given.size
+        or given.ladder is not None
+        or given.accelerators
+        or given.proof
     ):
         parser.error(
-            "--from draws old results: no SCENE, --size, --ladder, --accelerators beside it"
+            "--from draws old results: no SCENE, --size, --ladder, --accelerators, --proof "
+            "beside it"
         )
     status = 0
     source: Path = given.source or given.out / "data" / "results.json"
@@ -53,32 +61,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _run_harness(given, source.parent)
         if status in STOPPED and _written_at(source) == written_before:
             return status  # nothing new to show
-        if _wants_accelerators(given) and status not in STOPPED:
+        if status not in STOPPED:
             try:
-                _study_accelerators(source.parent)
+                _further_pages(given, source.parent)
             except KeyboardInterrupt:
                 status = INTERRUPTED  # the scenes are there to look at
+            except ReportError as error:
+                status = _refused(error)
     try:
         shown = draw(source, given.out)
     except ReportError as error:
-        sentence = f"lightproof-report: {error}"
-        Console(stderr=True).print(sentence, markup=False, soft_wrap=True)
-        return WRONG_USE
+        return _refused(error)
     return status or shown
+
+
+def _refused(error: ReportError) -> int:
+    sentence = f"lightproof-report: {error}"
+    Console(stderr=True).print(sentence, markup=False, soft_wrap=True)
+    return WRONG_USE
 
 
 def draw(source: Path, out: Path) -> int:
     """Draw index.html in `out` from results; say where it is; return the exit status.
 
-    That is the status of the most severe verdict, or 1 if the accelerators disagree.
+    That is the status of the most severe verdict, or 1 if the accelerators disagree or the
+    proof has a fault.
 
     Parameters
     ----------
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; benchmark.json and accelerators.json in its `data` are shown
-        too, each on a page of its own.
+        Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
+        are shown too, each on a page of its own.
 
     Raises
     ------
@@ -90,22 +105,34 @@ def draw(source: Path, out: Path) -> int:
     benchmark = read_benchmark(timings) if timings.exists() else None
     counted = out / "data" / ACCELERATORS
     study = read_accelerators(counted) if counted.exists() else None
+    proven = results_file(out / "data")
+    proof = read_proof_record(proven) if proven.exists() else None
     page = out / "index.html"
-    write_atomically(page, results_page(results, source.parent, benchmark, study).encode())
+    content = results_page(results, source.parent, benchmark, study, proof)
+    write_atomically(page, content.encode())
     if benchmark is not None:
         write_atomically(out / "benchmark.html", benchmark_page(benchmark).encode())
     if study is not None:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
+    if proof is not None:
+        write_atomically(out / "proof.html", proof_page(proof, proven.parent).encode())
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
     faulty = study is not None and bool(study.faults)
+    faulty = faulty or (proof is not None and bool(proof.faults))
     return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
 
 
-def _wants_accelerators(given: argparse.Namespace) -> bool:
-    """Say whether to measure the accelerators: asked for, or all scenes and none so far."""
-    if given.accelerators is not None:
-        return bool(given.accelerators)
-    return not given.scenes and not (given.out / "data" / ACCELERATORS).exists()
+def _further_pages(given: argparse.Namespace, data: Path) -> None:
+    """Measure what is asked for, or due because all scenes were rendered."""
+    if _wants(given.accelerators, data / ACCELERATORS, given):
+        _study_accelerators(data)
+    if _wants(given.proof, results_file(data), given):
+        make_proof(data, QUICK_PROOF)
+
+
+def _wants(asked: bool | None, made: Path, given: argparse.Namespace) -> bool:
+    """Say whether to measure: asked for, or all scenes and nothing made so far."""
+    return asked if asked is not None else not (given.scenes or made.exists())
 
 
 def _study_accelerators(data: Path) -> None:
@@ -181,5 +208,11 @@ def _parser() -> argparse.ArgumentParser:
         action=argparse.BooleanOptionalAction,
         default=None,
         help="measure the accelerators too (default: with all scenes, the first time)",
+    )
+    add(
+        "--proof",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="replay and test the scenes too (default: with all scenes, the first time)",
     )
     return parser

@@ -29,7 +29,11 @@ STEPS = 256
 def heat_map_uri(work: NDArray[np.int64], most: float) -> str:
     """Return work per pixel (H, W) as a PNG data URI; 1 is darkest, `most` lightest."""
     scale = math.log(max(most, 2.0))
-    part = np.log(np.maximum(work, 1)) / scale
+    return ramp_uri(np.log(np.maximum(work, 1)) / scale)
+
+
+def ramp_uri(part: NDArray[np.float64]) -> str:
+    """Return a map (H, W) of numbers from 0, darkest, to 1, lightest, as a PNG data URI."""
     steps = np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.uint8)
     image = Image.fromarray(steps).convert("P")
     image.putpalette(_palette().tobytes())

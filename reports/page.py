@@ -8,6 +8,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from mitsuba_ref.replay import TOLERANCE
 from mitsuba_ref.results import Results
 from mitsuba_ref.verdicts import CURRENT, VERDICTS
 from reports import formatting, heat_map, pictures, scene_tables
@@ -16,6 +17,9 @@ from reports.accelerators_section import build_accelerators_section
 from reports.benchmark_record import Benchmark
 from reports.benchmark_section import build_benchmark_section
 from reports.further_studies import FURTHER_STUDIES
+from reports.proof_record import ProofRecord
+from reports.proof_section import build_proof_section
+from reports.proof_sentences import detectable, headlines, percent
 from reports.results import worst_first
 from reports.sections import build_sections
 
@@ -25,6 +29,7 @@ def results_page(
     folder: Path,
     benchmark: Benchmark | None = None,
     accelerators: AcceleratorStudy | None = None,
+    proof: ProofRecord | None = None,
 ) -> str:
     """Return the whole page as HTML: summary, how to read it, every scene.
 
@@ -38,6 +43,8 @@ def results_page(
         Shown in a few words, with a link to benchmark.html.
     accelerators
         Likewise, with a link to accelerators.html.
+    proof
+        Likewise, with a link to proof.html.
 
     Raises
     ------
@@ -51,6 +58,8 @@ def results_page(
         sections=build_sections(worst_first(results), folder),
         benchmark=None if benchmark is None else build_benchmark_section(benchmark),
         accelerators=accelerators,
+        proof=None if proof is None else headlines(proof),
+        proof_faults=[] if proof is None else proof.faults,
     )
 
 
@@ -74,9 +83,19 @@ def accelerators_page(study: AcceleratorStudy) -> str:
         "accelerators.html",
         section=build_accelerators_section(study),
         shown_kinds=scene_tables.SHOWN,
-        work_ramp=heat_map.ramp_css(),
         further=further,
     )
+
+
+def proof_page(record: ProofRecord, folder: Path) -> str:
+    """Return the page of the proof as HTML; its pictures are named from `folder`.
+
+    Raises
+    ------
+    ReportError
+        If a picture is missing or unusable.
+    """
+    return _draw("proof.html", section=build_proof_section(record, folder))
 
 
 def _draw(template: str, **context: Any) -> str:
@@ -92,7 +111,11 @@ def _draw(template: str, **context: Any) -> str:
         seconds=formatting.seconds,
         judgement=formatting.judgement,
         metric_name=formatting.metric_name,
+        percent=percent,
+        detectable=detectable,
     )
+    environment.globals["divergent_from"] = TOLERANCE
+    environment.globals["work_ramp"] = heat_map.ramp_css()
     environment.globals["verdict_signs"] = formatting.VERDICT_SIGNS
     environment.globals["verdict_styles"] = formatting.VERDICT_STYLES
     environment.globals["verdict_facts"] = {name: VERDICTS[name] for name in CURRENT}

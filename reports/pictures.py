@@ -10,6 +10,7 @@ import base64
 import io
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,17 +50,28 @@ def load_picture(path: Path) -> Picture:
     ReportError
         If the file is missing or holds anything else.
     """
+    pixels = load_array(path)
+    shape = getattr(pixels, "shape", None)
+    if shape is None or len(shape) != 3 or shape[2] != 3 or 0 in shape:
+        raise ReportError(f"{path}: expected an image of shape (H, W, 3), found {shape}")
+    return np.asarray(pixels, dtype=np.float32)
+
+
+def load_array(path: Path) -> Any:
+    """Read what a .npy file holds.
+
+    Raises
+    ------
+    ReportError
+        If the file is missing or is something else.
+    """
     try:
-        pixels = np.load(path, allow_pickle=False)
+        return np.load(path, allow_pickle=False)
     except OSError as error:
         reason = error.strerror or "not a .npy file"
         raise ReportError(f"{path}: image cannot be read: {reason}") from None
     except (ValueError, EOFError):
         raise ReportError(f"{path}: image cannot be read: not a .npy file") from None
-    shape = getattr(pixels, "shape", None)
-    if shape is None or len(shape) != 3 or shape[2] != 3 or 0 in shape:
-        raise ReportError(f"{path}: expected an image of shape (H, W, 3), found {shape}")
-    return np.asarray(pixels, dtype=np.float32)
 
 
 def exposure_stops(reference: Picture) -> int:

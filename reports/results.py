@@ -25,6 +25,7 @@ from mitsuba_ref.results import (
 from mitsuba_ref.verdicts import VERDICTS
 from reports.errors import ReportError
 from reports.json_fields import JsonFields, load_json
+from reports.rungs_reader import read_replay, read_rung
 
 
 def read_results(path: Path) -> Results:
@@ -69,6 +70,8 @@ def contradicted(scene: SceneResult) -> SceneResult:
     judged: list[tuple[str, bool | None]] = [
         *((name, metric.passed) for name, metric in scene.metrics.items()),
         *((aov.name, aov.passed) for aov in scene.aovs),
+        *((f"the replay at {one.spp} samples", one.passed) for one in scene.replay),
+        *((f"rung {rung.name}", rung.passed) for rung in scene.rungs),
     ]
     found = [f"the file says pass, but {name} failed" for name, ok in judged if ok is False]
     if not any(ok for _, ok in judged):
@@ -113,6 +116,8 @@ def _scene(entry: JsonFields) -> SceneResult:
         settings=entry.strings("settings"),
         images=entry.strings("images"),
         ladder=_ladder(entry.object("ladder")) if has_ladder else None,
+        replay=tuple(read_replay(one) for one in entry.objects("replay")),
+        rungs=tuple(read_rung(one) for one in entry.objects("rungs")),
     )
 
 

@@ -82,18 +82,24 @@ def build_sections(scenes: Sequence[SceneResult], folder: Path) -> list[SceneSec
     ReportError
         If a scene that was compared lacks a picture.
     """
-    anchors: set[str] = set()
     sections = []
+    for scene, anchor in zip(scenes, scene_anchors(scenes), strict=True):
+        chart = ladder_chart(scene.ladder) if scene.ladder else None
+        note = equal_error_note(scene.ladder) if scene.ladder else ""
+        sections.append(SceneSection(scene, anchor, _pictures(scene, folder), chart, note))
+    return sections
+
+
+def scene_anchors(scenes: Sequence[SceneResult]) -> list[str]:
+    """Return an id for each scene's section, no two alike."""
+    anchors: list[str] = []
     for scene in scenes:
         slug = re.sub(r"[^a-z0-9]+", "-", scene.name.lower()).strip("-") or "scene"
         anchor, count = f"scene-{slug}", 2
         while anchor in anchors:
             anchor, count = f"scene-{slug}-{count}", count + 1
-        anchors.add(anchor)
-        chart = ladder_chart(scene.ladder) if scene.ladder else None
-        note = equal_error_note(scene.ladder) if scene.ladder else ""
-        sections.append(SceneSection(scene, anchor, _pictures(scene, folder), chart, note))
-    return sections
+        anchors.append(anchor)
+    return anchors
 
 
 def _pictures(scene: SceneResult, folder: Path) -> Pictures | None:

@@ -73,6 +73,14 @@ def line(css: str, start: tuple[float, float], end: tuple[float, float]) -> Mark
     ).format(css, *start, *end)
 
 
+def bar(x: float, y: float, width: float, height: float, tooltip: str) -> Markup:
+    """Return a filled rectangle; an empty tooltip gives none."""
+    title = Markup("<title>{}</title>").format(tooltip) if tooltip else ""
+    return Markup(
+        '<rect class="bar" x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}">{}</rect>'
+    ).format(x, y, width, height, title)
+
+
 def polyline(index: int, places: Sequence[tuple[float, float]]) -> Markup:
     """Return the line of series `index` through `places`."""
     points = " ".join(f"{x:.2f},{y:.2f}" for x, y in places)

@@ -283,7 +283,7 @@ def test_report_measures_accelerators_once(
     monkeypatch.setattr(cli, "write_study", study)
     if there:
         sample.write_study(tmp_path / "data")
-    assert cli.main(["--out", str(tmp_path), *arguments]) == 0
+    assert cli.main(["--no-proof", "--out", str(tmp_path), *arguments]) == 0
     assert asked == ([tmp_path / "data/accelerators.json"] if measured else [])
     assert (tmp_path / "accelerators.html").exists() == (there or measured)
 
@@ -302,7 +302,7 @@ def test_interrupted_study_leaves_the_scenes(
 
     monkeypatch.setattr(cli.harness, "main", harness)
     monkeypatch.setattr(cli, "write_study", study)
-    assert cli.main(["--out", str(tmp_path)]) == 130
+    assert cli.main(["--no-proof", "--out", str(tmp_path)]) == 130
     assert "Title of one" in (tmp_path / "index.html").read_text()
     assert not (tmp_path / "accelerators.html").exists()
 

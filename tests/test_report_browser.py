@@ -7,12 +7,13 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import proof_samples
 import pytest
 from accelerators_sample import record
 from headless_browser import Browser, Page, find_browser
 from report_samples import scene, stopped_scene, write_results
 
-from reports.page import accelerators_page, results_page
+from reports.page import accelerators_page, proof_page, results_page
 from reports.results import read_results
 
 SLIDER = "#scene-shifted .stage input"
@@ -146,6 +147,35 @@ def test_accelerators_fit_the_window_and_load_nothing(
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     sizes = page.evaluate("[...document.images].map(i => i.naturalWidth)")
     assert sizes == [6, 6]
+    assert page.complaints() == []
+    assert all(
+        address.startswith("data:") or address.endswith((".html", "about:blank"))
+        for address in page.requests()
+    )
+
+
+@pytest.mark.parametrize("width", [360, 1000])
+def test_proof_fits_the_window_and_circles_the_pixel(
+    browser: Browser, tmp_path: Path, width: int
+) -> None:
+    """The circle lies over pixel (3, 4) of 16 x 12; the page never scrolls sideways."""
+    scene = proof_samples.proven("box", replay=[proof_samples.replay(16, 1)])
+    file = tmp_path / "proof.html"
+    content = proof_page(proof_samples.record(tmp_path, scene), tmp_path)
+    file.write_text(content, encoding="utf-8")
+    page = browser.open(file, width)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    sizes = page.evaluate(
+        "[...document.images].map(i => [i.naturalWidth, i.naturalHeight])"
+    )
+    assert sizes == [[16, 12]] * 4
+    across, down = page.evaluate(
+        "(() => { const [i, c] = ['.marked img', '.marked circle'].map("
+        "s => document.querySelector(s).getBoundingClientRect());"
+        "return [(c.x + c.width / 2 - i.x) / i.width,"
+        " (c.y + c.height / 2 - i.y) / i.height]; })()"
+    )
+    assert (across, down) == pytest.approx((3.5 / 16, 4.5 / 12), abs=0.005)
     assert page.complaints() == []
     assert all(
         address.startswith("data:") or address.endswith((".html", "about:blank"))

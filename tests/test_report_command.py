@@ -30,9 +30,10 @@ def harness_that(
 
 
 @pytest.fixture(autouse=True)
-def no_study_of_accelerators(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It would take a minute; what it has to do with this command is tested beside it."""
+def no_further_studies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take minutes; what they have to do with this command is tested beside them."""
     monkeypatch.setattr(cli, "write_study", lambda *_: None)
+    monkeypatch.setattr(cli, "make_proof", lambda *_: 0)
 
 
 def test_arguments_are_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,7 +50,7 @@ def test_arguments_are_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize(
     "beside",
-    [["scenes/a"], ["--size", "demo"], ["--ladder"], ["--no-ladder"]],
+    [["scenes/a"], ["--size", "demo"], ["--ladder"], ["--no-ladder"], ["--proof"]],
     ids=" ".join,
 )
 def test_from_takes_nothing_that_only_a_render_could_obey(
