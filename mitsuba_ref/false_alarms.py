@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +25,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from mitsuba_ref import machine
 from mitsuba_ref.edited_scene import load_edited_scene
 from mitsuba_ref.ladder_of_tests import FALSE_ALARMS, FEWEST_SEEDS, climb
-from mitsuba_ref.machine import installed_versions
 from mitsuba_ref.ours import edit_description
-from mitsuba_ref.results import Rung, write_atomically
+from mitsuba_ref.results import Rung, finite_or_null, write_atomically
 from mitsuba_ref.seeds import FIRST_REFERENCE_SEED
 from mitsuba_ref.statistics.binomial import Rate, rate
 from mitsuba_ref.variant import load_mitsuba, set_threads
@@ -195,7 +197,8 @@ def _shown(found: Rate) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, print tables, write JSON; return 1 if the ladder alarms too often."""
-    given = _parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = _parser().parse_args(words)
     measured: list[FalseAlarms] = []
     with Console(stderr=True).status("") as status:
         for scene in given.scene or ["cornell-box", "grey-furnace"]:
@@ -207,11 +210,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for comparison in measured:
         print_alarms(comparison, output)
     content = {
-        "versions": installed_versions(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": shlex.join(["python", "-m", "mitsuba_ref.false_alarms", *words]),
+        "machine": machine.describe_machine(),
+        "versions": machine.installed_versions(),
+        "commit": machine.current_commit(),
         "pairs": given.pairs,
         "comparisons": [asdict(comparison) for comparison in measured],
     }
-    write_atomically(given.out, (json.dumps(content, indent=1) + "\n").encode())
+    write_atomically(
+        given.out,
+        (json.dumps(finite_or_null(content), indent=1, allow_nan=False) + "\n").encode(),
+    )
     output.print(f"wrote {given.out}", markup=False, soft_wrap=True)
     return int(any(exceeds(comparison) for comparison in measured))
 

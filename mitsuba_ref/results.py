@@ -185,7 +185,7 @@ class Results:
 def to_json(results: Results) -> str:
     """Return the text of results.json."""
     fields = {"schema": SCHEMA, **dataclasses.asdict(results)}
-    return json.dumps(_finite_or_null(fields), indent=1, allow_nan=False) + "\n"
+    return json.dumps(finite_or_null(fields), indent=1, allow_nan=False) + "\n"
 
 
 def write_results(results: Results, path: Path) -> None:
@@ -208,11 +208,12 @@ def write_atomically(path: Path, content: bytes) -> None:
         raise
 
 
-def _finite_or_null(value: Any) -> Any:
+def finite_or_null(value: Any) -> Any:
+    """Return what JSON can hold: numbers that are not finite become null."""
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, dict):
-        return {key: _finite_or_null(item) for key, item in value.items()}
+        return {key: finite_or_null(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite_or_null(item) for item in value]
+        return [finite_or_null(item) for item in value]
     return value

@@ -22,7 +22,7 @@ from mitsuba_ref.ladder import measure_ladder
 from mitsuba_ref.obstacles import count_non_finite, find_obstacle
 from mitsuba_ref.options import Options, scene_name, scene_request, shown_path
 from mitsuba_ref.ours import RenderOurs
-from mitsuba_ref.proof_file import Proof, read_proof
+from mitsuba_ref.proof_file import USUAL_LIMITS, Proof, read_proof
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.replay import replay_all
 from mitsuba_ref.request import RenderRequest
@@ -160,7 +160,7 @@ def _validate(
         blank,
         deterministic=bool(deterministic),
         replay=replays,
-        settings={"replay": refusal} if refusal else {},
+        settings=_replay_settings(proof, refusal),
     )
     result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
     if options.ladder and not deterministic and comparison.verdict in COMPARED:
@@ -188,6 +188,14 @@ def _validate(
         result = with_rungs(result, climbed.rungs)
         shown |= climbed.pictures
     return Validated(result, shown)
+
+
+def _replay_settings(proof: Proof, refusal: str) -> dict[str, str]:
+    """Return what the report says about the replays: why none, why with wider limits."""
+    if refusal:
+        return {"replay": refusal}
+    limits = proof.replay
+    return {} if limits == USUAL_LIMITS else {"replay_limits": limits.reason}
 
 
 def _only_replays(
@@ -224,6 +232,7 @@ def _only_replays(
         verdict=comparison.verdict,
         reasons=comparison.reasons,
         replay=replays,
+        settings=_replay_settings(proof, ""),
         seconds=Seconds(
             ours=replays[-1].seconds_ours, reference=replays[-1].seconds_reference
         ),
