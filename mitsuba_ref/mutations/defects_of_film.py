@@ -15,7 +15,7 @@ DEFECTS = (
                 "corner = p.f - p.x * ((p.xres - 1.0) / 2.0)",
             ),
         ),
-        scene="appel-teapot",
+        scene="depth-and-normals",
     ),
     Mutation(
         "mirrored-picture",
@@ -27,7 +27,7 @@ DEFECTS = (
                 "x = left * (width / film.width)",
             ),
         ),
-        scene="appel-teapot",
+        scene="depth-and-normals",
     ),
     Mutation(
         "principal-point-other-way",

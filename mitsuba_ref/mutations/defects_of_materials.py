@@ -70,7 +70,7 @@ DEFECTS = (
                 "select(total & (crossing != 1.0), splat_f32(0.0), reflectance)",
             ),
         ),
-        scene="caustic",
+        scene="lamp-in-glass",
         tests=("test_bsdfs.py::test_total_internal_reflection",),
     ),
     Mutation(

@@ -160,7 +160,7 @@ DEFECTS = (
             ),
         ),
         scene="cornell-box",
-        tests=("test_determinism.py::test_the_seed_decides",),
+        tests=("test_sampling.py::test_neighbours_are_independent",),
         remark="one picture alone cannot show it; a replay draws Mitsuba's numbers",
     ),
     Mutation(

@@ -134,9 +134,9 @@ def replay(scene: Path, ours: CountedRender, references: ReferenceCache) -> Sequ
     request = scene_request(scene, proof, WITHOUT_REPLAY)
     before, started = ours.compile_seconds, time.perf_counter()
     rung = None
-    for spp in (1,) if proof.deterministic else REPLAYED_SAMPLES:
+    for spp in REPLAYED_SAMPLES:
         try:
-            result = replay_scene(request, spp, ours, references)[0]
+            result = replay_scene(request, spp, ours, references, proof.replay)[0]
         except (NotReplayable, MitsubaError):
             return []
         except Exception as error:  # whatever a defect brings about
