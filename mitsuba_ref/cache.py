@@ -24,6 +24,7 @@ from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.variant import drjit_version, mitsuba_version
 from renderer.jit import cache_root
+from renderer.replay.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
@@ -94,7 +95,8 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     wanted = {**asdict(request), "path": Path(request.path).name}
     del wanted["threads"]
     digest.update(json.dumps(wanted, sort_keys=True).encode())
-    for made_by in (mitsuba_version(), drjit_version(), *AOV_KINDS):
+    contents = (*AOV_KINDS, str(ENTRIES))
+    for made_by in (mitsuba_version(), drjit_version(), *contents):
         digest.update(f"\0{made_by}\0".encode())
     here = Path(__file__).parent
     named = sorted({Path(file).resolve() for file in [request.path, *files]})

@@ -76,7 +76,8 @@ def load_edited_scene(
         if pixel_centres:
             nodes.replace("Sampler", "stratified", {"jitter": False, "sample_count": 1})
             changes.append("one sample at each pixel's centre")
-        if fixed_blocks and nodes.set_block_size(BLOCK_SIZE):
+        if fixed_blocks:
+            nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")
         mi.parser.transform_all(config, state)
         scene = mi.parser.instantiate(config, state)
@@ -111,13 +112,12 @@ class _Nodes:
         """Set one property of the film."""
         self._nodes[self._film].props[name] = value
 
-    def set_block_size(self, size: int) -> bool:
-        """Set the integrator's block size; False if it has no property of that name."""
+    def set_block_size(self, size: int) -> None:
+        """Set the integrator's block size."""
         index = self._find("Integrator")
         if index is None:
             index = self._add("Integrator", "path", parent=0)
         self._nodes[index].props["block_size"] = size
-        return True
 
     def replace(self, kind: str, plugin: str, values: Mapping[str, Any]) -> bool:
         """Make the node of `kind` a `plugin` with `values`; False if it is one already."""

@@ -22,7 +22,11 @@ from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import DivergentPixel, ReplayResult
 from mitsuba_ref.traced_pair import METHODS, TracedPair
 from renderer.errors import NotReplayable
+from renderer.kernel_inputs import replay_sampler
+from renderer.plan import make_plan
+from renderer.scene import build_scene
 from renderer.scene_file import read_file
+from renderer.scene_file.description import SceneDescription
 
 Array = NDArray[np.float32]
 
@@ -69,8 +73,9 @@ def replay_scene(
     if "spp" in parameters:
         parameters = parameters | {"spp": str(spp)}
     request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
-    files = read_file(Path(request.path), **request.parameters).files
-    reference = references.get(request, files)
+    description = read_file(Path(request.path), **request.parameters)
+    _refuse_early(description, request)
+    reference = references.get(request, description.files)
     entries = reference.arrays.get("camera")
     camera = None if entries is None else tuple(float(entry) for entry in entries)
     request = replace(request, camera=camera)
@@ -86,6 +91,13 @@ def replay_scene(
         seconds_reference=reference.seconds,
     )
     return result, ours.pixels, reference.pixels
+
+
+def _refuse_early(description: SceneDescription, request: RenderRequest) -> None:
+    """Raise NotReplayable before Mitsuba is asked for what makes it hang."""
+    scene = build_scene(description)
+    plan = make_plan(scene, sampler="mitsuba", spp=request.spp)
+    replay_sampler(scene, plan, request.seed)
 
 
 def replay_all(

@@ -134,7 +134,9 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
         why.say("left out", f"{missing}: no shape has it; not compiled")
 
 
-def explain_samples(sampler: Sampler, asked: int, random: bool, why: Explanation) -> None:
+def explain_samples(
+    sampler: Sampler, asked: int, random: bool, why: Explanation, *, replay: bool
+) -> None:
     """Say how many samples a pixel gets, where they lie, and why not as many as asked for.
 
     Parameters
@@ -145,6 +147,8 @@ def explain_samples(sampler: Sampler, asked: int, random: bool, why: Explanation
         The number before rounding.
     random : bool
         Whether more is drawn at random than the position in the pixel.
+    replay : bool
+        Whether the numbers are Mitsuba's own.
     """
     count, name = sampler.sample_count, sampler.name
     text = f"{count} per pixel"
@@ -157,7 +161,7 @@ def explain_samples(sampler: Sampler, asked: int, random: bool, why: Explanation
             text += ": nothing is random"
     if asked != count:
         text += f" ({asked} asked for; the sampler needs {_PATTERNS[name]}, as in Mitsuba)"
-    if name in ("orthogonal", "ldsampler"):
+    if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
     why.say("samples", text)
 

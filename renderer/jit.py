@@ -33,14 +33,20 @@ _WITHOUT_KERNELS = (
     "explanation.py",
     "heat_map.py",
     "image",
+    "integrators/step_by_step.py",
     "interrupts.py",
+    "light_order.py",
     "plan",
     "progress_display.py",
     "render.py",
     "rendering.py",
+    "replay/numbers_drawn.py",
+    "replay/pixel_seeds.py",
+    "replay/triangle_arithmetic.py",
     "scene_file/",
     "srgb.py",
     "threads.py",
+    "traced_path.py",
 )
 
 

@@ -40,14 +40,13 @@ def replay_sampler(scene: Scene, plan: Plan, seed: int) -> Replay:
     rows = slice(film.crop_offset_y, film.crop_offset_y + film.crop_height)
     columns = slice(film.crop_offset_x, film.crop_offset_x + film.crop_width)
     seeds[rows, columns] = pixel_seeds(film.crop_width, film.crop_height, seed)
-    asked = scene.description.integrator
-    direct = asked.name == "direct"
+    direct = plan.method == "direct"
     smooth = [bool(shape_stages(s) & DIFFUSE) for s in scene.description.every_shape]
     return Replay(
         make_sequence(seeds.ravel(), plan.sampler),
         np.zeros((ROWS, seeds.size), np.float32),
         np.array(smooth or [False], np.int32),
-        None if direct and asked.bsdf_samples == 0 else 1,
+        1 if plan.bsdf_samples else None,
         1 if direct else None,
     )
 

@@ -20,6 +20,7 @@ from renderer.explanation import (
     explain_materials_and_lights,
     explain_samples,
 )
+from renderer.replay.pixel_seeds import BLOCK_SIZE
 from renderer.scene import Scene
 from renderer.scene_file.description import (
     Conductor,
@@ -34,6 +35,7 @@ from renderer.threads import default_threads
 
 INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
 # A new ray starts off its surface, so as not to meet it again: so many rounding errors of
 # the position, plus this times (1 + its largest coordinate). `tight` is right for scenes of
@@ -68,6 +70,7 @@ class Plan:
     sampler: Sampler
     ray_offset: str = "tight"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
+    bsdf_samples: int = 1  # of `direct`: 0 or 1
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -203,6 +206,11 @@ def _decide(
         why.say("method", f"{method}: the first hit alone; no light, no BSDF is sampled")
         return _first_hit_plan(scene, asked, chosen_sampler, count, why, replay=replay)
     if method == "work":
+        if replay:
+            raise NotReplayable(
+                "sampler 'mitsuba': Mitsuba has no integrator that counts work; possible "
+                "are path, direct, depth, aov and whitted"
+            )
         why.say("method", "work: what camera rays cost; nothing is shaded")
         why.say("colours", COLOURS_OF_WORK)
         why.say("filter", "box, whatever the file asks for: counts stay in their pixel")
@@ -274,14 +282,20 @@ def _decide(
         chosen_sampler.sample_count,
         chosen_sampler,
         replay=replay,
+        bsdf_samples=asked.bsdf_samples if method == "direct" else 1,
     )
     random = _is_random(plan, extended, materials.has(Dielectric))
-    explain_samples(chosen_sampler, count, random, why)
+    explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
 
 
 def _check_replay(asked: Integrator, method: str, extended: bool, why: Explanation) -> None:
     """Refuse what Mitsuba's order of random numbers does not let us follow."""
+    if asked.block_size not in (0, BLOCK_SIZE) or not asked.one_pass:
+        raise NotReplayable(
+            "sampler 'mitsuba': the file divides the work in its own way (block_size, "
+            f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"
+        )
     if method == "whitted" and extended:
         raise NotReplayable(
             "sampler 'mitsuba': a tree of rays that asks lights with an area draws in the "
@@ -294,7 +308,7 @@ def _check_replay(asked: Integrator, method: str, extended: bool, why: Explanati
             f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are 1, and "
             "0 or 1"
         )
-    why.say("numbers", "those of Mitsuba's scalar variants, in their order")
+    why.say("numbers", OF_MITSUBA)
 
 
 def _first_hit_plan(
@@ -320,8 +334,10 @@ def _first_hit_plan(
         sampler=sampler,
         replay=replay,
     )
+    if replay:
+        why.say("numbers", OF_MITSUBA)
     explain_geometry(scene, why)
-    explain_samples(sampler, count, False, why)
+    explain_samples(sampler, count, False, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
 
 

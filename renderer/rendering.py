@@ -99,6 +99,7 @@ class Rendering:
         self.samples_done = 0
         self.samples_in_all = film.crop_width * film.crop_height * plan.spp
         self._workspaces = _Workspaces(self._make_workspace)
+        self._before: dict[Tile, Future[Any]] = {}  # of a replay: the last job of each tile
 
     def _make_workspace(self) -> Workspace:
         tree = self.plan.method == "whitted"
@@ -139,8 +140,6 @@ class Rendering:
         lights = self.kernel_scene.lights
         asked = lights.count if lights is not None and self.plan.every_light else 1
         step = max(1, SAMPLES_PER_JOB // asked)
-        if self.plan.replay:
-            step = self.plan.spp  # a pixel's stream runs on from sample to sample
         for first in range(0, self.plan.spp, step):
             for tile in tiles:
                 yield _Job(tile, first, min(first + step, self.plan.spp))
@@ -180,7 +179,7 @@ class Rendering:
                     Progress("render", self.samples_done, self.samples_in_all, seconds)
                 )
             for job in itertools.islice(jobs, 4 * self.threads - len(waiting)):
-                waiting.append((job, pool.submit(self._render, job)))
+                waiting.append((job, self._submit(pool, job)))
             if not waiting:
                 return
             job, future = waiting[0]
@@ -189,6 +188,23 @@ class Rendering:
             # a job and its weights; the other way round the job would count twice.
             waiting.popleft()
             self._finish(job, sums)
+
+    def _submit(self, pool: ThreadPoolExecutor, job: _Job) -> Future[Any]:
+        """Let a thread render a job; in a replay after the one before on the same tile.
+
+        A pixel's stream of Mitsuba's numbers runs on from sample to sample. The job before
+        was submitted before, so that it is done or under way: nobody waits for ever.
+        """
+        if not self.plan.replay:
+            return pool.submit(self._render, job)
+        future = pool.submit(self._render_after, self._before.get(job.tile), job)
+        self._before[job.tile] = future
+        return future
+
+    def _render_after(self, before: Future[Any] | None, job: _Job) -> Any:
+        if before is not None:
+            before.result()
+        return self._render(job)
 
     def _finish(self, job: _Job, sums: Any) -> None:
         self.film.add(job.tile, sums)

@@ -19,7 +19,33 @@ from mitsuba_ref.proof_file import read_proof
 from mitsuba_ref.replay import replay_scene
 from mitsuba_ref.worker import MitsubaWorker
 
+# What `make test` has the time for, each compiling its kernels: every shape, BSDF and light,
+# textures, vertex normals, instances, a cropped film. `make test-all` replays all scenes.
+QUICK = (
+    "analytic-shapes",
+    "caustic",
+    "cornell-box",
+    "cropped-film",
+    "emitters",
+    "instances",
+    "metals",
+    "smooth-mesh",
+    "textured-room",
+)
+
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*/scene.xml"))
+
+
+def scenes():
+    """Return all scenes, those that take too long for `make test` marked as slow."""
+    return [
+        pytest.param(
+            scene,
+            id=scene.parent.name,
+            marks=() if scene.parent.name in QUICK else pytest.mark.slow,
+        )
+        for scene in SCENES
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +60,7 @@ def request_for(scene, size="test", **fields):
 
 
 @pytest.mark.parametrize("spp", [1, 16])
-@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.parent.name)
+@pytest.mark.parametrize("scene", scenes())
 def test_scene_takes_mitsubas_paths(scene, spp, references):
     limits = read_proof(scene).replay
     result, _, _ = replay_scene(request_for(scene), spp, render_ours, references, limits)

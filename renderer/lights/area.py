@@ -126,6 +126,7 @@ def sample_area_lights(areas, surfaces, light, kind, position, x, y, z, sample):
     p, n = _sample_cylinders(areas.cylinders, surfaces.cylinders, prim, mine, x, y, p, n)
     to_light, n = sample_spheres(
         areas.spheres,
+        areas.replay,
         surfaces.spheres,
         prim,
         mine,

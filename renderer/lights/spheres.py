@@ -36,18 +36,20 @@ def _cone(distance2, radius):
     return sine2 / (1.0 + cosine), sine2
 
 
-# Within this of the radius the side that shines decides: Mitsuba's 1500 roundings
-_NEAR_SURFACE = np.float32(1500 * 2.0**-24)
+# Within this of the radius the side that shines decides; Mitsuba has 1500 roundings.
+_NEAR_SURFACE = np.float32(5e-6)
+_NEAR_SURFACE_OF_MITSUBA = np.float32(1500 * 2.0**-24)
 _TOUCHING = np.float32(1e-7)  # of the radius: a light that is touched is still somewhere
 
 
 @kernel
-def _outside(distance2, radius, orientation):
+def _outside(replay, distance2, radius, orientation):
     """Return the mask of points that see the sphere from outside.
 
     On the surface itself the side that shines decides, not rounding.
     """
-    limit = radius * (1.0 - _NEAR_SURFACE * orientation)
+    near = _NEAR_SURFACE if replay is None else _NEAR_SURFACE_OF_MITSUBA
+    limit = radius * (1.0 - near * orientation)
     return distance2 > limit * limit
 
 
@@ -68,14 +70,14 @@ def sphere_light_pdf(
     distance2 = dot(to_center, to_center)
     one_minus_cos, sine2 = _cone(distance2, radius)
     one_minus_cos = _as_mitsuba(replay, one_minus_cos, sine2)
-    outside = _outside(distance2, radius, orientation)
+    outside = _outside(replay, distance2, radius, orientation)
     by_area = distance * distance * inverse_area / cosine
     return select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
 
 
 @kernel
 def sample_spheres(
-    present, surfaces, prim, mask, orientation, position, x, y, to_light, normal
+    present, replay, surfaces, prim, mask, orientation, position, x, y, to_light, normal
 ):
     """Choose a direction in the cone of the sphere; from inside, a point by area.
 
@@ -109,7 +111,7 @@ def sample_spheres(
     near = maximum(near, radius * _TOUCHING)
     cap = wi * near - to_center
     ball = square_to_sphere(x, y)
-    outside = _outside(distance2, radius, orientation)
+    outside = _outside(replay, distance2, radius, orientation)
     chosen_light = select3(outside, wi * near, to_center + ball * radius)
     n = select3(outside, normalize(cap), ball)
     return select3(mine, chosen_light, to_light), select3(mine, n, normal)

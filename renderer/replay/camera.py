@@ -100,8 +100,8 @@ def round_camera_ray(camera, rays, k, px, py):
     local = _direction(camera, px, py)
     new = times_vector(camera.to_world, 0, 0, local)
     old = column(rays.direction, k)
-    apart = max(abs(new.x - old.x), max(abs(new.y - old.y), abs(new.z - old.z)))
-    if apart > _ROUNDING:
+    x, y, z = abs(new.x - old.x), abs(new.y - old.y), abs(new.z - old.z)
+    if not (x <= _ROUNDING and y <= _ROUNDING and z <= _ROUNDING):
         return
     m = camera.to_world
     near = np.float32(camera.near) * (_ONE / local.z)

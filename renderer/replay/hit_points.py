@@ -309,9 +309,9 @@ def _instance_number(numbers, ray):
 def _round(rows, i, a):
     """Replace the vector in column i by `a` if rounding explains the difference."""
     old = column(rows, i)
-    size = _ONE + max(abs(old.x), max(abs(old.y), abs(old.z)))
-    apart = max(abs(a.x - old.x), max(abs(a.y - old.y), abs(a.z - old.z)))
-    if apart <= ROUNDING * size:
+    limit = ROUNDING * (_ONE + max(abs(old.x), max(abs(old.y), abs(old.z))))
+    x, y, z = abs(a.x - old.x), abs(a.y - old.y), abs(a.z - old.z)
+    if x <= limit and y <= limit and z <= limit:
         rows[0, i], rows[1, i], rows[2, i] = a.x, a.y, a.z
 
 
@@ -319,7 +319,10 @@ def _round(rows, i, a):
 def _replace_tangent(tangents, i, a):
     """Replace a tangent by one of the same direction; the old one has another length."""
     old = column(tangents, i)
-    if dot(old, a) ** 2 >= (_ONE - ROUNDING) ** 2 * dot(old, old) * dot(a, a):
+    scale = np.sqrt(dot(old, old) / dot(a, a))
+    limit = ROUNDING * np.sqrt(dot(old, old))
+    x, y, z = abs(a.x * scale - old.x), abs(a.y * scale - old.y), abs(a.z * scale - old.z)
+    if x <= limit and y <= limit and z <= limit:
         tangents[0, i], tangents[1, i], tangents[2, i] = a.x, a.y, a.z
 
 

@@ -19,6 +19,7 @@ from renderer.vectors import column, vec3
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
+_ORIGIN_ROUNDING = np.float32(1e-6)  # a hundredth of how far off the surface rays start
 
 
 @kernel
@@ -68,16 +69,21 @@ def _scattered(scene, points, i, direction):
 
 
 @kernel
-def _far_apart(a, b):
-    """Return whether two unit vectors differ by more than rounding explains."""
-    return max(abs(a.x - b.x), max(abs(a.y - b.y), abs(a.z - b.z))) > ROUNDING
+def _close(a, b, limit):
+    """Return whether two vectors differ by rounding only; NaN is not close to anything."""
+    return abs(a.x - b.x) <= limit and abs(a.y - b.y) <= limit and abs(a.z - b.z) <= limit
+
+
+@kernel
+def _size(p):
+    return _ONE + max(abs(p.x), max(abs(p.y), abs(p.z)))
 
 
 @kernel
 def _off_surface(points, i, direction, fixed):
     """Return the origin of a ray in a direction, off the surface by Mitsuba's rule."""
     p, normal = column(points.position, i), column(points.normal, i)
-    size = (_ONE + max(abs(p.x), max(abs(p.y), abs(p.z)))) * fixed
+    size = _size(p) * fixed
     if plain_dot(normal, direction) < _ZERO:
         size = -size
     return fused_sum(normal, size, p)
@@ -87,8 +93,8 @@ def _off_surface(points, i, direction, fixed):
 def rays_as_mitsuba_rounds(replayed, scene, rays, end, points):
     """Round the first `end` rays, which have just left `points`, if this is a replay.
 
-    A direction that differs by more than rounding explains stays, so that a replay shows
-    it; so does an origin, when another ray offset was asked for.
+    A direction or an origin that differs by more than rounding explains stays, so that a
+    replay shows it.
     """
     if replayed is None:
         return
@@ -99,11 +105,11 @@ def rays_as_mitsuba_rounds(replayed, scene, rays, end, points):
         i = rays.point[k]
         old = column(rays.direction, k)
         new = _scattered(scene, points, i, old)
-        if _far_apart(new, old):
+        if not _close(new, old, ROUNDING):
             continue
         rays.direction[0, k], rays.direction[1, k] = new.x, new.y
         rays.direction[2, k] = new.z
-        if settings.rounding_offset == 0.0:
-            origin = _off_surface(points, i, new, fixed)
+        origin = _off_surface(points, i, new, fixed)
+        if _close(origin, column(rays.origin, k), _ORIGIN_ROUNDING * _size(origin)):
             rays.origin[0, k], rays.origin[1, k] = origin.x, origin.y
             rays.origin[2, k] = origin.z

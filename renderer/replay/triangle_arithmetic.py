@@ -18,8 +18,8 @@ from renderer.kernel_scene import TriangleSurfaces
 Columns = NDArray[np.float32]  # (3, n)
 
 
-def fused(a: Any, b: Any, c: Any) -> Any:
-    """Return a b - c of float32, rounded once: the product is exact in float64."""
+def product_difference(a: Any, b: Any, c: Any) -> Any:
+    """Return a b - c of float32; but for ties it is rounded once (through float64)."""
     return (np.multiply(a, b, dtype=np.float64) - c).astype(np.float32)
 
 
@@ -27,9 +27,9 @@ def cross(a: Columns, b: Columns) -> Columns:
     """Return a x b, of each component the second product rounded first."""
     return np.array(
         [
-            fused(a[1], b[2], a[2] * b[1]),
-            fused(a[2], b[0], a[0] * b[2]),
-            fused(a[0], b[1], a[1] * b[0]),
+            product_difference(a[1], b[2], a[2] * b[1]),
+            product_difference(a[2], b[0], a[0] * b[2]),
+            product_difference(a[0], b[1], a[1] * b[0]),
         ]
     )
 
@@ -73,8 +73,10 @@ def uv_tangents(edge1: Columns, edge2: Columns, uvs: NDArray[np.float32]) -> Col
     """
     du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
     du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
-    determinant = fused(du1, dv2, dv1 * du2)
+    determinant = product_difference(du1, dv2, dv1 * du2)
     with np.errstate(all="ignore"):
-        along_u = fused(dv2, edge1, dv1 * edge2) * (np.float32(1.0) / determinant)
+        along_u = product_difference(dv2, edge1, dv1 * edge2) * (
+            np.float32(1.0) / determinant
+        )
     other = first_tangents(face_normals(edge1, edge2))
     return np.ascontiguousarray(np.where(determinant != 0.0, along_u, other))

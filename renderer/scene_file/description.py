@@ -298,6 +298,8 @@ class Integrator:
     bsdf_samples: int = 1  # direct; 0 is no multiple importance sampling
     cutoff: float = 1.0 / 1024.0  # whitted: a ray of less weight than this is dropped
     aovs: tuple[tuple[str, str], ...] = ()  # aov: (channel name, one of AOV_KINDS)
+    block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
+    one_pass: bool = True  # false where the file gives samples_per_pass
     nested: Integrator | None = None  # aov: the integrator whose colours come first
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from renderer.errors import SceneError
 from renderer.scene_file.description import AOV_KINDS, Integrator
 from renderer.scene_file.numbers import quoted, split_list
@@ -45,20 +47,22 @@ def read_integrator(element: Element | None, reading: Reading) -> Integrator:
             integrator = Integrator("depth")
         case _:
             integrator = _aov(properties)
-    _work_properties(properties)
+    integrator = _with_work(integrator, properties)
     properties.finish()
     return integrator
 
 
-def _work_properties(properties: Properties) -> None:
-    """Check what says how Mitsuba divides its work, which changes no pixel here."""
-    properties.integer("block_size", 0, at_least=0)
+def _with_work(integrator: Integrator, properties: Properties) -> Integrator:
+    """Read how Mitsuba divides its work: of interest for a replay of its numbers alone."""
+    block_size = properties.integer("block_size", 0, at_least=0)
+    one_pass = not properties.has("samples_per_pass")
     properties.integer("samples_per_pass", 1, at_least=1)
     timeout = properties.number("timeout", -1.0)
     if timeout > 0.0:
         properties.fail(
             "timeout", f"{timeout:g} s", "none: pictures are always finished here"
         )
+    return dataclasses.replace(integrator, block_size=block_size, one_pass=one_pass)
 
 
 def _direct(properties: Properties) -> Integrator:

@@ -76,6 +76,10 @@ def build_mesh(
         )
     with np.errstate(over="ignore", invalid="ignore"):
         vertices = transforms.place_points(to_world, data.vertices)
+        # far from the origin single precision would lose what the transform brings back
+        rounding = 16 * 2.0**-24 * np.abs(placed).max()
+        if not (np.abs(vertices - placed) <= rounding).all():
+            vertices = placed.astype(np.float32)
 
     keep = ~_degenerate(vertices, data.faces)
     faces = data.faces[keep]
