@@ -19,8 +19,8 @@ from mitsuba_ref.proof_file import read_proof
 from mitsuba_ref.replay import replay_scene
 from mitsuba_ref.worker import MitsubaWorker
 
-# What `make test` has the time for, each compiling its kernels: every shape, BSDF and light,
-# textures, vertex normals, instances, a cropped film. `make test-all` replays all scenes.
+# What `make test` has the time for, as each compiles its kernels: every shape, BSDF and
+# light, textures, vertex normals, instances, a cropped film. `make test-all` has them all.
 QUICK = (
     "analytic-shapes",
     "caustic",

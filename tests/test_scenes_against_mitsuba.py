@@ -12,9 +12,9 @@ from mitsuba_ref.ours import render_ours
 from mitsuba_ref.validation import validate_scene
 from mitsuba_ref.worker import MitsubaWorker
 
-# Replays with Mitsuba's numbers (test_replay_scenes.py) see more in less time. These show that
-# our own samplers and leaner methods agree too: point lights and ray trees without noise, area
-# lights, all lights asked in turn, a filter of its own, the sky, and AOVs.
+# Replays with Mitsuba's numbers (test_replay_scenes.py) see more in less time. These show
+# that our own samplers and leaner methods agree too: point lights and ray trees without
+# noise, area lights, all lights in turn, a filter of its own, the sky, and AOVs.
 QUICK = (
     "appel-teapot",
     "cornell-box",
