@@ -151,7 +151,8 @@ def _validate(
         progress("with the scene's own filter")
         comparison = _with_own_filter(comparison, request, render_ours, references)
     progress("replay")
-    samples = options.replay if options.checks != "statistics" else ()
+    wanted = options.checks != "statistics" and comparison.verdict in COMPARED
+    samples = options.replay if wanted else ()
     replays, replayed, refusal = replay_all(
         request, samples, render_ours, references, proof.replay, options.causes
     )

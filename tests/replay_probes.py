@@ -43,7 +43,7 @@ def _at_rays(inputs: KernelScene, origin: Any, direction: Any) -> tuple[Workspac
         channels=3,
         depths=1,
         instances=inputs.accelerators.instances is not None,
-        tangents=True,
+        replay=True,
     )
     n = fill(work.rays, origin, direction)
     work.hits.t[:n] = np.inf

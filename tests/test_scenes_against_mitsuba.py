@@ -14,13 +14,12 @@ from mitsuba_ref.worker import MitsubaWorker
 
 # Replays with Mitsuba's numbers (test_replay_scenes.py) see more in less time. These show
 # that our own samplers and leaner methods agree too: point lights and ray trees without
-# noise, area lights, all lights in turn, a filter of its own, the sky, and AOVs.
+# noise, area lights, a filter of its own, the sky, and AOVs.
 QUICK = (
     "appel-teapot",
     "cornell-box",
     "cropped-film",
     "depth-and-normals",
-    "emitters",
     "grey-furnace",
     "kaleidoscope",
     "whitted-spheres",
