@@ -42,9 +42,10 @@ def test_arguments_are_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert cli.main(["--out", str(tmp_path), "scenes/a", "--size", "test"]) == 0
     assert cli.main(["--out", str(tmp_path), "--no-ladder"]) == 0
     data = str(tmp_path / "data")
+    noisy = ["--checks", "statistics"]
     assert calls == [
-        ["scenes/a", "--report", data, "--size", "test", "--ladder"],
-        ["--report", data, "--size", "demo"],
+        ["scenes/a", "--report", data, "--size", "test", *noisy, "--ladder"],
+        ["--report", data, "--size", "demo", *noisy],
     ]
 
 
