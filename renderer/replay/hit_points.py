@@ -27,7 +27,6 @@ from renderer.replay.rounded_once import (
     fused_cross,
     fused_dot,
     fused_sum,
-    plain_dot,
     times_point,
     times_vector,
     unit,
@@ -146,7 +145,7 @@ def _on_disk(matrices, disks, k, origin, direction):
     inverse = _ONE / np.sqrt(fused_multiply_add(x, x, y * y))
     outwards = vec3(x * inverse, y * inverse, _ZERO)
     point = fused_sum(direction, t, origin)
-    position = fused_sum(normal, plain_dot(center - point, normal), point)
+    position = fused_sum(normal, dot(center - point, normal), point)
     return HitPoint(position, normal, times_vector(matrices, 0, k, outwards), t, t)
 
 
@@ -180,8 +179,8 @@ def _sphere_tangent(spheres, k, center, radius, p):
     """Return dp/du on a sphere, which turns about its local z axis."""
     x_axis, y_axis = _columns3(spheres.frame, 0, k), _columns3(spheres.frame, 3, k)
     inverse = _ONE / radius
-    x = fused_affine(x_axis * inverse, -plain_dot(x_axis * inverse, center), p)
-    y = fused_affine(y_axis * inverse, -plain_dot(y_axis * inverse, center), p)
+    x = fused_affine(x_axis * inverse, -dot(x_axis * inverse, center), p)
+    y = fused_affine(y_axis * inverse, -dot(y_axis * inverse, center), p)
     return fused_sum(y_axis * radius, x, x_axis * (radius * -y)) * _TWO_PI
 
 

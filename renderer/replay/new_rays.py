@@ -14,8 +14,8 @@ from renderer.jit import kernel, never_inline
 from renderer.kernel_scene import CONDUCTOR, DIFFUSE
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.hit_points import ROUNDING
-from renderer.replay.rounded_once import fused_cross, fused_sum, plain_dot, unit
-from renderer.vectors import column, vec3
+from renderer.replay.rounded_once import fused_cross, fused_sum, unit
+from renderer.vectors import column, dot, vec3
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -26,7 +26,7 @@ _ORIGIN_ROUNDING = np.float32(1e-6)  # a hundredth of how far off the surface ra
 def _frame(points, i, normal):
     """Return s and t of the shading frame at a point."""
     along_u = column(points.tangent, i)
-    s = unit(fused_sum(normal, -plain_dot(normal, along_u), along_u))
+    s = unit(fused_sum(normal, -dot(normal, along_u), along_u))
     return s, fused_cross(normal, s)
 
 
@@ -54,14 +54,14 @@ def _scattered(scene, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)
-    wi = vec3(plain_dot(view, s), plain_dot(view, t), plain_dot(view, normal))
+    wi = vec3(dot(view, s), dot(view, t), dot(view, normal))
     shape = points.shape[i]
     front = scene.shapes.front[shape]
     bsdf = front if wi.z > _ZERO else scene.shapes.back[shape]
     kind = scene.bsdfs.kind[bsdf]
     if kind == DIFFUSE:
         return direction  # `directions.py` has done it
-    if kind == CONDUCTOR or plain_dot(direction, normal) * wi.z > _ZERO:
+    if kind == CONDUCTOR or dot(direction, normal) * wi.z > _ZERO:
         wo = vec3(-wi.x, -wi.y, wi.z)
     else:
         wo = _refracted(wi, _index_of(scene.bsdfs.dielectric, bsdf))
@@ -84,7 +84,7 @@ def _off_surface(points, i, direction, fixed):
     """Return the origin of a ray in a direction, off the surface by Mitsuba's rule."""
     p, normal = column(points.position, i), column(points.normal, i)
     size = _size(p) * fixed
-    if plain_dot(normal, direction) < _ZERO:
+    if dot(normal, direction) < _ZERO:
         size = -size
     return fused_sum(normal, size, p)
 

@@ -33,12 +33,6 @@ def fused_dot(a, b):
 
 
 @kernel
-def plain_dot(a, b):
-    """Return a . b, without fusing."""
-    return (a.x * b.x + a.y * b.y) + a.z * b.z
-
-
-@kernel
 def fused_affine(row, at, p):
     """Return row . p + at, summed from the translation on."""
     x = fused_multiply_add(row.x, p.x, at)
