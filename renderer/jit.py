@@ -40,6 +40,7 @@ _WITHOUT_KERNELS = (
     "progress_display.py",
     "render.py",
     "rendering.py",
+    "replay/instance_matrices.py",
     "replay/numbers_drawn.py",
     "replay/pixel_seeds.py",
     "replay/triangle_arithmetic.py",

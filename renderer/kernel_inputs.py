@@ -109,9 +109,5 @@ def kernel_scene(
         kernel_camera(scene.description.camera),
         replay_sampler(scene, plan, seed) if plan.replay else kernel_sampler(plan, seed),
         settings,
-        replay_surfaces(
-            scene.description, scene.surfaces.get("rectangles"), measured_camera
-        )
-        if plan.replay
-        else None,
+        replay_surfaces(scene.description, measured_camera) if plan.replay else None,
     )

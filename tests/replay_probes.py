@@ -168,9 +168,27 @@ def scattered(inputs: KernelScene, origin: Any, direction: Any, x: Any, y: Any) 
     parts = []
     for first in range(0, len(origin), CAPACITY):
         part = slice(first, first + CAPACITY)
-        work, n = _at_rays(inputs, origin[part], direction[part])
-        numbers = [np.pad(float32(a[part]), (0, -n % 16), "edge") for a in (x, y)]
-        out = np.empty((3, n + -n % 16), np.float32)
-        assert run_scatter(inputs, work, n, *numbers, out) == n, "a ray missed"
-        parts.append(out[:, :n].T.astype(float))
+        found = seen(inputs, origin[part], direction[part], x[part], y[part])
+        parts.append(found.direction.astype(float))
     return np.concatenate(parts)
+
+
+class Seen(NamedTuple):
+    """What a replay knows of hits, and where diffuse paths go on; float32, (n, 3)."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    shading_normal: np.ndarray
+    uv: np.ndarray  # (n, 2)
+    direction: np.ndarray
+
+
+def seen(inputs: KernelScene, origin: Any, direction: Any, x: Any, y: Any) -> Seen:
+    """What up to `CAPACITY` rays (n, 3) hit, and where they go on; all must hit."""
+    work, n = _at_rays(inputs, origin, direction)
+    numbers = [np.pad(float32(a), (0, -n % 16), "edge") for a in (x, y)]
+    out = np.empty((3, n + -n % 16), np.float32)
+    assert run_scatter(inputs, work, n, *numbers, out) == n, "a ray missed"
+    points = work.points
+    rows = (points.position, points.normal, points.shading_normal, points.uv, out)
+    return Seen(*(row[:, :n].T.copy() for row in rows))

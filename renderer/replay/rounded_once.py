@@ -60,6 +60,15 @@ def times_vector(rows, first, k, a):
 
 
 @kernel
+def fused_times(x, y, z, a):
+    """Return the matrix with the rows x, y, z times a, summed from the first column."""
+    zero = -_ZERO  # the one that a product does not change
+    return vec3(
+        fused_affine(x, zero, a), fused_affine(y, zero, a), fused_affine(z, zero, a)
+    )
+
+
+@kernel
 def _row_times(rows, row, k, at, p):
     return fused_affine(vec3(rows[row, k], rows[row + 1, k], rows[row + 2, k]), at, p)
 
