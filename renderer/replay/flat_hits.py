@@ -28,6 +28,12 @@ def column3(rows, first, k):
 
 
 @kernel
+def column9(rows, first, k):
+    """Return the three vectors in nine rows of column k."""
+    return column3(rows, first, k), column3(rows, first + 3, k), column3(rows, first + 6, k)
+
+
+@kernel
 def _barycentric_robust(a, b, c, direction):
     """Return (u, v) from vertices relative to the ray's origin."""
     u = fused_dot(fused_cross(c - a, c + a), direction)
@@ -58,7 +64,7 @@ def _barycentric(a, b, c, origin, direction, grouped):
 @kernel
 def _weighted(rows, k, w, u, v):
     """Return the weighted sum of three vectors in a column, the first one last."""
-    a, b, c = column3(rows, 0, k), column3(rows, 3, k), column3(rows, 6, k)
+    a, b, c = column9(rows, 0, k)
     return fused_sum(a, w, fused_sum(b, u, c * v))
 
 
@@ -88,18 +94,14 @@ def _interpolated_normal(a, b, c, w, u, v):
 def _vertex_normal(normals, k, w, u, v, flat):
     if normals is None:
         return flat
-    a, b, c = column3(normals, 0, k), column3(normals, 3, k), column3(normals, 6, k)
+    a, b, c = column9(normals, 0, k)
     return _interpolated_normal(a, b, c, w, u, v)
 
 
 @kernel
 def on_triangle(triangles, vertices, k, ray, grouped):
     """Return the hit on triangle k; `grouped`: it is in a group."""
-    a, b, c = (
-        column3(vertices, 0, k),
-        column3(vertices, 3, k),
-        column3(vertices, 6, k),
-    )
+    a, b, c = column9(vertices, 0, k)
     u, v = _barycentric(a, b, c, ray.origin, ray.direction, grouped)
     w = (_ONE - u) - v
     flat = column(triangles.normal, k)
@@ -116,11 +118,7 @@ def on_rectangle(replayed, k, u, v, ray, grouped):
     far = u + v > _ONE
     half = 2 * k + (1 if far else 0)
     vertices = replayed.rectangles
-    a, b, c = (
-        column3(vertices, 0, half),
-        column3(vertices, 3, half),
-        column3(vertices, 6, half),
-    )
+    a, b, c = column9(vertices, 0, half)
     u, v = _barycentric(a, b, c, ray.origin, ray.direction, grouped)
     w = (_ONE - u) - v
     position = _weighted(vertices, half, w, u, v)

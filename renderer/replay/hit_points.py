@@ -140,11 +140,10 @@ def _round_frame(scene, replayed, prim, instance, found, points, i):
     _round_normal(points.normal, i, placed_normal(matrices, instance, found.normal))
     normal = placed_normal(matrices, instance, found.vertex_normal)
     _round_normal(points.shading_normal, i, normal)
-    if instance >= 0 or not _has(
-        scene.surfaces.triangles, prim
-    ):  # else it is the mesh's own
-        tangent = placed_vector(instances, instance, found.tangent)
-        _replace_tangent(points.tangent, i, tangent)
+    if instance < 0 and _has(scene.surfaces.triangles, prim):
+        return  # dp/du is what the mesh has
+    tangent = placed_vector(instances, instance, found.tangent)
+    _replace_tangent(points.tangent, i, tangent)
 
 
 @kernel

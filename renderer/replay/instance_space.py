@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from renderer.affine import affine_at
 from renderer.jit import kernel
-from renderer.replay.flat_hits import column3
+from renderer.replay.flat_hits import column3, column9
 from renderer.replay.rounded_once import fused_affine, fused_sum, fused_times, unit
 from renderer.vectors import vec3
 
@@ -31,12 +31,8 @@ def embree_ray(matrices, instance, origin, direction):
         return ObjectRay(origin, direction)
     if instance < 0:
         return ObjectRay(origin, direction)
-    x, y, z, at = (
-        column3(matrices, 0, instance),
-        column3(matrices, 3, instance),
-        column3(matrices, 6, instance),
-        column3(matrices, 9, instance),
-    )
+    x, y, z = column9(matrices, 0, instance)
+    at = column3(matrices, 9, instance)
     o = fused_sum(y, origin.y, fused_sum(z, origin.z, at))
     d = fused_sum(y, direction.y, z * direction.z)
     return ObjectRay(fused_sum(x, origin.x, o), fused_sum(x, direction.x, d))
@@ -49,12 +45,8 @@ def mitsuba_ray(matrices, instance, origin, direction):
         return ObjectRay(origin, direction)
     if instance < 0:
         return ObjectRay(origin, direction)
-    x, y, z, at = (
-        column3(matrices, 12, instance),
-        column3(matrices, 15, instance),
-        column3(matrices, 18, instance),
-        column3(matrices, 21, instance),
-    )
+    x, y, z = column9(matrices, 12, instance)
+    at = column3(matrices, 21, instance)
     o = fused_sum(z, origin.z, fused_sum(y, origin.y, fused_sum(x, origin.x, at)))
     d = fused_sum(z, direction.z, fused_sum(y, direction.y, x * direction.x))
     return ObjectRay(o, d)
@@ -93,9 +85,5 @@ def placed_normal(matrices, instance, n):
         return n
     if instance < 0:
         return n
-    x, y, z = (
-        column3(matrices, 12, instance),
-        column3(matrices, 15, instance),
-        column3(matrices, 18, instance),
-    )
+    x, y, z = column9(matrices, 12, instance)
     return unit(fused_times(x, y, z, n))
