@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from renderer.image import Image
 from renderer.render import render
 from renderer.rendering import Progress
 from renderer.scene import Scene, build_scene
-from renderer.scene_file import read_dict, read_file, read_string
+from renderer.scene_file import SceneDescription, read_dict, read_file, read_string
 
 __version__ = "0.1.0"
 __all__ = [
@@ -34,21 +35,35 @@ __all__ = [
 def load_file(path: str | Path, /, **parameters: object) -> Scene:
     """Load a Mitsuba 3 XML scene; keyword arguments replace the file's `<default>` values.
 
+    What the file says but the picture does not follow, such as triangles without area that
+    are dropped, goes to the logger "renderer" as warnings.
+
     Raises
     ------
     SceneError
         With file, line, plugin and property, if the scene cannot be rendered.
     """
-    return build_scene(read_file(path, **parameters))
+    return _logged(read_file(path, **parameters))
 
 
 def load_string(
     xml: str, /, *, base_dir: str | Path | None = None, **parameters: object
 ) -> Scene:
     """Load a scene from XML text; files it names are looked up in `base_dir`."""
-    return build_scene(read_string(xml, base_dir=base_dir, **parameters))
+    return _logged(read_string(xml, base_dir=base_dir, **parameters))
 
 
 def load_dict(scene: dict[str, Any], *, base_dir: str | Path | None = None) -> Scene:
     """Load a scene from a dictionary of the form that Mitsuba's `load_dict` takes."""
-    return build_scene(read_dict(scene, base_dir=base_dir))
+    return _logged(read_dict(scene, base_dir=base_dir))
+
+
+def _logged(description: SceneDescription) -> Scene:
+    """Build a scene and log what its reader noticed.
+
+    Not in the reader: the command line prints the same lines in a form of its own.
+    """
+    scene = build_scene(description)
+    for warning in description.warnings:
+        logging.getLogger(__name__).warning("%s", warning)
+    return scene

@@ -231,7 +231,8 @@ def _parser() -> argparse.ArgumentParser:
         "--accel",
         choices=ACCELERATORS,
         metavar="NAME",
-        help=f"{', '.join(ACCELERATORS)} (default: auto, by the number of primitives)",
+        help=f"{', '.join(ACCELERATORS)}; the picture is the same; auto, the default, is "
+        "what a cost model expects to be the fastest",
     )
     add(
         "--sampler",

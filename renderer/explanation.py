@@ -7,20 +7,34 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
-from renderer.scene import Scene
+from renderer.scene import KINDS, Scene
 from renderer.scene_file.description import (
     Conductor,
+    ConstantLight,
     Dielectric,
     Diffuse,
+    DirectionalLight,
     Integrator,
+    PointLight,
     Sampler,
+    SpotLight,
 )
+
+if TYPE_CHECKING:
+    from renderer.plan import Plan
 
 TOPIC_WIDTH = 14  # columns before the text
 
+_LIGHTS: dict[type, str] = {
+    PointLight: "point",
+    SpotLight: "spot",
+    DirectionalLight: "directional",
+    ConstantLight: "constant",
+}
 _PATTERNS = {
     "stratified": "a square number",
     "multijitter": "the cells of a grid",
@@ -71,12 +85,16 @@ def describe_integrator(asked: Integrator) -> str:
 
 
 def explain_geometry(scene: Scene, why: Explanation) -> None:
-    """Count the primitives."""
+    """Count the primitives, and list the kinds that the scene has none of."""
     shapes = (_counted(count, kind) for kind, count in _primitives(scene).items())
     counted = list(shapes)
     if scene.placements is not None:
         counted.append(_instances(scene))
     why.say("geometry", ", ".join(counted) or "nothing")
+    missing = [kind for kind in KINDS if kind not in scene.surfaces]
+    if scene.placements is None:
+        missing.append("instances")
+    _leave_out(missing, "the scene has none", why)
 
 
 def explain_accelerators(
@@ -118,20 +136,63 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
     why.say(
         "BSDFs", ", ".join(kind for kind, present in kinds.items() if present) or "none"
     )
-    lights: dict[str, int] = {}
-    for emitter in scene.description.emitters:
-        name = type(emitter).__name__.removesuffix("Light").lower()
-        lights[name] = lights.get(name, 0) + 1
-    area = sum(shape.radiance is not None for shape in scene.description.shapes)
-    if area:
-        lights["area"] = area
-    listed = ", ".join(f"{count} {name}" for name, count in lights.items())
+    lights = _lights(scene)
+    listed = ", ".join(f"{count} {kind}" for kind, count in lights.items() if count)
     why.say("lights", listed or "none")
     if not materials.textured:
-        why.say("left out", "textures and uv: no BSDF looks at them")
-    missing = ", ".join(kind for kind, present in kinds.items() if not present)
-    if missing:
-        why.say("left out", f"{missing}: no shape has it; not compiled")
+        why.say("left out", "textures and uv: no BSDF looks at them; not compiled")
+    _leave_out([k for k, present in kinds.items() if not present], "no shape has it", why)
+    if listed:
+        absent = [kind for kind, count in lights.items() if not count]
+        _leave_out(absent, "the scene has no such light", why)
+    else:
+        _leave_out(["lights of any kind"], "the scene has none", why)
+
+
+def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) -> None:
+    """Say whether two ways to find the same light are weighed, or why not.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was decided.
+    scene : Scene
+        Its materials and lights.
+    extended : bool
+        Whether a ray can hit a light.
+    why : Explanation
+        Where it is said.
+    """
+    what = "multiple importance sampling"
+    if plan.weigh:
+        by = "light samples and BSDF samples that hit a light, by the power heuristic"
+        why.say("weights", f"{what}: {by}")
+        return
+    if not extended:
+        what += ", emission at hits"
+        lights = bool(scene.description.emitters)
+        reason = "all lights are points or directions" if lights else "there is no light"
+    elif plan.max_depth <= 1:
+        reason = "with max_depth 1 only what shines is seen"
+    elif scene.materials.has(Diffuse):
+        reason = "diffuse surfaces send no rays on"
+    else:
+        reason = "no surface is diffuse"
+    why.say("left out", f"{what}: {reason}")
+
+
+def explain_roulette(plan: Plan, asked: Integrator, why: Explanation) -> None:
+    """Say from which segment on Russian roulette is played, or why it is not."""
+    if plan.roulette_depth is not None:
+        why.say("roulette", f"Russian, from segment {plan.roulette_depth} on")
+        return
+    if plan.method == "path":
+        reason = f"max_depth {plan.max_depth} comes before rr_depth {asked.rr_depth}"
+    elif plan.method == "whitted":
+        reason = "a tree of rays ends at its depth and its cutoff"
+    else:
+        reason = "direct light is two segments long"
+    why.say("left out", f"Russian roulette: {reason}")
 
 
 def explain_samples(
@@ -164,6 +225,21 @@ def explain_samples(
     if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
     why.say("samples", text)
+
+
+def _leave_out(kinds: list[str], reason: str, why: Explanation) -> None:
+    """Name the kinds of which nothing is compiled, if there are any."""
+    if kinds:
+        why.say("left out", f"{', '.join(kinds)}: {reason}; not compiled")
+
+
+def _lights(scene: Scene) -> dict[str, int]:
+    """Return how many there are of each kind, 0 for those that the scene lacks."""
+    lights = dict.fromkeys(_LIGHTS.values(), 0)
+    for emitter in scene.description.emitters:
+        lights[_LIGHTS[type(emitter)]] += 1
+    area = sum(shape.radiance is not None for shape in scene.description.shapes)
+    return lights | {"area": area}
 
 
 def _primitives(scene: Scene) -> dict[str, int]:

@@ -18,7 +18,9 @@ from renderer.explanation import (
     explain_accelerators,
     explain_geometry,
     explain_materials_and_lights,
+    explain_roulette,
     explain_samples,
+    explain_weights,
 )
 from renderer.replay.pixel_seeds import BLOCK_SIZE
 from renderer.scene import Scene
@@ -249,26 +251,8 @@ def _decide(
     )
     if method == "path" and not materials.has(Diffuse):
         follow = False
-    weigh = extended and follow and materials.has(Diffuse)
-    if not extended:
-        reason = "all lights are points or directions" if lights else "there is no light"
-        why.say("left out", f"multiple importance sampling, emission at hits: {reason}")
-    elif not weigh:
-        why.say(
-            "left out", "multiple importance sampling: diffuse surfaces send no rays on"
-        )
-    roulette = asked.rr_depth if method == "path" else None
-    if roulette is not None and depth <= roulette:
-        roulette = None
-        why.say(
-            "left out",
-            f"Russian roulette: max_depth {depth} comes before rr_depth {asked.rr_depth}",
-        )
-    if method == "direct" and not mirrors and not follow and depth > 1:
-        why.say("left out", "scattering: nothing is reflected towards another surface")
-
-    explain_geometry(scene, why)
-    explain_materials_and_lights(scene, why)
+    weigh = extended and follow and materials.has(Diffuse) and depth > 1
+    roulette = asked.rr_depth if method == "path" and asked.rr_depth < depth else None
     plan = Plan(
         method,
         depth,
@@ -284,6 +268,12 @@ def _decide(
         replay=replay,
         bsdf_samples=asked.bsdf_samples if method == "direct" else 1,
     )
+    explain_weights(plan, scene, extended, why)
+    explain_roulette(plan, asked, why)
+    if method == "direct" and not mirrors and not follow and depth > 1:
+        why.say("left out", "scattering: nothing is reflected towards another surface")
+    explain_geometry(scene, why)
+    explain_materials_and_lights(scene, why)
     random = _is_random(plan, extended, materials.has(Dielectric))
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
@@ -336,6 +326,7 @@ def _first_hit_plan(
     )
     if replay:
         why.say("numbers", OF_MITSUBA)
+    why.say("left out", "lights, shadow rays, bounces: the first hit alone is asked for")
     explain_geometry(scene, why)
     explain_samples(sampler, count, False, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
+import reprlib
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +18,7 @@ from renderer.compilation import CompilationWatch
 from renderer.errors import SceneError
 from renderer.heat_map import heat_map
 from renderer.image import Image
-from renderer.plan import make_plan
+from renderer.plan import MOST_SAMPLES, make_plan
 from renderer.rendering import Progress, Rendering
 from renderer.scene import Scene
 from renderer.threads import default_threads
@@ -52,7 +54,9 @@ def render(
         `direct`, `whitted`, `path`, `depth`, `aov` or `work`; None or `auto` take the
         least method that gives what the file asks for.
     accel : str, optional
-        `brute` or `bvh`; None or `auto` choose by the number of primitives.
+        One of `renderer.accelerators.build.NAMES`, such as `brute`, `wide` or `kd-sah`; all
+        give the same picture. None or `auto` take for each kind of primitive the structure
+        that a cost model expects to be the fastest.
     sampler : str, optional
         A sampler's name instead of the file's; `mitsuba` is the file's with the random
         numbers that Mitsuba's scalar variants draw, so that both take the same paths.
@@ -74,12 +78,19 @@ def render(
     ------
     SceneError
         For a name that does not exist or a number that is out of range.
+    TypeError
+        For a scene that is none, and for `spp`, `seed` or `threads` that are no whole
+        numbers.
     """
+    if not isinstance(scene, Scene):
+        raise TypeError(
+            f"the scene is {_shown(scene)}; possible is what `load_file`, `load_string` or "
+            "`load_dict` returns"
+        )
     threads = default_threads() if threads is None else threads
-    if not 1 <= threads <= MOST_THREADS:
-        raise SceneError(f"threads is {threads}; 1 to {MOST_THREADS} are possible")
-    if not 0 <= seed < 2**32:
-        raise SceneError(f"seed is {seed}; 0 to {2**32 - 1} are possible")
+    threads = _whole_number("threads", threads, 1, MOST_THREADS)
+    seed = _whole_number("seed", seed, 0, 2**32 - 1)
+    spp = None if spp is None else _whole_number("spp", spp, 1, MOST_SAMPLES)
     accel = accel or "auto"
     if accel not in ACCELERATORS:
         known = ", ".join(ACCELERATORS)
@@ -139,6 +150,24 @@ def render(
         return dataclasses.replace(image, complete=False, metadata=metadata)
     both = with_picture(image, picture)
     return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
+
+
+def _whole_number(name: str, value: object, least: int, most: int) -> int:
+    """Return an argument that is an integer, NumPy's included, and in range."""
+    try:
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise TypeError(
+            f"{name} is {_shown(value)}; whole numbers from {least} to {most} are possible"
+        ) from None
+    if not least <= number <= most:
+        raise SceneError(f"{name} is {number}; {least} to {most} are possible")
+    return number
+
+
+def _shown(value: object) -> str:
+    """Return a value and its type on one line, cut if it is long."""
+    return f"{reprlib.repr(value)} (of type {type(value).__name__})"
 
 
 def _image(

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernel_scene import (
     ANY,
     EMIT,
@@ -37,10 +36,10 @@ from renderer.scene_file.description import (
     Shape,
     Sphere,
 )
+from renderer.scene_file.reach import FARTHEST
 from renderer.surface_records import float32, surface_record
 from renderer.surface_records import unit_normals as unit_normals
 
-_FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 
 
@@ -139,7 +138,8 @@ def build_scene(description: SceneDescription) -> Scene:
     Raises
     ------
     SceneError
-        If a coordinate is too large for single precision.
+        If an instance takes a coordinate too far for single precision; the reader has
+        looked at the shapes.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         return _build_scene(description)
@@ -182,12 +182,6 @@ def _build_scene(description: SceneDescription) -> Scene:
         sizes = np.bincount(groups, columns, minlength=group_of[-1] + 1)
         starts[kind] = np.cumsum(sizes).astype(np.int64)
         first = record.end
-        finite = all(f is None or np.isfinite(f).all() for f in record[2:])
-        if not (finite and np.abs(primitive_bounds(kind, record)).max() < _FARTHEST):
-            raise SceneError(
-                f"{description.source}: {kind} reach farther than {_FARTHEST:g}, where "
-                "single precision cannot square distances any more; scale the scene down"
-            )
 
     shape = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
     stages = np.array([shape_stages(s) for s in every_shape] or [0], np.int32)
@@ -209,7 +203,7 @@ def _build_scene(description: SceneDescription) -> Scene:
         starts,
         place(description.instances),
     )
-    check_placements(description, scene.placements, scene.bounds, _FARTHEST)
+    check_placements(description, scene.placements, scene.bounds, FARTHEST)
     return scene
 
 

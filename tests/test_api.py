@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from small_scenes import (
@@ -75,6 +77,25 @@ def test_parameters_replace_the_defaults_of_a_file(tmp_path):
     assert renderer.render(renderer.load_string(XML, spp=4, width=2)).spp == 4
 
 
+def test_what_the_reader_drops_is_in_the_log(tmp_path, caplog):
+    """A program that calls `load_file` sees it without asking for the warnings.
+
+    Of two triangles one is a line. Each way to load says so once, to the logger "renderer".
+    """
+    (tmp_path / "two.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 2\n")
+    mesh = {"type": "obj", "filename": "two.obj"}
+    shape = '<shape type="obj"><string name="filename" value="two.obj"/></shape>'
+    xml = XML.replace("</scene>", f"{shape}</scene>")
+    (tmp_path / "scene.xml").write_text(xml)
+    renderer.load_file(tmp_path / "scene.xml")
+    renderer.load_string(xml, base_dir=tmp_path)
+    renderer.load_dict(lit_floor() | {"mesh": mesh}, base_dir=tmp_path)
+    assert [record.name for record in caplog.records] == ["renderer"] * 3
+    assert {record.levelname for record in caplog.records} == {"WARNING"}
+    for message in caplog.messages:
+        assert message.endswith("two.obj: dropped 1 degenerate of 2 triangles")
+
+
 # ---------------------------------------------------------------------------- images
 
 
@@ -135,6 +156,49 @@ def test_bad_arguments_are_one_line_that_says_what_is_possible(arguments, words)
     with pytest.raises(SceneError) as caught:
         renderer.render(loaded, **arguments)
     assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["spp", "threads", "seed"])
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [("4", "'4' (of type str)"), (4.0, "4.0 (of type float)"), ([4], "[4] (of type list)")],
+)
+def test_what_is_no_whole_number_is_one_line_that_says_what_is(name, value, found):
+    """Beside the value its type: '4' and 4 look the same in many messages."""
+    loaded = renderer.load_dict(lit_floor())
+    with pytest.raises(TypeError) as caught:
+        renderer.render(loaded, **{name: value})
+    line = rf"{name} is {re.escape(found)}; whole numbers from \d+ to \d+ are possible"
+    assert re.fullmatch(line, str(caught.value))
+
+
+def test_whole_numbers_of_numpy_are_whole_numbers():
+    loaded = renderer.load_dict(lit_floor(size=(2, 2)))
+    image = renderer.render(loaded, spp=np.int32(4), threads=np.int64(2), seed=np.uint32(0))
+    assert (image.spp, image.threads) == (4, 2)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: renderer.render(3), "the scene is 3 (of type int); possible is what `lo"),
+        (lambda: renderer.render("scene.xml"), "the scene is 'scene.xml' (of type str); "),
+        (lambda: renderer.load_string(3), "the scene is of type int; possible is XML"),
+        (
+            lambda: renderer.load_file(3),
+            "the path of the scene is of type int; possible is",
+        ),
+        (
+            lambda: renderer.load_string(XML, base_dir=3),
+            "base_dir is of type int; possible",
+        ),
+    ],
+)
+def test_what_is_no_scene_is_one_line_that_says_what_is(call, words):
+    with pytest.raises(TypeError) as caught:
+        call()
+    assert str(caught.value).startswith(words)
     assert "\n" not in str(caught.value)
 
 

@@ -6,6 +6,7 @@ infinite size in the builder.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -41,19 +42,70 @@ def test_floors_of_any_size_are_equally_bright(scale: float) -> None:
     assert np.isfinite(pixels).all()
 
 
+TOO_FAR = "found what makes the shape reach farther than 1e+18, expected coordinates"
+BALL = '<shape type="sphere">\n<float name="radius" value="{}"/>\n</shape>'
+MESH = """<shape type="obj">
+<string name="filename" value="far.obj"/>
+<transform name="to_world"><scale value="{}"/></transform></shape>"""
+CAMERA = '<sensor type="perspective"/>'
+
+
 @pytest.mark.parametrize("scale", [1e18, 1e25, 1e38])
 def test_floors_beyond_single_precision_are_refused(scale: float) -> None:
-    with pytest.raises(renderer.SceneError, match="reach farther than 1e\\+18"):
+    words = f'shape "rectangle", property "to_world": {TOO_FAR}'
+    with pytest.raises(renderer.SceneError, match=re.escape(words)):
         _floor_under_the_sun(scale)
 
 
-def test_a_disk_whose_square_overflows_is_refused() -> None:
-    """Its box would be infinite, and the builder's bins would not hold it."""
-    disk = {"type": "disk", "to_world": np.diag([2e19, 2e19, 1.0, 1.0])}
-    with pytest.raises(renderer.SceneError, match="disks reach farther"):
-        renderer.load_dict(
-            {"type": "scene", "sensor": sensor((0, 3, 0), (0, 0, 0)), "d": disk}
+@pytest.mark.parametrize(
+    ("shape", "place"),
+    [
+        (BALL.format("1e30"), ':3: shape "sphere", property "radius"'),
+        (
+            '<shape type="disk"><transform name="to_world">\n'
+            '<scale value="2e19"/></transform></shape>',  # its box would be infinite
+            ':2: shape "disk", property "to_world"',
+        ),
+        (
+            '<shape type="cylinder"><point name="p1" value="0 0 2"/>\n'
+            '<point name="p0" value="0 -3e18 0"/></shape>',
+            ':3: shape "cylinder", property "p0"',
+        ),
+        (
+            '<shape type="cube"><transform name="to_world">'
+            '<translate x="1e20"/></transform></shape>',
+            ':2: shape "cube", property "to_world"',
+        ),
+        (MESH.format(1), ':3: shape "obj", property "filename"'),
+        (MESH.format("1e15"), ':4: shape "obj", property "to_world"'),
+        (
+            f'<shape type="shapegroup" id="g">{BALL.format("2e18")}</shape>'
+            '<shape type="instance"><ref id="g"/></shape>',
+            ':3: shape "sphere", property "radius"',
+        ),
+    ],
+)
+def test_what_reaches_too_far_is_named_by_line_plugin_and_property(
+    shape: str, place: str, tmp_path: Path
+) -> None:
+    """Squares of 1e18 and more leave float32. The mesh's vertices reach 1e4 or 1e19."""
+    far = "1e4" if "1e15" in shape else "1e19"
+    (tmp_path / "far.obj").write_text(f"v 0 0 0\nv {far} 0 0\nv 0 {far} 0\nf 1 2 3\n")
+    with pytest.raises(renderer.SceneError) as caught:
+        renderer.load_string(
+            f'<scene version="3.0.0">\n{shape}{CAMERA}</scene>', base_dir=tmp_path
         )
+    assert str(caught.value).startswith(f"<string>{place}: {TOO_FAR}")
+
+
+def test_what_reaches_almost_too_far_is_read() -> None:
+    """A sphere of radius 9e17; the sum of its axes' coordinates would pass the limit."""
+    turned = (
+        '<shape type="sphere"><float name="radius" value="9e17"/>'
+        '<transform name="to_world"><rotate y="1" angle="45"/></transform></shape>'
+    )
+    scene = renderer.load_string(f'<scene version="3.0.0">{turned}{CAMERA}</scene>')
+    assert 9e17 <= np.abs(scene.bounds).max() < 1e18
 
 
 LAMP = """v -1 -1 2

@@ -360,7 +360,19 @@ OBJ_FAULTS = {
     "two coordinates": ("v 0 0\n", ":1: a vertex needs 3 numbers, found 2"),
     "index past the end": (POINTS + "f 1 2 9\n", ":6: face corner `9`: vertex 9"),
     "index 0": (POINTS + "f 0 1 2\n", ":6: face corner `0`: vertex 0"),
-    "negative past the start": (POINTS + "f -6 -1 -2\n", ":6: face corner `-1`: vertex -1"),
+    "negative past the start": (POINTS + "f -1 -2 -6\n", ":6: face corner `-6`: vertex -6"),
+    "negative, some later": (
+        "v 0 0 0\nv 1 0 0\nf -1 -2 -3\nv 0 1 0\n",
+        ":3: face corner `-3`: vertex -3 does not exist, 2 come before it",
+    ),
+    "negative uv": (
+        POINTS + UVS + "f -1/-9 -2/-1 -3/-1\n",
+        "`-1/-9`: texture coordinate -9",
+    ),
+    "minus 0": (
+        "v 0 0 0\nv 1 0 0\nf -1 -2 -0\nv 0 1 0\n",
+        ":3: face corner `-0`: vertex 0",
+    ),
     "uv index": (POINTS + UVS + "f 1/4 2/1 3/1\n", ":9: face corner `1/4`: texture"),
     "normal index": (POINTS + "f 1 2 3\nf 1//1 2 3\n", ":7: face corner `1//1`: normal 1"),
     "zero normal": (POINTS + "vn 0 0 0\nf 1//1 2//1 3//1\n", ":6: normal (0, 0, 0)"),

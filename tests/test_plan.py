@@ -22,6 +22,7 @@ from small_scenes import (
     sensor,
     sky,
     sphere,
+    sun,
 )
 
 import renderer
@@ -62,7 +63,11 @@ def test_a_longer_path_stays_a_path():
 def test_roulette_only_where_a_path_gets_that_far(max_depth, rr_depth, roulette):
     plan = plan_of("path", floor(), LAMP, max_depth=max_depth, rr_depth=rr_depth)
     assert plan.roulette_depth == roulette
-    assert ("left out Russian roulette" in explained(plan)) == (roulette is None)
+    text = explained(plan)
+    assert ("left out Russian roulette" in text) == (roulette is None)
+    assert ("roulette Russian, from segment" in text) == (roulette is not None)
+    if roulette is not None:
+        assert f"Russian, from segment {roulette} on" in text
 
 
 @pytest.mark.parametrize("max_depth", [2, 4])
@@ -75,7 +80,15 @@ def test_importance_sampling_of_two_kinds_needs_lights_that_can_be_hit(max_depth
         plan = plan_of("path", floor(), extended, max_depth=max_depth)
         assert plan.weigh
         assert plan.follow
-        assert "multiple importance sampling" not in explained(plan)
+        assert "weights multiple importance sampling: light samples" in explained(plan)
+        assert "left out multiple importance sampling" not in explained(plan)
+
+
+def test_what_shines_alone_needs_no_weights():
+    """One segment: no light is asked for and none is met on the way back."""
+    plan = plan_of("path", floor(), LAMP, max_depth=1)
+    assert not plan.weigh
+    assert "left out multiple importance sampling: with max_depth 1" in explained(plan)
 
 
 def test_direct_with_point_lights_sends_no_rays_on():
@@ -124,6 +137,7 @@ def test_depth_and_aovs_sample_no_light(integrator):
     assert not plan.every_light
     assert not plan.follow
     assert "the first hit alone; no light, no BSDF is sampled" in explained(plan)
+    assert "left out lights, shadow rays, bounces: the first hit" in explained(plan)
 
 
 def test_a_fixed_pattern_is_one_sample_a_pixel_and_said_to_be_exact():
@@ -153,6 +167,31 @@ def test_the_explanation_lists_what_is_there_and_what_is_not():
     assert "lights 1 area" in text
     assert "left out conductor: no shape has it; not compiled" in text
     assert "left out textures and uv" in text
+    assert "left out triangles, disks, cylinders, instances: the scene has none" in text
+    assert "left out point, spot, directional, constant: the scene has no such" in text
+    assert "weights multiple importance sampling: light samples and BSDF samples" in text
+    assert "roulette Russian, from segment 5 on" in text
+
+
+def test_no_kind_is_both_there_and_left_out():
+    """Every kind of shape and light is named once: with its number, or as left out."""
+    shapes = [
+        sphere(diffuse(0.5)),
+        {"type": "disk"},
+        {"type": "cylinder"},
+        {"type": "cube"},
+    ]
+    lights = [LAMP, sky(), sun((0, 0, -1)), point_light((0, 0, 2)), {"type": "spot"}]
+    everything = explained(plan_of("path", *shapes, *lights, max_depth=8))
+    assert "geometry 12 triangles, 1 rectangle, 1 disk, 1 sphere, 1 cylinder" in everything
+    assert "lights 1 point, 1 spot, 1 directional, 1 constant, 1 area" in everything
+    assert "left out instances: the scene has none" in everything
+    assert "no such light" not in everything
+    nothing = explained(plan_of("path", max_depth=8))
+    assert "geometry nothing" in nothing
+    assert "left out triangles, rectangles, disks, spheres, cylinders, instances" in nothing
+    assert "left out lights of any kind: the scene has none" in nothing
+    assert "left out Russian roulette: direct light" in nothing
 
 
 # ------------------------------------------------------------------------- pictures

@@ -42,16 +42,22 @@ def test_the_renderer_alone_needs_no_mitsuba():
 
 
 def test_every_dependency_is_pinned_inside_its_range():
-    """constraints.txt has an exact version for each, and pyproject.toml admits it."""
+    """constraints.txt has an exact version for each, and pyproject.toml admits it.
+
+    No package is named twice: of two ranges one would be out of date, unseen.
+    """
     pins = {}
     for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("#"):
             name, version = line.split("==")
             pins[canonicalize_name(name)] = Version(version)
     extras = PROJECT["optional-dependencies"].values()
-    wanted = [*PROJECT["dependencies"], *(line for extra in extras for line in extra)]
-    for requirement in map(Requirement, wanted):
-        assert pins[canonicalize_name(requirement.name)] in requirement.specifier
+    lines = [*PROJECT["dependencies"], *(line for extra in extras for line in extra)]
+    wanted = [Requirement(line) for line in lines]
+    names = [canonicalize_name(requirement.name) for requirement in wanted]
+    assert not {name for name in names if names.count(name) > 1}
+    for name, requirement in zip(names, wanted, strict=True):
+        assert pins[name] in requirement.specifier
 
 
 def run_import_linter(folder):

@@ -247,12 +247,18 @@ EXPLAINED = {
         "accelerator   24 triangles, 6 rectangles: brute force",
         "- conductor, dielectric: no shape has it; not compiled",
         "- textures and uv: no BSDF looks at them",
+        "weights       multiple importance sampling: light samples",
+        "roulette      Russian, from segment 5 on",
+        "- disks, spheres, cylinders, instances: the scene has none; not compiled",
+        "- point, spot, directional, constant: the scene has no such light; not compiled",
     ],
     "appel-teapot": [
         "method        direct, as asked for",
         "accelerator   6348 triangles: a bounding volume hierarchy",
         "1 per pixel, at its centre: nothing is random",
         "- multiple importance sampling, emission at hits: all lights are points or",
+        "- rectangles, disks, spheres, cylinders, instances: the scene has none; not",
+        "- spot, directional, constant, area: the scene has no such light; not compiled",
     ],
     "depth-and-normals": [
         "file asks     aov, and the colours of direct",
@@ -321,9 +327,12 @@ def test_more_samples_of_a_fixed_grid_are_a_finer_grid():
 # --------------------------------------------------------------------------- progress
 
 
-def test_warnings_of_the_scene_are_said(capsys):
+def test_warnings_of_the_scene_are_said_once(capsys, caplog):
+    """On standard error; the log, which `load_file` writes, stays empty."""
     main([str(SCENES / "depth-and-normals"), "-D", "spp=5", "--explain"])
     err = capsys.readouterr().err
+    assert err.count("warning") == 1
+    assert not caplog.records
     assert err.startswith("warning: ")
     assert "rounds 5 samples up to 9" in err
 

@@ -7,6 +7,7 @@ only meets scenes that it can render. Whatever is wrong or not supported is one
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,10 @@ def read_file(path: str | Path, /, **parameters: object) -> SceneDescription:
     ------
     SceneError
         If the file, or one that it names, cannot be read or rendered.
+    TypeError
+        If `path` is no path.
     """
+    _check_type("the path of the scene", path, (str, os.PathLike), "a str or a Path")
     path = Path(path)
     if not path.is_file():
         raise SceneError(f"{path}: no such scene file")
@@ -66,7 +70,10 @@ def read_string(
     ------
     SceneError
         As `read_file`.
+    TypeError
+        If `xml` is no text.
     """
+    _check_type("the scene", xml, (str, bytes), "XML text (a str)")
     return _read_xml(xml, "<string>", parameters, Reading(_folders(base_dir)))
 
 
@@ -100,4 +107,13 @@ def _read_xml(
 
 
 def _folders(base_dir: str | Path | None) -> list[Path]:
+    if base_dir is not None:
+        _check_type("base_dir", base_dir, (str, os.PathLike), "a str or a Path")
     return [Path.cwd()] if base_dir is None else [Path(base_dir), Path.cwd()]
+
+
+def _check_type(
+    what: str, value: object, possible: tuple[type, ...], expected: str
+) -> None:
+    if not isinstance(value, possible):
+        raise TypeError(f"{what} is of type {type(value).__name__}; possible is {expected}")

@@ -5,6 +5,7 @@ Beyond Mitsuba: negative (relative) indices and lines continued with a backslash
 
 from __future__ import annotations
 
+import bisect
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -46,6 +47,8 @@ class _Tables:
     corners: list[str] = field(default_factory=list)  # "7/2/3", of all faces in a row
     face_sizes: list[int] = field(default_factory=list)  # corners of each face
     face_lines: list[int] = field(default_factory=list)
+    # corners whose relative indices count back too far -> as the file has them
+    unresolved: dict[str, str] = field(default_factory=dict)
     skipped: list[tuple[int, str]] = field(default_factory=list)  # unknown (line, word)
 
 
@@ -150,17 +153,26 @@ def _join_continued(lines: list[str]) -> None:
 
 
 def _absolute(corner: str, tables: _Tables) -> str:
-    """Rewrite a corner with negative indices: -1 is the newest of its kind so far."""
+    """Rewrite a corner with negative indices: -1 is the newest of its kind so far.
+
+    One that counts back beyond the first stays negative, which no index may be.
+    """
     parts = corner.split("/")
+    too_far = False
     for place, table in enumerate((tables.v, tables.vt, tables.vn)):
         if place < len(parts) and parts[place].startswith("-"):
             try:
                 index = len(table) + 1 + int(parts[place])
             except ValueError:
                 continue  # reported with the other corners that are no integers
-            # Index 0 would pass as "not given"; the far end of the range does not.
-            parts[place] = str(index if index > 0 else index - 1)
-    return "/".join(parts)
+            if 0 < index <= len(table):  # not -0
+                parts[place] = str(index)
+            else:
+                too_far = True
+    text = "/".join(parts)
+    if too_far:
+        tables.unresolved[text] = corner
+    return text
 
 
 def _numbers(table: _Table, path: Path) -> NDArray[np.float64]:
@@ -218,9 +230,14 @@ def _distinct_corners(
         for index, table in zip(key, (tables.v, tables.vt, tables.vn), strict=True):
             lowest = 1 if table is tables.v else 0
             if not lowest <= index <= len(table):
+                line = _line_of_corner(tables, text)
+                shown = tables.unresolved.get(text, text)
+                there = f"the file has {len(table)}"
+                if index < 0:
+                    there = f"{bisect.bisect_left(table.lines, line)} come before it"
                 raise SceneError(
-                    f"{path}:{_line_of_corner(tables, text)}: face corner `{text[:40]}`: "
-                    f"{table.what} {index} does not exist, the file has {len(table)}"
+                    f"{path}:{line}: face corner `{shown[:40]}`: "
+                    f"{table.what} {index} does not exist, {there}"
                 )
         key_of_text[text_id] = key_ids.setdefault(key, len(key_ids))
     return np.array(list(key_ids), dtype=np.int64), key_of_text[corner_text]

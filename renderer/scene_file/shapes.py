@@ -29,6 +29,7 @@ from renderer.scene_file.mesh_data import MeshData
 from renderer.scene_file.obj_file import read_obj
 from renderer.scene_file.ply_file import read_ply
 from renderer.scene_file.properties import Properties
+from renderer.scene_file.reach import check_reach
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.surface_area import surface_area
 from renderer.scene_file.tree import Element
@@ -67,6 +68,7 @@ def read_shape(element: Element, reading: Reading) -> Shape:
         case _:
             shape = _cylinder(properties, bsdf, radiance)
     properties.finish()
+    check_reach(shape, properties)
     # As float32, which is what Mitsuba and the kernels sample with.
     if radiance is not None and not np.float32(surface_area(shape)) > 0.0:
         raise SceneError(
