@@ -14,11 +14,13 @@ from small_scenes import (
     diffuse,
     floor,
     glass,
+    look_at,
     mirror,
     pixels,
     placed,
     point_light,
     rectangle,
+    rgb,
     scene,
     sensor,
     sky,
@@ -26,7 +28,38 @@ from small_scenes import (
     sun,
 )
 
-# ------------------------------------------------------------ point and parallel light
+# ------------------------------------------------------- point, spot and parallel light
+
+
+def spot_light(position, target, intensity=1.0):
+    """Return a spot light of full intensity within 40 degrees, and none from 45 on."""
+    return {
+        "type": "spot",
+        "to_world": look_at(position, target, up=(0, 1, 0)),
+        "intensity": rgb(intensity),
+        "cutoff_angle": 45.0,
+        "beam_width": 40.0,
+    }
+
+
+def one_light(camera, shape, light):
+    """Return a shape under one light without area.
+
+    The other kinds of lights are black, and the other shape is where nothing sees it: so
+    all scenes are made of the same kinds of things, and their kernels are compiled once.
+    """
+    shapes = [floor(0.0, half=0.1), sphere(diffuse(0.0), radius=0.1)]
+    lights = [
+        point_light((0, 0, 9), 0.0),
+        spot_light((0, 0, 9), (0, 0, 0), 0.0),
+        sun((0, 0, -1), 0.0),
+    ]
+    other = next(kind for kind in shapes if kind["type"] != shape["type"])
+    away = np.eye(4)
+    away[:3, 3] = 90.0
+    other |= {"to_world": away}
+    black = [kind for kind in lights if kind["type"] != light["type"]]
+    return scene(camera, "path", shape, other, light, *black, max_depth=2)
 
 
 @pytest.mark.parametrize(
@@ -34,9 +67,8 @@ from small_scenes import (
 )
 def test_point_light_over_a_plane_falls_off_as_lambert_says(r, expected):
     """L = rho / pi I h / (h^2 + r^2)^(3/2): Lambert's cosine and the inverse square."""
-    content = scene(
-        sensor((r, -3, 5), (r, 0, 0)), "path", floor(), point_light((0, 0, 1)), max_depth=2
-    )
+    camera = sensor((r, -3, 5), (r, 0, 0))
+    content = one_light(camera, floor(), point_light((0, 0, 1)))
     assert pixels(content) == pytest.approx(expected, rel=2e-5)
 
 
@@ -46,25 +78,48 @@ def test_radiance_below_a_very_near_point_light_is_still_the_inverse_square(h):
 
     A fixed offset of 1e-3 would be wrong by a factor of up to 4 at h = 1e-3.
     """
-    content = scene(
-        sensor((0, -3, 5), (0, 0, 0)), "path", floor(), point_light((0, 0, h)), max_depth=2
-    )
+    camera = sensor((0, -3, 5), (0, 0, 0))
+    content = one_light(camera, floor(), point_light((0, 0, h)))
     assert pixels(content) == pytest.approx(0.5 / (np.pi * h * h), rel=1e-3)
+
+
+def square_from_above(light):
+    """Return a white 2 x 2 square that fills the picture of a camera straight above it.
+
+    The camera samples it evenly: 64 x 64 pixel centres are the midpoint rule, with an error
+    of 1e-5.
+    """
+    fov = 2 * np.degrees(np.arctan(1 / 3))
+    camera = sensor((0, 0, 3), (0, 0, 0), up=(0, 1, 0), fov=fov, size=(64, 64))
+    return one_light(camera, floor(1.0), light)
+
+
+SQUARE_FROM_TWO_ABOVE = 4 * np.arctan(1 / (2 * np.sqrt(6)))  # a solid angle [sr]
 
 
 def test_mean_over_a_square_is_its_solid_angle():
     """Mean of L over a 2 x 2 square = rho I Omega / (pi A); seen from h = 2, 0.0640942.
 
-    Omega = 4 arctan(a b / (d sqrt(a^2 + b^2 + d^2))) with a = b = 1, d = 2. A camera
-    that looks straight down samples the square evenly: 64 x 64 pixel centres are the
-    midpoint rule, with an error of 1e-5.
+    Omega = 4 arctan(a b / (d sqrt(a^2 + b^2 + d^2))) with a = b = 1, d = 2.
     """
-    fov = 2 * np.degrees(np.arctan(1 / 3))
-    camera = sensor((0, 0, 3), (0, 0, 0), up=(0, 1, 0), fov=fov, size=(64, 64))
-    content = scene(camera, "path", floor(1.0), point_light((0, 0, 2)), max_depth=2)
-    omega = 4 * np.arctan(1 / (2 * np.sqrt(6)))
-    assert pixels(content).mean() == pytest.approx(omega / (4 * np.pi), rel=1e-4)
-    assert omega / (4 * np.pi) == pytest.approx(0.0640942, abs=1e-7)
+    picture = pixels(square_from_above(point_light((0, 0, 2))))
+    expected = SQUARE_FROM_TWO_ABOVE / (4 * np.pi)
+    assert picture.mean() == pytest.approx(expected, rel=1e-4)
+    assert expected == pytest.approx(0.0640942, abs=1e-7)
+
+
+def test_a_spot_light_lights_a_square_as_a_point_light_would():
+    """1 W in a cone of 45 degrees: I = 1 / (2 pi (1 - cos 45)), mean L = 0.03482809.
+
+    The corners of the square are at 35.3 degrees, where the beam is at its full intensity
+    (it fades from 40), so that the mean is that of a point light of this intensity.
+    """
+    intensity = 1 / (2 * np.pi * (1 - np.sqrt(0.5)))
+    light = spot_light((0, 0, 2), (0, 0, 0), intensity)
+    picture = pixels(square_from_above(light))
+    expected = intensity * SQUARE_FROM_TWO_ABOVE / (4 * np.pi)
+    assert picture.mean() == pytest.approx(expected, rel=1e-4)
+    assert expected == pytest.approx(0.03482809, abs=1e-8)
 
 
 def test_sphere_under_parallel_light_seen_along_it():
@@ -76,9 +131,7 @@ def test_sphere_under_parallel_light_seen_along_it():
     d, n = 100.0, 192
     fov = 2 * np.degrees(np.arctan(1.05 / d))
     camera = sensor((0, 0, d), (0, 0, 0), up=(0, 1, 0), fov=fov, size=(n, n))
-    picture = pixels(
-        scene(camera, "path", sphere(diffuse(0.5)), sun((0, 0, -1), 2.0), max_depth=2)
-    )
+    picture = pixels(one_light(camera, sphere(diffuse(0.5)), sun((0, 0, -1), 2.0)))
 
     slope = (np.arange(n) + 0.5 - n / 2) * (2 * 1.05 / d / n)
     sx, sy = np.meshgrid(slope, slope)

@@ -1,8 +1,8 @@
 """The mutation matrix: no defect unseen, no neutral change seen.
 
-What catches the defects is a part of `make test`: the replay of each scene at its test
-size, the comparison of some, and unit tests. Each row of the matrix asks these on a copy of
-the renderer that has the defect.
+What catches the defects is a part of `make test`: the replay of some scenes at their test
+size, the comparison of the others, and unit tests. Each row of the matrix asks these on a
+copy of the renderer that has the defect.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ That the numbers lead to Mitsuba's own picture is tested in test_replay_scenes.p
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from small_scenes import (
@@ -24,6 +26,7 @@ from renderer.errors import NotReplayable
 from renderer.plan import make_plan
 from renderer.plan_text import plan_text
 
+CORNELL_BOX = Path(__file__).parent.parent / "scenes" / "cornell-box" / "scene.xml"
 CAMERA = sensor((0, -3, 2), (0, 0, 0), fov=40, size=(70, 40), spp=4, jitter=True)
 CAMERA["sampler"]["type"] = "independent"
 del CAMERA["sampler"]["jitter"]
@@ -87,8 +90,11 @@ def test_the_explanation_says_whose_numbers_they_are():
 
 
 def test_the_picture_is_the_same_for_any_number_of_threads():
-    """Each pixel keeps its stream; a tile's samples are drawn one after the other."""
-    box = loaded("path", floor(), LAMP, max_depth=4)
+    """Each pixel keeps its stream; a tile's samples are drawn one after the other.
+
+    The Cornell box, as its kernels are those of other tests.
+    """
+    box = renderer.load_file(CORNELL_BOX, width=70, height=40, spp=4)
     one, three = (
         renderer.render(box, seed=5, threads=n, sampler="mitsuba") for n in (1, 3)
     )

@@ -20,13 +20,14 @@ from mitsuba_ref.replay import replay_scene
 from mitsuba_ref.worker import MitsubaWorker
 
 # What `make test` has the time for, as each compiles its kernels: every shape, BSDF and
-# light, textures, vertex normals, a cropped film. `make test-all` has them all.
+# area light, textures, vertex normals, instances. The other scenes are compared by
+# statistics there (test_scenes_against_mitsuba.py); `make test-all` replays them all.
 QUICK = (
     "analytic-shapes",
     "caustic",
     "cornell-box",
-    "cropped-film",
     "emitters",
+    "instances",
     "metals",
     "smooth-mesh",
     "textured-room",
