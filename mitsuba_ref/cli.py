@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        options = _parser().parse_args(given)
+        options = _parse(given)
         scenes = _scene_files(options.scenes)
     except SystemExit as stop:
         return int(stop.code or 0)
@@ -163,7 +163,19 @@ def _options(given: argparse.Namespace) -> Options:
         checks=given.checks,
         causes=given.causes,
         seeds=given.seeds,
+        convergence=given.convergence,
     )
+
+
+def _parse(given: list[str]) -> argparse.Namespace:
+    """Return the options; those that would be without effect are an error."""
+    parser = _parser()
+    options = parser.parse_args(given)
+    if options.convergence and options.seeds < FEWEST_SEEDS:
+        parser.error("--convergence is a rung of the ladder: give --seeds K as well")
+    if options.checks == "replay" and options.seeds > 1:
+        parser.error("--seeds needs pictures that --checks replay leaves out")
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -208,6 +220,12 @@ def _parser() -> argparse.ArgumentParser:
         default=1,
         metavar="K",
         help="climb the ladder of tests with K pictures of each renderer, at least 8",
+    )
+    add(
+        "--convergence",
+        action="store_true",
+        help="with --seeds: measure how fast the noise of each renderer falls with the "
+        "number of samples (over 200 pictures in the test size)",
     )
     add(
         "--causes",

@@ -35,6 +35,7 @@ def load_edited_scene(
     pixel_centres: bool = False,
     keep_shapes_apart: bool = False,
     fixed_blocks: bool = False,
+    independent_samples: bool = False,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
 
@@ -53,6 +54,8 @@ def load_edited_scene(
     fixed_blocks
         Cut the film into blocks of Mitsuba's usual size whatever the number of workers:
         which random numbers a pixel gets follows from them.
+    independent_samples
+        Replace the sampler by `independent`.
     """
     mi = load_mitsuba()
     config = mi.parser.ParserConfig(VARIANT)
@@ -76,6 +79,8 @@ def load_edited_scene(
         if pixel_centres:
             nodes.replace("Sampler", "stratified", {"jitter": False, "sample_count": 1})
             changes.append("one sample at each pixel's centre")
+        if independent_samples and nodes.replace("Sampler", "independent", {}):
+            changes.append("sampler replaced by independent")
         if fixed_blocks:
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")

@@ -10,6 +10,7 @@ rate as measured by `mitsuba_ref.false_alarms`.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 
 from mitsuba_ref import noisy_rungs, still_rungs
 from mitsuba_ref.results import Rung
-from mitsuba_ref.statistics.convergence import Convergence
 from mitsuba_ref.statistics.samples import stack
 
 Array = NDArray[np.floating]
@@ -37,7 +37,7 @@ def climb(
     deterministic: bool = False,
     *,
     alpha: float = FALSE_ALARMS,
-    convergence: Convergence | None = None,
+    further: Sequence[Callable[[], Rung]] = (),
     to_the_top: bool = False,
 ) -> list[Rung]:
     """Test two sets of pictures rung by rung; return the rungs up to the first broken one.
@@ -54,8 +54,8 @@ def climb(
         about noise are left out.
     alpha
         False alarm rate of each rung under noise.
-    convergence
-        Of our renderer, with a sampler of independent samples; None leaves the rung out.
+    further
+        What makes the rungs above these (`scene_convergence`); called on arrival there.
     to_the_top
         Go on after a broken rung, to learn which of them see a defect. Pictures of
         different size or with NaN end the climb all the same.
@@ -75,9 +75,8 @@ def climb(
     climbed = [first]
     if not first.passed:
         return climbed
-    for rung in _rungs(
-        ours, theirs, our_aovs, their_aovs, deterministic, alpha, convergence
-    ):
+    rungs = _rungs(ours, theirs, our_aovs, their_aovs, deterministic, alpha)
+    for rung in itertools.chain(rungs, further):
         climbed.append(rung())
         if not (climbed[-1].passed or to_the_top):
             break
@@ -91,7 +90,6 @@ def _rungs(
     their_aovs: Mapping[str, NDArray[np.float32]] | None,
     deterministic: bool,
     alpha: float,
-    convergence: Convergence | None,
 ) -> Iterator[Callable[[], Rung]]:
     """Yield what makes each rung, in order; nothing is computed before it is called."""
     # One picture without noise counts as two that are equal: a variance of zero.
@@ -108,5 +106,3 @@ def _rungs(
     yield lambda: noisy_rungs.uniformity(a, b, alpha)
     yield lambda: noisy_rungs.noise_free(a, b, alpha)
     yield lambda: noisy_rungs.floors(a, b, alpha)
-    if convergence is not None:
-        yield lambda: noisy_rungs.exponent(convergence)

@@ -12,10 +12,14 @@ import numpy as np
 
 from mitsuba_ref.results import Rung
 from mitsuba_ref.statistics import power
-from mitsuba_ref.statistics.convergence import INDEPENDENT, TOLERANCE, Convergence
+from mitsuba_ref.statistics.convergence import FALSE_ALARMS, INDEPENDENT, Convergence
 from mitsuba_ref.statistics.floors import floor_tests
 from mitsuba_ref.statistics.image_mean import mean_test
-from mitsuba_ref.statistics.noise_free_mse import noise_free_mse, relative_to_brightness
+from mitsuba_ref.statistics.noise_free_mse import (
+    CONFIDENCE,
+    noise_free_mse,
+    relative_to_brightness,
+)
 from mitsuba_ref.statistics.registration import (
     EXPLAINED,
     NEGLIGIBLE,
@@ -210,21 +214,39 @@ def floors(ours: Floats, theirs: Floats, alpha: float) -> Rung:
     )
 
 
-def exponent(convergence: Convergence) -> Rung:
-    """Judge how fast our noise falls with the number of samples."""
-    passed = convergence.passed
-    verb = "as it must" if passed else "which is not as it must be"
+def exponent(convergence: Convergence, side: str = "ours") -> Rung:
+    """Judge how fast the noise of one renderer falls with the number of samples.
+
+    Parameters
+    ----------
+    convergence
+        With a sampler of independent samples.
+    side
+        "ours" or "Mitsuba".
+    """
+    value, limit = convergence.exponent, convergence.limit
+    seen = limit + power.Z * convergence.standard_error
+    whose = "Our" if side == "ours" else "Mitsuba's"
+    if math.isfinite(value):
+        around = convergence.beyond(1.0 - CONFIDENCE)
+        verb = "as it must" if convergence.passed else "which is not as it must be"
+        samples = convergence.samples
+        sentence = (
+            f"{whose} noise falls with the power {value:.3f} +- {around:.3f} (99 % "
+            f"confidence) of the number of samples, {verb} for independent ones (-0.5); "
+            f"{INDEPENDENT + seen:.2f} would have been seen. {convergence.pairs} pairs of "
+            f"pictures at each of {samples[0]} to {samples[-1]} samples per pixel."
+        )
+    else:
+        sentence = f"{whose} pictures with different seeds are equal: they have no noise."
     return Rung(
-        name="convergence",
-        passed=passed,
-        statistic=convergence.exponent,
-        limit=INDEPENDENT + TOLERANCE,
-        p_value=None,
-        false_alarm_rate=None,
-        detectable_bias=None,
-        detectable="samples that depend on each other",
-        sentence=(
-            f"Noise falls with the power {convergence.exponent:.3f} of the number of "
-            f"samples, {verb} for independent ones (-0.5)."
-        ),
+        name=f"convergence, {side}",
+        passed=convergence.passed,
+        statistic=abs(value - INDEPENDENT),
+        limit=limit,
+        p_value=convergence.p_value,
+        false_alarm_rate=FALSE_ALARMS,
+        detectable_bias=seen,
+        detectable="distance of the exponent from -0.5",
+        sentence=sentence,
     )

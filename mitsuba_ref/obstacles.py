@@ -33,6 +33,14 @@ class Obstacle:
         return f"{self.what}; {VERDICTS[self.verdict].advice}"
 
 
+class Hindered(Exception):
+    """Raised in the middle of a measurement that an obstacle ends."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(obstacle.sentence)
+        self.obstacle = obstacle
+
+
 def find_obstacle(
     ours: Array,
     references: Sequence[Array],
@@ -65,6 +73,32 @@ def find_obstacle(
         or _other_channels(ours_aovs or {}, reference_aovs or {})
         or _not_finite([*our_arrays, *reference_arrays])
     )
+
+
+def find_obstacle_in_series(
+    ours: Sequence[Array],
+    references: Sequence[Array],
+    ours_aovs: Mapping[str, Array] | None = None,
+    reference_aovs: Mapping[str, Array] | None = None,
+) -> Obstacle | None:
+    """Return the first reason not to compare several pictures of ours, or None.
+
+    Parameters
+    ----------
+    ours
+        One picture or more, each with a seed of its own.
+    references, ours_aovs, reference_aovs
+        As `find_obstacle` takes them.
+    """
+    obstacle = find_obstacle(ours[0], references, ours_aovs, reference_aovs)
+    if obstacle:
+        return obstacle
+    further = [(f"our picture {i}", one) for i, one in enumerate(ours[1:], start=2)]
+    for name, picture in further:
+        if picture.shape != ours[0].shape:
+            shapes = f"{picture.shape}, the first one {ours[0].shape}"
+            return Obstacle("size-mismatch", f"{name} has shape {shapes}")
+    return _not_finite(further)
 
 
 def count_non_finite(ours: Iterable[Array], references: Iterable[Array]) -> Finite:

@@ -27,6 +27,7 @@ class Options:
     replay: tuple[int, ...] = (1, 16)  # samples per pixel of the replays
     causes: int = 0  # divergent pixels of a replay to be traced
     seeds: int = 1  # pictures of each renderer for the ladder of tests; 1: not climbed
+    convergence: bool = False  # with the rungs that need pictures at many sample counts
 
     @property
     def workers(self) -> int:

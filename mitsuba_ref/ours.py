@@ -64,6 +64,7 @@ def render_ours(request: RenderRequest) -> OurPicture:
         description,
         box_filter=request.box_filter or wants_aovs,
         first_hits=wants_aovs,
+        independent_samples=request.independent,
     )
     image = renderer.render(
         build_scene(edited),
@@ -95,7 +96,11 @@ def _method(explanation: str) -> str:
 
 
 def edit_description(
-    description: SceneDescription, *, box_filter: bool, first_hits: bool
+    description: SceneDescription,
+    *,
+    box_filter: bool,
+    first_hits: bool,
+    independent_samples: bool = False,
 ) -> SceneDescription:
     """Return the scene with the changes that Mitsuba's side makes too.
 
@@ -107,6 +112,8 @@ def edit_description(
         Pixels that share no samples.
     first_hits
         All AOVs, of one ray through the centre of each pixel.
+    independent_samples
+        The sampler `independent`.
     """
     camera = description.camera
     if box_filter:
@@ -114,6 +121,9 @@ def edit_description(
             camera.film, rfilter=ReconstructionFilter(name="box", radius=0.5)
         )
         camera = dataclasses.replace(camera, film=film)
+    if independent_samples:
+        sampler = dataclasses.replace(camera.sampler, name="independent")
+        camera = dataclasses.replace(camera, sampler=sampler)
     if first_hits:
         sampler = dataclasses.replace(
             camera.sampler, name="stratified", sample_count=1, jitter=False

@@ -62,6 +62,7 @@ def render_reference(request: RenderRequest) -> Reference:
             pixel_centres=wants_aovs,
             keep_shapes_apart=wants_aovs or request.replay,
             fixed_blocks=request.replay,
+            independent_samples=request.independent,
         )
         scene = edited.scene
         integrator = _aov_integrator(mi) if wants_aovs else scene.integrator()

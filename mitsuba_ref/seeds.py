@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_ref import still_rungs
 from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.ladder_of_tests import climb
+from mitsuba_ref.obstacles import (
+    Hindered,
+    Obstacle,
+    count_non_finite,
+    find_obstacle_in_series,
+)
 from mitsuba_ref.ours import OurPicture, RenderOurs
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import Rung, SceneResult
+from mitsuba_ref.results import Finite, Rung, SceneResult
 from mitsuba_ref.statistics.maps import evidence
 from mitsuba_ref.statistics.samples import stack
-from mitsuba_ref.verdicts import most_severe
+from mitsuba_ref.verdicts import Verdict, most_severe
 
 Array = NDArray[np.float32]
 
@@ -26,9 +33,12 @@ FIRST_REFERENCE_SEED = 1_000_003
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """The rungs, and the arrays that show what they saw."""
+    """The rungs, what follows from them, and the arrays that show what they saw."""
 
     rungs: tuple[Rung, ...]
+    verdict: Verdict  # of the ladder alone
+    reasons: tuple[str, ...] = ()
+    finite: Finite = field(default_factory=Finite)
     pictures: dict[str, Array] = field(default_factory=dict)
 
 
@@ -42,6 +52,7 @@ def climb_scene(
     progress: Callable[[str], None] = lambda stage: None,
     *,
     deterministic: bool = False,
+    further: Sequence[Callable[[], Rung]] = (),
 ) -> Climbed:
     """Render what is missing of `seeds` pictures a side and climb the ladder.
 
@@ -61,11 +72,18 @@ def climb_scene(
         Told what is being done.
     deterministic
         The scene has no noise.
+    further
+        What makes the rungs above those of `climb`.
 
     Raises
     ------
     SceneError, MitsubaError
         When a renderer refuses the scene.
+
+    Notes
+    -----
+    A picture of another size or with NaN has a verdict of its own, as everywhere
+    (`find_obstacle_in_series`), even if it is the last one.
     """
     a = [ours[0].pixels]
     b = [picture.pixels for picture in theirs[0]]
@@ -77,17 +95,43 @@ def climb_scene(
         seeded = replace(request, seed=FIRST_REFERENCE_SEED + index)
         b.append(references.get(seeded, ours[0].files).pixels)
     progress("the ladder of tests")
-    rungs = climb(a, b, ours[1].arrays, theirs[1].arrays, deterministic)
-    comparable = not deterministic and rungs[0].passed
-    return Climbed(tuple(rungs), evidence(stack(a), stack(b)) if comparable else {})
+    aovs = ours[1].arrays, theirs[1].arrays
+    obstacle = find_obstacle_in_series(a, b, *aovs)
+    if obstacle:
+        return _without_tests(a, b, obstacle)
+    try:
+        rungs = climb(a, b, *aovs, deterministic, further=further)
+    except Hindered as hindered:
+        return _without_tests(a, b, hindered.obstacle)
+    shown = {} if deterministic else evidence(stack(a), stack(b))
+    return judged(rungs, shown)
 
 
-def with_rungs(result: SceneResult, rungs: Sequence[Rung]) -> SceneResult:
-    """Return the result with its ladder; a broken rung is a failure of the scene."""
+def judged(rungs: Sequence[Rung], pictures: Mapping[str, Array] | None = None) -> Climbed:
+    """Return what a ladder means for its scene: a broken rung is a failure."""
     broken = [f"rung {rung.name}: {rung.sentence}" for rung in rungs if not rung.passed]
+    verdict: Verdict = "fail" if broken else "pass"
+    return Climbed(tuple(rungs), verdict, tuple(broken), pictures=dict(pictures or {}))
+
+
+def _without_tests(
+    ours: Sequence[Array], theirs: Sequence[Array], obstacle: Obstacle
+) -> Climbed:
+    lowest = still_rungs.finite(ours, theirs)
+    return Climbed(
+        (replace(lowest, passed=False, sentence=f"{obstacle.what}."),),
+        obstacle.verdict,
+        (f"rung {lowest.name}: {obstacle.sentence}",),
+        count_non_finite(ours, theirs),
+    )
+
+
+def with_rungs(result: SceneResult, climbed: Climbed) -> SceneResult:
+    """Return the result with its ladder, which counts for the verdict."""
     return replace(
         result,
-        rungs=tuple(rungs),
-        verdict=most_severe((result.verdict, "fail")) if broken else result.verdict,
-        reasons=(*result.reasons, *broken),
+        rungs=climbed.rungs,
+        verdict=most_severe((result.verdict, climbed.verdict)),
+        reasons=(*result.reasons, *climbed.reasons),
+        finite=result.finite if climbed.finite.passed else climbed.finite,
     )

@@ -110,3 +110,18 @@ def radiance(ours: Array, theirs: Sequence[Array], their_aovs: Aovs | None) -> R
         detectable="relative bias of the whole picture",
         sentence=sentence,
     )
+
+
+def no_convergence() -> Rung:
+    """Return the rung of convergence of a scene without noise: nothing to ask for."""
+    return Rung(
+        name="convergence",
+        passed=True,
+        statistic=None,
+        limit=None,
+        p_value=None,
+        false_alarm_rate=None,
+        detectable_bias=None,
+        detectable="",
+        sentence="Not asked: the scene has no noise that could fall.",
+    )

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.errors import (
     MitsubaCrashed,
@@ -33,15 +35,13 @@ class Stopped:
 
     verdict: Verdict
     said: tuple[str, ...]  # "stage: sentence"
+    other_side: str = ""  # what the other renderer was seen to do; empty: nothing
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """One sentence for each side: what, where, and what can be done."""
         facts = VERDICTS[self.verdict]
-        beside = {
-            "refused-by-us": "; Mitsuba renders it",
-            "refused-by-mitsuba": "; we render it",
-        }.get(self.verdict, "")
+        beside = f"; {self.other_side}" if self.other_side else ""
         return tuple(f"{one}{beside}; {facts.advice}" for one in self.said)
 
 
@@ -57,7 +57,8 @@ def stopped_by(error: Exception, stage: str) -> Stopped:
     """
     for kind, verdict in VERDICT_OF:
         if isinstance(error, kind):
-            return Stopped(verdict, (_said(stage, _one_line(error)),))
+            said = (_said(stage, _one_line(error)),)
+            return Stopped(verdict, said, _seen_of_us(verdict, stage))
     what = _one_line(error)
     if not isinstance(error, MitsubaError):
         what = f"unexpected {type(error).__name__}: {what}{_place(error)}"
@@ -69,24 +70,35 @@ def with_the_other_side(
 ) -> Stopped:
     """Ask Mitsuba too, after our refusal.
 
-    It is asked for one ray through each pixel, which builds all that the file names and is
-    as good as no work, and for nothing that the cache could keep: without our reading of
-    the scene nobody knows its files.
+    It is asked for one sample per pixel of the picture as the file has it: to load a scene
+    is not to render it. Nothing is kept: without our reading of the scene nobody knows its
+    files.
     """
+    asked = replace(request, kind="image", spp=1, box_filter=False)
     try:
-        references.render_uncached(replace(request, kind="aovs", spp=None))
+        picture = references.render_uncached(asked).pixels
     except Exception as error:
         theirs = stopped_by(error, "Mitsuba, asked as well")
         verdict = most_severe((ours.verdict, theirs.verdict))
         if theirs.verdict == "refused-by-mitsuba":
             verdict = "refused-by-both"
         return Stopped(verdict, ours.said + theirs.said)
-    return ours
+    bad = int(np.count_nonzero(~np.isfinite(picture)))
+    values = f", with NaN or infinite values: {bad}" if bad else ""
+    return replace(ours, other_side=f"Mitsuba renders it at 1 sample per pixel{values}")
 
 
 def bad_request(error: SceneError) -> Stopped:
     """Return what a wrong proof.toml or -D means: nobody was asked."""
     return Stopped("bad-request", (_one_line(error),))
+
+
+def _seen_of_us(verdict: Verdict, stage: str) -> str:
+    """Return what we have done with a scene that Mitsuba refuses at this stage."""
+    if verdict != "refused-by-mitsuba":
+        return ""
+    # The reference of a replay is rendered first, when we have but read the scene.
+    return "we read it" if stage == "replay" else "we render it"
 
 
 def _said(stage: str, what: str) -> str:

@@ -1,4 +1,4 @@
-"""What the terminal shows: one row for each scene, and why a scene failed."""
+"""What the terminal shows: one row for each scene, the evidence, why a scene failed."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from mitsuba_ref.evidence_tables import print_replays, print_rungs
 from mitsuba_ref.results import Metric, SceneResult
 from mitsuba_ref.verdicts import Verdict
 
 TEXTS = ("scene", "method")
-NUMBERS = ("spp", "RMSE", "floor", "limit", "SSIM", "FLIP", "s ours", "s Mitsuba")
+NUMBERS = ("spp", "RMSE", "floor", "limit", "edges", "SSIM", "FLIP", "s ours", "s Mitsuba")
 COLOURS: dict[Verdict, str] = {"pass": "green", "fail": "bold red"}
+# Rich leaves no line after a caption.
+EDGES = "edges: share of a picture without noise on edges, where RMSE looks away\n"
 NOT_COMPARED = "bold magenta"
 
 
 def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
-    """Print the table, then the reasons of every scene that did not pass."""
+    """Print the table, replays and rungs, then the reasons of those that did not pass."""
     table = Table(
         title="Ours against Mitsuba scalar_rgb", title_justify="left", box=SIMPLE_HEAD
     )
@@ -30,7 +33,12 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
     table.add_column("verdict", no_wrap=True)
     for scene in scenes:
         table.add_row(*_row(scene))
+    if any("masked_fraction" in scene.metrics for scene in scenes):
+        table.caption = EDGES
+        table.caption_justify = "left"
     console.print(table)
+    print_replays(scenes, console)
+    print_rungs(scenes, console)
     for scene in scenes:
         for reason in scene.reasons:
             console.print(
@@ -41,8 +49,9 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
 
 def _row(scene: SceneResult) -> list[str]:
     unmeasured = Metric(None, None, None, None, "")
-    rmse, ssim, flip = (
-        scene.metrics.get(name, unmeasured) for name in ("rmse", "ssim", "flip")
+    rmse, masked, ssim, flip = (
+        scene.metrics.get(name, unmeasured)
+        for name in ("rmse", "masked_fraction", "ssim", "flip")
     )
     return [
         escape(scene.name),
@@ -51,6 +60,7 @@ def _row(scene: SceneResult) -> list[str]:
         _number(rmse.value),
         _number(rmse.floor),
         _number(rmse.tolerance),
+        _number(masked.value, ".0%"),
         _number(ssim.value, ".4f"),
         _number(flip.value, ".4f"),
         _number(scene.seconds.ours),

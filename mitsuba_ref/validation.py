@@ -26,7 +26,8 @@ from mitsuba_ref.proof_file import USUAL_LIMITS, Proof, read_proof
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.replay import replay_all
 from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import Finite, SceneResult, Seconds
+from mitsuba_ref.results import SceneResult, Seconds
+from mitsuba_ref.scene_convergence import convergence_rungs
 from mitsuba_ref.scene_result import describe_scene
 from mitsuba_ref.seeds import FIRST_REFERENCE_SEED, climb_scene, with_rungs
 from mitsuba_ref.stopped import Stopped, bad_request, stopped_by, with_the_other_side
@@ -176,6 +177,14 @@ def _validate(
         **replayed,
     }
     if options.seeds > 1 and comparison.verdict in COMPARED:
+        further = convergence_rungs(
+            scene_request(Path(request.path), proof, _small(options)),
+            ours.files,
+            render_ours,
+            references,
+            progress,
+            deterministic=bool(deterministic),
+        )
         climbed = climb_scene(
             request,
             options.seeds,
@@ -185,10 +194,15 @@ def _validate(
             references,
             progress,
             deterministic=bool(deterministic),
+            further=further if options.convergence else (),
         )
-        result = with_rungs(result, climbed.rungs)
+        result = with_rungs(result, climbed)
         shown |= climbed.pictures
     return Validated(result, shown)
+
+
+def _small(options: Options) -> Options:
+    return replace(options, size="test", spp=None)
 
 
 def _replay_settings(proof: Proof, refusal: str) -> dict[str, str]:
@@ -221,8 +235,9 @@ def _only_replays(
     )
     if refusal:
         raise NotReplayable(refusal)
-    height, width = pictures["replay_ours"].shape[:2]
-    nothing = Comparison("pass", (), Finite(), {}, ())
+    height, width = (*pictures["replay_ours"].shape, 0, 0)[:2]
+    finite = count_non_finite([pictures["replay_ours"]], [pictures["replay_reference"]])
+    nothing = Comparison("pass", (), finite, {}, ())
     comparison = with_replays(nothing, replays)
     result = replace(
         blank,
@@ -232,6 +247,7 @@ def _only_replays(
         seed=request.seed,
         verdict=comparison.verdict,
         reasons=comparison.reasons,
+        finite=comparison.finite,
         replay=replays,
         settings=_replay_settings(proof, ""),
         seconds=Seconds(

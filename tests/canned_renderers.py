@@ -23,6 +23,7 @@ from mitsuba_ref.mitsuba_process import Answerer, answer_requests
 from mitsuba_ref.ours import OurPicture
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.seeds import FIRST_REFERENCE_SEED
 from renderer.errors import SceneError
 
 HEIGHT, WIDTH = 18, 24
@@ -32,10 +33,10 @@ CHANNELS = {
 }  # fmt: skip
 
 
-def picture(seed: int) -> np.ndarray:
-    """A grey wall with the noise of a few samples."""
+def picture(seed: int, spp: int | None = None) -> np.ndarray:
+    """A grey wall with the noise of a few samples, or of `spp`."""
     noise = np.random.default_rng(seed).standard_normal((HEIGHT, WIDTH, 3))
-    return (0.5 + 0.05 * noise).astype(np.float32)
+    return (0.5 + 0.05 * noise / np.sqrt(spp or 1)).astype(np.float32)
 
 
 def wall() -> dict[str, np.ndarray]:
@@ -70,13 +71,20 @@ def arrays_of(request: RenderRequest, how: str) -> dict[str, np.ndarray]:
             kind: spoil(array, how.partition("aov ")[2] if kind == "depth" else "")
             for kind, array in wall().items()
         }
-    if how.startswith("own filter "):
-        how = "" if request.box_filter else how.removeprefix("own filter ")
-    return {"pixels": spoil(picture(request.seed), how)}
+    return {"pixels": spoil(picture(request.seed, request.spp), how)}
 
 
 def behaviour(request: RenderRequest, side: str) -> str:
-    return str(json.loads(Path(request.path).read_text())[side])
+    """Return what the file says of a side; some behaviours wait for their occasion."""
+    how = str(json.loads(Path(request.path).read_text())[side])
+    if how.startswith("own filter "):
+        return "" if request.box_filter else how.removeprefix("own filter ")
+    if how.startswith("later "):  # than the pictures that are compared without a ladder
+        late = request.seed % FIRST_REFERENCE_SEED >= 5
+        return how.removeprefix("later ") if late else ""
+    if how.startswith("independent "):
+        return how.removeprefix("independent ") if request.independent else ""
+    return how
 
 
 def render_ours(request: RenderRequest) -> OurPicture:

@@ -1,6 +1,7 @@
 """Bad input through the command line: each case its own verdict, status and sentence.
 
-Both renderers are canned (`tests/canned_renderers.py`): a scene file says what each does.
+For each way of comparing: with noise, by replay, by the ladder of tests. Both renderers
+are canned (`tests/canned_renderers.py`): a scene file says what each does.
 Mitsuba's side is a real process, which really crashes and really hangs.
 """
 
@@ -10,10 +11,11 @@ import json
 import os
 import signal
 import time
+from types import SimpleNamespace
 
 import pytest
 
-from mitsuba_ref import cli, worker
+from mitsuba_ref import cli, replay, worker
 from mitsuba_ref.cli import main
 from mitsuba_ref.errors import (
     MitsubaCrashed,
@@ -50,10 +52,17 @@ def write(tmp_path):
     return write_scene
 
 
-def run(*arguments: object) -> int:
-    # a canned picture knows no random numbers that could be replayed
-    words = [*map(str, arguments), "--checks", "statistics"]
+def run(*arguments: object, mode: str = "noise") -> int:
+    words = [*map(str, arguments), *MODES[mode]]
     return main(words, canned_renderers.render_ours)
+
+
+MODES = {
+    "noise": ["--checks", "statistics"],
+    "replay": ["--checks", "replay"],
+    "seeds": ["--checks", "statistics", "--seeds", "8"],
+    "convergence": ["--checks", "statistics", "--seeds", "8", "--convergence"],
+}
 
 
 CASES = [
@@ -78,7 +87,8 @@ CASES = [
     ("fine", "crash", "mitsuba-crashed", 6, ["LLVM ERROR: no such", "SIGSEGV", "alone"]),
     ("fine", "leave", "mitsuba-crashed", 6, ["ended with status 0"]),
     ("fine", "hang", "mitsuba-timeout", 7, ["seed 1: ", "within 2 s", "--time-limit"]),
-    ("refuse", "fine", "refused-by-us", 8, ["7: bsdf \"velvet\"", "Mitsuba renders it"]),
+    ("refuse", "fine", "refused-by-us", 8, ["7: bsdf \"velvet\"", "renders it at 1"]),
+    ("refuse", "nan", "refused-by-us", 8, ["with NaN or infinite values: 1"]),
     ("memory", "fine", "refused-by-us", 8, ["our renderer: MemoryError"]),
     ("fine", "refuse", "refused-by-mitsuba", 9, ['"velvet" not found; we render it']),
     ("refuse", "refuse", "refused-by-both", 10, ["our renderer: ", "asked as well: "]),
@@ -86,26 +96,65 @@ CASES = [
     ("refuse", "hang", "mitsuba-timeout", 7, ["our renderer: ", "asked as well: "]),
 ]  # fmt: skip
 
+REPLAYED = [
+    ("fine", "fine", "pass", 0, []),
+    ("nan", "fine", "not-finite", 3, ["our picture has 1 NaN", "x=4, y=3", "magenta"]),
+    ("fine", "inf", "not-finite", 3, ["has 0 NaN and 1 infinite"]),
+    ("narrow", "fine", "size-mismatch", 4, ["(18, 23, 3)", "(18, 24, 3)", "crop"]),
+    ("empty", "empty", "size-mismatch", 4, ["there is no pixel to compare"]),
+    ("no channels", "fine", "size-mismatch", 4, ["our picture has shape (18, 24)"]),
+    ("bug", "fine", "broken", 5, ["KeyError: 'spheres' (in render_ours, canned", "report"]),
+    ("refuse", "fine", "refused-by-us", 8, ["7: bsdf \"velvet\"", "renders it at 1"]),
+    ("fine", "refuse", "refused-by-mitsuba", 9, ['"velvet" not found; we read it']),
+]  # fmt: skip
+
+BY_SEEDS = [
+    ("fine", "fine", "pass", 0, []),
+    ("later nan", "fine", "not-finite", 3, ["our picture 6 has 1 NaN", "x=4, y=3"]),
+    ("fine", "later inf", "not-finite", 3, ["Mitsuba's picture 6 has 0 NaN and 1"]),
+    ("later narrow", "fine", "size-mismatch", 4, ["our picture 6 has shape (18, 23, 3)"]),
+    ("fine", "later narrow", "size-mismatch", 4, ["(18, 24, 3)", "has (18, 23, 3)"]),
+    ("later no channels", "fine", "size-mismatch", 4, ["6 has shape (18, 24),"]),
+    ("later bug", "fine", "broken", 5, ["seed 6 of 8: unexpected KeyError: 'spheres'"]),
+]  # fmt: skip
+
+CONVERGING = [
+    ("fine", "fine", "pass", 0, []),
+    ("independent nan", "fine", "not-finite", 3, ["our picture has 1 NaN", "x=4, y=3"]),
+    ("fine", "independent narrow", "size-mismatch", 4, ["Mitsuba's has (18, 23, 3)"]),
+]
+
+ALL_CASES = [
+    (mode, *case)
+    for mode, cases in zip(MODES, (CASES, REPLAYED, BY_SEEDS, CONVERGING), strict=True)
+    for case in cases
+]
+
+
+NO_OTHER_FILES = SimpleNamespace(files=())
 
 BY_A_PROCESS = {"bug", "crash", "leave", "hang", "refuse"}
-"""The arrays of the other cases need no process, which would take a second each."""
+"""What only a process can do; for the rest it would take two seconds each."""
 
 
 @pytest.mark.parametrize(
-    ("ours", "mitsuba", "verdict", "status", "words"),
-    CASES,
-    ids=[f"{ours}-{mitsuba}" for ours, mitsuba, *_ in CASES],
+    ("mode", "ours", "mitsuba", "verdict", "status", "words"),
+    ALL_CASES,
+    ids=[f"{mode}: {ours}-{mitsuba}" for mode, ours, mitsuba, *_ in ALL_CASES],
 )
 def test_each_case_has_its_verdict_status_and_sentence(
-    write, tmp_path, capsys, monkeypatch, ours, mitsuba, verdict, status, words
+    write, tmp_path, capsys, monkeypatch, mode, ours, mitsuba, verdict, status, words
 ):
     """The same words on the terminal and in results.json."""
-    if not {ours, mitsuba} & BY_A_PROCESS:
+    if mode == "replay":  # of random numbers a canned picture knows nothing
+        monkeypatch.setattr(replay, "read_file", lambda path, **values: NO_OTHER_FILES)
+        monkeypatch.setattr(replay, "_refuse_early", lambda *arguments: None)
+    if mode != "noise" or mitsuba not in BY_A_PROCESS:
         monkeypatch.setattr(cli, "MitsubaWorker", canned_renderers.InProcess)
     report = tmp_path / "report"
     limit = 2 if mitsuba == "hang" else 120
     given = write("case", ours, mitsuba), "--report", report, "--time-limit", limit
-    assert run(*given) == status
+    assert run(*given, mode=mode) == status
     output = " ".join(capsys.readouterr().out.split())
     (scene,) = read_results(report / "results.json").scenes
     assert scene.verdict == verdict

@@ -2,26 +2,70 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from mitsuba_stand_in import NOISY, stand_in, write_scene
 from noise_samples import pictures
 
-import renderer
-from mitsuba_ref.edited_scene import load_edited_scene
+from mitsuba_ref.cli import main
 from mitsuba_ref.ladder_of_tests import climb
-from mitsuba_ref.statistics.convergence import fit, measure_convergence
-from mitsuba_ref.variant import load_mitsuba
-
-SCENE = Path(__file__).parent.parent / "scenes" / "grey-furnace" / "scene.xml"
-SIZE = {"width": "32", "height": "32"}
+from mitsuba_ref.noisy_rungs import exponent
+from mitsuba_ref.statistics.convergence import (
+    SAMPLES,
+    TOLERANCE,
+    fit,
+    measure_convergence,
+)
+from reports.results import read_results
 
 
 def test_exponent_of_a_straight_line():
-    found = fit([1, 4, 16], [1.0, 0.5, 0.25])
+    found = fit([1, 4, 16], [[1.0] * 8, [0.5] * 8, [0.25] * 8])
     assert found.exponent == pytest.approx(-0.5)
     assert found.standard_error == pytest.approx(0.0, abs=1e-12)
+    assert found.passed
+
+
+def test_the_standard_error_is_how_far_exponents_scatter():
+    """200 exponents of eight pairs with log-normal errors of 20 %.
+
+    Their standard deviation is known to 5 %; the bootstrap may be off by 15 % on average,
+    which it is for medians of eight.
+    """
+    rng = np.random.default_rng(21)
+    counts = np.array(SAMPLES)
+    found = [
+        fit(SAMPLES, np.exp(0.2 * rng.standard_normal((7, 8))) / np.sqrt(counts)[:, None])
+        for _ in range(200)
+    ]
+    scatter = np.std([one.exponent for one in found])
+    mean = np.sqrt(np.mean([one.standard_error**2 for one in found]))
+    assert mean == pytest.approx(scatter, rel=0.15)
+    assert np.mean([one.p_value <= 0.05 for one in found]) < 0.08
+    assert all(one.passed for one in found)
+
+
+def test_noise_that_scatters_gets_more_pairs():
+    """Errors that differ by 25 % from pair to pair: eight pairs would allow 0.1."""
+
+    def render(spp: int, seed: int) -> np.ndarray:
+        rng = np.random.default_rng(seed)
+        loud = np.exp(0.25 * np.random.default_rng(seed // 2).standard_normal())
+        return loud * rng.standard_normal((4, 4, 3)) / np.sqrt(spp)
+
+    found = measure_convergence(render)
+    assert found.pairs > 8
+    assert found.limit == TOLERANCE
+    assert found.passed
+
+
+def test_equal_pictures_are_no_pass():
+    """One seed for all pictures: nothing falls, because nothing is random."""
+    found = measure_convergence(lambda spp, seed: np.ones((4, 4, 3)))
+    assert not found.passed
+    rung = exponent(found)
+    assert not rung.passed
+    assert "they have no noise" in rung.sentence
 
 
 def averages(shared: float):
@@ -44,9 +88,12 @@ def test_independent_samples_converge_and_dependent_ones_do_not():
     assert not wrong.passed
     rng = np.random.default_rng(11)
     sides = list(pictures(rng)), list(pictures(rng))
-    rungs = climb(*sides, convergence=wrong)
-    assert [rung.name for rung in rungs if not rung.passed] == ["convergence"]
-    assert climb(*sides, convergence=right)[-1].passed
+    rungs = climb(*sides, further=[lambda: exponent(wrong), pytest.fail])
+    assert [rung.name for rung in rungs if not rung.passed] == ["convergence, ours"]
+    top = climb(*sides, further=[lambda: exponent(right, "Mitsuba")])[-1]
+    assert top.passed
+    assert top.name == "convergence, Mitsuba"
+    assert f"{right.exponent:.3f} +- " in top.sentence
 
 
 def test_too_few_octaves_are_refused():
@@ -56,24 +103,48 @@ def test_too_few_octaves_are_refused():
         measure_convergence(averages(0.0), pairs=4)
 
 
-def by_us():
-    scene = renderer.load_file(SCENE, **SIZE)
-    return lambda spp, seed: np.asarray(renderer.render(scene, spp=spp, seed=seed))
-
-
-def by_mitsuba():
-    mi = load_mitsuba()
-    scene = load_edited_scene(SCENE, SIZE, box_filter=True).scene
-    return lambda spp, seed: np.array(mi.render(scene, spp=spp, seed=seed))
-
-
-@pytest.mark.parametrize("renderer_of", [by_us, by_mitsuba])
-def test_both_renderers_have_independent_samples(renderer_of):
+def test_the_harness_measures_both_renderers(tmp_path, monkeypatch, capsys):
     """-0.5 +- 0.05 over six octaves, by the median of eight pairs of seeds each.
 
-    The exponent scatters by 0.008, so that 0.05 is six standard errors: no false alarm,
-    and an exponent of -0.47 or -0.53 is still not noise.
+    The exponent scatters by 0.006, so that 0.05 is eight standard errors: no false alarm,
+    and 0.062 would be seen. The file's sampler is `stratified`, with which both fall faster
+    than that: the rung asks for `independent` instead.
     """
-    found = measure_convergence(renderer_of())
-    assert found.passed, found
-    assert found.standard_error < 0.02
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
+    scene = tmp_path / "scene.xml"
+    scene.write_text(NOISY.replace('"independent"', '"stratified"'))
+    report = tmp_path / "report"
+    words = ["--checks", "statistics", "--seeds", "8", "--convergence"]
+    words += ["-D", "width=16", "-D", "height=12", "-D", "spp=4", "--report", str(report)]
+    assert main([str(scene), *words]) == 0
+    (result,) = read_results(report / "results.json").scenes
+    assert [rung.name for rung in result.rungs][-3:] == [
+        "floors", "convergence, ours", "convergence, Mitsuba"
+    ]  # fmt: skip
+    output = capsys.readouterr().out
+    for rung in result.rungs[-2:]:
+        assert rung.passed
+        assert rung.statistic <= 0.05 <= rung.limit < rung.detectable_bias < 0.09
+        assert rung.false_alarm_rate == 1e-3
+        assert rung.name in output
+        assert rung.sentence in output
+
+
+def test_a_scene_without_noise_is_not_asked(tmp_path, monkeypatch):
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
+    path = write_scene(tmp_path, deterministic=True)
+    report = tmp_path / "report"
+    words = ["--checks", "statistics", "--seeds", "8", "--convergence"]
+    assert main([str(path), *words, "--report", str(report)], stand_in()) == 0
+    (result,) = read_results(report / "results.json").scenes
+    assert result.rungs[-1].name == "convergence"
+    assert result.rungs[-1].statistic is None
+    assert result.rungs[-1].sentence.startswith("Not asked: ")
+
+
+@pytest.mark.parametrize(
+    "words", [["--convergence"], ["--seeds", "8", "--checks", "replay"]], ids=" ".join
+)
+def test_an_option_without_effect_is_refused(capsys, words):
+    assert main(words) == 2
+    assert "--seeds" in capsys.readouterr().err

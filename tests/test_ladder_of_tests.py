@@ -17,7 +17,7 @@ from mitsuba_ref.ladder_of_tests import FALSE_ALARMS, climb
 from mitsuba_ref.options import Options
 from mitsuba_ref.reference import render_reference
 from mitsuba_ref.results import Results, SceneResult, to_json
-from mitsuba_ref.seeds import with_rungs
+from mitsuba_ref.seeds import judged, with_rungs
 from mitsuba_ref.statistics.binomial import rate
 from mitsuba_ref.statistics.maps import evidence
 from mitsuba_ref.validation import validate_scene
@@ -184,7 +184,7 @@ def test_rungs_travel_as_json():
     rng = np.random.default_rng(8)
     rungs = climbed(pictures(rng), pictures(rng), to_the_top=True)
     rungs[-1] = replace(rungs[-1], limit=np.inf, passed=False)
-    result = with_rungs(SceneResult(name="scene", verdict="pass"), rungs)
+    result = with_rungs(SceneResult(name="scene", verdict="pass"), judged(rungs))
     assert result.verdict == "fail"
     assert "rung floors" in result.reasons[0]
     results = Results(
