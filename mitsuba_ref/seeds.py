@@ -67,19 +67,46 @@ def climb_scene(
     SceneError, MitsubaError
         When a renderer refuses the scene.
     """
-    a = [ours[0].pixels]
-    b = [picture.pixels for picture in theirs[0]]
+    a, b = seeded_pictures(
+        request,
+        seeds,
+        ours[0],
+        theirs[0],
+        render_ours,
+        references,
+        progress,
+        deterministic=deterministic,
+    )
+    progress("the ladder of tests")
+    rungs = climb(a, b, ours[1].arrays, theirs[1].arrays, deterministic)
+    comparable = not deterministic and rungs[0].passed
+    return Climbed(tuple(rungs), evidence(stack(a), stack(b)) if comparable else {})
+
+
+def seeded_pictures(
+    request: RenderRequest,
+    seeds: int,
+    ours: OurPicture,
+    theirs: Sequence[Reference],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+    *,
+    deterministic: bool = False,
+) -> tuple[list[Array], list[Array]]:
+    """Return `seeds` pictures of ours and of Mitsuba, (H, W, 3) each; see `climb_scene`.
+
+    Without noise they are the pictures that are there already.
+    """
+    a, b = [ours.pixels], [picture.pixels for picture in theirs]
     for index in range(1, 1 if deterministic else seeds):
         progress(f"our renderer, seed {index + 1} of {seeds}")
         a.append(render_ours(replace(request, seed=(request.seed + index) % 2**32)).pixels)
     for index in range(len(b), len(b) if deterministic else seeds):
         progress(f"Mitsuba, seed {index + 1} of {seeds}")
         seeded = replace(request, seed=FIRST_REFERENCE_SEED + index)
-        b.append(references.get(seeded, ours[0].files).pixels)
-    progress("the ladder of tests")
-    rungs = climb(a, b, ours[1].arrays, theirs[1].arrays, deterministic)
-    comparable = not deterministic and rungs[0].passed
-    return Climbed(tuple(rungs), evidence(stack(a), stack(b)) if comparable else {})
+        b.append(references.get(seeded, ours.files).pixels)
+    return a, b
 
 
 def with_rungs(result: SceneResult, rungs: Sequence[Rung]) -> SceneResult:
