@@ -39,6 +39,9 @@ Pictures = NDArray[np.float32]
 OFTEN = 0.05  # a p-value that is frequent enough to be counted in 200 pairs
 WHOLE = "whole ladder"
 
+RECORD = Path("reports/out/data/false_alarms.json")
+"""Where the page "proof" looks."""
+
 
 @dataclass(frozen=True)
 class RungAlarms:
@@ -250,7 +253,13 @@ def _parser() -> argparse.ArgumentParser:
     add("--spp", type=int, default=16, help="samples per pixel (default: %(default)s)")
     add("--seeds", type=int, default=FEWEST_SEEDS, help="pictures (default: %(default)s)")
     add("--scenes", type=Path, default=Path("scenes"), help="the folder of scenes")
-    add("--out", type=Path, default=Path("false-alarms.json"), metavar="FILE")
+    add(
+        "--out",
+        type=Path,
+        default=RECORD,
+        metavar="FILE",
+        help="default: %(default)s, where `make proof` finds it",
+    )
     return parser
 
 

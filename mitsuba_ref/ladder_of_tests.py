@@ -39,6 +39,7 @@ def climb(
     alpha: float = FALSE_ALARMS,
     further: Sequence[Callable[[], Rung]] = (),
     to_the_top: bool = False,
+    tell: Callable[[Rung], None] = lambda rung: None,
 ) -> list[Rung]:
     """Test two sets of pictures rung by rung; return the rungs up to the first broken one.
 
@@ -59,6 +60,8 @@ def climb(
     to_the_top
         Go on after a broken rung, to learn which of them see a defect. Pictures of
         different size or with NaN end the climb all the same.
+    tell
+        Gets each rung as soon as it is judged.
 
     Raises
     ------
@@ -73,11 +76,13 @@ def climb(
         )
     first = still_rungs.finite(ours, theirs, our_aovs, their_aovs)
     climbed = [first]
+    tell(first)
     if not first.passed:
         return climbed
     rungs = _rungs(ours, theirs, our_aovs, their_aovs, deterministic, alpha)
     for rung in itertools.chain(rungs, further):
         climbed.append(rung())
+        tell(climbed[-1])
         if not (climbed[-1].passed or to_the_top):
             break
     return climbed

@@ -85,15 +85,16 @@ def climb_scene(
     A picture of another size or with NaN has a verdict of its own, as everywhere
     (`find_obstacle_in_series`), even if it is the last one.
     """
-    a = [ours[0].pixels]
-    b = [picture.pixels for picture in theirs[0]]
-    for index in range(1, 1 if deterministic else seeds):
-        progress(f"our renderer, seed {index + 1} of {seeds}")
-        a.append(render_ours(replace(request, seed=(request.seed + index) % 2**32)).pixels)
-    for index in range(len(b), len(b) if deterministic else seeds):
-        progress(f"Mitsuba, seed {index + 1} of {seeds}")
-        seeded = replace(request, seed=FIRST_REFERENCE_SEED + index)
-        b.append(references.get(seeded, ours[0].files).pixels)
+    a, b = seeded_pictures(
+        request,
+        seeds,
+        ours[0],
+        theirs[0],
+        render_ours,
+        references,
+        progress,
+        deterministic=deterministic,
+    )
     progress("the ladder of tests")
     aovs = ours[1].arrays, theirs[1].arrays
     obstacle = find_obstacle_in_series(a, b, *aovs)
@@ -105,6 +106,32 @@ def climb_scene(
         return _without_tests(a, b, hindered.obstacle)
     shown = {} if deterministic else evidence(stack(a), stack(b))
     return judged(rungs, shown)
+
+
+def seeded_pictures(
+    request: RenderRequest,
+    seeds: int,
+    ours: OurPicture,
+    theirs: Sequence[Reference],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+    *,
+    deterministic: bool = False,
+) -> tuple[list[Array], list[Array]]:
+    """Return `seeds` pictures of ours and of Mitsuba, (H, W, 3) each; see `climb_scene`.
+
+    Without noise they are the pictures that are there already.
+    """
+    a, b = [ours.pixels], [picture.pixels for picture in theirs]
+    for index in range(1, 1 if deterministic else seeds):
+        progress(f"our renderer, seed {index + 1} of {seeds}")
+        a.append(render_ours(replace(request, seed=(request.seed + index) % 2**32)).pixels)
+    for index in range(len(b), len(b) if deterministic else seeds):
+        progress(f"Mitsuba, seed {index + 1} of {seeds}")
+        seeded = replace(request, seed=FIRST_REFERENCE_SEED + index)
+        b.append(references.get(seeded, ours.files).pixels)
+    return a, b
 
 
 def judged(rungs: Sequence[Rung], pictures: Mapping[str, Array] | None = None) -> Climbed:

@@ -110,6 +110,7 @@ def _seen(fields: JsonFields) -> Seen:
         why=fields.text("why", ""),
         spp=fields.integer("spp") if fields.data.get("spp") is not None else None,
         seconds=_needed(fields, "seconds"),
+        seeds=fields.integer("seeds", 1),
     )
 
 

@@ -10,12 +10,14 @@ from typing import Literal
 
 from mitsuba_ref import cli as harness
 from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
+from mitsuba_ref.machine import usable_cores
 from reports.errors import ReportError
 from reports.proof_reader import ALARMS, MATRIX, REGISTER
 
 FOLDER = "proof"  # in the page's data
 WRONG_USE, INTERRUPTED = 2, 130  # of the harness
 QUICK_PAIRS = "20"
+MOST_JOBS = 8  # that `mitsuba_ref.mutations` takes
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def make_proof(data: Path, settings: ProofSettings) -> int:
     quick = [] if settings.slow else ["--quick"]
     _study("expected_failures", [*quick, "--out", str(folder / REGISTER)])
     if settings.mutations:
-        _study("mutations", ["--out", str((data / MATRIX).parent)])
+        jobs = str(min(usable_cores(), MOST_JOBS))
+        _study("mutations", ["--jobs", jobs, "--out", str((data / MATRIX).parent)])
     if settings.false_alarms:
         pairs = [] if settings.slow else ["--pairs", QUICK_PAIRS]
         _study("false_alarms", [*pairs, "--out", str(data / ALARMS)])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mitsuba_ref.results import ReplayResult, Rung, SceneResult
 from reports.mutation_table import MutationTable, mutation_table
+from reports.proof_origin import Origin, left_out, origin
 from reports.proof_pictures import (
     Mark,
     NoiseMaps,
@@ -49,6 +50,9 @@ class ProofSection:
     samples: tuple[int, ...]  # of the replays, over all scenes
     scenes: tuple[SceneProof, ...]
     mutations: MutationTable | None
+    left_out: int  # mutations of today that the matrix does not have
+    matrix_origin: Origin | None
+    alarms_origin: Origin | None
     entries: tuple[RegisterEntry, ...]  # alarms first
 
 
@@ -66,12 +70,16 @@ def build_proof_section(record: ProofRecord, folder: Path) -> ProofSection:
         for scene, anchor in zip(ordered, scene_anchors(ordered), strict=True)
     )
     entries = record.register.entries if record.register else ()
+    matrix, alarms, results = record.matrix, record.alarms, record.results
     return ProofSection(
         record=record,
         headlines=headlines(record),
         samples=tuple(sorted({one.spp for scene in ordered for one in scene.replay})),
         scenes=scenes,
-        mutations=mutation_table(record.matrix.rows) if record.matrix else None,
+        mutations=mutation_table(matrix.rows) if matrix else None,
+        left_out=left_out(matrix) if matrix else 0,
+        matrix_origin=origin(matrix.made, results) if matrix else None,
+        alarms_origin=origin(alarms.made, results) if alarms else None,
         entries=tuple(sorted(entries, key=lambda entry: not entry.alarm)),
     )
 

@@ -10,7 +10,8 @@ from mitsuba_ref.replay import TOLERANCE
 from mitsuba_ref.results import ReplayResult, Rung, SceneResult
 from mitsuba_ref.verdicts import COMPARED, VERDICTS
 from reports.formatting import NOTHING, number
-from reports.proof_record import AlarmStudy, Matrix, ProofRecord, Register
+from reports.proof_origin import origin
+from reports.proof_record import Circumstances, ProofRecord
 
 SHARED = "an error that both programs share cannot be seen this way"
 
@@ -128,7 +129,7 @@ def headlines(record: ProofRecord) -> list[str]:
     return [
         _replay_headline(scenes),
         _ladder_headline(scenes),
-        _trust_headline(record.matrix, record.alarms, record.register),
+        _trust_headline(record),
     ]
 
 
@@ -177,9 +178,8 @@ def _held(scenes: Sequence[SceneResult]) -> str:
     return f"{len(good)} of {len(scenes)} scenes"
 
 
-def _trust_headline(
-    matrix: Matrix | None, alarms: AlarmStudy | None, register: Register | None
-) -> str:
+def _trust_headline(record: ProofRecord) -> str:
+    matrix, alarms, register = record.matrix, record.alarms, record.register
     said = []
     if matrix is not None:
         harmful = [row for row in matrix.rows if row.harmful]
@@ -189,6 +189,7 @@ def _trust_headline(
         said.append(
             f"of {len(harmful)} defects that were built in on purpose the tests catch "
             f"{caught}, and of {len(neutral)} harmless changes they leave {quiet} alone"
+            f"{_older(matrix.made, record)}"
         )
     else:
         said.append("which defects the tests would catch was not measured in this run")
@@ -197,6 +198,7 @@ def _trust_headline(
         count, trials = sum(r.count for r in whole), sum(r.trials for r in whole)
         said.append(
             f"they alarm in {count} of {trials} comparisons in which nothing was changed"
+            f"{_older(alarms.made, record)}"
         )
     if register is not None:
         still = sum(not entry.alarm for entry in register.entries)
@@ -205,3 +207,7 @@ def _trust_headline(
         )
     sentence = "; ".join(said)
     return sentence[0].upper() + sentence[1:] + "."
+
+
+def _older(made: Circumstances, record: ProofRecord) -> str:
+    return " (measured at another commit)" if origin(made, record.results).other else ""

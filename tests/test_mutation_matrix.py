@@ -2,7 +2,12 @@
 
 What catches the defects is a part of `make test`: the replay of some scenes at their test
 size, the comparison of the others, and unit tests. Each row of the matrix asks these on a
-copy of the renderer that has the defect.
+copy of the renderer that has the defect, and climbs the ladder of tests, which `make test`
+does not: what the ladder alone sees is a hole here.
+
+Seeds are fixed, so that the ladder says the same in each run, until the random numbers of a
+renderer change. It claims 0.7 % false alarms for a climb under noise. 12 such climbs have
+no defect and numbers of their own: 8 % at most for a false alarm in the whole matrix.
 """
 
 from __future__ import annotations
@@ -12,9 +17,11 @@ from test_replay_scenes import QUICK as REPLAYED
 from test_scenes_against_mitsuba import QUICK
 
 from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.mutations import climbing
 from mitsuba_ref.mutations.catalogue import CATALOGUE
+from mitsuba_ref.mutations.climbing import NOT_CLIMBED
 from mitsuba_ref.mutations.matrix import OWN_SCENES, control, scene_file, try_mutation
-from mitsuba_ref.mutations.rungs import REPLAY, TESTS, CountedRender, replay
+from mitsuba_ref.mutations.rungs import CLIMBED, REPLAY, TESTS, CountedRender, replay
 from mitsuba_ref.ours import render_ours
 from mitsuba_ref.worker import MitsubaWorker
 
@@ -43,10 +50,26 @@ def test_nothing_is_seen_where_nothing_was_changed(scene, references):
     assert [(rung.name, rung.why) for rung in row.rungs if rung.caught] == []
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", NOT_CLIMBED)
+def test_where_the_ladder_is_not_climbed_it_still_sees_a_difference(
+    scene, references, monkeypatch
+):
+    """A known disagreement: where it ends, the scene's mutations have to climb too.
+
+    The rung "floors" broke in four of four sets of eight seeds, and in all 32 pictures
+    together the floor below the lamp differs by 8 times its noise.
+    """
+    monkeypatch.setattr(climbing, "NOT_CLIMBED", {})
+    rungs = climbing.ladder(scene_file(scene), CountedRender(render_ours), references)
+    assert any(rung.caught for rung in rungs)
+
+
 def in_make_test(row):
     """Return the rungs that see a mutation and are a part of `make test` on its scene."""
     own = (OWN_SCENES / row.scene).is_dir()
     every_day = {TESTS: True, REPLAY: own or row.scene in REPLAYED}
+    every_day |= dict.fromkeys(CLIMBED, False)
     return [
         rung.name
         for rung in row.rungs

@@ -11,12 +11,15 @@ import pytest
 from report_samples import scene as rendered_scene
 from report_samples import write_results
 
+from mitsuba_ref import false_alarms
 from mitsuba_ref.expected_failures import ExpectedFailure
 from mitsuba_ref.expected_failures import __main__ as register_command
+from mitsuba_ref.mutations import __main__ as mutations_command
 from reports import cli, proof_run
 from reports import proof as command
 from reports.errors import ReportError
-from reports.proof_reader import read_register
+from reports.proof_reader import ALARMS, MATRIX, read_register
+from reports.proof_run import results_file
 
 HOLE = sample.matrix(sample.mutation("gamma-twice", sample.seen("replay", False)))
 
@@ -105,6 +108,7 @@ def test_command_measures_what_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran = Commands(monkeypatch)
+    monkeypatch.setattr(proof_run, "usable_cores", lambda: 3)
     data = str(tmp_path / "data")
     words = ["--out", str(tmp_path), "--quick", "--seeds", "12", "--mutations"]
     assert command.main([*words, "--false-alarms"]) == 0
@@ -113,7 +117,7 @@ def test_command_measures_what_it_is_told(
     assert ran.given == [
         ["--report", f"{data}/proof", "--size", "test", "--seeds", "12", *causes],
         ["mitsuba_ref.expected_failures", "--quick", "--out", register],
-        ["mitsuba_ref.mutations", "--out", data],
+        ["mitsuba_ref.mutations", "--jobs", "3", "--out", data],
         ["mitsuba_ref.false_alarms", "--pairs", "20", "--out", alarms],
     ]
     assert "✓ first" in (tmp_path / "proof.html").read_text()
@@ -121,6 +125,18 @@ def test_command_measures_what_it_is_told(
     assert command.main(["--out", str(tmp_path)]) == 0
     assert ran.given[0][2:] == ["--size", "demo", "--seeds", "8", "--causes", "8"]
     assert ran.given[1:] == [["mitsuba_ref.expected_failures", "--out", register]]
+    # The records of the run before are still there, and on the page.
+    page = (tmp_path / "proof.html").read_text()
+    assert "✓ first" in page and "Not measured in this run." not in page
+
+
+def test_studies_write_where_the_page_looks() -> None:
+    """Without `--out`: `make proof` shows what these commands measured last."""
+    data = results_file(cli.DEFAULT_OUT / "data").parent.parent
+    assert data / MATRIX == mutations_command.WHOLE / "matrix.json"
+    assert data / ALARMS == false_alarms.RECORD
+    # A few mutations must not replace the whole matrix there.
+    assert mutations_command.A_PART not in (data, data / "proof")
 
 
 @pytest.mark.parametrize(("status", "expected"), [(130, 130), (2, 2)])

@@ -17,7 +17,14 @@ from mitsuba_ref import machine
 from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.mutations.catalogue import named
 from mitsuba_ref.mutations.matrix import Row, try_all, write_matrix
+from mitsuba_ref.mutations.rungs import CLIMB, Rung
 from mitsuba_ref.worker import MitsubaWorker
+
+WHOLE = Path("reports/out/data")
+"""Where the page "proof" looks."""
+
+A_PART = Path("reports/out")
+"""For a few mutations: they must not replace the whole matrix on the page."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyError as error:
         console.print(str(error.args[0]), markup=False)
         return 2
-    path = options.out / "matrix.json"
+    path = (options.out or (A_PART if options.only else WHOLE)) / "matrix.json"
     circumstances = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": shlex.join(["python", "-m", "mitsuba_ref.mutations", *given]),
@@ -56,8 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _line(row: Row) -> str:
     found = f"caught by {row.caught_by}" if row.caught_by else "not seen"
-    blind = f"; blind: {', '.join(row.blind)}" if row.blind else ""
-    broken = f"; broken: {', '.join(row.broken)}" if row.broken else ""
+    blind = f"; blind: {listed(row.blind)}" if row.blind else ""
+    broken = f"; broken: {listed(row.broken)}" if row.broken else ""
     mark = "" if row.as_expected else "NOT AS EXPECTED "
     return f"{mark}{row.mutation} on {row.scene}: {found}{blind}{broken}"
 
@@ -69,6 +76,7 @@ def _table(rows: Sequence[Row]) -> Table:
     for column in ("spp", "s", "s compile"):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("also", overflow="fold")
+    table.add_column("ladder breaks at", overflow="fold")
     table.add_column("blind", overflow="fold")
     for row in rows:
         caught = [rung for rung in row.rungs if rung.caught]
@@ -77,13 +85,37 @@ def _table(rows: Sequence[Row]) -> Table:
             row.mutation,
             row.scene,
             ("" if row.as_expected else "! ") + (first.name if first else "-"),
-            str(first.spp or "") if first else "",
+            _samples(first) if first else "",
             f"{first.seconds:.1f}" if first else "",
             f"{row.compile_seconds:.0f}",
-            ", ".join(rung.name for rung in caught[1:]),
-            ", ".join(row.blind),
+            listed([rung.name for rung in caught[1:]]),
+            lowest_broken(row),
+            listed(row.blind),
         )
     return table
+
+
+def _samples(rung: Rung) -> str:
+    many = f" x {rung.seeds}" if rung.seeds > 1 else ""
+    return f"{rung.spp or ''}{many}"
+
+
+def lowest_broken(row: Row) -> str:
+    """Return the lowest rung of the ladder of tests that breaks, and what it took."""
+    for rung in row.rungs:
+        if rung.caught and rung.name.startswith(CLIMB):
+            name = rung.name.removeprefix(CLIMB)
+            return f"{name}, {_samples(rung)} spp, {rung.seconds:.1f} s"
+    return "-"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the names; those of the ladder of tests together, last."""
+    others = [name for name in names if not name.startswith(CLIMB)]
+    climbed = [name.removeprefix(CLIMB) for name in names if name.startswith(CLIMB)]
+    if climbed:
+        others.append(f"ladder ({', '.join(climbed)})")
+    return ", ".join(others)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -98,9 +130,9 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--out",
         type=Path,
-        default=Path("reports/out"),
         metavar="DIR",
-        help="where matrix.json goes (default: %(default)s)",
+        help=f"where matrix.json goes (default: {WHOLE}, where `make proof` finds it; with "
+        f"--only {A_PART})",
     )
     add(
         "--jobs",

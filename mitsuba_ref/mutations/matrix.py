@@ -11,12 +11,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.mutations.climbing import ladder
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
 from mitsuba_ref.mutations.mutation import Mutation
-from mitsuba_ref.mutations.rungs import CHECKS, LADDER, RUNS, TESTS, CountedRender, Rung
+from mitsuba_ref.mutations.rungs import (
+    LADDER,
+    RUNS,
+    TESTS,
+    Check,
+    CountedRender,
+    Rung,
+    comparison,
+    replay,
+)
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import write_atomically
+
+CHECKS: tuple[Check, ...] = (comparison, replay, ladder)
+"""All that a mutant is shown to, from cheap to dear; unit tests come after them."""
 
 OWN_SCENES = Path(__file__).with_name("scenes")
 

@@ -29,7 +29,25 @@ DETERMINISTIC = "deterministic radiance"
 REPLAY = "replay"
 STATISTICS = "statistics"
 TESTS = "unit tests"
-LADDER = (RUNS, FINITE, AOVS, DETERMINISTIC, REPLAY, STATISTICS, TESTS)
+CLIMB = "ladder: "
+"""Before the names of the rungs of `mitsuba_ref.ladder_of_tests`, a check by itself."""
+
+CLIMBED = tuple(
+    CLIMB + name
+    for name in (
+        "finite",
+        "registration",
+        "aovs",
+        "radiance",
+        "pixels",
+        "tiles",
+        "mean",
+        "uniformity",
+        "noise-free mse",
+        "floors",
+    )
+)
+LADDER = (RUNS, FINITE, AOVS, DETERMINISTIC, REPLAY, STATISTICS, *CLIMBED, TESTS)
 
 
 @dataclass(frozen=True)
@@ -39,8 +57,9 @@ class Rung:
     name: str  # one of LADDER
     caught: bool  # a difference was seen
     why: str  # the sentence of the check; "" where nothing was seen
-    spp: int | None  # samples per pixel that it looked at
-    seconds: float  # of the whole check, without compilation
+    spp: int | None  # samples per pixel of each picture that it looked at
+    seconds: float  # until it was judged, from the start of its check, not compiling
+    seeds: int = 1  # pictures of ours that it looked at, each with a seed of its own
 
 
 @dataclass
@@ -148,6 +167,3 @@ def replay(scene: Path, ours: CountedRender, references: ReferenceCache) -> Sequ
         if rung.caught:
             break
     return [] if rung is None else [rung]
-
-
-CHECKS: tuple[Check, ...] = (comparison, replay)
