@@ -162,6 +162,7 @@ def _options(given: argparse.Namespace) -> Options:
         ladder=given.ladder,
         checks=given.checks,
         causes=given.causes,
+        time_limit=given.time_limit,
         seeds=given.seeds,
         convergence=given.convergence,
     )
@@ -240,7 +241,7 @@ def _parser() -> argparse.ArgumentParser:
         type=_positive,
         default=TIME_LIMIT,
         metavar="S",
-        help="seconds for one picture by Mitsuba (default: %(default)g)",
+        help="seconds for one picture or traced path by Mitsuba (default: %(default)g)",
     )
     add_trace_options(parser)
     return parser

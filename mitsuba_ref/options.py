@@ -10,6 +10,7 @@ from mitsuba_ref.machine import usable_cores
 from mitsuba_ref.proof_file import Proof
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.variant import MIN_THREADS
+from mitsuba_ref.variant_process import TIME_LIMIT
 from renderer.errors import SceneError
 
 
@@ -26,6 +27,7 @@ class Options:
     checks: Literal["all", "replay", "statistics"] = "all"
     replay: tuple[int, ...] = (1, 16)  # samples per pixel of the replays
     causes: int = 0  # divergent pixels of a replay to be traced
+    time_limit: float = TIME_LIMIT  # seconds for one answer of Mitsuba to a trace
     seeds: int = 1  # pictures of each renderer for the ladder of tests; 1: not climbed
     convergence: bool = False  # with the rungs that need pictures at many sample counts
 

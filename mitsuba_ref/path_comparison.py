@@ -85,7 +85,10 @@ def largest_error(quantities: Sequence[Quantity]) -> float:
 
 
 def difference_sentence(
-    quantities: Sequence[Quantity], names: tuple[str, str], tolerance: float = TOLERANCE
+    quantities: Sequence[Quantity],
+    names: tuple[str, str],
+    tolerance: float = TOLERANCE,
+    cause: str = "",
 ) -> str:
     """Return one sentence: where two paths part, and what kind of difference it is.
 
@@ -97,6 +100,8 @@ def difference_sentence(
         Of the two renderers, ours first.
     tolerance
         Relative error above which a quantity differs.
+    cause
+        What was measured about the difference; empty: it is said what is likely.
     """
     first = first_difference(quantities, tolerance)
     if first is None:
@@ -107,10 +112,11 @@ def difference_sentence(
     q, before = quantities[first], largest_error(quantities[:first])
     values = (" ".join(value_text(v).split()) for v in (q.ours, q.reference))
     said = " and ".join(f"{v} in {name}" for v, name in zip(values, names, strict=True))
+    by = "" if q.error == math.inf else f"relative error {error_text(q.error)}, "
+    why = cause or f"Likely {_meaning(q, tolerance)}."
     return (
-        f"First difference at {place(q.bounce)}: {q.name} is {said} (relative error "
-        f"{error_text(q.error)}, tolerance {tolerance:g}; all before agree to "
-        f"{before:.1e}). Likely {_meaning(q, tolerance)}."
+        f"First difference at {place(q.bounce)}: {q.name} is {said} ({by}tolerance "
+        f"{tolerance:g}; all before agree to {before:.1e}). {why}"
     )
 
 
@@ -176,12 +182,23 @@ def _bounce(
     yield _decision(number, "hits", *shapes, kind="hit")
     if a is None or b is None:
         return  # the bounce before has said why
-    position = _vectors(number, "position", a.position, b.position)
-    # on an edge that two faces share either is right
-    yield replace(_faces(number, a.face, b.face), at_most=position.counted_error)
+    at_surface = list(_at_surface(number, a, b, faint))
+    # On an edge that two faces share either is right, as long as all goes on alike; where
+    # normals or colours part there, the edge is the cause.
+    follows = largest_error([q for q in at_surface if q.kind == "value"])
+    yield replace(_faces(number, a.face, b.face), at_most=follows)
     size = max(abs(x) for x in a.position or (0.0,))
     yield _numbers_apart(number, "t", a.t, b.t, size)
+    position, *after = at_surface
     yield position
+    normal = _vectors(number, "normal", a.normal, _same_side(a.normal, b.normal))
+    yield replace(normal, at_most=largest_error([q for q in after if q.kind == "value"]))
+    yield from after
+
+
+def _at_surface(number: int, a: Bounce, b: Bounce, faint: float) -> Iterator[Quantity]:
+    """Compare a hit's position and all that follows from position, face and normal."""
+    yield _vectors(number, "position", a.position, b.position)
     yield _vectors(number, "throughput", a.throughput, b.throughput)
     yield _vectors(number, "emitted", a.emitted, b.emitted, faint)
     yield from _numbers(number, a.numbers, b.numbers)
@@ -190,6 +207,13 @@ def _bounce(
     scattered = _scattered(number, a.scattered, b.scattered)
     yield from map(_uncompared, scattered) if a.left_out else scattered
     yield _vectors(number, "radiance so far", a.radiance, b.radiance, faint)
+
+
+def _same_side(a: Vector | None, b: Vector | None) -> Vector | None:
+    """Return a normal b with the sign of a: which side it is on says nothing."""
+    if a is None or b is None or sum(x * y for x, y in zip(a, b, strict=True)) >= 0.0:
+        return b
+    return -b[0], -b[1], -b[2]
 
 
 def _shape(bounce: Bounce) -> str:

@@ -22,7 +22,11 @@ MARK = "<-- first"
 
 
 def print_paths(
-    quantities: Sequence[Quantity], names: tuple[str, str], tolerance: float, out: Console
+    quantities: Sequence[Quantity],
+    names: tuple[str, str],
+    tolerance: float,
+    out: Console,
+    cause: str = "",
 ) -> None:
     """Print all quantities, bounce by bounce, the first difference marked.
 
@@ -36,6 +40,8 @@ def print_paths(
         Relative error above which a quantity differs.
     out
         A console; in a pipe it gets plain text.
+    cause
+        What was measured about the first difference.
     """
     first = first_difference(quantities, tolerance)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
@@ -52,7 +58,7 @@ def print_paths(
         style = "bold red" if index == first else None
         table.add_row(*_row(quantity, MARK if index == first else ""), style=style)
     out.print(table)
-    sentence = difference_sentence(quantities, names, tolerance)
+    sentence = difference_sentence(quantities, names, tolerance, cause)
     out.print(sentence, markup=False, soft_wrap=True)
 
 

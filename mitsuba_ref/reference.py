@@ -78,7 +78,7 @@ def render_reference(request: RenderRequest) -> Reference:
     pixels = np.array(image, dtype=np.float32)
     arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
     if request.replay:
-        arrays["camera"] = _camera_entries(mi, sensor)
+        arrays["camera"] = camera_entries(mi, sensor)
     return Reference(
         arrays=arrays,
         seconds=seconds,
@@ -89,7 +89,7 @@ def render_reference(request: RenderRequest) -> Reference:
     )
 
 
-def _camera_entries(mi: Any, sensor: Any) -> Array:
+def camera_entries(mi: Any, sensor: Any) -> Array:
     """Return what of the matrix from the crop window to the camera a replay rounds by."""
     film = sensor.film()
     to_window = mi.perspective_projection(

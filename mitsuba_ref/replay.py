@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.cache import ReferenceCache
+from mitsuba_ref.first_hit_causes import first_hit_causes
 from mitsuba_ref.obstacles import find_obstacle
 from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import DivergentPixel, ReplayResult
 from mitsuba_ref.traced_pair import METHODS, TracedPair
+from mitsuba_ref.variant_process import TIME_LIMIT
 from renderer.errors import NotReplayable
 from renderer.kernel_inputs import replay_sampler
 from renderer.plan import make_plan
@@ -48,6 +50,7 @@ def replay_scene(
     references: ReferenceCache,
     limits: ReplayLimits = USUAL_LIMITS,
     causes: int = 0,
+    time_limit: float = TIME_LIMIT,
 ) -> tuple[ReplayResult, Array, Array]:
     """Render a scene on both sides with Mitsuba's random numbers, and compare.
 
@@ -64,6 +67,8 @@ def replay_scene(
         What is allowed.
     causes
         Of so many divergent pixels, the worst first, say where their paths part.
+    time_limit
+        Seconds for one answer of Mitsuba to a trace.
 
     Returns
     -------
@@ -81,8 +86,13 @@ def replay_scene(
     request = replace(request, camera=camera)
     ours = render_ours(request)
     result = compare_replay(ours.pixels, reference.pixels, limits)
-    if causes and result.listed and ours.integrator in METHODS:
-        result = replace(result, listed=_with_causes(result.listed, request, causes))
+    if causes and result.listed:
+        few = result.listed[:causes]
+        if ours.integrator in METHODS:
+            told = _with_causes(few, request, time_limit)
+        else:
+            told = first_hit_causes(few, request, ours.integrator, render_ours)
+        result = replace(result, listed=told + result.listed[causes:])
     result = replace(
         result,
         spp=ours.spp,
@@ -107,12 +117,13 @@ def replay_all(
     references: ReferenceCache,
     limits: ReplayLimits = USUAL_LIMITS,
     causes: int = 0,
+    time_limit: float = TIME_LIMIT,
 ) -> tuple[tuple[ReplayResult, ...], dict[str, Array], str]:
     """Replay a scene with several numbers of samples.
 
     Parameters
     ----------
-    request, render_ours, references, limits, causes
+    request, render_ours, references, limits, causes, time_limit
         As for `replay_scene`.
     samples
         Numbers of samples per pixel, rising.
@@ -127,7 +138,7 @@ def replay_all(
     try:
         for spp in samples:
             result, ours, reference = replay_scene(
-                request, spp, render_ours, references, limits, causes
+                request, spp, render_ours, references, limits, causes, time_limit
             )
             results.append(result)
             pictures = {"replay_ours": ours, "replay_reference": reference}
@@ -218,13 +229,11 @@ def _worst(
 
 
 def _with_causes(
-    listed: Sequence[DivergentPixel], request: RenderRequest, count: int
+    pixels: Sequence[DivergentPixel], request: RenderRequest, time_limit: float
 ) -> tuple[DivergentPixel, ...]:
-    """Trace the first `count` pixels in both renderers and say where they part."""
-    with TracedPair(request) as pair:
+    """Trace pixels in both renderers and say where they part."""
+    with TracedPair(request, time_limit) as pair:
         return tuple(
             replace(pixel, cause=pair.cause((pixel.x, pixel.y)) or "below the tolerance")
-            if index < count
-            else pixel
-            for index, pixel in enumerate(listed)
+            for pixel in pixels
         )

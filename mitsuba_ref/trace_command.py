@@ -12,14 +12,17 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.options import Options, scene_request
 from mitsuba_ref.path_comparison import CAMERA, TOLERANCE, compare_paths, first_difference
 from mitsuba_ref.path_table import print_paths
 from mitsuba_ref.proof_file import read_proof
-from mitsuba_ref.traced_pair import Pixel, TracedPair
-from renderer.errors import SceneError
+from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.stopped import Stopped, bad_request, stopped_by
+from mitsuba_ref.traced_pair import NotTraceable, Pixel, TracedPair
+from mitsuba_ref.verdicts import exit_status
+from renderer.errors import NotReplayable, SceneError
 
+WRONG_USE, INTERRUPTED = 2, 130
 WIDTH = 128
 """Columns of the table: a narrower terminal wraps its lines, rich would cut the numbers."""
 
@@ -29,7 +32,8 @@ def add_trace_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
         "trace",
         "Compare one path instead of pictures: both renderers draw Mitsuba's random "
-        "numbers. Exit status 0: the paths agree, 1: they do not, 2: cannot be traced.",
+        "numbers. Exit status 0: the paths agree, 1: they do not, 2: there is no such "
+        "path; the others as below.",
     )
     group.add_argument(
         "--trace",
@@ -69,29 +73,46 @@ def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -
     options
         Size, samples, seed and parameters, as for pictures.
     """
-    errors = Console(stderr=True)
+    if given.trace is None:
+        return _refuse("--sample and --tolerance go with --trace", WRONG_USE)
+    if len(scenes) != 1:
+        return _refuse(f"--trace takes one scene; {len(scenes)} are given", WRONG_USE)
+    request: RenderRequest | None = None
     try:
-        if given.trace is None:
-            raise SceneError("--sample and --tolerance go with --trace")
-        if len(scenes) != 1:
-            raise SceneError(f"--trace takes one scene; {len(scenes)} are given")
         request = scene_request(scenes[0], read_proof(scenes[0]), options)
-        with TracedPair(request) as pair:
+        with TracedPair(request, given.time_limit) as pair:
             return _trace(given, pair, f"{scenes[0]}, seed {request.seed}")
-    except (SceneError, MitsubaError) as error:
-        sentence = " ".join(str(error).split())
-        errors.print(f"lightproof-validate: {sentence}", markup=False, soft_wrap=True)
-        return 2
+    except (NotTraceable, NotReplayable) as error:
+        return _refuse(str(error), WRONG_USE)
+    except Exception as error:  # a bug on our side is a verdict too
+        stopped = _stopped(error, request)
+        sentence = f"{stopped.verdict}: {stopped.said[0]}"
+        return _refuse(sentence, exit_status([stopped.verdict]))
     except KeyboardInterrupt:
-        errors.print("interrupted")
-        return 130
+        Console(stderr=True).print("interrupted")
+        return INTERRUPTED
+
+
+def _stopped(error: Exception, request: RenderRequest | None) -> Stopped:
+    """Return what an error means; before there is a request neither side was asked."""
+    if request is None and isinstance(error, SceneError):
+        return bad_request(error)
+    return stopped_by(error, "trace")
+
+
+def _refuse(sentence: str, status: int) -> int:
+    """Print why there is nothing to show; return the exit status."""
+    said = " ".join(sentence.split())
+    errors = Console(stderr=True)
+    errors.print(f"lightproof-validate: {said}", markup=False, soft_wrap=True)
+    return status
 
 
 def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     """Trace and print; return 0 if the paths agree, else 1."""
     pixel, sample = given.trace, given.sample or 0
     tolerance = given.tolerance or TOLERANCE
-    ours, reference = pair.trace(pixel, sample)
+    ours, reference = paths = pair.trace(pixel, sample)
     quantities = compare_paths(ours, reference)
     first = first_difference(quantities, tolerance)
     notes = []
@@ -103,7 +124,8 @@ def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     output = Console(width=max(WIDTH, Console().width), highlight=False)
     title = f"{scene}: pixel {pixel[0]},{pixel[1]}, sample {sample} of {pair.spp}"
     output.print(title, markup=False, soft_wrap=True)
-    print_paths(quantities, (ours.renderer, reference.renderer), tolerance, output)
+    why = pair.rounding(pixel, sample, paths, quantities, tolerance)
+    print_paths(quantities, (ours.renderer, reference.renderer), tolerance, output, why)
     for note in notes:
         output.print(note, markup=False, soft_wrap=True)
     return 0 if first is None else 1

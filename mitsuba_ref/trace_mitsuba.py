@@ -16,6 +16,7 @@ from typing import Any
 from mitsuba_ref.edited_scene import load_edited_scene
 from mitsuba_ref.integrator_method import read_method
 from mitsuba_ref.mitsuba_path import NumbersDrawn, PathState, film_place, vector
+from mitsuba_ref.reference import camera_entries
 from mitsuba_ref.variant import load_mitsuba
 from mitsuba_ref.variant_process import Answerer, answer_requests
 from renderer.replay.pixel_seeds import pixel_seeds
@@ -121,6 +122,7 @@ class MitsubaTracer:
             lights=lights,
             scattered=scattered,
             radiance=vector(state.result),
+            normal=vector(si.sh_frame.n) if hit else None,
         )
 
     def _intersect(self, state: PathState) -> Any:
@@ -225,7 +227,7 @@ def _light_names(scene: Any) -> dict[Any, str]:
 
 
 def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
-    """Load the job's scene; return the sample count and what traces each request."""
+    """Load the job's scene; return the camera's entries and what traces each request."""
     edited = load_edited_scene(
         Path(job["path"]), job["parameters"], box_filter=True, keep_shapes_apart=True
     )
@@ -238,7 +240,8 @@ def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
         x, y = wanted["pixel"]
         return asdict(tracer.trace((x, y), int(seeds[y, x]), wanted["sample"]))
 
-    return {"spp": tracer.spp}, answer
+    entries = camera_entries(load_mitsuba(), sensor)
+    return {"camera": [float(entry) for entry in entries]}, answer
 
 
 if __name__ == "__main__":

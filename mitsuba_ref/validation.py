@@ -155,7 +155,13 @@ def _validate(
     wanted = options.checks != "statistics" and comparison.verdict in COMPARED
     samples = options.replay if wanted else ()
     replays, replayed, refusal = replay_all(
-        request, samples, render_ours, references, proof.replay, options.causes
+        request,
+        samples,
+        render_ours,
+        references,
+        proof.replay,
+        options.causes,
+        options.time_limit,
     )
     comparison = with_replays(comparison, replays)
     blank = replace(
@@ -231,7 +237,13 @@ def _only_replays(
     """
     progress("replay")
     replays, pictures, refusal = replay_all(
-        request, options.replay, render_ours, references, proof.replay, options.causes
+        request,
+        options.replay,
+        render_ours,
+        references,
+        proof.replay,
+        options.causes,
+        options.time_limit,
     )
     if refusal:
         raise NotReplayable(refusal)

@@ -44,6 +44,8 @@ class VariantProcess(MitsubaProcess):
         `scalar_rgb`, `llvm_ad_rgb`, ...
     job
         What the module is given at its start, beside the variant's name.
+    time_limit
+        Seconds for one answer, the start of Mitsuba included.
 
     Raises
     ------
@@ -51,13 +53,19 @@ class VariantProcess(MitsubaProcess):
         Why this variant cannot work here.
     """
 
-    def __init__(self, module: str, variant: str, job: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        module: str,
+        variant: str,
+        job: Mapping[str, Any],
+        time_limit: float = TIME_LIMIT,
+    ) -> None:
         self.variant = variant
         super().__init__(
             module,
             {"variant": variant, **job},
             name=variant,
-            time_limit=TIME_LIMIT,
+            time_limit=time_limit,
             environment=_environment(variant),
         )
 

@@ -59,6 +59,7 @@ class Bounce:
     scattered: Scattered | None  # None: the path ends here
     radiance: Vector  # of the pixel so far, with this bounce
     left_out: bool = False  # it ends because the rest of the path is known to be dark
+    normal: Vector | None = None  # unit, of shading, towards either side; None: no hit
 
 
 @dataclass(frozen=True)
@@ -94,11 +95,12 @@ def path_from_json(data: dict[str, Any]) -> TracedPath:
 
 
 def _bounce(data: dict[str, Any]) -> Bounce:
-    scattered, position = data["scattered"], data["position"]
+    scattered, position, normal = data["scattered"], data["position"], data["normal"]
     return Bounce(
         **data
         | {
             "position": None if position is None else _vector(position),
+            "normal": None if normal is None else _vector(normal),
             "throughput": _vector(data["throughput"]),
             "emitted": _vector(data["emitted"]),
             "radiance": _vector(data["radiance"]),

@@ -5,6 +5,7 @@ The Cornell box at 12 x 12 pixels, so that the kernels are those of other tests.
 
 from __future__ import annotations
 
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,8 @@ import renderer
 from mitsuba_ref.cli import main
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.traced_pair import TracedPair
+from mitsuba_ref.verdicts import VERDICTS
+from renderer.integrators.step_by_step import StepByStep
 from renderer.traced_path import TracedPath
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -49,37 +52,47 @@ def test_agreeing_paths_are_status_0(capsys):
     assert "first" not in output and "…" not in output
 
 
+def inject(monkeypatch, defect) -> None:
+    """Let the kernels' path of each sample, moved or not, have a defect."""
+    real = StepByStep._trace
+
+    def spoilt(self, tile, sample, moved=None):
+        return defect(real(self, tile, sample, moved), sample)
+
+    monkeypatch.setattr(StepByStep, "_trace", spoilt)
+
+
 def darker_light(path: TracedPath) -> TracedPath:
-    """Return a path on which the light of bounce 1 carries a tenth less."""
+    """Return a path on which the lights of bounce 1 carry a tenth less."""
     first, second, *rest = path.bounces
-    (light,) = second.lights
-    light = replace(light, carried=tuple(0.9 * c for c in light.carried))
-    return replace(path, bounces=(first, replace(second, lights=(light,)), *rest))
+    lights = tuple(
+        replace(light, carried=tuple(0.9 * c for c in light.carried))
+        for light in second.lights
+    )
+    return replace(path, bounces=(first, replace(second, lights=lights), *rest))
 
 
 def test_an_injected_defect_is_status_1_and_marked_in_its_bounce(monkeypatch, capsys):
     """A tenth less light at bounce 1: the row `unblocked light`, called a value."""
-    real = TracedPair.trace_ours
-    monkeypatch.setattr(TracedPair, "trace_ours", lambda *given: darker_light(real(*given)))
+    inject(monkeypatch, lambda path, sample: darker_light(path))
     assert run("--trace", PIXEL, "--sample", SAMPLE) == 1
     output = capsys.readouterr().out
     (marked,) = (line for line in output.splitlines() if "<-- first" in line)
     assert marked.split()[:2] == ["unblocked", "light"]
     assert "First difference at bounce 1: unblocked light" in output
+    assert "Not within rounding: even moving any ray of ours up to there" in output
     assert "Likely a value" in output
 
 
 def test_an_earlier_sample_that_parted_is_named(monkeypatch, capsys):
     """Samples share a stream: where sample 0 parted, sample 2 draws other numbers."""
-    real = TracedPair.trace_ours
 
-    def parted(self, pixel, sample):
-        path = real(self, pixel, sample)
+    def parted(path, sample):
         if sample == 0:
             return darker_light(path)
         return replace(path, numbers=dict.fromkeys(path.numbers, 0.5))
 
-    monkeypatch.setattr(TracedPair, "trace_ours", parted)
+    inject(monkeypatch, parted)
     assert run("--trace", PIXEL, "--sample", SAMPLE) == 1
     output = capsys.readouterr().out
     assert "First difference at the camera: random: film x" in output
@@ -111,19 +124,40 @@ def test_wrong_use_is_status_2_and_one_sentence(scenes, arguments, sentence, cap
     assert "Traceback" not in captured.err
 
 
-def test_a_scene_that_mitsuba_refuses_is_status_2(monkeypatch, capsys):
-    """Its own sentence, from its own process."""
-    real = TracedPair.trace_ours
+def test_a_scene_that_mitsuba_refuses_has_its_status(monkeypatch, capsys):
+    """Its own sentence, from its own process, after the verdict's name."""
+    real = TracedPair.trace
 
-    def then_spoil(self, pixel, sample):
-        path = real(self, pixel, sample)
+    def spoil(self, pixel, sample):
         self._request = replace(self._request, parameters={**SIZE, "unheard": "1"})
-        return path
+        return real(self, pixel, sample)
 
-    monkeypatch.setattr(TracedPair, "trace_ours", then_spoil)
-    assert run("--trace", PIXEL) == 2
+    monkeypatch.setattr(TracedPair, "trace", spoil)
+    assert run("--trace", PIXEL) == VERDICTS["refused-by-mitsuba"].status
+    error = " ".join(capsys.readouterr().err.split())
+    assert "refused-by-mitsuba: trace: scalar_rgb: " in error and "unheard" in error
+
+
+def test_a_mitsuba_that_is_silent_is_ended_at_the_time_limit(monkeypatch, capsys):
+    """A process that sleeps for an hour, a limit of one second: the status of a timeout."""
+    real = subprocess.Popen
+
+    def sleeper(command, **given):
+        return real([command[0], "-c", "import time; time.sleep(3600)"], **given)
+
+    monkeypatch.setattr(subprocess, "Popen", sleeper)
+    assert run("--trace", PIXEL, "--time-limit", 1) == VERDICTS["mitsuba-timeout"].status
     captured = capsys.readouterr()
-    assert "scalar_rgb: " in captured.err and "unheard" in captured.err
+    assert captured.out == ""
+    assert "mitsuba-timeout: trace: scalar_rgb: no answer within 1 s" in captured.err
+
+
+def test_a_scene_that_we_refuse_has_its_status(capsys, tmp_path):
+    """Not 2, which is a wrong command line."""
+    scene = tmp_path / "scene.xml"
+    scene.write_text('<scene version="3.0.0"><shape type="unheard"/></scene>')
+    assert main([str(scene), "--trace", "0,0"]) == VERDICTS["refused-by-us"].status
+    assert "refused-by-us: trace: " in capsys.readouterr().err
 
 
 def test_help_says_which_pixels_are_meant(capsys):
@@ -139,9 +173,15 @@ def test_the_steps_are_the_render(pair):
     pixels all over it; so what a trace shows is what the kernels do.
     """
     scene = renderer.load_file(BOX, **SIZE)
-    picture = np.asarray(
-        renderer.render(scene, spp=3, seed=5, sampler="mitsuba", ray_offset="mitsuba")
+    picture = renderer.render(
+        scene,
+        spp=3,
+        seed=5,
+        sampler="mitsuba",
+        ray_offset="mitsuba",
+        measured_camera=pair.camera,
     )
+    picture = np.asarray(picture)
     for x, y in ((0, 0), (5, 4), (6, 2), (3, 9), (11, 11), (8, 7)):
         samples = [pair.trace_ours((x, y), sample).radiance for sample in range(3)]
         np.testing.assert_allclose(np.mean(samples, axis=0), picture[y, x], rtol=3e-7)

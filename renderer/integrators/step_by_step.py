@@ -8,6 +8,8 @@ render's own kernels know nothing of it.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,14 @@ from renderer.traced_path import (
 )
 
 NAME = "lightproof"
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A small change of one of a path's rays, to see what depends on it."""
+
+    segment: int  # 0: the camera ray
+    by: Vector  # added to the ray's unit direction: of the ray's length
 
 
 class StepByStep:
@@ -65,16 +75,42 @@ class StepByStep:
 
     def trace(self, pixel: tuple[int, int], sample: int) -> TracedPath:
         """Return one sample of the pixel (x, y) of the crop window."""
-        film = self._film
-        tile = Tile(film.crop_offset_x + pixel[0], film.crop_offset_y + pixel[1], 1, 1)
+        tile = self._tile(pixel)
         for before in self._drawn.rewind(sample):
             self._trace(tile, before)
         return self._trace(tile, sample)
 
-    def _trace(self, tile: Tile, sample: int) -> TracedPath:
+    def trace_moved(
+        self, pixel: tuple[int, int], sample: int, moves: Sequence[Moved]
+    ) -> Iterator[TracedPath]:
+        """Yield the sample's path once for each move, with one ray moved by it.
+
+        A replay's stream of numbers goes on from sample to sample; it is put back to where
+        this one begins, since a moved path may draw more or fewer than the one before.
+        """
+        self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
+        here = NumbersDrawn(self._scene)
+        for move in moves:
+            here.rewind(0)
+            yield self._trace(self._tile(pixel), sample, move)
+
+    def _tile(self, pixel: tuple[int, int]) -> Tile:
+        film = self._film
+        return Tile(film.crop_offset_x + pixel[0], film.crop_offset_y + pixel[1], 1, 1)
+
+    def _move(self, moved: Moved | None, segment: int) -> None:
+        """Move the ray in `work` if it is the one that is meant."""
+        if moved is None or moved.segment != segment:
+            return
+        direction = self._work.rays.direction
+        new = direction[:, 0].astype(np.float64) + moved.by
+        direction[:, 0] = new / np.linalg.norm(new)
+
+    def _trace(self, tile: Tile, sample: int, moved: Moved | None = None) -> TracedPath:
         scene, work = self._scene, self._work
         work.radiance[:] = 0.0
         count = stages.camera_ray_step(scene, tile, sample, work)
+        self._move(moved, 0)
         origin, direction = _column(work.rays.origin), _column(work.rays.direction)
         drawn = self._drawn.of_film(tile)
         bounces: list[Bounce] = []
@@ -85,6 +121,7 @@ class StepByStep:
             bounces.append(bounce)
             count = int(bounce.scattered is not None and bounce.scattered.survived)
             if count:
+                self._move(moved, len(bounces))
                 stages.next_hit_step(scene, work, count)
         return TracedPath(NAME, drawn, origin, direction, tuple(bounces))
 
@@ -96,6 +133,7 @@ class StepByStep:
         shape, face = self._what_was_hit() if hit else (0, None)
         stages.locate_step(scene, work, 1)
         position = _column(work.points.position) if hit else None
+        normal = _column(work.points.shading_normal) if hit else None
         t = float(work.points.t[0]) if hit else math.inf
         stages.arrive_step(scene, bounce, work, 1)
         emitted = _difference(_column(work.radiance), before)
@@ -122,6 +160,7 @@ class StepByStep:
             scattered=scattered,
             left_out=left_out,
             radiance=_column(work.radiance),
+            normal=normal,
         )
 
     def _what_was_hit(self) -> tuple[int, int | None]:
