@@ -54,9 +54,10 @@ def place_sentence(arrays: dict[str, NDArray[np.float32]], x: int, y: int) -> st
         picture = arrays[kind][..., 0]
         around = picture[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2]
         if np.ptp(around) > 0.0:
+            fine = " On a fine mesh this is usual." if kind == "prim_index" else ""
             return (
                 f"It lies beside an edge: a neighbouring pixel sees another {noun}, so "
-                "rounding may send a camera ray to the other side."
+                f"rounding may send a camera ray to the other side.{fine}"
             )
     return (
         "Its neighbours see the same primitive: the camera ray passes no edge there, and "

@@ -99,7 +99,8 @@ def _rung(
         pair = (pixels, [like] * 2) if side == "ours" else (like, [pixels] * 2)
         obstacle = find_obstacle(*pair)
         if obstacle:
-            raise Hindered(obstacle)
+            at = f"convergence at {spp} samples per pixel, seed {FIRST_SEEDS[side] + seed}"
+            raise Hindered(replace(obstacle, what=f"{at}: {obstacle.what}"))
         return pixels
 
     return noisy_rungs.exponent(measure_convergence(picture), side)

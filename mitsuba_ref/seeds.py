@@ -100,11 +100,12 @@ def climb_scene(
     obstacle = find_obstacle_in_series(a, b, *aovs)
     if obstacle:
         return _without_tests(a, b, obstacle)
-    try:
-        rungs = climb(a, b, *aovs, deterministic, further=further)
-    except Hindered as hindered:
-        return _without_tests(a, b, hindered.obstacle)
     shown = {} if deterministic else evidence(stack(a), stack(b))
+    rungs: list[Rung] = []
+    try:
+        climb(a, b, *aovs, deterministic, further=further, tell=rungs.append)
+    except Hindered as hindered:
+        return _cut_short(rungs, hindered.obstacle, shown)
     return judged(rungs, shown)
 
 
@@ -150,6 +151,21 @@ def _without_tests(
         obstacle.verdict,
         (f"rung {lowest.name}: {obstacle.sentence}",),
         count_non_finite(ours, theirs),
+    )
+
+
+def _cut_short(
+    rungs: Sequence[Rung], obstacle: Obstacle, pictures: Mapping[str, Array]
+) -> Climbed:
+    """Return the rungs climbed so far, and a broken one for what ended the climb."""
+    last = replace(
+        rungs[-1], name="convergence", passed=False, sentence=f"{obstacle.what}."
+    )
+    return Climbed(
+        (*rungs, last),
+        obstacle.verdict,
+        (f"rung {last.name}: {obstacle.sentence}",),
+        pictures=dict(pictures),
     )
 
 

@@ -117,7 +117,9 @@ def _explains(
     error = found[-1].error
     if error is None:
         return False
-    return error >= quantity.counted_error if quantity.kind == "value" else error == 0.0
+    if quantity.kind != "value":
+        return error == 0.0
+    return quantity.counted_error <= error < math.inf
 
 
 def _directions(path: TracedPath) -> list[Vector]:
@@ -128,7 +130,7 @@ def _directions(path: TracedPath) -> list[Vector]:
 
 def _far_back(last: int) -> list[int]:
     """Return segments 0, 1, 2, 4, 8, ... before the last, and the first."""
-    return [*dict.fromkeys([last, *(last - 2**k for k in range(last.bit_length() - 1)), 0])]
+    return [*dict.fromkeys([last, *(last - 2**k for k in range(last.bit_length())), 0])]
 
 
 def _sides(direction: Vector, step: float, sides: int) -> Iterator[Vector]:
@@ -156,7 +158,7 @@ def rays_apart(ours: TracedPath, reference: TracedPath, segment: int) -> float:
     if segment > 0:
         from_a = ours.bounces[segment - 1].position or from_a
         from_b = reference.bounces[segment - 1].position or from_b
-    length = min(ours.bounces[segment].t, reference.bounces[segment].t)
+    length = max(1e-30, min(ours.bounces[segment].t, reference.bounces[segment].t))
     return math.dist(a, b) + math.dist(from_a, from_b) / length
 
 
@@ -174,15 +176,16 @@ def rounding_sentence(
     """
     value = quantity.kind == "value"
     effect = EFFECTS.get(quantity.kind, "flips it")
+    last = max(0, min(quantity.bounce, len(ours.bounces) - 1))
     if move is None:
         which = "any ray of ours up to there" if value else "our ray there"
         tried = STEPS[-1] if value else FARTHER[-1]
+        tried = max(tried, 2.0 * _grown_to(ours, reference, last))
         return (
             f"Not within rounding: even moving {which} by {tried:g} of its length is not "
             f"enough. {_same_place(ours, reference, quantity)}"
             f"Likely {MEANINGS[quantity.kind]}."
         )
-    last = max(0, min(quantity.bounce, len(ours.bounces) - 1))
     moving = f"moving our ray of bounce {move.segment} by {move.step:.2g} of its length"
     apart = rays_apart(ours, reference, last)
     grown = _growth(ours, reference, last)
@@ -190,7 +193,7 @@ def rounding_sentence(
         where = _same_place(ours, reference, quantity)
         return (
             f"Amplified rounding: {moving}, twice as far as the two rays are apart there, "
-            f"{effect}. {where}{grown}"
+            f"{effect}. {where}{grown}".rstrip()
         )
     if move.step > STEPS[-1]:
         return (

@@ -167,7 +167,8 @@ def _whole_number(name: str, value: object, least: int, most: int) -> int:
 
 def _shown(value: object) -> str:
     """Return a value and its type on one line, cut if it is long."""
-    return f"{reprlib.repr(value)} (of type {type(value).__name__})"
+    shown = " ".join(reprlib.repr(value).split())
+    return f"{shown} (of type {type(value).__name__})"
 
 
 def _image(

@@ -48,10 +48,26 @@ def pixels(path):
         return np.array(file.channels()["RGB"].pixels)
 
 
-def start(*arguments, **environment):
-    """Start the command in a process of its own."""
+@pytest.fixture
+def start():
+    """Starts the command in a process of its own, which ends with the test."""
+    started = []
+
+    def start_one(*arguments, **environment):
+        started.append(_process(*arguments, **environment))
+        return started[-1]
+
+    yield start_one
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def _process(*arguments, **environment):
     return subprocess.Popen(
         [sys.executable, "-m", "renderer", *arguments],
+        # a shell in the background ignores SIGINT, and so would its children
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -208,7 +224,7 @@ def test_too_little_memory_is_one_line(capsys, monkeypatch):
     assert capsys.readouterr().err.startswith("error: there is not enough memory")
 
 
-def test_the_module_runs_as_a_program():
+def test_the_module_runs_as_a_program(start):
     """`python -m renderer` takes its exit status and its output from `main`."""
     process = start("nowhere.xml", "--bogus")
     out, err = process.communicate(timeout=60)
@@ -218,7 +234,7 @@ def test_the_module_runs_as_a_program():
     )
 
 
-def test_a_reader_that_goes_away_is_no_traceback():
+def test_a_reader_that_goes_away_is_no_traceback(start):
     """As in `lightproof --explain | head -1`."""
     process = start(CORNELL, "--explain")
     process.stdout.close()
@@ -389,7 +405,7 @@ def test_without_a_terminal_there_are_plain_lines():
 # ------------------------------------------------------------------------- interrupts
 
 
-def test_ctrl_c_writes_the_picture_so_far():
+def test_ctrl_c_writes_the_picture_so_far(start):
     """From outside, as a terminal sends it, into a render without end."""
     process = start(*ENDLESS, "-o", "a.exr")
     wait_for(process, "rendering")
@@ -404,7 +420,7 @@ def test_ctrl_c_writes_the_picture_so_far():
     assert np.isfinite(pixels("a.exr")).all()
 
 
-def test_ctrl_c_while_compiling_quits_at_once(tmp_path):
+def test_ctrl_c_while_compiling_quits_at_once(tmp_path, start):
     """There is no picture to write; an empty cache makes it compile."""
     process = start(*ENDLESS, "-o", "a.exr", LIGHTPROOF_CACHE=str(tmp_path / "cache"))
     wait_for(process, "compiling")

@@ -120,9 +120,10 @@ def fit(samples: Sequence[int], errors: Sequence[Sequence[float]]) -> Convergenc
     x = np.log(np.asarray(samples, float))
     x = (x - x.mean()) / np.sum((x - x.mean()) ** 2)
     exponent = standard_error = math.nan
-    if table.min() > 0.0:
+    if medians.min() > 0.0:
         exponent = float(x @ np.log(medians))
-        standard_error = _bootstrap(x, np.log(table))
+        # a rare pair without any difference, at few samples of sparse noise, has no log
+        standard_error = _bootstrap(x, np.log(np.maximum(table, table[table > 0].min())))
     return Convergence(
         exponent=exponent,
         standard_error=standard_error,

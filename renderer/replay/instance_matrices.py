@@ -26,8 +26,9 @@ def instance_matrices(instances: Sequence[Instance]) -> NDArray[np.float32] | No
         return None
     matrices = np.array([instance.to_world for instance in instances])
     mitsuba = np.linalg.inv(matrices)[:, :3].transpose(2, 1, 0).reshape(12, -1)
-    embree = _embree_inverse(matrices[:, :3].astype(np.float32))
-    return np.concatenate([embree, mitsuba.astype(np.float32)])
+    with np.errstate(all="ignore"):  # tiny instances: what is not finite rounds nothing
+        embree = _embree_inverse(matrices[:, :3].astype(np.float32))
+        return np.concatenate([embree, mitsuba.astype(np.float32)])
 
 
 def _embree_inverse(matrices: NDArray[np.float32]) -> NDArray[np.float32]:

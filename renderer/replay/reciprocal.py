@@ -27,9 +27,11 @@ _FOUR = ir.VectorType(ir.FloatType(), 4)
 
 def guess_instruction() -> str:
     """Return LLVM's name of the instruction that Embree takes here, "" if it divides."""
-    if config.CPU_NAME or not llvm.get_process_triple().startswith(("x86_64", "i686")):
-        return ""  # Numba was told to compile for another processor, or this is an ARM
-    if llvm.get_host_cpu_features().get("avx512vl", False):
+    if config.CPU_NAME or config.CPU_FEATURES is not None:
+        return ""  # Numba was told to compile for another processor than this one
+    if not llvm.get_process_triple().startswith(("x86_64", "i686")):
+        return ""
+    if config.ENABLE_AVX and llvm.get_host_cpu_features().get("avx512vl", False):
         return "llvm.x86.avx512.rcp14.ss"
     return "llvm.x86.sse.rcp.ss"
 

@@ -151,10 +151,9 @@ def _as_mitsuba_rounds(
 
     A path that bounces a hundred times inside of a ring multiplies the last bit.
     """
-    with np.errstate(all="ignore"):  # extreme transforms and NaN rows: kept as they are
-        rounded = transforms.place_normals(linear, given)
-        close = np.abs(rounded - exact).max(axis=1, keepdims=True) <= 16 * 2.0**-24
-    return np.where(close, rounded, exact)
+    rounded = transforms.place_normals(linear, given)
+    close = np.abs(rounded - exact).max(axis=1, keepdims=True) <= 16 * 2.0**-24
+    return np.where(close, rounded, exact)  # NaN is not close: what was given stays
 
 
 def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -128,12 +128,14 @@ def place_normals(matrix: Matrix, normals: NDArray[Any]) -> NDArray[np.float32]:
     scenes/ give came out bit by bit; in float64 throughout 2 of 5 components did not. Where
     a transform is extreme, squares may leave the range of single precision: NaN or 0.
     """
-    columns = np.linalg.inv(matrix[:3, :3]).astype(np.float32)  # of the transpose
+    with np.errstate(over="ignore"):
+        columns = np.linalg.inv(matrix[:3, :3]).astype(np.float32)  # of the transpose
     x, y, z = np.asarray(normals).astype(np.float32).T[:, :, None]
-    turned = _multiply_add(columns[2], z, _multiply_add(columns[1], y, columns[0] * x))
-    squares = turned * turned
-    length2 = (squares[:, 0] + squares[:, 2]) + squares[:, 1]
-    return turned * (np.float32(1.0) / np.sqrt(length2))[:, None]
+    with np.errstate(all="ignore"):
+        turned = _multiply_add(columns[2], z, _multiply_add(columns[1], y, columns[0] * x))
+        squares = turned * turned
+        length2 = (squares[:, 0] + squares[:, 2]) + squares[:, 1]
+        return turned * (np.float32(1.0) / np.sqrt(length2))[:, None]
 
 
 def _multiply_add(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[np.float32]:
