@@ -9,7 +9,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -77,25 +80,50 @@ KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 numba.config.CACHE_DIR = str(KERNEL_CACHE)  # read when a kernel is created
 
 
-def _save_one_at_a_time() -> None:
-    """Let processes take turns when they save a kernel.
+# what an index raises that names classes of a program which is not this one, or is cut off
+_UNREADABLE = (ImportError, AttributeError, EOFError, pickle.UnpicklingError)
+
+
+def _guard_indices() -> None:
+    """Let processes take turns when they save a kernel, and read indices with care.
 
     Numba reads an index, takes a file name that is free, and writes the index: two
     processes at once would give one name to two kernels, and a later run would call the
-    wrong one.
+    wrong one. An index that cannot be read is taken as empty, but never written over: it
+    is in use by the program that can read it.
     """
-    save = IndexDataCacheFile.save
+    save, load_index = IndexDataCacheFile.save, IndexDataCacheFile._load_index
+
+    def load_or_compile(self: Any) -> Any:
+        try:
+            return load_index(self)
+        except _UNREADABLE:
+            return {}
 
     def save_alone(self: Any, key: Any, data: Any) -> None:
-        with open(Path(self._cache_path) / "save.lock", "w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with _turn(self._cache_path):
+            try:
+                load_index(self)
+            except _UNREADABLE:
+                return
             save(self, key, data)
 
+    IndexDataCacheFile._load_index = load_or_compile
     IndexDataCacheFile.save = save_alone
 
 
-if fcntl is not None:
-    _save_one_at_a_time()
+@contextmanager
+def _turn(folder: str) -> Iterator[None]:
+    """Wait for the folder's lock, where the system has locks."""
+    if fcntl is None:
+        yield
+        return
+    with open(Path(folder) / "save.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+_guard_indices()
 
 
 def builder_kernel(function: Any) -> Any:

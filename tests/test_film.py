@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 import pytest
 
 from renderer.batch import CAPACITY
 from renderer.film import Film, add_to_tile, filter_border, filter_table, tile_sums
 from renderer.jit import entry_kernel
+from renderer.kernel_scene import Camera, KernelScene
 from renderer.lanes.functions import lane_index
 from renderer.lanes.memory import store_row
 from renderer.reconstruction import lookup_weight, pixels_touched
@@ -17,17 +16,6 @@ from renderer.sampling import Independent
 from renderer.scene_file.description import ReconstructionFilter
 from renderer.stages.camera_rays import film_position
 from renderer.stages.tile import TILE_SIZE, Tile
-
-
-class FilmCamera(NamedTuple):
-    film_width: int
-
-
-class FilmScene(NamedTuple):
-    """The little of a scene that the film looks at."""
-
-    camera: FilmCamera
-    sampler: Any
 
 
 @entry_kernel
@@ -57,7 +45,11 @@ every_filter = pytest.mark.parametrize(
     "rfilter", FILTERS, ids=lambda f: f"{f.name} {f.radius}"
 )
 CHANNELS = 2
-SCENE = FilmScene(FilmCamera(200), Independent(5))
+# The little of a scene that the film looks at. (Classes of a test in the types of kernels
+# would be in the index of the kernel cache, which other programs then cannot read.)
+NOWHERE = np.zeros((3, 1), np.float32)
+CAMERA = Camera(*[NOWHERE] * 5, near=0.0, far=1.0, film_width=200)
+SCENE = KernelScene(*[None] * 9, CAMERA, Independent(5), None)
 
 
 def slots():

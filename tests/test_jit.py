@@ -83,6 +83,51 @@ def test_processes_that_compile_at_once_do_not_mix_their_kernels(tmp_path: Path)
         assert [process.wait() for process in running] == [0, 0, 0]
 
 
+SHARED = """
+from renderer.jit import entry_kernel
+
+@entry_kernel
+def first(record):
+    return record[0]
+"""
+OWN_CLASS = """
+from typing import NamedTuple
+from shared import first
+
+class Own(NamedTuple):
+    number: int
+
+def check():
+    assert first(Own(7)) == 7
+    assert len(first.stats.cache_hits) == {hits}, first.stats
+"""
+
+
+def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) -> None:
+    """An index names the classes of arguments; who cannot import them compiles anew.
+
+    It must not write the index over: the other program still finds its kernel.
+    """
+    (tmp_path / "shared.py").write_text(SHARED)
+    environment = os.environ | {
+        "LIGHTPROOF_CACHE": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join(
+            [str(tmp_path), str(Path(renderer.__file__).parents[1])]
+        ),
+    }
+
+    def run(program: str) -> int:
+        return subprocess.run([sys.executable, "-c", program], env=environment).returncode
+
+    own = tmp_path / "own.py"
+    own.write_text(OWN_CLASS.format(hits=0))
+    assert run("import own; own.check()") == 0
+    own.rename(tmp_path / "hidden.py")
+    assert run("import shared; assert shared.first((3,)) == 3") == 0
+    own.write_text(OWN_CLASS.format(hits=1))
+    assert run("import own; own.check()") == 0
+
+
 def _hash_of(package: Path) -> str:
     """Return the name of the kernel cache that a copy of the package would use."""
     program = "import renderer.jit; print(renderer.jit.KERNEL_CACHE.name)"

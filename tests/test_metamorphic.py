@@ -172,6 +172,7 @@ def instanced(world):
     return {"type": "scene", "group": group, **rest, "copy": copy}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "world", [np.eye(4), turned((1, 2, 3), 37) @ moved(1, 2, 0.5)], ids=["here", "moved"]
 )

@@ -49,11 +49,11 @@ def references():
         yield ReferenceCache(worker.render)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sampler", "samples"),
     [
-        # slow: most scenes without noise are stratified, and `make test-all` replays them
-        pytest.param("stratified", (1, 16), marks=pytest.mark.slow),
+        ("stratified", (1, 16)),
         ("multijitter", (1, 16)),
         ("orthogonal", (4, 25)),  # squares of primes, and never 1
         ("ldsampler", (4, 16)),

@@ -126,6 +126,7 @@ def smooth_mesh():
         yield pair
 
 
+@pytest.mark.slow
 def test_a_trace_without_a_replay_asks_mitsuba_for_its_camera(smooth_mesh):
     """With the measured entries the camera rays agree in all bits; without, to 4e-8."""
     for sample in range(4):
@@ -133,6 +134,7 @@ def test_a_trace_without_a_replay_asks_mitsuba_for_its_camera(smooth_mesh):
         assert (ours.origin, ours.direction) == (reference.origin, reference.direction)
 
 
+@pytest.mark.slow
 def test_a_known_edge_is_named_and_measured(smooth_mesh):
     """smooth-mesh at 127,119, as in its replay: sample 5 hits faces 151 and 1111.
 
