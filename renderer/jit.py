@@ -7,6 +7,7 @@ folder is therefore named by a hash of all sources of this package.
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import pickle
@@ -126,9 +127,45 @@ def _turn(folder: str) -> Iterator[None]:
 _guard_indices()
 
 
+# objects made between two looks of Python's collector: it is 700 otherwise, and the three
+# million objects of a scene's kernels hold almost nothing that it could free
+_OBJECTS_BETWEEN_COLLECTIONS = 200_000
+
+
+@contextmanager
+def _rare_collections() -> Iterator[None]:
+    """Let Python's collector of cycles look seldom while Numba compiles.
+
+    Its looks were 18 % of the time of the regression suite, and are 8 % of a cold start
+    (docs/decisions/compile-time.md); the price is 20 MB.
+    """
+    usual = gc.get_threshold()
+    if usual[0] == 0 or usual[0] >= _OBJECTS_BETWEEN_COLLECTIONS:
+        yield  # switched off, or another thread compiles already and will set it back
+        return
+    gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS, *usual[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)
+
+
+def _called_from_python(function: Any, flags: dict[str, bool]) -> Any:
+    """Compile `function`, and all that it calls, when Python first calls it."""
+    dispatcher = numba.njit(**flags)(function)
+    compile_for = dispatcher._compile_for_args
+
+    def compile_for_args(*args: Any, **kwargs: Any) -> Any:
+        with _rare_collections():
+            return compile_for(*args, **kwargs)
+
+    dispatcher._compile_for_args = compile_for_args
+    return dispatcher
+
+
 def builder_kernel(function: Any) -> Any:
     """Compile `function` as `entry_kernel` does, but let it allocate arrays."""
-    return numba.njit(**(_FLAGS | {"_nrt": True}))(function)
+    return _called_from_python(function, _FLAGS | {"_nrt": True})
 
 
 def entry_kernel(function: Any) -> Any:
@@ -141,7 +178,7 @@ def entry_kernel(function: Any) -> Any:
     allocate nothing, and counting a record's arrays at each call was a sixth of all compile
     time (docs/decisions/compile-time.md).
     """
-    return numba.njit(**_FLAGS)(function)
+    return _called_from_python(function, _FLAGS)
 
 
 def kernel(function: Any) -> Any:

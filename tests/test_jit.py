@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import subprocess
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
+from numba.extending import overload
 
 import renderer
 from renderer import jit
@@ -42,6 +45,31 @@ def test_kernels_divide_without_exceptions() -> None:
         return np.float32(1.0) / x
 
     assert inverse(np.float32(0.0)) == np.inf
+
+
+def _unknown(x):
+    """What no kernel can call: its compilation fails, so that no cache holds it."""
+
+
+def test_pythons_collector_looks_seldom_while_a_kernel_is_compiled() -> None:
+    """And as before afterwards, also when it fails or another compiles inside of it."""
+    seen = []
+
+    @overload(_unknown)
+    def choose(x):
+        with jit._rare_collections():
+            pass
+        seen.append(gc.get_threshold())
+
+    @entry_kernel
+    def fails(x):
+        return _unknown(x)
+
+    usual = gc.get_threshold()
+    with pytest.raises(TypingError):
+        fails(1.0)
+    assert {threshold[0] for threshold in seen} == {200_000}
+    assert gc.get_threshold() == usual
 
 
 SAVES_MANY = """

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import OpenEXR
 import pytest
+from agreement import one_of_each_family
 from kernel_probes import workspace
 from scene_file_samples import error_of
 from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, sphere
 
 import renderer
-from renderer.accelerators.build import BUILDERS
 from renderer.accelerators.tally import BOXES, NAMES, NODES, PRIMITIVES, SAVED, make_tally
 from renderer.cli import main
 from renderer.errors import SceneError
@@ -75,7 +75,7 @@ def test_brute_force_tests_every_primitive_for_every_pixel():
     assert image.integrator == "work"
 
 
-@pytest.mark.parametrize("name", BUILDERS)
+@one_of_each_family
 def test_every_structure_counts(name):
     """Rays that hit the cube tested a primitive at least; no counter is left unset."""
     image = renderer.render(view(CUBE), integrator="work", accel=name)
