@@ -46,7 +46,7 @@ def tile_sums(channels: int, border: int) -> NDArray[np.float64]:
 
 
 @kernel
-def add_to_tile(rfilter, scene, tile, sample, radiance, sums, border):
+def add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border):
     """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums."""
     channels = sums.shape[0] - 1
     if rfilter is None:
@@ -61,7 +61,7 @@ def add_to_tile(rfilter, scene, tile, sample, radiance, sums, border):
     scale = steps / rfilter.radius
     for first in range(0, CAPACITY, 16):
         slots = lane_index() + first
-        px, py = film_position(scene, tile, slots, sample)
+        px, py = film_position(sampler, tile, slots, sample)
         xs, ys = slot_pixel(slots)
         for j in range(16):
             if lane(xs, j) >= tile.width or lane(ys, j) >= tile.height:
@@ -102,14 +102,15 @@ class Film:
         self.border = border
         self._sums = np.zeros((channels + 1, height, width))
 
-    def tiles(self) -> list[Tile]:
-        """Return the tiles that cover the window, row after row."""
+    def tiles(self, film_width: int) -> list[Tile]:
+        """Return the tiles that cover the window, row after row, of a film so wide."""
         return [
             Tile(
                 x,
                 y,
                 min(TILE_SIZE, self.x + self.width - x),
                 min(TILE_SIZE, self.y + self.height - y),
+                film_width,
             )
             for y in range(self.y, self.y + self.height, TILE_SIZE)
             for x in range(self.x, self.x + self.width, TILE_SIZE)

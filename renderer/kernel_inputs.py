@@ -82,7 +82,7 @@ def kernel_scene(
             tangents=triangle_tangents(triangles),
         )
     accelerators = build_accelerators(scene, accel, plan.rays)
-    seen = accelerators
+    seen = None
     if plan.hide_emitters:
         seen = build_accelerators(scene, accel, plan.rays, without_emitters_of=accelerators)
     settings = Settings(

@@ -288,7 +288,7 @@ class KernelScene(NamedTuple):
     """The whole scene."""
 
     accelerators: Accelerators
-    camera_accelerators: Accelerators  # without area lights if the camera hides them
+    camera_accelerators: Any  # without the area lights that the camera hides; None: all
     surfaces: Surfaces
     stages: NDArray[np.int32]  # (primitives,) bits EMIT, DIFFUSE, ...
     shape: NDArray[np.int32]  # (primitives,) shape id

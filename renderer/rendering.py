@@ -95,6 +95,7 @@ class Rendering:
             film.crop_height,
             self.border,
         )
+        self._tiles = self.film.tiles(film.width)
         self.seed = seed
         self.samples_done = 0
         self.samples_in_all = film.crop_width * film.crop_height * plan.spp
@@ -131,17 +132,15 @@ class Rendering:
     def compile(self) -> float:
         """Compile the kernels, or load them from the cache; return the seconds it took."""
         start = time.perf_counter()
-        tile = self.film.tiles()[0]
-        self._render(_Job(tile, 0, 0))
+        self._render(_Job(self._tiles[0], 0, 0))
         return time.perf_counter() - start
 
     def _jobs(self) -> Iterator[_Job]:
-        tiles = self.film.tiles()
         lights = self.kernel_scene.lights
         asked = lights.count if lights is not None and self.plan.every_light else 1
         step = max(1, SAMPLES_PER_JOB // asked)
         for first in range(0, self.plan.spp, step):
-            for tile in tiles:
+            for tile in self._tiles:
                 yield _Job(tile, first, min(first + step, self.plan.spp))
 
     def run(self, progress: Callable[[Progress], None] | None = None) -> bool:

@@ -217,7 +217,7 @@ def run_intersect(accelerators, rays, hits, count):
 def run_surface_points(scene, work, count):
     """Points of all hits among the first `count` rays; their number."""
     intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
     surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     return found
 

@@ -106,7 +106,7 @@ def ask(inputs: KernelScene, position: Any, x: Any, y: Any) -> Asked:
 @entry_kernel
 def run_density(scene, areas, work, count, density):
     intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
     points = work.points
     surface_points(scene, work.rays, work.hits, work.order, found, points)
     for i in range(0, found, 16):
@@ -148,7 +148,7 @@ def density_towards(inputs: KernelScene, origin: Any, direction: Any) -> np.ndar
 def run_scatter(scene, work, count, x, y, direction):
     """Directions that diffuse hits go on in, x and y by hit; the number of hits."""
     intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
     points = work.points
     surface_points(scene, work.rays, work.hits, work.order, found, points)
     for i in range(0, found, 16):

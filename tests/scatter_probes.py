@@ -28,34 +28,57 @@ from renderer.stages.scatter import (
 from renderer.vectors import store3, vec3
 
 Array = NDArray[np.float64]
-TILE = Tile(0, 0, 32, 32)
+TILE = Tile(0, 0, 32, 32, 32)
 UP = (0.0, 0.0, 1.0)
 
 
 @entry_kernel
 def run_diffuse(scene, tile, sample, points, count, rays):
-    return scatter_diffuse(scene, tile, sample, 0, points, 0, count, rays, 0)
+    bsdfs, settings = scene.bsdfs, scene.settings
+    return scatter_diffuse(
+        bsdfs.diffuse, scene.sampler, settings, scene.shapes, bsdfs.kind, tile, sample,
+        0, points, 0, count, rays, 0,
+    )  # fmt: skip
 
 
 @entry_kernel
 def run_conductor(scene, tile, sample, points, count, rays):
-    return scatter_conductor(scene, tile, sample, 0, points, 0, count, rays, 0)
+    bsdfs, settings = scene.bsdfs, scene.settings
+    return scatter_conductor(
+        bsdfs.conductor, scene.sampler, settings, scene.shapes, bsdfs.kind, tile, sample,
+        0, points, 0, count, rays, 0,
+    )  # fmt: skip
 
 
 @entry_kernel
 def run_dielectric(scene, tile, sample, points, count, rays):
-    return scatter_dielectric(scene, tile, sample, 0, points, 0, count, rays, 0)
+    bsdfs, settings = scene.bsdfs, scene.settings
+    return scatter_dielectric(
+        bsdfs.dielectric, scene.sampler, settings, scene.shapes, bsdfs.kind, tile, sample,
+        0, points, 0, count, rays, 0,
+    )  # fmt: skip
 
 
 @entry_kernel
 def run_split(scene, tile, sample, points, count, rays):
-    return split_dielectric(scene, points, 0, count, rays, 0)
+    bsdfs = scene.bsdfs
+    return split_dielectric(
+        bsdfs.dielectric,
+        scene.settings,
+        scene.shapes,
+        bsdfs.kind,
+        points,
+        0,
+        count,
+        rays,
+        0,
+    )
 
 
 @entry_kernel
-def run_film_position(scene, tile, sample, x, y):
+def run_film_position(sampler, tile, sample, x, y):
     for i in range(0, x.size, 16):
-        px, py = film_position(scene, tile, lane_index() + i, sample)
+        px, py = film_position(sampler, tile, lane_index() + i, sample)
         store_row(x, 0, i, px)
         store_row(y, 0, i, py)
 
@@ -141,7 +164,9 @@ class ScatterProbe:
         """Return positions on the film (2, samples, 1024), in pixels."""
         out = np.empty((2, samples, CAPACITY), np.float32)
         for sample in range(samples):
-            run_film_position(self.inputs, TILE, sample, out[0, sample], out[1, sample])
+            run_film_position(
+                self.inputs.sampler, TILE, sample, out[0, sample], out[1, sample]
+            )
         return out.astype(float)
 
 

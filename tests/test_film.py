@@ -8,7 +8,6 @@ import pytest
 from renderer.batch import CAPACITY
 from renderer.film import Film, add_to_tile, filter_border, filter_table, tile_sums
 from renderer.jit import entry_kernel
-from renderer.kernel_scene import Camera, KernelScene
 from renderer.lanes.functions import lane_index
 from renderer.lanes.memory import store_row
 from renderer.reconstruction import lookup_weight, pixels_touched
@@ -19,14 +18,14 @@ from renderer.stages.tile import TILE_SIZE, Tile
 
 
 @entry_kernel
-def run_add_to_tile(rfilter, scene, tile, sample, radiance, sums, border):
-    add_to_tile(rfilter, scene, tile, sample, radiance, sums, border)
+def run_add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border):
+    add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border)
 
 
 @entry_kernel
-def run_positions(scene, tile, sample, out):
+def run_positions(sampler, tile, sample, out):
     for first in range(0, CAPACITY, 16):
-        x, y = film_position(scene, tile, lane_index() + first, sample)
+        x, y = film_position(sampler, tile, lane_index() + first, sample)
         store_row(out, 0, first, x)
         store_row(out, 1, first, y)
 
@@ -45,11 +44,10 @@ every_filter = pytest.mark.parametrize(
     "rfilter", FILTERS, ids=lambda f: f"{f.name} {f.radius}"
 )
 CHANNELS = 2
-# The little of a scene that the film looks at. (Classes of a test in the types of kernels
-# would be in the index of the kernel cache, which other programs then cannot read.)
-NOWHERE = np.zeros((3, 1), np.float32)
-CAMERA = Camera(*[NOWHERE] * 5, near=0.0, far=1.0, film_width=200)
-SCENE = KernelScene(*[None] * 9, CAMERA, Independent(5), None)
+FILM_WIDTH = 200
+# The renderer's own record: classes of a test in the types of kernels would be in the index
+# of the kernel cache, which other programs then cannot read.
+SAMPLER = Independent(5)
 
 
 def slots():
@@ -61,7 +59,7 @@ def slots():
 def samples(tile, sample, seed=0):
     """Film positions (2, slots), radiance (2, slots), and the slots inside the tile."""
     positions = np.empty((2, CAPACITY), np.float32)
-    run_positions(SCENE, tile, sample, positions)
+    run_positions(SAMPLER, tile, sample, positions)
     radiance = np.random.default_rng([seed, tile.x, tile.y, sample]).random(
         (CHANNELS, CAPACITY)
     )
@@ -99,13 +97,13 @@ def by_hand(rfilter, tiles, window, sample_count):
 
 def by_kernel(rfilter, film, sample_count, constant=None):
     table, border = filter_table(rfilter), film.border
-    for tile in film.tiles():
+    for tile in film.tiles(FILM_WIDTH):
         sums = tile_sums(CHANNELS, border)
         for sample in range(sample_count):
             _, radiance, _ = samples(tile, sample)
             if constant is not None:
                 radiance[:] = constant
-            run_add_to_tile(table, SCENE, tile, sample, radiance, sums, border)
+            run_add_to_tile(table, SAMPLER, tile, sample, radiance, sums, border)
         film.add(tile, sums)
     return film
 
@@ -119,7 +117,7 @@ def test_one_whole_tile(rfilter):
     """32 x 32 pixels: each sample reaches exactly the pixels it should, by its weight."""
     window = (0, 0, 32, 32)
     film = by_kernel(rfilter, make_film(rfilter, window), 2)
-    expected = by_hand(rfilter, film.tiles(), window, 2)
+    expected = by_hand(rfilter, film.tiles(FILM_WIDTH), window, 2)
     np.testing.assert_allclose(film._sums, expected, rtol=1e-12, atol=1e-13)
 
 
@@ -128,20 +126,22 @@ def test_tiles_of_a_crop_window(rfilter):
     """37 x 35 pixels from (5, 7) on: four tiles, three of them cut, borders overlapping."""
     window = (5, 7, 37, 35)
     film = by_kernel(rfilter, make_film(rfilter, window), 1)
-    assert [(t.width, t.height) for t in film.tiles()] == [
+    assert [(t.width, t.height) for t in film.tiles(FILM_WIDTH)] == [
         (32, 32),
         (5, 32),
         (32, 3),
         (5, 3),
     ]
-    expected = by_hand(rfilter, film.tiles(), window, 1)
+    expected = by_hand(rfilter, film.tiles(FILM_WIDTH), window, 1)
     np.testing.assert_allclose(film._sums, expected, rtol=1e-12, atol=1e-13)
 
 
 @every_filter
 def test_a_crop_is_a_piece_of_the_whole_picture(rfilter):
     """Away from the rim: the same samples, the same sums, however tiles are cut."""
-    whole = by_hand(rfilter, make_film(rfilter, (0, 0, 40, 36)).tiles(), (0, 0, 40, 36), 1)
+    whole = by_hand(
+        rfilter, make_film(rfilter, (0, 0, 40, 36)).tiles(FILM_WIDTH), (0, 0, 40, 36), 1
+    )
     film = make_film(rfilter, (0, 0, 40, 36))
     assert by_kernel(rfilter, film, 1)._sums == pytest.approx(whole, rel=1e-12, abs=1e-13)
 
@@ -159,7 +159,7 @@ def test_tiles_cover_the_window_once():
     for window in ((0, 0, 1, 1), (3, 5, 32, 32), (0, 0, 33, 65), (100, 7, 95, 31)):
         film = Film(3, *window, 0)
         count = np.zeros((window[3], window[2]), int)
-        for tile in film.tiles():
+        for tile in film.tiles(FILM_WIDTH):
             assert 0 < tile.width <= TILE_SIZE and 0 < tile.height <= TILE_SIZE
             left, top = tile.x - window[0], tile.y - window[1]
             count[top : top + tile.height, left : left + tile.width] += 1
@@ -168,12 +168,12 @@ def test_tiles_cover_the_window_once():
 
 def test_sums_are_double():
     """Beyond 2^24 single precision cannot count, and 0.1 drifts by 9 % (row 26)."""
-    tile = Tile(0, 0, 32, 32)
+    tile = Tile(0, 0, 32, 32, FILM_WIDTH)
     sums = tile_sums(CHANNELS, 0)
     sums[:] = 2.0**24
     radiance = np.full((CHANNELS, CAPACITY), 0.1, np.float32)
     for sample in range(1000):
-        run_add_to_tile(None, SCENE, tile, sample, radiance, sums, 0)
+        run_add_to_tile(None, SAMPLER, tile, sample, radiance, sums, 0)
     np.testing.assert_allclose(sums[-1] - 2.0**24, 1000, rtol=0)
     tenth = float(np.float32(0.1))
     np.testing.assert_allclose(sums[0] - 2.0**24, 1000 * tenth, rtol=1e-6)
@@ -183,7 +183,7 @@ def test_sums_are_double():
 
 def test_no_weight_is_black_and_not_nan():
     film = Film(1, 0, 0, 4, 3, 0)
-    tile = Tile(0, 0, 4, 3)
+    tile = Tile(0, 0, 4, 3, FILM_WIDTH)
     sums = tile_sums(1, 0)
     sums[:, 0, 0] = 3, 2
     sums[:, 0, 1] = -3, -2  # a pixel can have negative lobes alone
@@ -196,7 +196,7 @@ def test_no_weight_is_black_and_not_nan():
 def test_what_lies_beyond_the_window_is_dropped():
     """A tile's border reaches over the rim on every side."""
     film = Film(1, 10, 20, 4, 3, 2)
-    film.add(Tile(10, 20, 4, 3), np.ones((2, TILE_SIZE + 4, TILE_SIZE + 4)))
+    film.add(Tile(10, 20, 4, 3, FILM_WIDTH), np.ones((2, TILE_SIZE + 4, TILE_SIZE + 4)))
     np.testing.assert_array_equal(film._sums, np.ones((2, 3, 4)))
 
 

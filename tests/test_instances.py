@@ -147,7 +147,7 @@ class Hit:
 @entry_kernel
 def run_points(scene, work, count):
     intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
     surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     return found
 

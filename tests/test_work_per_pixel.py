@@ -53,8 +53,8 @@ def many_squares():
 
 @entry_kernel
 def run_tally(inputs, tile, work, tally):
-    count = camera_rays(inputs, tile, 0, work.rays, work.hits)
-    intersect(inputs.camera_accelerators, work.rays, work.hits, 0, count, True, tally)
+    count = camera_rays(inputs.camera, inputs.sampler, None, tile, 0, work.rays, work.hits)
+    intersect(inputs.accelerators, work.rays, work.hits, 0, count, True, tally)
     return count
 
 
@@ -93,7 +93,7 @@ def test_pixels_are_the_tally_of_the_same_rays():
     truth = np.full((HEIGHT, WIDTH, len(NAMES)), -1)
     for x, width in ((0, 32), (32, 8)):
         work, tally = workspace(1024), make_tally(1024)
-        found = run_tally(inputs, Tile(x, 0, width, HEIGHT), work, tally)
+        found = run_tally(inputs, Tile(x, 0, width, HEIGHT, WIDTH), work, tally)
         slot = work.rays.slot[:found]
         column = (slot & 3) | (((slot >> 4) & 7) << 2)
         row = ((slot >> 2) & 3) | ((slot >> 7) << 2)

@@ -169,7 +169,7 @@ DEFECTS = (
         (
             Edit(
                 "stages/tile.py",
-                "return as_u32((y + tile.y) * scene.camera.film_width + (x + tile.x))",
+                "return as_u32((y + tile.y) * tile.film_width + (x + tile.x))",
                 "return as_u32((y + tile.y) * 0 + (x + tile.x))",
             ),
         ),

@@ -8,7 +8,7 @@ from renderer.kernel_scene import ANY, DIFFUSE
 from renderer.lanes.functions import first_lanes, lane, select, splat_f32, splat_i32, to_f32
 from renderer.lanes.memory import gather_row, load_row
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.intersect import collect, intersect
+from renderer.stages.intersect import collect, intersect, seen_by_camera
 from renderer.stages.shading_frame import facing
 from renderer.stages.surface import surface_points
 from renderer.vectors import load3, select3, vec3
@@ -47,7 +47,7 @@ def _albedo(diffuse, scene, points, i, valid):
     black = vec3(zero, zero, zero)
     if diffuse is None:
         return black
-    face = facing(scene, points, i, valid, DIFFUSE)
+    face = facing(scene.shapes, scene.bsdfs.kind, points, i, valid, DIFFUSE)
     shape = load_row(points.shape, 0, i)
     front = gather_row(scene.shapes.front, 0, shape, valid)
     bsdf = select(face.bsdf >= 0, face.bsdf, front)
@@ -83,9 +83,12 @@ def _shape_number(instances, hits, order, i, numbers, shape, mask):
 def trace_first_hits(scene, tile, sample, work):
     """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
-    count = camera_rays(scene, tile, sample, rays, hits)
-    intersect(scene.camera_accelerators, rays, hits, 0, count, True, None)
-    found = collect(scene, hits, 0, count, ANY, work.order, 0)
+    count = camera_rays(
+        scene.camera, scene.sampler, scene.replayed, tile, sample, rays, hits
+    )
+    seen = seen_by_camera(scene.camera_accelerators, scene.accelerators)
+    intersect(seen, rays, hits, 0, count, True, None)
+    found = collect(scene.stages, hits, 0, count, ANY, work.order, 0)
     surface_points(scene, rays, hits, work.order, found, points)
     for i in range(0, found, 16):
         mask = first_lanes(found - i)

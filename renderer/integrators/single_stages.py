@@ -18,7 +18,13 @@ from renderer.replay.draws import draw_bounce
 from renderer.sampling import BLOCKS_PER_BOUNCE, draw4
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
-from renderer.stages.intersect import collect, intersect, reset_hits, trace_shadow_rays
+from renderer.stages.intersect import (
+    collect,
+    intersect,
+    reset_hits,
+    seen_by_camera,
+    trace_shadow_rays,
+)
 from renderer.stages.shade import arrive, group_by_bsdf, scatter
 from renderer.stages.shading_frame import facing
 from renderer.stages.surface import surface_points
@@ -33,13 +39,16 @@ ASKED_ROWS = 10
 @entry_kernel
 def camera_ray_step(scene, tile, sample, work):
     """Put the camera rays of a tile into `work.rays`; return how many."""
-    return camera_rays(scene, tile, sample, work.rays, work.hits)
+    return camera_rays(
+        scene.camera, scene.sampler, scene.replayed, tile, sample, work.rays, work.hits
+    )
 
 
 @entry_kernel
 def first_hit_step(scene, work, count):
     """Intersect the first `count` rays as camera rays."""
-    intersect(scene.camera_accelerators, work.rays, work.hits, 0, count, True, None)
+    seen = seen_by_camera(scene.camera_accelerators, scene.accelerators)
+    intersect(seen, work.rays, work.hits, 0, count, True, None)
 
 
 @entry_kernel
@@ -52,7 +61,7 @@ def next_hit_step(scene, work, count):
 @entry_kernel
 def locate_step(scene, work, count):
     """Fill `work.points` with all hits."""
-    found = collect(scene, work.hits, 0, count, ANY, work.order, 0)
+    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
     surface_points(scene, work.rays, work.hits, work.order, found, work.points)
 
 
@@ -66,7 +75,7 @@ def arrive_step(scene, bounce, work, count):
 @entry_kernel
 def draw_step(scene, tile, sample, work, count):
     """Draw a replay's numbers of this bounce; for other samplers nothing."""
-    draw_bounce(scene.sampler, scene, tile, sample, work, count)
+    draw_bounce(scene.sampler, scene.shape, tile, sample, work.rays, work.hits, count)
 
 
 @entry_kernel
@@ -85,10 +94,10 @@ def light_count(lights, settings):
 def ask_light(scene, lights, turn, tile, sample, bounce, points, answer):
     """Write to `answer` what the light says that `direct_light` asks at point 0."""
     settings = scene.settings
-    face = facing(scene, points, 0, first_lanes(1), DIFFUSE)
+    face = facing(scene.shapes, scene.bsdfs.kind, points, 0, first_lanes(1), DIFFUSE)
     slot = load_row(points.slot, 0, 0)
     block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
-    x, y, z, number = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
+    x, y, z, number = draw4(scene.sampler, pixel_key(tile, slot), sample, block)
     light, x = choose_light(lights, settings.every_light, settings.replay, turn, x, number)
     position = load3(points.position, 0)
     asked = sample_light(lights, scene.surfaces, light, position, x, y, z)

@@ -12,7 +12,7 @@ import numpy as np
 from renderer.batch import CAPACITY
 from renderer.jit import kernel
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.intersect import intersect, reset_hits
+from renderer.stages.intersect import intersect, reset_hits, seen_by_camera
 from renderer.stages.scatter import scatter_conductor, split_dielectric
 from renderer.stages.shade import arrive, group_by_bsdf, light_diffuse
 
@@ -20,30 +20,18 @@ REGION = 2 * CAPACITY + 64  # a batch of rays has at most two children each
 
 
 @kernel
-def _split(dielectric, scene, work, start, stop, end):
-    if dielectric is None:
-        return end
-    return split_dielectric(scene, work.points, start, stop, work.rays, end)
-
-
-@kernel
-def _mirror(conductor, scene, tile, sample, bounce, work, start, stop, end):
-    if conductor is None:
-        return end
-    return scatter_conductor(
-        scene, tile, sample, bounce, work.points, start, stop, work.rays, end
-    )
-
-
-@kernel
 def trace_ray_trees(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings, bsdfs = work.rays, work.hits, scene.settings, scene.bsdfs
+    shapes, points = scene.shapes, work.points
     if settings.max_depth < 1:
         return
     waiting = work.waiting
-    waiting[0] = camera_rays(scene, tile, sample, rays, hits)
-    intersect(scene.camera_accelerators, rays, hits, 0, waiting[0], True, None)
+    waiting[0] = camera_rays(
+        scene.camera, scene.sampler, scene.replayed, tile, sample, rays, hits
+    )
+    seen = seen_by_camera(scene.camera_accelerators, scene.accelerators)
+    intersect(seen, rays, hits, 0, waiting[0], True, None)
     depth = np.int64(0)
     while depth >= 0:
         if waiting[depth] == 0:
@@ -59,11 +47,17 @@ def trace_ray_trees(scene, tile, sample, work):
         if depth + 1 >= settings.max_depth:
             continue
         groups = group_by_bsdf(scene, work, first, count)
-        light_diffuse(scene, tile, sample, depth, work, groups[0])
-        end = start = (depth + 1) * REGION
-        end = _mirror(
-            bsdfs.conductor, scene, tile, sample, depth, work, groups[0], groups[1], end
+        light_diffuse(
+            bsdfs.diffuse, scene.lights, scene, tile, sample, depth, work, groups[0]
         )
-        end = _split(bsdfs.dielectric, scene, work, groups[1], groups[2], end)
+        start = (depth + 1) * REGION
+        end = scatter_conductor(
+            bsdfs.conductor, scene.sampler, settings, shapes, bsdfs.kind, tile, sample,
+            depth, points, groups[0], groups[1], rays, start,
+        )  # fmt: skip
+        end = split_dielectric(
+            bsdfs.dielectric, settings, shapes, bsdfs.kind, points, groups[1], groups[2],
+            rays, end,
+        )  # fmt: skip
         waiting[depth + 1] = end - start
         depth += 1

@@ -20,35 +20,38 @@ from renderer.replay.sequences import begin_sample, next_1d, next_2d
 from renderer.stages.tile import slot_pixel
 
 
-def draw_film_places(sampler: Any, scene: Any, tile: Any, sample: int) -> None:
+def draw_film_places(sampler: Any, tile: Any, sample: int) -> None:
     """Begin a sample of each pixel of a tile: draw its place on the film."""
     raise TypeError("inside kernels only")
 
 
 def draw_bounce(
-    sampler: Any, scene: Any, tile: Any, sample: int, work: Any, n: int
+    sampler: Any, shape: Any, tile: Any, sample: int, rays: Any, hits: Any, n: int
 ) -> None:
-    """Draw what the first n paths need at the surfaces that they have just hit."""
+    """Draw what the first n paths need at the surfaces that they have just hit.
+
+    `shape` is the scene's, by primitive id.
+    """
     raise TypeError("inside kernels only")
 
 
 @kernel
-def _nothing_for_film(sampler, scene, tile, sample):
+def _nothing_for_film(sampler, tile, sample):
     return
 
 
 @kernel
-def _nothing_for_bounce(sampler, scene, tile, sample, work, n):
+def _nothing_for_bounce(sampler, shape, tile, sample, rays, hits, n):
     return
 
 
 @kernel
-def _replay_film_places(sampler, scene, tile, sample):
+def _replay_film_places(sampler, tile, sample):
     never_inline()
     sequence, numbers = sampler.sequence, sampler.numbers
     for y in range(tile.y, tile.y + tile.height):
         for x in range(tile.x, tile.x + tile.width):
-            pixel = y * scene.camera.film_width + x
+            pixel = y * tile.film_width + x
             begin_sample(sequence, pixel)
             numbers[FILM, pixel], numbers[FILM + 1, pixel] = next_2d(
                 sequence, pixel, sample
@@ -74,16 +77,16 @@ def _draw_for_scattering(bsdf, direct, sequence, numbers, pixel, sample):
 
 
 @kernel
-def _replay_bounce(sampler, scene, tile, sample, work, n):
+def _replay_bounce(sampler, shape, tile, sample, rays, hits, n):
     never_inline()
     sequence, numbers = sampler.sequence, sampler.numbers
     for i in range(n):
-        prim = work.hits.prim[i]
+        prim = hits.prim[i]
         if prim < 0:
             continue
-        x, y = slot_pixel(work.rays.slot[i])
-        pixel = (y + tile.y) * scene.camera.film_width + x + tile.x
-        if sampler.smooth[scene.shape[prim]] == 1:
+        x, y = slot_pixel(rays.slot[i])
+        pixel = (y + tile.y) * tile.film_width + x + tile.x
+        if sampler.smooth[shape[prim]] == 1:
             numbers[LIGHT, pixel], numbers[LIGHT + 1, pixel] = next_2d(
                 sequence, pixel, sample
             )
@@ -91,16 +94,16 @@ def _replay_bounce(sampler, scene, tile, sample, work, n):
 
 
 @overload(draw_film_places)
-def _draw_film_places(sampler, scene, tile, sample):
+def _draw_film_places(sampler, tile, sample):
     replays = record_class(sampler) is Replay
     draw = _replay_film_places if replays else _nothing_for_film
-    return lambda sampler, scene, tile, sample: draw(sampler, scene, tile, sample)
+    return lambda sampler, tile, sample: draw(sampler, tile, sample)
 
 
 @overload(draw_bounce)
-def _draw_bounce(sampler, scene, tile, sample, work, n):
+def _draw_bounce(sampler, shape, tile, sample, rays, hits, n):
     replays = record_class(sampler) is Replay
     draw = _replay_bounce if replays else _nothing_for_bounce
-    return lambda sampler, scene, tile, sample, work, n: draw(
-        sampler, scene, tile, sample, work, n
+    return lambda sampler, shape, tile, sample, rays, hits, n: draw(
+        sampler, shape, tile, sample, rays, hits, n
     )

@@ -50,21 +50,21 @@ def _index_of(dielectric, bsdf):
 
 
 @kernel
-def _scattered(scene, points, i, direction):
+def _scattered(shapes, bsdfs, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)
     wi = vec3(dot(view, s), dot(view, t), dot(view, normal))
     shape = points.shape[i]
-    front = scene.shapes.front[shape]
-    bsdf = front if wi.z > _ZERO else scene.shapes.back[shape]
-    kind = scene.bsdfs.kind[bsdf]
+    front = shapes.front[shape]
+    bsdf = front if wi.z > _ZERO else shapes.back[shape]
+    kind = bsdfs.kind[bsdf]
     if kind == DIFFUSE:
         return direction  # `directions.py` has done it
     if kind == CONDUCTOR or dot(direction, normal) * wi.z > _ZERO:
         wo = vec3(-wi.x, -wi.y, wi.z)
     else:
-        wo = _refracted(wi, _index_of(scene.bsdfs.dielectric, bsdf))
+        wo = _refracted(wi, _index_of(bsdfs.dielectric, bsdf))
     return fused_sum(normal, wo.z, fused_sum(t, wo.y, s * wo.x))
 
 
@@ -90,7 +90,7 @@ def _off_surface(points, i, direction, fixed):
 
 
 @kernel
-def rays_as_mitsuba_rounds(replayed, scene, rays, end, points):
+def rays_as_mitsuba_rounds(replayed, settings, shapes, bsdfs, rays, end, points):
     """Round the first `end` rays, which have just left `points`, if this is a replay.
 
     A direction or an origin that differs by more than rounding explains stays, so that a
@@ -99,12 +99,11 @@ def rays_as_mitsuba_rounds(replayed, scene, rays, end, points):
     if replayed is None:
         return
     never_inline()
-    settings = scene.settings
     fixed = np.float32(settings.fixed_offset)
     for k in range(end):
         i = rays.point[k]
         old = column(rays.direction, k)
-        new = _scattered(scene, points, i, old)
+        new = _scattered(shapes, bsdfs, points, i, old)
         if not _close(new, old, ROUNDING):
             continue
         rays.direction[0, k], rays.direction[1, k] = new.x, new.y

@@ -25,10 +25,10 @@ from renderer.vectors import append3, column, dot, normalize, vec3
 
 
 @kernel
-def film_position(scene, tile, slot, sample):
+def film_position(sampler, tile, slot, sample):
     """Return where on the full film, in pixels, a sample of the slots' pixels lies."""
     x, y = slot_pixel(slot)
-    dx, dy, _, _ = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, FILM_BLOCK)
+    dx, dy, _, _ = draw4(sampler, pixel_key(tile, slot), sample, FILM_BLOCK)
     return to_f32(x + tile.x) + dx, to_f32(y + tile.y) + dy
 
 
@@ -46,10 +46,13 @@ def _round(replayed, rays, count, inside, px, py):
 
 
 @kernel
-def camera_rays(scene, tile, sample, rays, hits):
-    """Fill `rays` with one ray for each pixel of the tile; return how many."""
-    draw_film_places(scene.sampler, scene, tile, sample)
-    camera = scene.camera
+def camera_rays(camera, sampler, replayed, tile, sample, rays, hits):
+    """Fill `rays` with one ray for each pixel of the tile; return how many.
+
+    Like the other stages it is given what it looks at and not the whole scene: it is then
+    compiled once for each of their types, and not for each kind of scene.
+    """
+    draw_film_places(sampler, tile, sample)
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
     count = 0
     for first in range(0, CAPACITY, 16):
@@ -58,7 +61,7 @@ def camera_rays(scene, tile, sample, rays, hits):
         inside = (x < tile.width) & (y < tile.height)
         if mask_bits(inside) == 0:
             continue
-        px, py = film_position(scene, tile, slot, sample)
+        px, py = film_position(sampler, tile, slot, sample)
         direction = normalize(
             column(camera.corner, 0)
             + px * column(camera.right, 0)
@@ -75,6 +78,6 @@ def camera_rays(scene, tile, sample, rays, hits):
         append_row(rays.slot, 0, count, slot, inside)
         append_row(hits.t, 0, count, np.float32(camera.far) * along - near, inside)
         append_row(hits.prim, 0, count, splat_i32(-1), inside)
-        _round(scene.replayed, rays, count, inside, px, py)
+        _round(replayed, rays, count, inside, px, py)
         count += popcount(mask_bits(inside))
     return count

@@ -48,11 +48,13 @@ def direct_light(scene, lights, turn, tile, sample, bounce, points, stop, shadow
     cast = np.int64(0)
     block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
     for i in range(0, stop, 16):
-        face = facing(scene, points, i, first_lanes(stop - i), DIFFUSE)
+        face = facing(
+            scene.shapes, scene.bsdfs.kind, points, i, first_lanes(stop - i), DIFFUSE
+        )
         if mask_bits(face.mine) == 0:
             continue
         slot = load_row(points.slot, 0, i)
-        x, y, z, number = draw4(scene.sampler, pixel_key(scene, tile, slot), sample, block)
+        x, y, z, number = draw4(scene.sampler, pixel_key(tile, slot), sample, block)
         light, x = choose_light(
             lights, settings.every_light, settings.replay, turn, x, number
         )

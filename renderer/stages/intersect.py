@@ -26,6 +26,12 @@ def reset_hits(hits, first, count):
 
 
 @kernel
+def seen_by_camera(camera_accelerators, accelerators):
+    """Return what camera rays are intersected with; see `KernelScene`."""
+    return accelerators if camera_accelerators is None else camera_accelerators
+
+
+@kernel
 def intersect(accelerators, rays, hits, first, count, coherent, tally):
     """Find the nearest hit of `count` rays; `hits.t` holds their ends before.
 
@@ -58,13 +64,15 @@ def trace_shadow_rays(accelerators, shadow_rays, count, coherent, radiance):
 
 
 @kernel
-def collect(scene, hits, first, count, stage, order, start):
-    """Append to `order`, from `start` on, the hits that need `stage`; return the end."""
+def collect(stages, hits, first, count, stage, order, start):
+    """Append to `order`, from `start` on, the hits that need `stage`; return the end.
+
+    `stages` are the scene's, by primitive id.
+    """
     for i in range(first, first + count, 16):
         prim = load_row(hits.prim, 0, i)
         found = (prim >= 0) & first_lanes(first + count - i)
-        stages = gather_row(scene.stages, 0, prim, found)
-        wanted = (stages & stage) != 0
+        wanted = (gather_row(stages, 0, prim, found) & stage) != 0
         append_row(order, 0, start, lane_index() + i, wanted)
         start += popcount(mask_bits(wanted))
     return start

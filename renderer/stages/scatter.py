@@ -1,6 +1,7 @@
 """Stage 6, scattering: the path goes on in a direction that the BSDF chooses.
 
-There is one kernel for each kind of BSDF; a scene without glass never compiles glass.
+There is one kernel for each kind of BSDF, and it is empty for a scene without that kind: it
+is given None for its table then. `kinds` are those of all BSDFs, by BSDF id.
 """
 
 from __future__ import annotations
@@ -80,29 +81,43 @@ def append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive):
 
 
 @kernel
-def scatter_diffuse(scene, tile, sample, bounce, points, start, stop, rays, end):
+def scatter_diffuse(
+    diffuse,
+    sampler,
+    settings,
+    shapes,
+    kinds,
+    tile,
+    sample,
+    bounce,
+    points,
+    start,
+    stop,
+    rays,
+    end,
+):
     """Send paths on from diffuse points, by the cosine; return the new end of `rays`."""
+    if diffuse is None:
+        return end
     block = 1 + bounce * BLOCKS_PER_BOUNCE
     for i in range(start, stop, 16):
-        face = facing(scene, points, i, first_lanes(stop - i), DIFFUSE)
+        face = facing(shapes, kinds, points, i, first_lanes(stop - i), DIFFUSE)
         if mask_bits(face.mine) == 0:
             continue
         slot = load_row(points.slot, 0, i)
-        x, y, _, roulette = draw4(
-            scene.sampler, pixel_key(scene, tile, slot), sample, block
-        )
+        x, y, _, roulette = draw4(sampler, pixel_key(tile, slot), sample, block)
         normal = load3(points.shading_normal, i)
         s, t = tangents_of(points.tangent, i, normal)
         normal = select3(face.front, normal, -normal)
-        direction, cos_i = sample_diffuse(scene.settings.replay, s, t, normal, x, y)
+        direction, cos_i = sample_diffuse(settings.replay, s, t, normal, x, y)
         u = load_row(points.uv, 0, i)
         v = load_row(points.uv, 1, i)
-        albedo = diffuse_albedo(scene.bsdfs.diffuse, face.bsdf, u, v, face.mine)
+        albedo = diffuse_albedo(diffuse, face.bsdf, u, v, face.mine)
         throughput = load3(points.throughput, i) * albedo
         eta = load_row(points.eta, 0, i)
         alive = face.mine & (_largest(throughput) > 0.0) & (cos_i > 0.0)
         alive, throughput = _survive(
-            scene.settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
+            settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
         )
         pdf = pdf_diffuse(cos_i)
         end = append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive)
@@ -123,28 +138,42 @@ def conductor_reflectance(conductor, bsdf, cos_i, mask):
 
 
 @kernel
-def scatter_conductor(scene, tile, sample, bounce, points, start, stop, rays, end):
+def scatter_conductor(
+    conductor,
+    sampler,
+    settings,
+    shapes,
+    kinds,
+    tile,
+    sample,
+    bounce,
+    points,
+    start,
+    stop,
+    rays,
+    end,
+):
     """Send paths on by mirror reflection; return the new end of `rays`."""
+    if conductor is None:
+        return end
     block = 1 + bounce * BLOCKS_PER_BOUNCE
     for i in range(start, stop, 16):
-        face = facing(scene, points, i, first_lanes(stop - i), CONDUCTOR)
+        face = facing(shapes, kinds, points, i, first_lanes(stop - i), CONDUCTOR)
         if mask_bits(face.mine) == 0:
             continue
         slot = load_row(points.slot, 0, i)
-        _, _, _, roulette = draw4(
-            scene.sampler, pixel_key(scene, tile, slot), sample, block
-        )
+        _, _, _, roulette = draw4(sampler, pixel_key(tile, slot), sample, block)
         normal = load3(points.shading_normal, i)
         normal = select3(face.front, normal, -normal)
         wo = load3(points.wo, i)
         reflectance = conductor_reflectance(
-            scene.bsdfs.conductor, face.bsdf, dot(wo, normal), face.mine
+            conductor, face.bsdf, dot(wo, normal), face.mine
         )
         throughput = load3(points.throughput, i) * reflectance
         eta = load_row(points.eta, 0, i)
-        alive = face.mine & _heavy(throughput, np.float32(scene.settings.cutoff))
+        alive = face.mine & _heavy(throughput, np.float32(settings.cutoff))
         alive, throughput = _survive(
-            scene.settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
+            settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
         )
         mirrored = reflect(wo, normal)
         none = splat_f32(0.0)
@@ -153,21 +182,34 @@ def scatter_conductor(scene, tile, sample, bounce, points, start, stop, rays, en
 
 
 @kernel
-def scatter_dielectric(scene, tile, sample, bounce, points, start, stop, rays, end):
+def scatter_dielectric(
+    dielectric,
+    sampler,
+    settings,
+    shapes,
+    kinds,
+    tile,
+    sample,
+    bounce,
+    points,
+    start,
+    stop,
+    rays,
+    end,
+):
     """Send each path on by reflection or refraction, at random in proportion."""
+    if dielectric is None:
+        return end
     block = 1 + bounce * BLOCKS_PER_BOUNCE
-    table = scene.bsdfs.dielectric
     for i in range(start, stop, 16):
-        face = facing(scene, points, i, first_lanes(stop - i), DIELECTRIC)
+        face = facing(shapes, kinds, points, i, first_lanes(stop - i), DIELECTRIC)
         if mask_bits(face.mine) == 0:
             continue
         slot = load_row(points.slot, 0, i)
-        _, _, choice, roulette = draw4(
-            scene.sampler, pixel_key(scene, tile, slot), sample, block
-        )
+        _, _, choice, roulette = draw4(sampler, pixel_key(tile, slot), sample, block)
         normal = load3(points.shading_normal, i)
         wo = load3(points.wo, i)
-        index = gather_row(table.eta, 0, face.bsdf, face.mine)
+        index = gather_row(dielectric.eta, 0, face.bsdf, face.mine)
         fresnel, cos_t, crossing = fresnel_dielectric(dot(wo, normal), index)
         reflected = choice < fresnel
         direction = select3(
@@ -177,15 +219,15 @@ def scatter_dielectric(scene, tile, sample, bounce, points, start, stop, rays, e
         squeeze = 1.0 / (crossing * crossing)
         weight = select3(
             reflected,
-            gather3(table.reflectance, face.bsdf, face.mine),
-            gather3(table.transmittance, face.bsdf, face.mine) * squeeze,
+            gather3(dielectric.reflectance, face.bsdf, face.mine),
+            gather3(dielectric.transmittance, face.bsdf, face.mine) * squeeze,
         )
         throughput = load3(points.throughput, i) * weight
         eta = load_row(points.eta, 0, i)
         eta = select(reflected, eta, eta * crossing)
         alive = face.mine & (_largest(throughput) > 0.0)
         alive, throughput = _survive(
-            scene.settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
+            settings.roulette_depth, bounce + 1, throughput, eta, roulette, alive
         )
         none = splat_f32(0.0)
         end = append_rays(rays, end, points, i, direction, throughput, none, eta, alive)
@@ -193,33 +235,36 @@ def scatter_dielectric(scene, tile, sample, bounce, points, start, stop, rays, e
 
 
 @kernel
-def split_dielectric(scene, points, start, stop, rays, end):
+def split_dielectric(dielectric, settings, shapes, kinds, points, start, stop, rays, end):
     """Follow both the reflected and the refracted ray (Whitted); return the new end.
 
     A ray of less weight than the cut-off is dropped.
     """
-    table = scene.bsdfs.dielectric
-    cutoff = np.float32(scene.settings.cutoff)
+    if dielectric is None:
+        return end
+    cutoff = np.float32(settings.cutoff)
     for i in range(start, stop, 16):
-        face = facing(scene, points, i, first_lanes(stop - i), DIELECTRIC)
+        face = facing(shapes, kinds, points, i, first_lanes(stop - i), DIELECTRIC)
         if mask_bits(face.mine) == 0:
             continue
         normal = load3(points.shading_normal, i)
         wo = load3(points.wo, i)
-        index = gather_row(table.eta, 0, face.bsdf, face.mine)
+        index = gather_row(dielectric.eta, 0, face.bsdf, face.mine)
         fresnel, cos_t, crossing = fresnel_dielectric(dot(wo, normal), index)
         throughput = load3(points.throughput, i)
         eta = load_row(points.eta, 0, i)
         none = splat_f32(0.0)
 
-        reflection = throughput * gather3(table.reflectance, face.bsdf, face.mine) * fresnel
+        reflection = (
+            throughput * gather3(dielectric.reflectance, face.bsdf, face.mine) * fresnel
+        )
         heavy = face.mine & _heavy(reflection, cutoff)
         mirrored = reflect(wo, normal)
         end = append_rays(rays, end, points, i, mirrored, reflection, none, eta, heavy)
 
         squeeze = (1.0 - fresnel) / (crossing * crossing)
         refraction = (
-            throughput * gather3(table.transmittance, face.bsdf, face.mine) * squeeze
+            throughput * gather3(dielectric.transmittance, face.bsdf, face.mine) * squeeze
         )
         heavy = face.mine & _heavy(refraction, cutoff)
         bent = refract(wo, normal, cos_t, crossing)

@@ -33,7 +33,7 @@ def _constants_of(lights):
 def _arrive_at_lights(scene, areas, work, first, count):
     if areas is None:
         return
-    found = collect(scene, work.hits, first, count, EMIT, work.order, 0)
+    found = collect(scene.stages, work.hits, first, count, EMIT, work.order, 0)
     surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     add_emission(scene, scene.lights, areas, work.points, found, work.radiance)
 
@@ -57,29 +57,35 @@ def arrive(scene, work, first, count, see_environment):
 
 
 @kernel
-def _collect_kind(table, scene, work, first, count, kind, end):
+def _collect_kind(table, stages, hits, first, count, kind, order, end):
     if table is None:
         return end
-    return collect(scene, work.hits, first, count, kind, work.order, end)
+    return collect(stages, hits, first, count, kind, order, end)
 
 
 @kernel
 def group_by_bsdf(scene, work, first, count):
     """Fill `work.points`, grouped by BSDF; return where each of the three groups ends."""
-    bsdfs = scene.bsdfs
-    diffuse = _collect_kind(bsdfs.diffuse, scene, work, first, count, DIFFUSE, np.int64(0))
+    bsdfs, stages, hits, order = scene.bsdfs, scene.stages, work.hits, work.order
+    diffuse = _collect_kind(
+        bsdfs.diffuse, stages, hits, first, count, DIFFUSE, order, np.int64(0)
+    )
     conductor = _collect_kind(
-        bsdfs.conductor, scene, work, first, count, CONDUCTOR, diffuse
+        bsdfs.conductor, stages, hits, first, count, CONDUCTOR, order, diffuse
     )
     dielectric = _collect_kind(
-        bsdfs.dielectric, scene, work, first, count, DIELECTRIC, conductor
+        bsdfs.dielectric, stages, hits, first, count, DIELECTRIC, order, conductor
     )
     surface_points(scene, work.rays, work.hits, work.order, dielectric, work.points)
     return diffuse, conductor, dielectric
 
 
 @kernel
-def _light_diffuse(diffuse, lights, scene, tile, sample, bounce, work, stop):
+def light_diffuse(diffuse, lights, scene, tile, sample, bounce, work, stop):
+    """Add the direct light at the diffuse points, which are the first `stop`.
+
+    `diffuse` and `lights` are the scene's, which may have none.
+    """
     if diffuse is None:
         return
     if lights is None:
@@ -93,56 +99,29 @@ def _light_diffuse(diffuse, lights, scene, tile, sample, bounce, work, stop):
 
 
 @kernel
-def light_diffuse(scene, tile, sample, bounce, work, stop):
-    """Add the direct light at the diffuse points, which are the first `stop`."""
-    diffuse, lights = scene.bsdfs.diffuse, scene.lights
-    _light_diffuse(diffuse, lights, scene, tile, sample, bounce, work, stop)
-
-
-@kernel
-def _scatter_diffuse(diffuse, follow, scene, tile, sample, bounce, work, stop, end):
-    if diffuse is None:
-        return end
-    if follow is None:
-        return end
-    return scatter_diffuse(
-        scene, tile, sample, bounce, work.points, 0, stop, work.rays, end
-    )
-
-
-@kernel
-def _scatter_conductor(conductor, scene, tile, sample, bounce, work, start, stop, end):
-    if conductor is None:
-        return end
-    return scatter_conductor(
-        scene, tile, sample, bounce, work.points, start, stop, work.rays, end
-    )
-
-
-@kernel
-def _scatter_dielectric(dielectric, scene, tile, sample, bounce, work, start, stop, end):
-    if dielectric is None:
-        return end
-    return scatter_dielectric(
-        scene, tile, sample, bounce, work.points, start, stop, work.rays, end
-    )
+def _if_followed(follow, diffuse):
+    return None if follow is None else diffuse
 
 
 @kernel
 def scatter(scene, tile, sample, bounce, work, groups):
     """Send the paths on from their surface points; return how many go on."""
-    bsdfs = scene.bsdfs
-    diffuse, conductor, dielectric = groups
-    follow = scene.settings.follow
+    sampler, settings, bsdfs = scene.sampler, scene.settings, scene.bsdfs
+    shapes, kinds, points, rays = scene.shapes, bsdfs.kind, work.points, work.rays
+    first, second, third = groups
+    diffuse = _if_followed(settings.follow, bsdfs.diffuse)
     end = np.int64(0)
-    end = _scatter_diffuse(
-        bsdfs.diffuse, follow, scene, tile, sample, bounce, work, diffuse, end
-    )
-    end = _scatter_conductor(
-        bsdfs.conductor, scene, tile, sample, bounce, work, diffuse, conductor, end
-    )
-    end = _scatter_dielectric(
-        bsdfs.dielectric, scene, tile, sample, bounce, work, conductor, dielectric, end
-    )
-    rays_as_mitsuba_rounds(scene.replayed, scene, work.rays, end, work.points)
+    end = scatter_diffuse(
+        diffuse, sampler, settings, shapes, kinds, tile, sample, bounce, points,
+        np.int64(0), first, rays, end,
+    )  # fmt: skip
+    end = scatter_conductor(
+        bsdfs.conductor, sampler, settings, shapes, kinds, tile, sample, bounce, points,
+        first, second, rays, end,
+    )  # fmt: skip
+    end = scatter_dielectric(
+        bsdfs.dielectric, sampler, settings, shapes, kinds, tile, sample, bounce, points,
+        second, third, rays, end,
+    )  # fmt: skip
+    rays_as_mitsuba_rounds(scene.replayed, settings, shapes, bsdfs, rays, end, points)
     return end

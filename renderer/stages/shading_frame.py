@@ -20,16 +20,16 @@ class Facing(NamedTuple):
 
 
 @kernel
-def facing(scene, points, i, valid, kind):
-    """Return the `Facing` of points i to i + 15 for a kind of BSDF."""
+def facing(shapes, kinds, points, i, valid, kind):
+    """Return the `Facing` of points i to i + 15 for a kind of BSDF; `kinds` by BSDF id."""
     wo = load3(points.wo, i)
     front = dot(wo, load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
-    ahead = gather_row(scene.shapes.front, 0, shape, valid)
-    behind = gather_row(scene.shapes.back, 0, shape, valid)
+    ahead = gather_row(shapes.front, 0, shape, valid)
+    behind = gather_row(shapes.back, 0, shape, valid)
     bsdf = select(front, ahead, behind)
     shown = valid & (bsdf >= 0)
-    mine = shown & (gather_row(scene.bsdfs.kind, 0, bsdf, shown) == kind)
+    mine = shown & (gather_row(kinds, 0, bsdf, shown) == kind)
     return Facing(mine, bsdf, front)
 
 

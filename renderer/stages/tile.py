@@ -15,6 +15,7 @@ class Tile(NamedTuple):
     y: int
     width: int
     height: int
+    film_width: int  # of the full film
 
 
 TILE_SIZE = 32  # CAPACITY = TILE_SIZE ** 2
@@ -29,7 +30,7 @@ def slot_pixel(slot):
 
 
 @kernel
-def pixel_key(scene, tile, slot):
+def pixel_key(tile, slot):
     """Return the number of the slots' pixels in the full film: the key of their numbers."""
     x, y = slot_pixel(slot)
-    return as_u32((y + tile.y) * scene.camera.film_width + (x + tile.x))
+    return as_u32((y + tile.y) * tile.film_width + (x + tile.x))
