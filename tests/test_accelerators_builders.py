@@ -181,7 +181,9 @@ def check_heap(name, make, count, rays):
 @every_name
 @pytest.mark.parametrize("make", HEAPS, ids=lambda make: make.__name__)
 def test_ten_thousand_in_a_heap(name, make):
-    check_heap(name, make, 10_000, 5)
+    # a grid in each cell: the proof of all of them takes 14 s at full size
+    small = name == "grid-nested" and make is equal_centroids
+    check_heap(name, make, 2_000 if small else 10_000, 5)
 
 
 @every_name
