@@ -67,5 +67,4 @@ def kernel_camera(camera: PerspectiveCamera) -> Camera:
         column(forward),
         float(camera.near_clip),
         float(camera.far_clip),
-        p.xres,
     )

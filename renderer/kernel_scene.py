@@ -266,7 +266,6 @@ class Camera(NamedTuple):
     forward: NDArray[np.float32]  # (3, 1) unit
     near: float
     far: float
-    film_width: int
 
 
 class Settings(NamedTuple):
@@ -288,7 +287,8 @@ class KernelScene(NamedTuple):
     """The whole scene."""
 
     accelerators: Accelerators
-    camera_accelerators: Any  # without the area lights that the camera hides; None: all
+    # without the area lights that the camera hides; None: the same as `accelerators`
+    camera_accelerators: Accelerators | None
     surfaces: Surfaces
     stages: NDArray[np.int32]  # (primitives,) bits EMIT, DIFFUSE, ...
     shape: NDArray[np.int32]  # (primitives,) shape id

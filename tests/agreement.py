@@ -21,12 +21,19 @@ from renderer.accelerators.validate import validate
 NAMES = tuple(BUILDERS)
 # Grouped by name, so that the processes of a test run share out what is to be compiled.
 every_name = pytest.mark.parametrize("name", NAMES, scope="module")
-# One of each family where a test compiles the renderer around the structure (4 s each): the
-# hits of all of them are compared by the quick tests.
-_FAMILIES = ("grid", "octree", "bsp", "kd-sah", "bvh", "wide")
+# Where a test compiles the renderer around a structure (4 s each), those that share their
+# traversal with another are slow: the quick tests compare the hits of all of them.
+_SHARED = {
+    "grid-without-mailboxes",
+    "grid-clusters",
+    "kd-middle",
+    "kd-median",
+    "bvh-median",
+    "bvh-middle",
+}
 one_of_each_family = pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=() if n in _FAMILIES else pytest.mark.slow) for n in NAMES],
+    [pytest.param(n, marks=pytest.mark.slow if n in _SHARED else ()) for n in NAMES],
     scope="module",
 )
 

@@ -118,8 +118,7 @@ class ScatterProbe:
         scene = renderer.load_dict(content)
         inputs = kernel_scene(scene, make_plan(scene, integrator="path"), "brute", 0)
         settings = inputs.settings._replace(roulette_depth=1 if roulette else None)
-        camera = inputs.camera._replace(film_width=32)
-        self.inputs: KernelScene = inputs._replace(settings=settings, camera=camera)
+        self.inputs: KernelScene = inputs._replace(settings=settings)
 
     def _fill(self, work: Workspace, wo: Array, normal: Any) -> None:
         p, n = work.points, len(wo)

@@ -138,7 +138,6 @@ def one_of_each(y: float) -> list[dict[str, Any]]:
     ]
 
 
-@pytest.mark.slow  # 30 s of compilation; test_plan.py has its three scenes in `make test`
 def test_kinds_that_no_ray_meets_change_no_bit():
     """The box is closed: what lies far below it is met by no ray.
 

@@ -54,7 +54,7 @@ class NumbersDrawn:
 
     def _number(self, tile: Tile, row: int) -> float:
         assert self._sampler is not None
-        pixel = tile.y * self._scene.camera.film_width + tile.x
+        pixel = tile.y * tile.film_width + tile.x
         return float(self._sampler.numbers[row, pixel])
 
 

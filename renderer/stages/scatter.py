@@ -1,7 +1,8 @@
 """Stage 6, scattering: the path goes on in a direction that the BSDF chooses.
 
 There is one kernel for each kind of BSDF, and it is empty for a scene without that kind: it
-is given None for its table then. `kinds` are those of all BSDFs, by BSDF id.
+is given None for its table then, as it is where rays end at diffuse surfaces. `kinds` are
+those of all BSDFs, by BSDF id.
 """
 
 from __future__ import annotations

@@ -108,20 +108,20 @@ def scatter(scene, tile, sample, bounce, work, groups):
     """Send the paths on from their surface points; return how many go on."""
     sampler, settings, bsdfs = scene.sampler, scene.settings, scene.bsdfs
     shapes, kinds, points, rays = scene.shapes, bsdfs.kind, work.points, work.rays
-    first, second, third = groups
+    diffuse_end, conductor_end, dielectric_end = groups
     diffuse = _if_followed(settings.follow, bsdfs.diffuse)
     end = np.int64(0)
     end = scatter_diffuse(
         diffuse, sampler, settings, shapes, kinds, tile, sample, bounce, points,
-        np.int64(0), first, rays, end,
+        np.int64(0), diffuse_end, rays, end,
     )  # fmt: skip
     end = scatter_conductor(
         bsdfs.conductor, sampler, settings, shapes, kinds, tile, sample, bounce, points,
-        first, second, rays, end,
+        diffuse_end, conductor_end, rays, end,
     )  # fmt: skip
     end = scatter_dielectric(
         bsdfs.dielectric, sampler, settings, shapes, kinds, tile, sample, bounce, points,
-        second, third, rays, end,
+        conductor_end, dielectric_end, rays, end,
     )  # fmt: skip
     rays_as_mitsuba_rounds(scene.replayed, settings, shapes, bsdfs, rays, end, points)
     return end
