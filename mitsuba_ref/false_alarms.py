@@ -26,13 +26,14 @@ from rich.console import Console
 from rich.table import Table
 
 from mitsuba_ref import machine
-from mitsuba_ref.edited_scene import load_edited_scene
 from mitsuba_ref.ladder_of_tests import FALSE_ALARMS, FEWEST_SEEDS, climb
-from mitsuba_ref.ours import edit_description
+from mitsuba_ref.noisy_rungs import exponent
 from mitsuba_ref.results import Rung, finite_or_null, write_atomically
+from mitsuba_ref.scene_convergence import FIRST_SEEDS
 from mitsuba_ref.seeds import FIRST_REFERENCE_SEED
 from mitsuba_ref.statistics.binomial import Rate, rate
-from mitsuba_ref.variant import load_mitsuba, set_threads
+from mitsuba_ref.statistics.convergence import MOST_SEEDS, Render, measure_convergence
+from mitsuba_ref.unchanged_scene import by_mitsuba, by_ours
 
 Pictures = NDArray[np.float32]
 
@@ -69,7 +70,10 @@ class FalseAlarms:
 
 
 def count_alarms(
-    first: Sequence[Pictures], second: Sequence[Pictures], alpha: float = FALSE_ALARMS
+    first: Sequence[Pictures],
+    second: Sequence[Pictures],
+    alpha: float = FALSE_ALARMS,
+    further: Sequence[Sequence[Callable[[], Rung]]] | None = None,
 ) -> tuple[RungAlarms, ...]:
     """Climb to the top for each pair; return how often each rung was broken.
 
@@ -79,10 +83,12 @@ def count_alarms(
         For each pair a set of pictures, (K, H, W, 3); no picture twice.
     alpha
         Claimed for each rung.
+    further
+        For each pair what makes the rungs above the others.
     """
     climbs = [
-        climb(list(a), list(b), alpha=alpha, to_the_top=True)
-        for a, b in zip(first, second, strict=True)
+        climb(list(a), list(b), alpha=alpha, to_the_top=True, further=more)
+        for a, b, more in zip(first, second, further or [()] * len(first), strict=True)
     ]
     found = [_count(rungs) for rungs in zip(*climbs, strict=True)]
     broken = sum(any(not rung.passed for rung in rungs) for rungs in climbs)
@@ -105,38 +111,6 @@ def _count(rungs: Sequence[Rung]) -> RungAlarms:
     )
 
 
-def render_mitsuba(
-    path: Path, parameters: dict[str, str], seeds: range, progress: Callable[[], None]
-) -> Pictures:
-    """Render a scene with Mitsuba, box filter, one picture for each seed, (n, H, W, 3)."""
-    mi = load_mitsuba()
-    set_threads(None)
-    scene = load_edited_scene(path, parameters, box_filter=True).scene
-    pictures = []
-    for seed in seeds:
-        rendered = np.array(mi.render(scene, seed=seed), dtype=np.float32)
-        pictures.append(rendered[..., :3])
-        progress()
-    return np.stack(pictures)
-
-
-def render_ours(
-    path: Path, parameters: dict[str, str], seeds: range, progress: Callable[[], None]
-) -> Pictures:
-    """Render a scene with our renderer, box filter, (n, H, W, 3)."""
-    import renderer
-    from renderer.scene import build_scene
-    from renderer.scene_file import read_file
-
-    description = read_file(path, **parameters)
-    scene = build_scene(edit_description(description, box_filter=True, first_hits=False))
-    pictures = []
-    for seed in seeds:
-        pictures.append(np.asarray(renderer.render(scene, seed=seed, ray_offset="mitsuba")))
-        progress()
-    return np.stack(pictures)
-
-
 def measure(
     path: Path,
     pairs: int,
@@ -144,31 +118,75 @@ def measure(
     spp: int,
     seeds: int,
     progress: Callable[[str], None] = lambda stage: None,
+    *,
+    convergence: bool = True,
 ) -> tuple[FalseAlarms, FalseAlarms]:
-    """Compare a scene with itself: Mitsuba with Mitsuba, then ours with Mitsuba."""
+    """Compare a scene with itself: Mitsuba with Mitsuba, then ours with Mitsuba.
+
+    Parameters
+    ----------
+    path
+        Mitsuba 3 XML with the parameters width, height and spp.
+    pairs
+        Trials.
+    size
+        Pixels a side.
+    spp
+        Samples per pixel, but of the convergence.
+    seeds
+        Pictures of each side in a pair.
+    progress
+        Told what is being done.
+    convergence
+        Also how fast the noise falls, of the side that is named first.
+    """
     parameters = {"width": str(size), "height": str(size), "spp": str(spp)}
     name, half = path.resolve().parent.name, pairs * seeds
     total, done = 3 * half, 0
 
-    def step() -> None:
+    def series(render: Render, first: int, count: int) -> Pictures:
         nonlocal done
-        done += 1
-        progress(f"{name}: picture {done} of {total}")
+        pictures = []
+        for seed in range(first, first + count):
+            pictures.append(render(spp, seed))
+            done += 1
+            progress(f"{name}: picture {done} of {total}")
+        return np.stack(pictures)
 
-    start = FIRST_REFERENCE_SEED
-    theirs = render_mitsuba(path, parameters, range(start, start + 2 * half), step)
-    ours = render_ours(path, parameters, range(half), step)
+    theirs = series(by_mitsuba(path, parameters), FIRST_REFERENCE_SEED, 2 * half)
+    ours = series(by_ours(path, parameters), 0, half)
     sets = theirs.reshape(2, pairs, seeds, *theirs.shape[1:])
     our_sets = ours.reshape(pairs, seeds, *ours.shape[1:])
     measured = []
-    for comparison, a, b in (
-        ("Mitsuba against Mitsuba", sets[0], sets[1]),
-        ("ours against Mitsuba", our_sets, sets[0]),
+    for comparison, a, b, side, by_side in (
+        ("Mitsuba against Mitsuba", sets[0], sets[1], "Mitsuba", by_mitsuba),
+        ("ours against Mitsuba", our_sets, sets[0], "ours", by_ours),
     ):
         progress(f"{name}: {comparison}")
-        rungs = count_alarms(list(a), list(b))
+        further = None
+        if convergence:
+            render = by_side(path, parameters, independent=True)
+            further = [
+                _convergence(side, render, trial, progress) for trial in range(pairs)
+            ]
+        rungs = count_alarms(list(a), list(b), further=further)
         measured.append(FalseAlarms(name, comparison, size, size, spp, seeds, rungs))
     return measured[0], measured[1]
+
+
+def _convergence(
+    side: str, render: Render, trial: int, progress: Callable[[str], None]
+) -> list[Callable[[], Rung]]:
+    """Return the rung of one trial, which renders pictures that no other trial has."""
+    start = FIRST_SEEDS[side] + trial * MOST_SEEDS
+
+    def rung() -> Rung:
+        progress(f"convergence, {side}, pair {trial + 1}")
+        return exponent(
+            measure_convergence(lambda spp, seed: render(spp, start + seed)), side
+        )
+
+    return [rung]
 
 
 def print_alarms(measured: FalseAlarms, output: Console) -> None:

@@ -28,6 +28,9 @@ FEWEST_PAIRS = 8
 MOST_PAIRS = 64
 """The Cornell box, whose worst noise is a few pixels at the lamp's edge, takes 32 or 64."""
 
+MOST_SEEDS = 2 * MOST_PAIRS * len(SAMPLES)
+"""What one measurement may take of them."""
+
 RESAMPLES = 2000
 
 Render = Callable[[int, int], NDArray[np.floating]]
