@@ -3,10 +3,12 @@
 Renders a small scene with thousands of seeds and climbs the whole ladder on pairs of sets
 of pictures, Mitsuba against Mitsuba, where every alarm is false, and ours against Mitsuba.
 Within a comparison each picture is used once, so the pairs are independent trials. The
-rungs without noise are not random and are left out.
+rungs without noise are not random and are left out. With `--convergence` the two rungs
+that are asked for by that option are measured too, as a comparison of their own.
 
 Alarms at the claimed rate are rare, so 200 pairs can show that it is not far exceeded and
-not much more. The share of p-values below 5 % tells more about the calibration.
+not much more. The share of p-values below 5 % tells more about the calibration. The exit
+status judges the sum over a comparison's rungs.
 """
 
 from __future__ import annotations
@@ -15,100 +17,43 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from mitsuba_ref import machine
-from mitsuba_ref.ladder_of_tests import FALSE_ALARMS, FEWEST_SEEDS, climb
+from mitsuba_ref.alarm_counts import (
+    OFTEN,
+    FalseAlarms,
+    Pictures,
+    count_alarms,
+    count_broken,
+    exceeds,
+)
+from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
+from mitsuba_ref.many_seeds import by_mitsuba, by_ours
 from mitsuba_ref.noisy_rungs import exponent
 from mitsuba_ref.results import Rung, finite_or_null, write_atomically
-from mitsuba_ref.scene_convergence import FIRST_SEEDS
-from mitsuba_ref.seeds import FIRST_REFERENCE_SEED
-from mitsuba_ref.statistics.binomial import Rate, rate
-from mitsuba_ref.statistics.convergence import MOST_SEEDS, Render, measure_convergence
-from mitsuba_ref.unchanged_scene import by_mitsuba, by_ours
+from mitsuba_ref.scene_convergence import convergence_seed
+from mitsuba_ref.seeds import reference_seed
+from mitsuba_ref.statistics.binomial import Rate
+from mitsuba_ref.statistics.convergence import (
+    FEWEST_PAIRS,
+    MOST_PICTURES,
+    SAMPLES,
+    Render,
+    measure_convergence,
+)
 
-Pictures = NDArray[np.float32]
-
-OFTEN = 0.05  # a p-value that is frequent enough to be counted in 200 pairs
-WHOLE = "whole ladder"
+EITHER = "either side"
 
 RECORD = Path("reports/out/data/false_alarms.json")
 """Where the page "proof" looks."""
-
-
-@dataclass(frozen=True)
-class RungAlarms:
-    """One rung, or the whole ladder, over all pairs."""
-
-    name: str
-    alarms: Rate
-    claimed: float | None
-    below_often: Rate | None  # p-values of at most `OFTEN`
-    detectable_bias: float | None  # median over the pairs
-    detectable: str
-
-
-@dataclass(frozen=True)
-class FalseAlarms:
-    """One comparison of a scene with itself."""
-
-    scene: str
-    comparison: str
-    width: int
-    height: int
-    spp: int
-    seeds: int  # pictures of each side in a pair
-    rungs: tuple[RungAlarms, ...]
-
-
-def count_alarms(
-    first: Sequence[Pictures],
-    second: Sequence[Pictures],
-    alpha: float = FALSE_ALARMS,
-    further: Sequence[Sequence[Callable[[], Rung]]] | None = None,
-) -> tuple[RungAlarms, ...]:
-    """Climb to the top for each pair; return how often each rung was broken.
-
-    Parameters
-    ----------
-    first, second
-        For each pair a set of pictures, (K, H, W, 3); no picture twice.
-    alpha
-        Claimed for each rung.
-    further
-        For each pair what makes the rungs above the others.
-    """
-    climbs = [
-        climb(list(a), list(b), alpha=alpha, to_the_top=True, further=more)
-        for a, b, more in zip(first, second, further or [()] * len(first), strict=True)
-    ]
-    found = [_count(rungs) for rungs in zip(*climbs, strict=True)]
-    broken = sum(any(not rung.passed for rung in rungs) for rungs in climbs)
-    claims = [rung.claimed for rung in found if rung.claimed is not None]
-    whole = RungAlarms(WHOLE, rate(broken, len(climbs)), sum(claims), None, None, "")
-    return (*found, whole)
-
-
-def _count(rungs: Sequence[Rung]) -> RungAlarms:
-    """Count over the same rung of all pairs."""
-    p = [rung.p_value for rung in rungs if rung.p_value is not None]
-    bias = [rung.detectable_bias for rung in rungs if rung.detectable_bias is not None]
-    return RungAlarms(
-        name=rungs[0].name,
-        alarms=rate(sum(not rung.passed for rung in rungs), len(rungs)),
-        claimed=rungs[0].false_alarm_rate,
-        below_often=rate(sum(value <= OFTEN for value in p), len(p)) if p else None,
-        detectable_bias=float(np.median(bias)) if bias else None,
-        detectable=rungs[0].detectable,
-    )
 
 
 def measure(
@@ -118,8 +63,6 @@ def measure(
     spp: int,
     seeds: int,
     progress: Callable[[str], None] = lambda stage: None,
-    *,
-    convergence: bool = True,
 ) -> tuple[FalseAlarms, FalseAlarms]:
     """Compare a scene with itself: Mitsuba with Mitsuba, then ours with Mitsuba.
 
@@ -132,61 +75,77 @@ def measure(
     size
         Pixels a side.
     spp
-        Samples per pixel, but of the convergence.
+        Samples per pixel.
     seeds
         Pictures of each side in a pair.
     progress
         Told what is being done.
-    convergence
-        Also how fast the noise falls, of the side that is named first.
     """
     parameters = {"width": str(size), "height": str(size), "spp": str(spp)}
     name, half = path.resolve().parent.name, pairs * seeds
     total, done = 3 * half, 0
 
-    def series(render: Render, first: int, count: int) -> Pictures:
+    def series(render: Render, its_seeds: Iterable[int]) -> Pictures:
         nonlocal done
         pictures = []
-        for seed in range(first, first + count):
+        for seed in its_seeds:
             pictures.append(render(spp, seed))
             done += 1
             progress(f"{name}: picture {done} of {total}")
         return np.stack(pictures)
 
-    theirs = series(by_mitsuba(path, parameters), FIRST_REFERENCE_SEED, 2 * half)
-    ours = series(by_ours(path, parameters), 0, half)
+    theirs = series(by_mitsuba(path, parameters), map(reference_seed, range(2 * half)))
+    ours = series(by_ours(path, parameters), range(half))
     sets = theirs.reshape(2, pairs, seeds, *theirs.shape[1:])
     our_sets = ours.reshape(pairs, seeds, *ours.shape[1:])
     measured = []
-    for comparison, a, b, side, by_side in (
-        ("Mitsuba against Mitsuba", sets[0], sets[1], "Mitsuba", by_mitsuba),
-        ("ours against Mitsuba", our_sets, sets[0], "ours", by_ours),
+    for comparison, a, b in (
+        ("Mitsuba against Mitsuba", sets[0], sets[1]),
+        ("ours against Mitsuba", our_sets, sets[0]),
     ):
         progress(f"{name}: {comparison}")
-        further = None
-        if convergence:
-            render = by_side(path, parameters, independent=True)
-            further = [
-                _convergence(side, render, trial, progress) for trial in range(pairs)
-            ]
-        rungs = count_alarms(list(a), list(b), further=further)
+        rungs = count_alarms(list(a), list(b))
         measured.append(FalseAlarms(name, comparison, size, size, spp, seeds, rungs))
     return measured[0], measured[1]
 
 
-def _convergence(
-    side: str, render: Render, trial: int, progress: Callable[[str], None]
-) -> list[Callable[[], Rung]]:
-    """Return the rung of one trial, which renders pictures that no other trial has."""
-    start = FIRST_SEEDS[side] + trial * MOST_SEEDS
+def measure_convergence_alarms(
+    path: Path,
+    trials: int,
+    size: int,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> FalseAlarms:
+    """Measure how often the rungs of convergence, one for each renderer, are broken."""
+    parameters = {"width": str(size), "height": str(size), "spp": str(SAMPLES[-1])}
+    name = path.resolve().parent.name
+    renderers = {
+        "ours": by_ours(path, parameters, independent=True),
+        "Mitsuba": by_mitsuba(path, parameters, independent=True),
+    }
+    climbs = []
+    for trial in range(trials):
+        progress(f"{name}: convergence {trial + 1} of {trials}")
+        climbs.append([convergence_rung(renderers, side, trial) for side in renderers])
+    return FalseAlarms(
+        name,
+        f"the noise from {SAMPLES[0]} to {SAMPLES[-1]} samples, by 8 pairs or more",
+        size,
+        size,
+        SAMPLES[-1],
+        2 * FEWEST_PAIRS,
+        count_broken(climbs, EITHER),
+    )
 
-    def rung() -> Rung:
-        progress(f"convergence, {side}, pair {trial + 1}")
-        return exponent(
-            measure_convergence(lambda spp, seed: render(spp, start + seed)), side
-        )
 
-    return [rung]
+def convergence_rung(renderers: Mapping[str, Render], side: str, trial: int) -> Rung:
+    """Return the rung of one side, from pictures that no other trial has."""
+    first, render = trial * MOST_PICTURES, renderers[side]
+    return exponent(
+        measure_convergence(
+            lambda spp, index: render(spp, convergence_seed(side, first + index))
+        ),
+        side,
+    )
 
 
 def print_alarms(measured: FalseAlarms, output: Console) -> None:
@@ -227,6 +186,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             measured += measure(
                 path, given.pairs, given.size, given.spp, given.seeds, status.update
             )
+            if given.convergence:
+                measured.append(
+                    measure_convergence_alarms(path, given.pairs, given.size, status.update)
+                )
     output = Console() if sys.stdout.isatty() else Console(width=120)
     for comparison in measured:
         print_alarms(comparison, output)
@@ -247,12 +210,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return int(any(exceeds(comparison) for comparison in measured))
 
 
-def exceeds(measured: FalseAlarms) -> bool:
-    """Return whether the whole ladder surely alarms more often than it claims."""
-    whole = measured.rungs[-1]
-    return whole.claimed is not None and whole.alarms.low > whole.claimed
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m mitsuba_ref.false_alarms",
@@ -270,6 +227,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--size", type=int, default=32, help="pixels a side (default: %(default)s)")
     add("--spp", type=int, default=16, help="samples per pixel (default: %(default)s)")
     add("--seeds", type=int, default=FEWEST_SEEDS, help="pictures (default: %(default)s)")
+    add(
+        "--convergence",
+        action="store_true",
+        help="also how fast the noise falls, which takes an hour for the Cornell box",
+    )
     add("--scenes", type=Path, default=Path("scenes"), help="the folder of scenes")
     add(
         "--out",

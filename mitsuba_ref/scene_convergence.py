@@ -19,12 +19,18 @@ from mitsuba_ref.obstacles import Hindered, find_obstacle
 from mitsuba_ref.ours import RenderOurs
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import Rung
+from mitsuba_ref.seeds import SEED_STEP
 from mitsuba_ref.statistics.convergence import measure_convergence
 
 Array = NDArray[np.float32]
 
-# Far from the seeds of the other rungs; a side's pictures each have one of their own.
-FIRST_SEEDS = {"ours": 4_000_037, "Mitsuba": 5_000_011}
+# Far from the seeds of the other rungs.
+_FIRST_SEEDS = {"ours": 4_000_037, "Mitsuba": 5_000_011}
+
+
+def convergence_seed(side: str, index: int) -> int:
+    """Return the seed of picture `index` of "ours" or "Mitsuba"; each has its own."""
+    return _FIRST_SEEDS[side] + SEED_STEP * index
 
 
 def convergence_rungs(
@@ -92,14 +98,15 @@ def _rung(
 
     def picture(spp: int, seed: int) -> Array:
         progress(f"{whose}, convergence at {spp} samples per pixel")
-        pixels = render(with_samples(request, spp, FIRST_SEEDS[side] + seed))
+        seed = convergence_seed(side, seed)
+        pixels = render(with_samples(request, spp, seed))
         if not sound:
             sound.append(np.zeros_like(pixels))
         like = sound[0]
         pair = (pixels, [like] * 2) if side == "ours" else (like, [pixels] * 2)
         obstacle = find_obstacle(*pair)
         if obstacle:
-            at = f"convergence at {spp} samples per pixel, seed {FIRST_SEEDS[side] + seed}"
+            at = f"convergence at {spp} samples per pixel, seed {seed}"
             raise Hindered(replace(obstacle, what=f"{at}: {obstacle.what}"))
         return pixels
 

@@ -29,7 +29,7 @@ from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.results import SceneResult, Seconds
 from mitsuba_ref.scene_convergence import convergence_rungs
 from mitsuba_ref.scene_result import describe_scene
-from mitsuba_ref.seeds import FIRST_REFERENCE_SEED, climb_scene, with_rungs
+from mitsuba_ref.seeds import climb_scene, reference_seed, with_rungs
 from mitsuba_ref.stopped import Stopped, bad_request, stopped_by, with_the_other_side
 from mitsuba_ref.verdicts import COMPARED
 from mitsuba_ref.with_noise import compare_filtered
@@ -134,7 +134,7 @@ def _validate(
         if index == 2 and deterministic:
             break  # the second seed has shown that there is no noise
         progress(f"Mitsuba, seed {index + 1}")
-        seeded = replace(request, seed=FIRST_REFERENCE_SEED + index)
+        seeded = replace(request, seed=reference_seed(index))
         pictures.append(references.get(seeded, ours.files))
     progress("Mitsuba, AOVs")
     aovs = references.get(replace(request, kind="aovs", spp=None, seed=0), ours.files)
@@ -279,7 +279,7 @@ def _with_own_filter(
     own = replace(request, box_filter=False)
     ours = render_ours(own)
     pictures = [
-        references.get(replace(own, seed=FIRST_REFERENCE_SEED + index), ours.files).pixels
+        references.get(replace(own, seed=reference_seed(index)), ours.files).pixels
         for index in range(FILTERED_SEEDS)
     ]
     name = "rmse_with_filter"

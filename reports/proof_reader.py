@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from mitsuba_ref.false_alarms import FalseAlarms, RungAlarms
+from mitsuba_ref.alarm_counts import FalseAlarms, RungAlarms
 from mitsuba_ref.mutations.matrix import Row
 from mitsuba_ref.mutations.rungs import Rung as Seen
 from mitsuba_ref.statistics.binomial import Rate

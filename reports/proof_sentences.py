@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from mitsuba_ref.false_alarms import RungAlarms
+from mitsuba_ref.alarm_counts import RungAlarms
 from mitsuba_ref.replay import TOLERANCE
 from mitsuba_ref.results import ReplayResult, Rung, SceneResult
 from mitsuba_ref.verdicts import COMPARED, VERDICTS

@@ -23,7 +23,7 @@ from mitsuba_ref.mitsuba_process import Answerer, answer_requests
 from mitsuba_ref.ours import OurPicture
 from mitsuba_ref.reference import Reference
 from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.seeds import FIRST_REFERENCE_SEED
+from mitsuba_ref.seeds import FIRST_REFERENCE_SEED, SEED_STEP
 from renderer.errors import SceneError
 
 HEIGHT, WIDTH = 18, 24
@@ -80,7 +80,8 @@ def behaviour(request: RenderRequest, side: str) -> str:
     if how.startswith("own filter "):
         return "" if request.box_filter else how.removeprefix("own filter ")
     if how.startswith("later "):  # than the pictures that are compared without a ladder
-        late = request.seed % FIRST_REFERENCE_SEED >= 5
+        seed, theirs = request.seed, request.seed - FIRST_REFERENCE_SEED
+        late = (seed if theirs < 0 else theirs // SEED_STEP) >= 5
         return how.removeprefix("later ") if late else ""
     if how.startswith("independent "):
         return how.removeprefix("independent ") if request.independent else ""

@@ -28,7 +28,7 @@ from mitsuba_ref.mutations.rungs import (
 from mitsuba_ref.options import scene_name, scene_request
 from mitsuba_ref.proof_file import read_proof
 from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.seeds import FIRST_REFERENCE_SEED, seeded_pictures
+from mitsuba_ref.seeds import reference_seed, seeded_pictures
 
 Arrays = dict[str, NDArray[np.float32]]
 
@@ -85,7 +85,7 @@ def _pictures(
     """Return our pictures, Mitsuba's, our AOVs and Mitsuba's."""
     first, first_hits = ours(request), replace(request, kind="aovs", spp=None)
     theirs = [
-        references.get(replace(request, seed=FIRST_REFERENCE_SEED + index), first.files)
+        references.get(replace(request, seed=reference_seed(index)), first.files)
         for index in range(STILL)
     ]
     a, b = seeded_pictures(

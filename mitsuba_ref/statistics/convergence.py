@@ -28,8 +28,8 @@ FEWEST_PAIRS = 8
 MOST_PAIRS = 64
 """The Cornell box, whose worst noise is a few pixels at the lamp's edge, takes 32 or 64."""
 
-MOST_SEEDS = 2 * MOST_PAIRS * len(SAMPLES)
-"""What one measurement may take of them."""
+MOST_PICTURES = 2 * MOST_PAIRS * len(SAMPLES)
+"""What one measurement at `SAMPLES` takes at most, each with a seed of its own."""
 
 RESAMPLES = 2000
 
@@ -105,7 +105,7 @@ def measure_convergence(
         convergence = fit(samples, errors)
         if not convergence.limit > TOLERANCE or pairs >= MOST_PAIRS:
             return convergence
-        pairs *= 2
+        pairs = min(2 * pairs, MOST_PAIRS)
 
 
 def fit(samples: Sequence[int], errors: Sequence[Sequence[float]]) -> Convergence:

@@ -49,8 +49,8 @@ def _round(replayed, rays, count, inside, px, py):
 def camera_rays(camera, sampler, replayed, tile, sample, rays, hits):
     """Fill `rays` with one ray for each pixel of the tile; return how many.
 
-    It is given what it looks at and not the whole scene: so it is compiled once for each
-    kind of sampler, and not for each kind of scene.
+    It is given what it looks at and not the whole scene: so it is not compiled anew for
+    each kind of scene.
     """
     draw_film_places(sampler, tile, sample)
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))

@@ -1,4 +1,7 @@
-"""A scene in a small size by either renderer, as often as wanted and without a cache."""
+"""One scene with many seeds by either renderer, without a cache.
+
+The scene is loaded once, so that small pictures by the thousand are affordable.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,14 @@ from mitsuba_ref.ours import edit_description
 from mitsuba_ref.statistics.convergence import Render
 from mitsuba_ref.variant import load_mitsuba, set_threads
 
+THREADS = 2
+"""Of Mitsuba. Its random numbers follow from how many there are, ours do not."""
+
 
 def by_mitsuba(
     path: Path, parameters: Mapping[str, str], independent: bool = False
 ) -> Render:
-    """Return what renders a scene with Mitsuba: box filter, all threads, linear RGB.
+    """Return what renders a scene with Mitsuba, box filter: (H, W, 3) linear sRGB.
 
     Parameters
     ----------
@@ -29,7 +35,7 @@ def by_mitsuba(
         The sampler `independent` in the place of the file's.
     """
     mi = load_mitsuba()
-    set_threads(None)
+    set_threads(THREADS)
     scene = load_edited_scene(
         path, parameters, box_filter=True, independent_samples=independent
     ).scene
