@@ -109,12 +109,11 @@ def _welch(name: str, test: FamilyTest, alpha: float, place: str, of: str) -> Ru
             f"At least one {place} differs by {test.largest_t:.1f} times its noise; chance "
             f"alone does this less than once in {1.0 / alpha:,.0f} runs."
         )
-    degrees = test.degrees if math.isfinite(test.degrees) else 1e6
     return Rung(
         name=name,
         passed=passed,
         statistic=test.largest_t,
-        limit=critical_t(alpha, test.tests, degrees),
+        limit=critical_t(alpha, test.tests, test.degrees),
         p_value=test.p_value,
         false_alarm_rate=alpha,
         detectable_bias=seen,

@@ -14,7 +14,7 @@ from scipy import stats
 
 from mitsuba_ref.statistics.image_mean import mean_test
 from mitsuba_ref.statistics.power import detectable_bias, noncentrality
-from mitsuba_ref.statistics.samples import stack
+from mitsuba_ref.statistics.samples import ROUNDING, stack
 from mitsuba_ref.statistics.tiles import tile_test, tiled
 from mitsuba_ref.statistics.welch import (
     critical_t,
@@ -159,6 +159,23 @@ def test_power_is_as_stated(test, where):
     assert alarms(seen / 5.0) < 50
 
 
+def test_without_noise_the_smallest_bias_seen_is_what_rounding_may_do():
+    """The mean of a furnace: noise of a millionth, and 1e-4 of the value is forgiven."""
+    rng = np.random.default_rng(13)
+
+    def furnace(mean: float) -> np.ndarray:
+        return mean + 1e-6 * rng.standard_normal((8, 4, 4, 3))
+
+    found = mean_test(furnace(1.0), furnace(1.0))
+    seen = detectable_bias(found, 1e-3)
+    assert ROUNDING < seen < 1.2 * ROUNDING
+    for _ in range(20):
+        assert mean_test(furnace(1.0 + seen), furnace(1.0)).p_value <= 1e-3
+    assert mean_test(furnace(1.0 + 0.99 * ROUNDING), furnace(1.0)).p_value > 0.9
+    black = np.zeros((8, 4, 4, 3))
+    assert detectable_bias(mean_test(black, black), 1e-3) == ROUNDING
+
+
 def test_noncentrality_is_that_of_the_noncentral_t():
     """SciPy's noncentral t exceeds the critical value with probability 0.99."""
     critical = critical_t(0.01, 3, 12.0)
@@ -181,7 +198,7 @@ def test_the_detectable_bias_of_a_mean_by_hand():
     critical = critical_t(1e-3, 3, 14.0)
     assert critical == pytest.approx(4.712, abs=1e-3)
     assert found.relative_error == pytest.approx(error, rel=0.4)
-    expected = noncentrality(critical, found.degrees) * found.relative_error
+    expected = ROUNDING + noncentrality(critical, found.degrees) * found.relative_error
     assert detectable_bias(found, 1e-3) == pytest.approx(expected, rel=0.1)
 
 

@@ -15,7 +15,7 @@ from scipy import optimize, special
 
 from mitsuba_ref.statistics.floors import Floor
 from mitsuba_ref.statistics.noise_free_mse import NoiseFreeMse
-from mitsuba_ref.statistics.samples import Floats
+from mitsuba_ref.statistics.samples import ROUNDING, Floats
 from mitsuba_ref.statistics.uniformity import BINS, Uniformity
 from mitsuba_ref.statistics.welch import FamilyTest, critical_t
 
@@ -37,12 +37,11 @@ def noncentrality(critical: float, degrees: float, power: float = POWER) -> floa
 def detectable_bias(test: FamilyTest, alpha: float) -> float:
     """Return the relative bias of one place that the test would see.
 
-    One place of median noise: one pixel, one tile, or the picture's mean.
+    One place of median noise: one pixel, one tile, or the picture's mean. However small
+    the noise, a bias that `welch` forgives is not seen.
     """
-    if not math.isfinite(test.degrees):
-        return 0.0
     critical = critical_t(alpha, test.tests, test.degrees)
-    return noncentrality(critical, test.degrees) * test.relative_error
+    return ROUNDING + noncentrality(critical, test.degrees) * test.relative_error
 
 
 def detectable_rms(result: NoiseFreeMse, ours: Floats, theirs: Floats) -> float:
@@ -73,7 +72,7 @@ def detectable_in_all_pixels(
     probability that a noncentral t exceeds the critical one; the largest distance from the
     straight line must clear the limit and the scatter of a distance, 1 / (2 sqrt(n)).
     """
-    if not (math.isfinite(result.limit) and math.isfinite(degrees)):
+    if not math.isfinite(result.limit) or relative_error <= ROUNDING:
         return math.inf
     levels = np.arange(1, BINS) / BINS
     critical = -special.stdtrit(degrees, levels / 2.0)
@@ -84,7 +83,7 @@ def detectable_in_all_pixels(
         left = special.nctdtr(degrees, bias, -critical)
         return float(np.max(right + left - levels)) - needed
 
-    return _root(missing) * relative_error
+    return ROUNDING + _root(missing) * relative_error
 
 
 def detectable_above_floor(floor: Floor, mean_square: float) -> float:

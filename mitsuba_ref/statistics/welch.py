@@ -40,8 +40,8 @@ class FamilyTest:
     largest_t: float
     p_value: float  # Sidak: of the smallest p among `tests`
     tests: int
-    degrees: float  # median degrees of freedom of the tests with noise
-    relative_error: float  # median standard error of the difference, relative to the value
+    degrees: float  # median degrees of freedom, of the tests with noise if there are any
+    relative_error: float  # the same of the difference's standard error by the value
 
 
 def welch(first: Floats, second: Floats, forgiven: float = ROUNDING) -> Welch:
@@ -88,14 +88,20 @@ def family_test(result: Welch) -> FamilyTest:
 
     Places without any noise count as tests as well: a difference there is an alarm.
     """
-    noisy = result.standard_error > ROUNDING * result.scale
-    relative = result.standard_error[noisy] / result.scale[noisy]
+    relative = np.divide(
+        result.standard_error,
+        result.scale,
+        out=np.zeros_like(result.scale),
+        where=result.scale > 0.0,
+    )
+    noisy = relative > ROUNDING
+    typical = noisy if noisy.any() else np.ones_like(noisy)
     return FamilyTest(
         largest_t=float(np.max(np.abs(result.t))),
         p_value=sidak_p(float(np.min(result.p)), result.p.size),
         tests=result.p.size,
-        degrees=float(np.median(result.degrees[noisy])) if noisy.any() else np.inf,
-        relative_error=float(np.median(relative)) if noisy.any() else 0.0,
+        degrees=float(np.median(result.degrees[typical])),
+        relative_error=float(np.median(relative[typical])),
     )
 
 
