@@ -182,7 +182,7 @@ class Rendering:
             if not waiting:
                 return
             job, future = waiting[0]
-            sums = future.result()
+            sums = _wait_for(future)
             # First out of the queue, then into the film: an interrupt between the two loses
             # a job and its weights; the other way round the job would count twice.
             waiting.popleft()
@@ -209,3 +209,17 @@ class Rendering:
         self.film.add(job.tile, sums)
         samples = job.end_sample - job.first_sample
         self.samples_done += job.tile.width * job.tile.height * samples
+
+
+def _wait_for(future: Future[Any]) -> Any:
+    """Return a job's result.
+
+    Ctrl-C may strike while Python's own wait has let go of its lock; leaving it then raises
+    a RuntimeError, which hides the interrupt (seen once in thousands of them).
+    """
+    try:
+        return future.result()
+    except RuntimeError as error:
+        if isinstance(error.__context__, KeyboardInterrupt):
+            raise error.__context__ from None
+        raise

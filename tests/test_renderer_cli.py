@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -546,6 +547,26 @@ def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
             assert set(digits) <= {"0", "1"}
             assert not complete or digits == 12 * "1"
     assert False in outcomes  # otherwise nothing was tested
+
+
+def test_an_interrupt_inside_of_a_lock_is_an_interrupt(monkeypatch):
+    """Python's wait for a result may end in a RuntimeError that hides it."""
+    without_kernels(monkeypatch, lambda job: 1.0)
+    scene = renderer.load_file(CORNELL, width=32, height=32)
+    rendering = Rendering(scene, make_plan(scene, spp=4), accel="auto", seed=0, threads=2)
+    result, asked = Future.result, []
+
+    def torn(future, timeout=None):
+        asked.append(future)
+        if len(asked) > 1:
+            return result(future, timeout)
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise RuntimeError("cannot release un-acquired lock")
+
+    monkeypatch.setattr(Future, "result", torn)
+    assert not rendering.run()
 
 
 def test_ctrl_c_before_the_colours_of_an_aov_keeps_the_aovs(monkeypatch):
