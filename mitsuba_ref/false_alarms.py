@@ -17,7 +17,7 @@ import argparse
 import json
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -125,10 +125,12 @@ def measure_convergence_alarms(
     climbs = []
     for trial in range(trials):
         progress(f"{name}: convergence {trial + 1} of {trials}")
-        climbs.append([convergence_rung(renderers, side, trial) for side in renderers])
+        climbs.append(
+            [convergence_rung(side, render, trial) for side, render in renderers.items()]
+        )
     return FalseAlarms(
         name,
-        f"the noise from {SAMPLES[0]} to {SAMPLES[-1]} samples, by 8 pairs or more",
+        f"how fast the noise falls, from {SAMPLES[0]} sample on (more pairs where needed)",
         size,
         size,
         SAMPLES[-1],
@@ -137,9 +139,9 @@ def measure_convergence_alarms(
     )
 
 
-def convergence_rung(renderers: Mapping[str, Render], side: str, trial: int) -> Rung:
-    """Return the rung of one side, from pictures that no other trial has."""
-    first, render = trial * MOST_PICTURES, renderers[side]
+def convergence_rung(side: str, render: Render, trial: int) -> Rung:
+    """Return the rung of "ours" or "Mitsuba", from pictures that no other trial has."""
+    first = trial * MOST_PICTURES
     return exponent(
         measure_convergence(
             lambda spp, index: render(spp, convergence_seed(side, first + index))

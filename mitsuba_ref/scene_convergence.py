@@ -96,9 +96,9 @@ def _rung(
     """
     whose = "our renderer" if side == "ours" else side
 
-    def picture(spp: int, seed: int) -> Array:
+    def picture(spp: int, index: int) -> Array:
         progress(f"{whose}, convergence at {spp} samples per pixel")
-        seed = convergence_seed(side, seed)
+        seed = convergence_seed(side, index)
         pixels = render(with_samples(request, spp, seed))
         if not sound:
             sound.append(np.zeros_like(pixels))

@@ -158,7 +158,7 @@ class Rendering:
         except KeyboardInterrupt:
             under_way = [(job, future) for job, future in waiting if not future.cancel()]
             for job, future in under_way:
-                self._finish(job, future.result())
+                self._finish(job, _wait_for(future))
             return False
         finally:
             pool.shutdown(cancel_futures=True)
@@ -215,7 +215,7 @@ def _wait_for(future: Future[Any]) -> Any:
     """Return a job's result.
 
     Ctrl-C may strike while Python's own wait has let go of its lock; leaving it then raises
-    a RuntimeError, which hides the interrupt (seen once in thousands of them).
+    a RuntimeError, which hides the interrupt.
     """
     try:
         return future.result()

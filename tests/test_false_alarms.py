@@ -65,7 +65,7 @@ def test_trials_of_convergence_have_seeds_of_their_own():
         return picture
 
     for side, trial in itertools.product(("ours", "Mitsuba"), range(3)):
-        rung = convergence_rung({side: render(side, trial)}, side, trial)
+        rung = convergence_rung(side, render(side, trial), trial)
         assert rung.name == f"convergence, {side}"
     assert {len(found) for found in seeds.values()} == {MOST_PICTURES}
     assert len({*itertools.chain(*seeds.values())}) == 6 * MOST_PICTURES
