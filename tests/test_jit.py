@@ -15,7 +15,7 @@ from numba.core.errors import TypingError
 from numba.extending import overload
 
 import renderer
-from renderer import jit
+from renderer.jit import decorators
 from renderer.jit import entry_kernel, kernel
 
 
@@ -57,7 +57,7 @@ def test_pythons_collector_looks_seldom_while_a_kernel_is_compiled() -> None:
 
     @overload(_unknown)
     def choose(x):
-        with jit._rare_collections():
+        with decorators.rare_collections():
             pass
         seen.append(gc.get_threshold())
 

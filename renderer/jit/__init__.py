@@ -1,0 +1,35 @@
+"""How kernels are compiled, kept, and called: Numba's decorators as this renderer uses them.
+
+Whoever writes a kernel needs `kernel` alone. What is behind it, a file each: the flags
+(`decorators`), the cache on disk (`cache`), modules that are linked but not compiled by
+themselves (`linking`), records that kernels see through a pointer (`records`), and kernels
+that are called by their address, as methods of an object are (`methods`).
+"""
+
+from renderer.jit.cache import KERNEL_CACHE, cache_root
+from renderer.jit.decorators import (
+    builder_kernel,
+    entry_kernel,
+    kernel,
+    method_kernel,
+    never_inline,
+)
+from renderer.jit.methods import Method, call, compile_method, count_of
+from renderer.jit.records import Packed, pack, record_class
+
+__all__ = [
+    "KERNEL_CACHE",
+    "Method",
+    "Packed",
+    "builder_kernel",
+    "cache_root",
+    "call",
+    "compile_method",
+    "count_of",
+    "entry_kernel",
+    "kernel",
+    "method_kernel",
+    "never_inline",
+    "pack",
+    "record_class",
+]

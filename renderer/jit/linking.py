@@ -1,0 +1,126 @@
+"""Kernels that only kernels call are linked into their callers, not compiled twice.
+
+Numba optimises each function, turns it into machine code, and then copies the unoptimised
+form into every caller, where it is optimised again. For a kernel that Python never calls
+the first of these is wasted: here its module is kept as it is, for its callers, and only
+what is called from outside (entries, and methods, which are called by address) becomes
+machine code. Cornell box: 12.5 s of processor time without, 10 s with it; and a method is
+compiled once instead of once for each caller (docs/decisions/compile-time.md).
+
+This replaces private parts of Numba's code generator. It is tried on the versions below;
+on any other Numba compiles in its own way: slower, and to the same pictures.
+`tests/test_jit.py` fails on a version that has not been tried.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+from numba.core import codegen, cpu, targetconfig
+
+TRIED = ("0.68.1",)
+SEPARATE: set[str] = set()  # names of functions that become machine code by themselves
+
+_Library, _JitLibrary = codegen.CPUCodeLibrary, codegen.JITCodeLibrary
+_LINKED = "linked only"  # how the cache names such a module
+
+
+def _is_kernel(library: Any) -> bool:
+    return getattr(library, "_is_kernel", False)
+
+
+def _is_linked_only(library: Any) -> bool:
+    """Return whether neither Python nor an address leads to a library's function."""
+    known: bool | None = getattr(library, "_is_linked_only", None)
+    if known is not None:
+        return known
+    if not _is_kernel(library) or library.name in SEPARATE:
+        return False
+    defined = (f.name for f in library._final_module.functions if not f.is_declaration)
+    return not any(name.startswith("_ZN7cpython") for name in defined)
+
+
+def _replace_parts_of_numba() -> None:
+    finalize, optimize = _Library.finalize, _Library._optimize_final_module
+    serialize, unserialize = (
+        _Library.serialize_using_object_code,
+        _Library._unserialize.__func__,
+    )
+    pointer_to, set_env = (
+        _JitLibrary.get_pointer_to_function,
+        codegen.JITCPUCodegen.set_env,
+    )
+    post_lowering = cpu.CPUContext.post_lowering
+
+    def finalize_or_link(self: Any) -> None:
+        if not _is_linked_only(self):
+            finalize(self)
+            return
+        self._raise_if_finalized()
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            module = library._get_module_for_linking()
+            self._final_module.link_in(module, preserve=True)
+        self._finalize_dynamic_globals()
+        self._finalized = self._is_linked_only = True
+
+    def optimize_functions(self: Any, module: Any) -> None:
+        """Make one pass manager a module, and none for mere declarations."""
+        module.data_layout = self._codegen._data_layout
+        passes, builder = self._codegen._function_pass_manager()
+        for function in module.functions:
+            if not function.is_declaration:
+                passes.run(function, builder)
+
+    def optimize_once(self: Any) -> None:
+        """Leave out the cheap passes that prepare the pruning of reference counts."""
+        if not _is_kernel(self):
+            optimize(self)
+            return
+        passes, builder = self._codegen._module_pass_manager()
+        passes.run(self._final_module, builder)
+
+    def without_runtime(self: Any, module: Any, library: Any) -> None:
+        """Link no reference counting into what counts none, and note that it is ours."""
+        flags = targetconfig.ConfigStack().top_or_none()
+        if flags is not None and flags.is_set("nrt") and not flags.nrt:
+            library._is_kernel = True
+            return
+        post_lowering(self, module, library)
+
+    def pointer_or_null(self: Any, name: str) -> int:
+        self._ensure_finalized()
+        return 0 if _is_linked_only(self) else pointer_to(self, name)
+
+    def set_env_if_defined(self: Any, name: str, env: Any) -> None:
+        if self._engine.is_symbol_defined(name):
+            set_env(self, name, env)
+
+    def serialize_by_use(self: Any) -> Any:
+        if _is_linked_only(self):
+            return self.name, _LINKED, self._get_module_for_linking().as_bitcode()
+        return serialize(self)
+
+    def unserialize_by_use(cls: Any, generator: Any, state: Any) -> Any:
+        name, use, data = state
+        if use != _LINKED:
+            return unserialize(cls, generator, state)
+        library = generator.create_library(name)
+        library._final_module = library._shared_module = llvm.parse_bitcode(data)
+        library._finalized = library._is_linked_only = library._is_kernel = True
+        return library
+
+    _Library.finalize = finalize_or_link
+    _Library._optimize_functions = optimize_functions
+    _Library._optimize_final_module = optimize_once
+    _Library.serialize_using_object_code = serialize_by_use
+    _Library._unserialize = classmethod(unserialize_by_use)
+    _JitLibrary.get_pointer_to_function = pointer_or_null
+    codegen.JITCPUCodegen.set_env = set_env_if_defined
+    cpu.CPUContext.post_lowering = without_runtime
+
+
+if numba.__version__ in TRIED:
+    _replace_parts_of_numba()

@@ -1,0 +1,235 @@
+"""Records that kernels see through a pointer.
+
+A NamedTuple of arrays, passed by value, is some hundred arguments, and a new signature of
+everything it is passed to. `pack` writes its leaves (pointers, shapes, numbers) into one
+buffer; kernels are given its address and read attributes as before: `scene.camera.origin`
+is a load, `x is None` is still decided when a kernel is compiled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+from numba.np.arrayobj import make_array
+from numba.np.numpy_support import from_dtype
+
+_I64 = ir.IntType(64)
+_POINTER = ir.IntType(8).as_pointer()
+_WORD = 8  # bytes
+
+
+class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
+    """Numba type of a pointer to a packed record.
+
+    Parameters
+    ----------
+    record
+        The Numba type of the NamedTuple.
+    source
+        Tells apart records of one class whose kernels have changed: a hash of the file
+        that a user's own kind comes from. Empty for the renderer's own.
+    """
+
+    def __init__(self, record: Any, source: str = "") -> None:
+        self.record, self.source = record, source
+        cls = record.instance_class
+        exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source}"
+        digest = hashlib.sha256(exact.encode()).hexdigest()[:12]
+        super().__init__(name=f"Record.{cls.__name__}.{digest}")
+
+
+@register_model(RecordType)
+class _RecordModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, dmm: Any, fe_type: RecordType) -> None:
+        super().__init__(dmm, fe_type, _POINTER)
+
+
+class Packed:
+    """A record in the form that kernels see; it keeps the arrays alive."""
+
+    def __init__(self, record: Any, source: str = "") -> None:
+        self.record = record
+        self.numba_type = RecordType(_type_of(record), source)
+        self._memory = np.zeros(_words(self.numba_type.record) + 1, np.uint64)
+        _fill(self._memory, 0, record, self.numba_type.record)
+        self.address = int(self._memory.ctypes.data)
+
+
+def pack(record: Any, source: str = "") -> Packed:
+    """Return a NamedTuple as kernels see it; its arrays must be C-ordered.
+
+    Its numbers are copied: a change of the record's arrays is seen, as they are shared.
+    """
+    return Packed(record, source)
+
+
+def record_class(numba_type: Any) -> type | None:
+    """Return the NamedTuple class behind a Numba type, None for any other type.
+
+    Kernels that are chosen by the record they work on (`overload`) compare with this. A
+    tuple of equal array types is a `NamedUniTuple`, so test the common base.
+    """
+    if isinstance(numba_type, RecordType):
+        numba_type = numba_type.record
+    if isinstance(numba_type, types.BaseNamedTuple):
+        return numba_type.instance_class
+    return None
+
+
+# --------------------------------------------------------------------- from Python
+
+
+def _type_of(value: Any) -> Any:
+    """Return the type of a leaf or record; the same for arrays of any shape."""
+    match value:
+        case None:
+            return types.none
+        case np.ndarray():
+            if not value.flags.c_contiguous:
+                raise TypeError(f"an array of shape {value.shape} is not C-ordered")
+            return types.Array(from_dtype(value.dtype), value.ndim, "C")
+        case Packed():
+            return value.numba_type
+        case tuple():
+            parts = [_type_of(part) for part in value]
+            same = len(parts) > 0 and all(part == parts[0] for part in parts)
+            if same:
+                return types.NamedUniTuple(parts[0], len(parts), type(value))
+            return types.NamedTuple(parts, type(value))
+        case np.float32():
+            return types.float32
+        case bool() | int() | np.integer():
+            return types.int64
+        case float():
+            return types.float64
+    raise TypeError(f"a kernel's record cannot hold a {type(value).__name__}")
+
+
+def _words(numba_type: Any) -> int:
+    if isinstance(numba_type, types.NoneType):
+        return 0
+    if isinstance(numba_type, types.Array):
+        return 1 + numba_type.ndim
+    if isinstance(numba_type, types.BaseTuple):
+        return sum(_words(part) for part in numba_type.types)
+    return 1
+
+
+def _fill(memory: Any, at: int, value: Any, numba_type: Any) -> int:
+    """Write a value from word `at` on; return the next free word."""
+    if isinstance(numba_type, types.NoneType):
+        return at
+    if isinstance(numba_type, types.Array):
+        memory[at] = value.ctypes.data
+        memory[at + 1 : at + 1 + value.ndim] = value.shape
+        return at + 1 + value.ndim
+    if isinstance(numba_type, types.BaseTuple):
+        for part, part_type in zip(value, numba_type.types, strict=True):
+            at = _fill(memory, at, part, part_type)
+        return at
+    if isinstance(numba_type, RecordType):
+        memory[at] = value.address
+    elif numba_type == types.float32:
+        memory[at : at + 1].view(np.float32)[0] = value
+    elif numba_type == types.float64:
+        memory[at : at + 1].view(np.float64)[0] = value
+    else:
+        memory[at : at + 1].view(np.int64)[0] = value
+    return at + 1
+
+
+@typeof_impl.register(Packed)
+def _typeof_packed(value: Packed, context: Any) -> RecordType:
+    return value.numba_type
+
+
+@unbox(RecordType)
+def _unbox_packed(numba_type: Any, packed: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(packed, "address")
+    number = c.pyapi.long_as_longlong(address)
+    c.pyapi.decref(address)
+    return NativeValue(c.builder.inttoptr(number, _POINTER))
+
+
+# ------------------------------------------------------------------ inside kernels
+
+_LAYOUTS: dict[Any, dict[str, tuple[Any, int]]] = {}
+
+
+def _layout(record: Any) -> dict[str, tuple[Any, int]]:
+    """Return (type, word) of each field."""
+    if record not in _LAYOUTS:
+        at, fields = 0, {}
+        for name, part in zip(record.instance_class._fields, record.types, strict=True):
+            fields[name] = (part, at)
+            at += _words(part)
+        _LAYOUTS[record] = fields
+    return _LAYOUTS[record]
+
+
+@infer_getattr
+class _Attributes(AttributeTemplate):  # type: ignore[misc]
+    key = RecordType
+
+    def generic_resolve(self, numba_type: RecordType, name: str) -> Any:
+        field = _layout(numba_type.record).get(name)
+        if field is None:
+            return None
+        part = field[0]
+        return RecordType(part) if isinstance(part, types.BaseNamedTuple) else part
+
+
+def _load(builder: Any, base: Any, word: int, llvm_type: Any) -> Any:
+    """Load a leaf; LLVM may assume that it never changes, and move it out of loops."""
+    place = builder.gep(base, [_I64(_WORD * word)], inbounds=True)
+    value = builder.load(builder.bitcast(place, llvm_type.as_pointer()))
+    value.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return value
+
+
+@lower_getattr_generic(RecordType)
+def _get_attribute(
+    context: Any, builder: Any, numba_type: Any, pointer: Any, name: str
+) -> Any:
+    part, at = _layout(numba_type.record)[name]
+    if isinstance(part, types.NoneType):
+        return context.get_dummy_value()
+    if isinstance(part, types.BaseNamedTuple):
+        return builder.gep(pointer, [_I64(_WORD * at)], inbounds=True)
+    if isinstance(part, types.Array):
+        return _array(context, builder, part, pointer, at)
+    return _load(builder, pointer, at, context.get_value_type(part))
+
+
+def _array(context: Any, builder: Any, part: Any, pointer: Any, at: int) -> Any:
+    """Return the C-ordered array whose pointer and shape are in words from `at` on."""
+    item = context.get_data_type(part.dtype)
+    bytes_each = context.get_abi_sizeof(item)
+    array = make_array(part)(context, builder)
+    array.data = _load(builder, pointer, at, item.as_pointer())
+    shape = [_load(builder, pointer, at + 1 + k, _I64) for k in range(part.ndim)]
+    strides, size = [], _I64(bytes_each)
+    for length in reversed(shape):
+        strides.insert(0, size)
+        size = builder.mul(size, length, flags=["nsw"])
+    array.shape = cgutils.pack_array(builder, shape)
+    array.strides = cgutils.pack_array(builder, strides)
+    array.itemsize = _I64(bytes_each)
+    array.nitems = builder.sdiv(size, _I64(bytes_each))
+    array.meminfo = ir.Constant(array.meminfo.type, None)
+    array.parent = ir.Constant(array.parent.type, None)
+    return array._getvalue()
