@@ -7,7 +7,7 @@ All arrays are float32 or int32 with one row for each component. A row has room 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,9 @@ class Rays(NamedTuple):
     pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: a mirror or the camera
     eta: NDArray[np.float32]  # (n,) product of relative indices of refraction
     slot: NDArray[np.int32]  # (n,) pixel of the tile that the path belongs to
-    # (3, n) surface point that it left, which its origin is slightly off; None: nobody asks
-    previous: Any = None
-    point: Any = None  # (n,) its column in the batch's surface points; None: nobody asks
+    point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
+    # (3, n) that point's position, off which the origin is; (3, 0): kept for nobody
+    previous: NDArray[np.float32]
 
 
 class Hits(NamedTuple):
@@ -39,7 +39,7 @@ class Hits(NamedTuple):
     prim: NDArray[np.int32]  # (n,) primitive id, -1 for a miss
     u: NDArray[np.float32]  # (n,) the primitive's own coordinates
     v: NDArray[np.float32]  # (n,)
-    instance: Any = None  # (n,) int32 instance id, -1: none; None: the scene has none
+    instance: NDArray[np.int32]  # (n,) -1: none; valid in scenes that have instances
 
 
 class ShadowRays(NamedTuple):
@@ -62,6 +62,7 @@ class SurfacePoints(NamedTuple):
     shading_normal: NDArray[np.float32]  # (3, n) unit
     offset: NDArray[np.float32]  # (n,) how far off the surface new rays start
     uv: NDArray[np.float32]  # (2, n)
+    tangent: NDArray[np.float32]  # (3, n) dp/du in world, not unit; if `Settings` say so
     shape: NDArray[np.int32]  # (n,)
     prim: NDArray[np.int32]  # (n,)
     t: NDArray[np.float32]  # (n,)
@@ -69,8 +70,19 @@ class SurfacePoints(NamedTuple):
     pdf: NDArray[np.float32]  # (n,)
     eta: NDArray[np.float32]  # (n,)
     slot: NDArray[np.int32]  # (n,)
-    tangent: Any = None  # (3, n) dp/du in world, not unit; None: nobody asks
-    previous: Any = None  # (3, n) surface point before on the path; None: nobody asks
+    bsdf: NDArray[np.int32]  # (n,) seen from wo; -1: of another kind than the group's
+    parameters: NDArray[np.float32]  # (rows, n) of that BSDF, textures looked up
+    previous: NDArray[np.float32]  # (3, n) as in `Rays`
+
+
+class LightSamples(NamedTuple):
+    """One direction to a light for each surface point."""
+
+    light: NDArray[np.int32]  # (n,)
+    wi: NDArray[np.float32]  # (3, n) unit, towards the light
+    distance: NDArray[np.float32]  # (n,)
+    radiance: NDArray[np.float32]  # (3, n) arriving, over the density
+    pdf: NDArray[np.float32]  # (n,) [1/sr] given the light; 0: a point or a direction
 
 
 class Workspace(NamedTuple):
@@ -80,7 +92,11 @@ class Workspace(NamedTuple):
     hits: Hits
     shadow_rays: ShadowRays
     points: SurfacePoints
+    light_samples: LightSamples
+    film: NDArray[np.float32]  # (2, n) place of each pixel's sample on the film [pixels]
+    numbers: NDArray[np.float32]  # (4, n) random numbers for each surface point
     order: NDArray[np.int32]  # (n,) hits sorted by what they need next
+    ends: NDArray[np.int64]  # (kinds + 1,) where each kind of BSDF begins and ends in it
     radiance: NDArray[np.float32]  # (channels, n) of each pixel of the tile
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
     tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: nobody counts
@@ -90,19 +106,24 @@ def _rows(count: int, capacity: int) -> NDArray[np.float32]:
     return np.zeros((count, capacity + PADDING), np.float32)
 
 
-def _row(capacity: int, dtype: type = np.float32) -> NDArray:
-    return np.zeros(capacity + PADDING, dtype)
+def _row(capacity: int) -> NDArray[np.float32]:
+    return np.zeros(capacity + PADDING, np.float32)
+
+
+def _numbers(capacity: int) -> NDArray[np.int32]:
+    return np.zeros(capacity + PADDING, np.int32)
 
 
 def make_workspace(
     *,
-    ray_capacity: int,
-    shadow_capacity: int,
-    channels: int,
-    depths: int,
+    ray_capacity: int = CAPACITY,
+    channels: int = 3,
+    depths: int = 1,
+    kinds: int = 1,
+    parameters: int = 1,
     counted: bool = False,
-    instances: bool = False,
-    replay: bool = False,
+    previous_points: bool = False,
+    capacity: int = CAPACITY,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -110,18 +131,20 @@ def make_workspace(
     ----------
     ray_capacity : int
         Rays that can wait: `CAPACITY` for a path, more for Whitted's tree.
-    shadow_capacity : int
-        Shadow rays of one batch for one light.
     channels : int
         Numbers for each pixel: 3, and those of the AOVs.
     depths : int
         Generations of rays that can wait at the same time.
+    kinds : int
+        Kinds of BSDF in the scene.
+    parameters : int
+        Rows that the BSDF with the most parameters needs.
     counted : bool
         Whether the work of the rays is counted.
-    instances : bool
-        Whether the scene has any.
-    replay : bool
-        Whether what only a replay of Mitsuba asks for is kept: dp/du, previous points.
+    previous_points : bool
+        Whether each ray keeps the exact position that it comes from.
+    capacity : int
+        Paths of a batch.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -129,48 +152,58 @@ def make_workspace(
         _rows(3, ray_capacity),
         _row(ray_capacity),
         _row(ray_capacity),
-        _row(ray_capacity, np.int32),
-        _rows(3, ray_capacity) if replay else None,
-        _row(ray_capacity, np.int32) if replay else None,
+        _numbers(ray_capacity),
+        _numbers(ray_capacity),
+        _rows(3, ray_capacity) if previous_points else np.zeros((3, 0), np.float32),
     )
     hits = Hits(
         _row(ray_capacity),
-        _row(ray_capacity, np.int32),
+        _numbers(ray_capacity),
         _row(ray_capacity),
         _row(ray_capacity),
-        _row(ray_capacity, np.int32) if instances else None,
+        _numbers(ray_capacity),
     )
     shadow_rays = ShadowRays(
-        _rows(3, shadow_capacity),
-        _rows(3, shadow_capacity),
-        _row(shadow_capacity),
-        _rows(3, shadow_capacity),
-        _row(shadow_capacity, np.int32),
-        _row(shadow_capacity, np.int32),
+        _rows(3, capacity),
+        _rows(3, capacity),
+        _row(capacity),
+        _rows(3, capacity),
+        _numbers(capacity),
+        _numbers(capacity),
     )
     # a two-sided shape with two kinds of BSDF puts its hits in two groups
-    points = 2 * CAPACITY
-    surface_points = SurfacePoints(
-        _rows(3, points),
-        _rows(3, points),
-        _rows(3, points),
-        _rows(3, points),
-        _row(points),
-        _rows(2, points),
-        _row(points, np.int32),
-        _row(points, np.int32),
-        _row(points),
-        _rows(3, points),
-        _row(points),
-        _row(points),
-        _row(points, np.int32),
-        _rows(3, points) if replay else None,
-        _rows(3, points) if replay else None,
+    n = 2 * capacity
+    points = SurfacePoints(
+        _rows(3, n),
+        _rows(3, n),
+        _rows(3, n),
+        _rows(3, n),
+        _row(n),
+        _rows(2, n),
+        _rows(3, n),
+        _numbers(n),
+        _numbers(n),
+        _row(n),
+        _rows(3, n),
+        _row(n),
+        _row(n),
+        _numbers(n),
+        _numbers(n),
+        _rows(parameters, n),
+        _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
     )
-    order = _row(points, np.int32)
-    radiance = _rows(channels, CAPACITY)
-    waiting = np.zeros(depths, np.int64)
-    tally = make_tally(ray_capacity) if counted else None
+    light_samples = LightSamples(_numbers(n), _rows(3, n), _row(n), _rows(3, n), _row(n))
     return Workspace(
-        rays, hits, shadow_rays, surface_points, order, radiance, waiting, tally
+        rays,
+        hits,
+        shadow_rays,
+        points,
+        light_samples,
+        _rows(2, capacity),
+        _rows(4, n),
+        _numbers(n),
+        np.zeros(kinds + 1, np.int64),
+        _rows(channels, capacity),
+        np.zeros(depths, np.int64),
+        make_tally(ray_capacity) if counted else None,
     )

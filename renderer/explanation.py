@@ -11,12 +11,10 @@ from typing import TYPE_CHECKING
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
+from renderer.bsdfs.registry import BSDFS
 from renderer.scene import KINDS, Scene
 from renderer.scene_file.description import (
-    Conductor,
     ConstantLight,
-    Dielectric,
-    Diffuse,
     DirectionalLight,
     Integrator,
     PointLight,
@@ -132,7 +130,7 @@ def explain_accelerators(
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
     """List BSDFs and lights, and what of these the scene does not have."""
     materials = scene.materials
-    kinds = {k.__name__.lower(): materials.has(k) for k in (Diffuse, Conductor, Dielectric)}
+    kinds = {name: kind in materials.kinds for name, kind in BSDFS.items()}
     why.say(
         "BSDFs", ", ".join(kind for kind, present in kinds.items() if present) or "none"
     )
@@ -174,7 +172,7 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
         reason = "all lights are points or directions" if lights else "there is no light"
     elif plan.max_depth <= 1:
         reason = "with max_depth 1 only what shines is seen"
-    elif scene.materials.has(Diffuse):
+    elif scene.materials.smooth:
         reason = "diffuse surfaces send no rays on"
     else:
         reason = "no surface is diffuse"

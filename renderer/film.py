@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from renderer.batch import CAPACITY
 from renderer.jit import kernel
 from renderer.lanes.functions import lane, lane_index
+from renderer.lanes.memory import load_row
 from renderer.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
-from renderer.stages.camera_rays import film_position
 from renderer.stages.tile import TILE_SIZE, Tile, slot_pixel
 
 
@@ -27,16 +27,19 @@ class FilterTable(NamedTuple):
     weights: NDArray[np.float64]  # (steps + 1,) at the lower ends of equal parts
 
 
-def filter_table(rfilter: ReconstructionFilter) -> FilterTable | None:
-    """Return the table of a filter, None for the box: its samples stay in their pixel."""
+BOX = FilterTable(0.0, np.zeros(0))
+
+
+def filter_table(rfilter: ReconstructionFilter) -> FilterTable:
+    """Return the table of a filter; the box has none: its samples stay in their pixel."""
     if rfilter.name == "box":
-        return None
+        return BOX
     return FilterTable(float(rfilter.radius), tabulate(rfilter))
 
 
-def filter_border(table: FilterTable | None) -> int:
+def filter_border(table: FilterTable) -> int:
     """Return how many pixels beyond its tile a sample can reach."""
-    return 0 if table is None else int(np.ceil(table.radius + 0.5))
+    return 0 if table.weights.size == 0 else int(np.ceil(table.radius + 0.5))
 
 
 def tile_sums(channels: int, border: int) -> NDArray[np.float64]:
@@ -46,10 +49,13 @@ def tile_sums(channels: int, border: int) -> NDArray[np.float64]:
 
 
 @kernel
-def add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border):
-    """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums."""
+def add_to_tile(rfilter, tile, film, radiance, sums, border):
+    """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums.
+
+    `film` has the samples' places on the full film, (2, slots) in pixels.
+    """
     channels = sums.shape[0] - 1
-    if rfilter is None:
+    if rfilter.weights.size == 0:  # the box: samples stay in their pixel
         for slot in range(CAPACITY):
             x, y = slot_pixel(slot)
             if x < tile.width and y < tile.height:
@@ -61,7 +67,7 @@ def add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border):
     scale = steps / rfilter.radius
     for first in range(0, CAPACITY, 16):
         slots = lane_index() + first
-        px, py = film_position(sampler, tile, slots, sample)
+        px, py = load_row(film, 0, first), load_row(film, 1, first)
         xs, ys = slot_pixel(slots)
         for j in range(16):
             if lane(xs, j) >= tile.width or lane(ys, j) >= tile.height:

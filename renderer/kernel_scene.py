@@ -1,8 +1,9 @@
 """KernelScene: all that the kernels may look at, as flat arrays in named records.
 
-Whatever a scene lacks is None. A None is a type of its own, so the code that would read
-it is never compiled: `if spheres is None: return ...` is decided at compile time for an
-argument of a function.
+It is of one type for all scenes, so that what is common to them is compiled once. What a
+scene is made of (kinds of shapes, BSDFs, lights, ...) are rows of tables: each row has the
+address of the kind's own record, and those of its kernels (`renderer.jit.methods`). What a
+scene lacks has no row: it is neither compiled nor run.
 """
 
 from __future__ import annotations
@@ -12,30 +13,31 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# bits of `KernelScene.stages`: what a hit on a primitive needs next
-EMIT = 1
-DIFFUSE = 2
-CONDUCTOR = 4
-DIELECTRIC = 8
-ANY = 16  # set for every primitive
+# bits of `Primitives.stages`: what a hit on a primitive needs next
+ANY = 1  # set for every primitive
+EMIT = 2
+FIRST_BSDF = 4  # of the first kind of BSDF that the scene has; the next kinds follow
 
+HALVES = -2  # in place of a face's number, see `Primitives`
+
+# Columns of the tables of methods. In each the first is the address of the kind's record.
+RECORD = 0
+# groups of primitives to intersect
+CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE = 1, 2, 3, 4
+# kinds of shapes
+LOCATE = 1
+# kinds of BSDFs
+REFLECT_LIGHT, SCATTER, SPLIT, SHOW_ALBEDO = 1, 2, 3, 4
+# kinds of textures
+LOOK_UP = 1
 # kinds of lights
-POINT = 0
-SPOT = 1
-DIRECTIONAL = 2
-CONSTANT = 3
-AREA = 4
+SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
+# the sampler
+DRAW_FILM, BEGIN_BOUNCE, DRAW, CHOOSE_LIGHT = 1, 2, 3, 4
+# what may be done after a stage, a row each
+AFTER_CAMERA_RAYS, AFTER_SURFACE_POINTS, AFTER_SCATTERING = 0, 1, 2
 
-
-class Accelerators(NamedTuple):
-    """One for each kind of primitive that the scene has, and one for all instances."""
-
-    triangles: Any
-    rectangles: Any
-    disks: Any
-    spheres: Any
-    cylinders: Any
-    instances: Any = None  # accelerators.instances.Instances
+Methods = NDArray[np.int64]  # (kinds, columns) addresses; 0 where there is no such method
 
 
 class Placements(NamedTuple):
@@ -57,9 +59,10 @@ class TriangleSurfaces(NamedTuple):
     edge1: NDArray[np.float32]  # (3, n)
     edge2: NDArray[np.float32]  # (3, n)
     normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
-    normals: NDArray[np.float32] | None  # (9, n) unit, of the three vertices in turn
-    uvs: NDArray[np.float32] | None  # (6, n) of the three vertices in turn
-    tangents: NDArray[np.float32] | None = None  # (3, n) dp/du; None: nobody asks
+    # each of the following has no column where no mesh has it or nobody asks for it
+    normals: NDArray[np.float32]  # (9, n) unit, of the three vertices in turn
+    uvs: NDArray[np.float32]  # (6, n) of the three vertices in turn
+    tangents: NDArray[np.float32]  # (3, n) dp/du
 
 
 class RectangleSurfaces(NamedTuple):
@@ -105,17 +108,6 @@ class CylinderSurfaces(NamedTuple):
     frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
 
 
-class Surfaces(NamedTuple):
-    """What turns a hit into a surface point, for each kind of primitive."""
-
-    triangles: Any
-    rectangles: Any
-    disks: Any
-    spheres: Any
-    cylinders: Any
-    with_uv: int | None  # None: nobody looks at uv
-
-
 class Shapes(NamedTuple):
     """Columns by shape id."""
 
@@ -126,50 +118,29 @@ class Shapes(NamedTuple):
     number: NDArray[np.int32]  # (n,) in the file, the first is 1; 0 for shapes of groups
 
 
-class Textures(NamedTuple):
-    """All bitmaps in one long row of texels, and the checkerboards."""
+class Primitives(NamedTuple):
+    """Columns by primitive id."""
 
-    texels: NDArray[np.float32]  # (3, total), row after row from the top
-    start: NDArray[np.int32]  # (n,) first texel, -1 for a checkerboard
-    width: NDArray[np.int32]  # (n,)
-    height: NDArray[np.int32]  # (n,)
-    nearest: NDArray[np.int32]  # (n,) 1: no interpolation
-    wrap: NDArray[np.int32]  # (n,) 0 repeat, 1 mirror, 2 clamp
-    to_uv: NDArray[np.float32]  # (6, n) first two rows of the affine map
-    colors: NDArray[np.float32]  # (6, n) of a checkerboard
-
-
-class DiffuseTable(NamedTuple):
-    """Columns by BSDF id (those of other kinds are unused)."""
-
-    reflectance: NDArray[np.float32]  # (3, n)
-    texture: NDArray[np.int32]  # (n,) texture id, -1: the constant reflectance
-    textures: Textures | None
-
-
-class ConductorTable(NamedTuple):
-    """Columns by BSDF id."""
-
-    eta: NDArray[np.float32]  # (3, n)
-    k: NDArray[np.float32]  # (3, n)
-    reflectance: NDArray[np.float32]  # (3, n)
-
-
-class DielectricTable(NamedTuple):
-    """Columns by BSDF id."""
-
-    eta: NDArray[np.float32]  # (n,) inside over outside
-    reflectance: NDArray[np.float32]  # (3, n)
-    transmittance: NDArray[np.float32]  # (3, n)
+    stages: NDArray[np.int32]  # (n,) bits ANY, EMIT, ...
+    shape: NDArray[np.int32]  # (n,) shape id
+    # (n,) index in the mesh's file, 0 for others; HALVES for a rectangle, whose two halves
+    # are faces 0 and 1
+    face: NDArray[np.int32]
 
 
 class Bsdfs(NamedTuple):
-    """All BSDFs of the scene, by kind."""
+    """All BSDFs of the scene: the kinds, and columns by BSDF id."""
 
-    kind: NDArray[np.int32]  # (n,) DIFFUSE, CONDUCTOR or DIELECTRIC
-    diffuse: Any
-    conductor: Any
-    dielectric: Any
+    methods: Methods  # of the kinds; those with smooth lobes come first
+    smooth: int  # how many these are
+    kind: NDArray[np.int32]  # (n,) row of `methods`, -1: paths end there
+    values: NDArray[np.float32]  # (rows, n) parameters, in the order of the kind's record
+    rows: NDArray[np.int32]  # (kinds,) how many rows a kind has
+    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, how many rows
+    look_ups: NDArray[np.int32]
+    texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
+    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
+    texture_methods: Methods
 
 
 class PointLights(NamedTuple):
@@ -206,19 +177,6 @@ class ConstantLights(NamedTuple):
     distance: float  # beyond the whole scene
 
 
-class TriangleShares(NamedTuple):
-    """Cumulated areas that choose a triangle of a mesh light as Mitsuba does."""
-
-    first: NDArray[np.int32]  # (n,) of each light, into the columns below
-    count: NDArray[np.int32]  # (n,)
-    area: NDArray[np.float32]  # (n,) of the whole mesh
-    cumulated: NDArray[np.float32]  # (total,) area of a triangle and all before it
-    below: NDArray[np.float32]  # (total,) share of the area before a triangle
-    lost: NDArray[np.float32]  # (total,) what the rounding of `below` has lost
-    share: NDArray[np.float32]  # (total,) of the triangle itself
-    prim: NDArray[np.int32]  # (total,) primitive id
-
-
 class TriangleLights(NamedTuple):
     """Alias tables [Walker1977] that choose a triangle of a mesh light by its area."""
 
@@ -230,30 +188,31 @@ class TriangleLights(NamedTuple):
 
 
 class AreaLights(NamedTuple):
-    """Columns by light id; the shape's arrays are those of `Surfaces`."""
+    """Area lights on shapes of one kind; columns by light id."""
 
     radiance: NDArray[np.float32]  # (3, n)
     inverse_area: NDArray[np.float32]  # (n,)
     prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
     orientation: NDArray[np.float32]  # (n,)
-    replay: int | None  # 1: densities as Mitsuba computes them
-    triangles: TriangleLights | TriangleShares | None
-    rectangles: int | None  # None: no light of this shape
-    disks: int | None
-    spheres: int | None
-    cylinders: int | None
+    surfaces: Any  # the record of the shapes
+    choice: Any  # of meshes: TriangleLights or another way to choose; else None
+
+
+class LightKind(NamedTuple):
+    """What the kernels of one kind of light are given."""
+
+    lights: Any  # its table
+    index: int  # its row of `Lights.methods`
+    kind: NDArray[np.int32]  # that of every light
+    arithmetic: Any
 
 
 class Lights(NamedTuple):
-    """All lights, by kind."""
+    """All lights."""
 
     count: int
-    kind: NDArray[np.int32]  # (n,)
-    points: Any
-    spots: Any
-    directionals: Any
-    constants: Any
-    areas: Any
+    kind: NDArray[np.int32]  # (n,) row of `methods`
+    methods: Methods
 
 
 class Camera(NamedTuple):
@@ -269,34 +228,32 @@ class Camera(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """What the chosen method does; None leaves a step out of the compiled code."""
+    """What the chosen method does; 0 is no."""
 
     max_depth: int  # path segments; a large number for "no limit"
-    roulette_depth: int | None  # None: no Russian roulette
-    weigh: int | None  # None: no multiple importance sampling
-    every_light: int | None  # None: one light of all, chosen at random
-    follow: int | None  # None: rays end at diffuse surfaces
-    hide_emitters: int  # 1: the camera looks through them
-    cutoff: float  # Whitted: weight below which a ray is dropped
+    roulette_depth: int  # where Russian roulette begins; a large number for "never"
+    weigh: int  # multiple importance sampling
+    every_light: int  # all lights at each point, instead of one chosen at random
+    hide_emitters: int  # the camera looks through them
+    with_uv: int  # somebody looks at uv
+    with_tangents: int  # somebody looks at dp/du
+    cutoff: float  # weight below which a ray is dropped
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)
-    replay: int | None  # 1: choose lights, points and frames as Mitsuba does; None: our way
 
 
 class KernelScene(NamedTuple):
     """The whole scene."""
 
-    accelerators: Accelerators
-    # without the area lights that the camera hides; None: the same as `accelerators`
-    camera_accelerators: Accelerators | None
-    surfaces: Surfaces
-    stages: NDArray[np.int32]  # (primitives,) bits EMIT, DIFFUSE, ...
-    shape: NDArray[np.int32]  # (primitives,) shape id
-    face: NDArray[np.int32]  # (primitives,) index in the mesh's file, 0 for others
+    groups: Methods  # primitives to intersect
+    camera_groups: Methods  # the same, without the area lights that the camera hides
+    surfaces: Methods  # kinds of shapes: from hits to surface points
+    placements: Placements
+    primitives: Primitives
     shapes: Shapes
     bsdfs: Bsdfs
-    lights: Lights | None
+    lights: Lights
     camera: Camera
-    sampler: Any
+    sampler: Methods  # one row
+    hooks: Methods  # AFTER_CAMERA_RAYS, ...
     settings: Settings
-    replayed: Any = None  # replay.surfaces.ReplaySurfaces; None: this is no replay

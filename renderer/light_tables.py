@@ -2,74 +2,83 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernel_scene import (
-    AREA,
-    CONSTANT,
-    DIRECTIONAL,
-    POINT,
-    SPOT,
     AreaLights,
     ConstantLights,
     DirectionalLights,
-    Lights,
     PointLights,
     SpotLights,
     TriangleLights,
-    TriangleShares,
 )
 from renderer.light_order import light_order
-from renderer.replay.triangle_arithmetic import triangle_areas
-from renderer.scene import Scene, emits
+from renderer.scene import Scene
 from renderer.scene_file.description import (
     ConstantLight,
     DirectionalLight,
     Emitter,
-    Mesh,
     PointLight,
     SpotLight,
 )
 
-_KIND = {
-    PointLight: POINT,
-    SpotLight: SPOT,
-    DirectionalLight: DIRECTIONAL,
-    ConstantLight: CONSTANT,
-}
+# (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
+MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
 
 
-def light_tables(scene: Scene, replay: bool = False) -> Lights | None:
-    """Return the kernels' record of all lights, None for a scene without any.
+@dataclass(frozen=True)
+class LightTables:
+    """All lights of a scene: one table for each kind that there is."""
+
+    count: int
+    kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
+    tables: list[Any]  # records of renderer.kernel_scene, columns by light id
+
+
+def light_tables(scene: Scene, mesh_choice: MeshChoice) -> LightTables:
+    """Return the tables of all lights.
 
     Parameters
     ----------
-    replay
-        Whether the triangles of mesh lights are chosen as Mitsuba does it, in a time that
-        grows with the logarithm of their number.
+    scene
+        The lights are those of its description.
+    mesh_choice
+        Makes the table by which the triangles of mesh lights are chosen.
     """
     order = light_order(scene.description)
-    emitters = scene.description.emitters
-    others = dict(zip(order.of_emitters, emitters, strict=True))
+    others = dict(zip(order.of_emitters, scene.description.emitters, strict=True))
     shining = {light: i for i, light in enumerate(order.of_shapes) if light >= 0}
     count = len(shining) + len(others)
-    if count == 0:
-        return None
-    kinds = [_KIND[type(others[i])] if i in others else AREA for i in range(count)]
     # nothing of the scene is farther from any of its points than this
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
-    return Lights(
-        count,
-        np.array(kinds, np.int32),
-        _points(count, _of(others, PointLight)),
-        _spots(count, _of(others, SpotLight)),
-        _directionals(count, _of(others, DirectionalLight), beyond),
-        _constants(count, _of(others, ConstantLight), beyond),
-        _areas(count, scene, shining, replay) if shining else None,
-    )
+    kind = np.zeros(max(count, 1), np.int32)
+    tables: list[Any] = []
+
+    def add(lights: dict[int, Any], make: Callable[[dict[int, Any]], Any]) -> None:
+        if lights:
+            kind[list(lights)] = len(tables)
+            tables.append(make(lights))
+
+    add(_of(others, PointLight), lambda lights: _points(count, lights))
+    add(_of(others, SpotLight), lambda lights: _spots(count, lights))
+    add(_of(others, DirectionalLight), lambda lights: _directionals(count, lights, beyond))
+    add(_of(others, ConstantLight), lambda lights: _constants(count, lights, beyond))
+    primitives = _primitives_of_lights(scene, shining)
+    for shapes, surfaces in scene.surfaces.items():
+        add(
+            {
+                light: ids
+                for light, ids in primitives.items()
+                if surfaces.first <= ids[0] < surfaces.end
+            },
+            lambda lights, k=shapes: _areas(count, scene, k, shining, lights, mesh_choice),
+        )
+    return LightTables(count, kind, tables)
 
 
 def _of(emitters: dict[int, Emitter], kind: type) -> dict[int, Any]:
@@ -91,18 +100,14 @@ def _row(count: int, values: dict[int, float]) -> NDArray[np.float32]:
     return table
 
 
-def _points(count: int, lights: dict[int, PointLight]) -> PointLights | None:
-    if not lights:
-        return None
+def _points(count: int, lights: dict[int, PointLight]) -> PointLights:
     return PointLights(
         _columns(count, {i: e.position for i, e in lights.items()}),
         _columns(count, {i: e.intensity for i, e in lights.items()}),
     )
 
 
-def _spots(count: int, lights: dict[int, SpotLight]) -> SpotLights | None:
-    if not lights:
-        return None
+def _spots(count: int, lights: dict[int, SpotLight]) -> SpotLights:
     cutoff = {i: np.radians(e.cutoff_angle) for i, e in lights.items()}
     beam = {i: np.radians(e.beam_width) for i, e in lights.items()}
     axes = {
@@ -122,9 +127,7 @@ def _spots(count: int, lights: dict[int, SpotLight]) -> SpotLights | None:
 
 def _directionals(
     count: int, lights: dict[int, DirectionalLight], beyond: float
-) -> DirectionalLights | None:
-    if not lights:
-        return None
+) -> DirectionalLights:
     to_light = {
         i: -np.array(e.direction) / np.linalg.norm(e.direction) for i, e in lights.items()
     }
@@ -134,47 +137,51 @@ def _directionals(
 
 def _constants(
     count: int, lights: dict[int, ConstantLight], beyond: float
-) -> ConstantLights | None:
-    if not lights:
-        return None
+) -> ConstantLights:
     return ConstantLights(
         _columns(count, {i: e.radiance for i, e in lights.items()}), beyond
     )
 
 
-def _areas(count: int, scene: Scene, shining: dict[int, int], replay: bool) -> AreaLights:
-    """Return the area lights; `shining` has the shape of each light id."""
-    areas, prims, orientation, tables = {}, np.zeros(count, np.int32), {}, {}
+def _primitives_of_lights(
+    scene: Scene, shining: dict[int, int]
+) -> dict[int, NDArray[np.int32]]:
+    """Return the primitive ids of each area light; `shining` has their shapes."""
     by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
     ends = np.searchsorted(
         scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
     )
-    shapes = scene.description.shapes
-    for light, shape_id in shining.items():
-        ids = by_shape[ends[shape_id] : ends[shape_id + 1]]
-        sizes = np.concatenate(
-            [_primitive_areas(scene, kind, ids) for kind in scene.surfaces]
-        )
-        areas[light] = sizes.sum()
+    return {
+        light: by_shape[ends[shape] : ends[shape + 1]] for light, shape in shining.items()
+    }
+
+
+def _areas(
+    count: int,
+    scene: Scene,
+    kind: str,
+    shining: dict[int, int],
+    lights: dict[int, NDArray[np.int32]],
+    mesh_choice: MeshChoice,
+) -> AreaLights:
+    """Return the area lights on one kind of shape."""
+    shapes, surfaces = scene.description.shapes, scene.surfaces[kind]
+    sizes = {i: primitive_areas(scene, kind, ids) for i, ids in lights.items()}
+    prims = np.zeros(count, np.int32)
+    for light, ids in lights.items():
         prims[light] = ids[0]
-        orientation[light] = scene.shapes.orientation[shape_id]
-        if isinstance(shapes[shape_id], Mesh):
-            tables[light] = (ids, sizes)
+    on_meshes = {i: (ids, sizes[i]) for i, ids in lights.items()}
     return AreaLights(
-        _columns(count, {i: shapes[k].radiance for i, k in shining.items()}),
-        _row(count, {i: 1.0 / a for i, a in areas.items()}),
+        _columns(count, {i: shapes[shining[i]].radiance for i in lights}),
+        _row(count, {i: 1.0 / sizes[i].sum() for i in lights}),
         prims,
-        _row(count, orientation),
-        1 if replay else None,
-        _mesh_lights(count, scene, tables, replay) if tables else None,
-        *(
-            1 if emits(scene, k) else None
-            for k in ("rectangles", "disks", "spheres", "cylinders")
-        ),
+        _row(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
+        surfaces,
+        mesh_choice(count, surfaces, on_meshes) if kind == "triangles" else None,
     )
 
 
-def _primitive_areas(
+def primitive_areas(
     scene: Scene, kind: str, ids: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Return the areas of those primitives among `ids` that are of a kind."""
@@ -189,39 +196,10 @@ def _primitive_areas(
     return factor * np.linalg.norm(cross, axis=1)
 
 
-def _mesh_lights(
-    count: int, scene: Scene, tables: dict[int, Any], replay: bool
-) -> TriangleLights | TriangleShares:
-    if not replay:
-        return _triangle_lights(count, tables)
-    return _triangle_shares(count, scene, {i: ids for i, (ids, _) in tables.items()})
-
-
-def _triangle_shares(
-    count: int, scene: Scene, meshes: dict[int, NDArray[np.int32]]
-) -> TriangleShares:
-    """Return the cumulated areas of mesh lights, rounded as Mitsuba does it."""
-    triangles = scene.surfaces["triangles"]
-    first, number = np.zeros(count, np.int32), np.zeros(count, np.int32)
-    area = np.zeros(count, np.float32)
-    columns: list[list[NDArray[Any]]] = []
-    total = 0
-    for light, ids in meshes.items():
-        k = ids - triangles.first
-        sizes = triangle_areas(triangles.edge1[:, k], triangles.edge2[:, k])
-        cumulated = np.cumsum(sizes, dtype=np.float64).astype(np.float32)
-        normalization = np.float32(1.0) / cumulated[-1]
-        exact = np.append(0.0, cumulated[:-1].astype(np.float64)) * normalization
-        below = exact.astype(np.float32)
-        first[light], number[light], area[light] = total, len(ids), cumulated[-1]
-        lost = (exact - below).astype(np.float32)
-        columns.append([cumulated, below, lost, sizes * normalization, ids])
-        total += len(ids)
-    rows = (np.concatenate(parts) for parts in zip(*columns, strict=True))
-    return TriangleShares(first, number, area, *rows)
-
-
-def _triangle_lights(count: int, tables: dict[int, Any]) -> TriangleLights:
+def alias_tables(
+    count: int, surfaces: Any, tables: dict[int, Any]
+) -> TriangleLights:
+    """Return alias tables by area for mesh lights: (primitive ids, areas) by light."""
     first, number = np.zeros(count, np.int32), np.zeros(count, np.int32)
     keeps, aliases, prims = [], [], []
     total = 0

@@ -2,99 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernel_scene import (
-    CONDUCTOR,
-    DIELECTRIC,
-    DIFFUSE,
-    EMIT,
-    Bsdfs,
-    ConductorTable,
-    DielectricTable,
-    DiffuseTable,
-    Textures,
-)
+from renderer.bsdfs.kind import BsdfKind
+from renderer.bsdfs.registry import BSDFS
+from renderer.kernel_scene import ANY, EMIT, FIRST_BSDF
 from renderer.light_order import light_order
 from renderer.scene_file.description import (
-    BitmapTexture,
     Bsdf,
-    CheckerboardTexture,
-    Conductor,
     ConstantTexture,
-    Dielectric,
-    Diffuse,
     SceneDescription,
     Shape,
     TwoSided,
 )
-from renderer.textures import CLAMP, MIRROR, REPEAT
+from renderer.textures.kind import TextureKind
+from renderer.textures.registry import TEXTURES
 
-_KIND = {Diffuse: DIFFUSE, Conductor: CONDUCTOR, Dielectric: DIELECTRIC}
-_WRAP = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
+
+def kind_of(bsdf: Any) -> BsdfKind:
+    """Return the kind of a BSDF of the description."""
+    return BSDFS[bsdf.plugin]
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
     """Return what a shape shows on the side of its normal and behind; None is black."""
     if isinstance(bsdf, TwoSided):
         return bsdf.front, bsdf.back
-    if isinstance(bsdf, Dielectric):
-        return bsdf, bsdf
-    return bsdf, None
+    return bsdf, bsdf if kind_of(bsdf).transmits else None
 
 
-def shape_stages(shape: Shape) -> int:
-    """Return the bits of what a hit on a shape needs next."""
-    kinds = {_KIND[type(side)] for side in sides(shape.bsdf) if side is not None}
-    return sum(kinds) | (EMIT if shape.radiance is not None else 0)
+def is_textured(value: Any) -> bool:
+    """Return whether a parameter differs from point to point."""
+    return texture_kind_of(value) is not None
 
 
-def texture_rows(
-    textures: Iterable[BitmapTexture | CheckerboardTexture],
-) -> Textures | None:
-    """Pack textures into one record; None if there are none."""
-    textures = list(textures)
-    if not textures:
-        return None
-    texels, starts, sizes = [np.zeros((3, 1), np.float32)], [], []
-    total = 1
-    for texture in textures:
-        if isinstance(texture, BitmapTexture):
-            height, width = texture.pixels.shape[:2]
-            texels.append(texture.pixels.reshape(-1, 3).T)
-            starts.append(total)
-            sizes.append((width, height))
-            total += width * height
-        else:
-            starts.append(-1)
-            sizes.append((1, 1))
-    bitmaps = [t if isinstance(t, BitmapTexture) else None for t in textures]
-    colors = [
-        (*t.color0, *t.color1) if isinstance(t, CheckerboardTexture) else (0.0,) * 6
-        for t in textures
-    ]
-    return Textures(
-        np.ascontiguousarray(np.concatenate(texels, axis=1), np.float32),
-        np.array(starts, np.int32),
-        np.array([width for width, _ in sizes], np.int32),
-        np.array([height for _, height in sizes], np.int32),
-        np.array([b is not None and b.filter_type == "nearest" for b in bitmaps], np.int32),
-        np.array([_WRAP[b.wrap_mode] if b else 0 for b in bitmaps], np.int32),
-        np.ascontiguousarray([t.to_uv[:2].ravel() for t in textures], np.float32).T.copy(),
-        np.ascontiguousarray(colors, np.float32).T.copy(),
-    )
+def texture_kind_of(value: Any) -> TextureKind | None:
+    """Return the kind of texture that gives a parameter, None for a constant."""
+    for kind in TEXTURES.values():
+        if isinstance(value, kind.description):
+            return kind
+    return None
+
+
+def constant_of(value: Any, rows: int) -> Any:
+    """Return a parameter as so many numbers; 0 where a texture gives it."""
+    if isinstance(value, ConstantTexture):
+        value = value.rgb
+    if is_textured(value):
+        return np.zeros(rows)
+    return np.broadcast_to(np.asarray(value, np.float64), rows)
 
 
 @dataclass
 class MaterialTables:
     """The distinct BSDFs of a scene and, for each shape, the ids of its two sides."""
 
-    bsdfs: list[Diffuse | Conductor | Dielectric] = field(default_factory=list)
+    bsdfs: list[Any] = field(default_factory=list)
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
@@ -124,65 +92,86 @@ class MaterialTables:
         tables.light[: len(description.shapes)] = light_order(description).of_shapes
         return tables
 
-    def has(self, kind: type) -> bool:
-        """Return whether the scene has a BSDF of a class of the description."""
-        return any(isinstance(bsdf, kind) for bsdf in self.bsdfs)
+    @property
+    def kinds(self) -> list[BsdfKind]:
+        """The kinds present: those with smooth lobes first, else as they are registered."""
+        present = {kind_of(bsdf).name for bsdf in self.bsdfs}
+        listed = [kind for name, kind in BSDFS.items() if name in present]
+        return sorted(listed, key=lambda kind: not kind.smooth)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether lights are sampled at any surface."""
+        return any(kind.smooth for kind in self.kinds)
+
+    @property
+    def delta(self) -> bool:
+        """Whether there are mirrors or glass."""
+        return any(kind.delta for kind in self.kinds)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether a delta lobe is chosen at random."""
+        return any(kind.reflection and kind.transmission for kind in self.kinds)
 
     @property
     def textured(self) -> bool:
         """Whether any BSDF looks at uv."""
-        return any(
-            isinstance(b, Diffuse) and not isinstance(b.reflectance, ConstantTexture)
-            for b in self.bsdfs
-        )
+        return any(is_textured(value) for _, value in self._parameters())
 
-    def records(self) -> Bsdfs:
-        """Return the kernels' tables, None for each kind that the scene lacks."""
-        kinds = [_KIND[type(bsdf)] for bsdf in self.bsdfs] or [0]
-        return Bsdfs(
-            np.array(kinds, np.int32),
-            self._diffuse() if self.has(Diffuse) else None,
-            self._conductor() if self.has(Conductor) else None,
-            self._dielectric() if self.has(Dielectric) else None,
-        )
+    def stages(self, shapes: Sequence[Shape]) -> NDArray[np.int32]:
+        """Return the bits of what a hit on each shape needs next."""
+        bit = {kind.name: FIRST_BSDF << k for k, kind in enumerate(self.kinds)}
+        rows = []
+        for shape in shapes:
+            shown = {kind_of(side).name for side in sides(shape.bsdf) if side is not None}
+            bits = ANY | (EMIT if shape.radiance is not None else 0)
+            rows.append(bits | sum(bit[name] for name in shown))
+        return np.array(rows or [0], np.int32)
 
-    def _columns(self, kind: type, default: Any, value: Any) -> NDArray[np.float32]:
-        rows = [value(b) if isinstance(b, kind) else default for b in self.bsdfs]
-        return np.ascontiguousarray(np.array(rows, np.float32).T)
+    def _parameters(self) -> list[tuple[Any, Any]]:
+        """Return (BSDF, value) of all parameters that each point has."""
+        return [
+            (bsdf, getattr(bsdf, name))
+            for bsdf in self.bsdfs
+            for name, _, _ in kind_of(bsdf).layout()
+        ]
 
-    def _diffuse(self) -> DiffuseTable:
-        textures: list[Any] = []
-        numbers = []
-        for bsdf in self.bsdfs:
-            textured = isinstance(bsdf, Diffuse) and not isinstance(
-                bsdf.reflectance, ConstantTexture
-            )
-            numbers.append(len(textures) if textured else -1)
-            if textured:
-                textures.append(bsdf.reflectance)
+    def textures(self) -> list[Any]:
+        """Return the distinct textures; their places are the texture ids."""
+        found = {id(v): v for _, v in self._parameters() if is_textured(v)}
+        return list(found.values())
 
-        def constant(bsdf: Diffuse) -> Any:
-            texture = bsdf.reflectance
-            return texture.rgb if isinstance(texture, ConstantTexture) else (0, 0, 0)
+    def values(self) -> NDArray[np.float32]:
+        """Return the constant parameters, (rows, BSDFs)."""
+        rows = max((kind.row_count for kind in self.kinds), default=1)
+        table = np.zeros((max(rows, 1), max(len(self.bsdfs), 1)), np.float32)
+        for k, bsdf in enumerate(self.bsdfs):
+            for name, first, count in kind_of(bsdf).layout():
+                table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
+        return table
 
-        return DiffuseTable(
-            self._columns(Diffuse, (0, 0, 0), constant),
-            np.array(numbers, np.int32),
-            texture_rows(textures),
-        )
+    def texture_ids(self) -> NDArray[np.int32]:
+        """Return the texture of each parameter, (rows, BSDFs); -1 for constants."""
+        ids = {id(texture): k for k, texture in enumerate(self.textures())}
+        table = np.full(self.values().shape, -1, np.int32)
+        for k, bsdf in enumerate(self.bsdfs):
+            for name, first, _ in kind_of(bsdf).layout():
+                table[first, k] = ids.get(id(getattr(bsdf, name)), -1)
+        return table
 
-    def _conductor(self) -> ConductorTable:
-        none = (0.0, 0.0, 0.0)
-        return ConductorTable(
-            self._columns(Conductor, none, lambda b: b.eta),
-            self._columns(Conductor, none, lambda b: b.k),
-            self._columns(Conductor, none, lambda b: b.specular_reflectance),
-        )
+    def look_ups(
+        self, kinds: Sequence[BsdfKind | None], texture_kinds: Sequence[TextureKind]
+    ) -> NDArray[np.int32]:
+        """Return (kind of BSDF, kind of texture, first row, rows) of all that is textured.
 
-    def _dielectric(self) -> DielectricTable:
-        none = (0.0, 0.0, 0.0)
-        return DielectricTable(
-            self._columns(Dielectric, 1.0, lambda b: b.eta),
-            self._columns(Dielectric, none, lambda b: b.specular_reflectance),
-            self._columns(Dielectric, none, lambda b: b.specular_transmittance),
-        )
+        None in place of a kind: nobody needs its parameters.
+        """
+        rows: dict[tuple[int, int, int, int], None] = {}
+        for k, kind in enumerate(kinds):
+            for name, first, count in kind.layout() if kind else ():
+                for bsdf in (b for b in self.bsdfs if kind_of(b) is kind):
+                    of = texture_kind_of(getattr(bsdf, name))
+                    if of in texture_kinds:
+                        rows[k, texture_kinds.index(of), first, count] = None
+        return np.array(sorted(rows), np.int32).reshape(-1, 4)

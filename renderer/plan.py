@@ -25,10 +25,7 @@ from renderer.explanation import (
 from renderer.replay.pixel_seeds import BLOCK_SIZE
 from renderer.scene import Scene
 from renderer.scene_file.description import (
-    Conductor,
     ConstantLight,
-    Dielectric,
-    Diffuse,
     Integrator,
     Sampler,
 )
@@ -75,6 +72,21 @@ class Plan:
     bsdf_samples: int = 1  # of `direct`: 0 or 1
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
+
+    @property
+    def counts_work(self) -> bool:
+        """Whether traversals count what they do."""
+        return self.method == "work"
+
+    @property
+    def sees_lights(self) -> bool:
+        """Whether paths gather light at all."""
+        return self.method in ("direct", "path", "whitted")
+
+    @property
+    def asks_lights(self) -> bool:
+        """Whether lights are sampled at surface points."""
+        return self.sees_lights and self.max_depth > 1
 
     @property
     def sampler_name(self) -> str:
@@ -199,7 +211,7 @@ def _decide(
         count = 1  # the picture is black
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
-    mirrors = materials.has(Conductor) or materials.has(Dielectric)
+    mirrors = materials.delta
     method = asked.name
     depth = NO_LIMIT if asked.max_depth < 0 else asked.max_depth
     why.say("file asks", describe_integrator(asked))
@@ -249,9 +261,9 @@ def _decide(
     follow = method == "path" or (
         method == "direct" and extended and asked.bsdf_samples > 0
     )
-    if method == "path" and not materials.has(Diffuse):
+    if method == "path" and not materials.smooth:
         follow = False
-    weigh = extended and follow and materials.has(Diffuse) and depth > 1
+    weigh = extended and follow and materials.smooth and depth > 1
     roulette = asked.rr_depth if method == "path" and asked.rr_depth < depth else None
     plan = Plan(
         method,
@@ -274,7 +286,7 @@ def _decide(
         why.say("left out", "scattering: nothing is reflected towards another surface")
     explain_geometry(scene, why)
     explain_materials_and_lights(scene, why)
-    random = _is_random(plan, extended, materials.has(Dielectric))
+    random = _is_random(plan, extended, materials.chooses)
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
 

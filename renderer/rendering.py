@@ -11,15 +11,16 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.batch import CAPACITY, Workspace, make_workspace
-from renderer.film import Film, FilterTable, filter_border, filter_table, tile_sums
+from renderer.batch import CAPACITY, make_workspace
+from renderer.film import BOX, Film, filter_border, filter_table, tile_sums
 from renderer.integrators.render_tile import RENDER_TILE
 from renderer.integrators.whitted import REGION
+from renderer.jit import Packed, pack
 from renderer.kernel_inputs import kernel_scene
-from renderer.kernel_scene import KernelScene
 from renderer.plan import Plan
 from renderer.scene import Scene
 from renderer.stages.tile import Tile
+from renderer.ways import way_of
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -49,11 +50,11 @@ class _Job:
 class _Workspaces(threading.local):
     """One workspace for each thread of the pool."""
 
-    def __init__(self, make: Callable[[], Workspace]) -> None:
+    def __init__(self, make: Callable[[], Packed]) -> None:
         self.make = make
-        self.work: Workspace | None = None
+        self.work: Packed | None = None
 
-    def get(self) -> Workspace:
+    def get(self) -> Packed:
         if self.work is None:
             self.work = self.make()
         return self.work
@@ -76,16 +77,16 @@ class Rendering:
         measured_camera: Sequence[float] | None = None,
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
-        self.kernel_scene: KernelScene = kernel_scene(
-            scene, plan, accel, seed, measured_camera
-        )
+        self.variant = way_of(plan, measured_camera)
+        # what addresses in the record point to lives as long as this
+        self.kernel_scene, self._kept = kernel_scene(scene, plan, accel, seed, self.variant)
+        self._packed_scene = pack(self.kernel_scene)
         self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
         # counts stay in their own pixel, so that they can be added up
         self.counted = plan.method == "work"
-        self.rfilter: FilterTable | None = (
-            None if self.counted else filter_table(film.rfilter)
-        )
+        self.rfilter = BOX if self.counted else filter_table(film.rfilter)
+        self._packed_filter = pack(self.rfilter)
         self.border = filter_border(self.rfilter)
         self.film = Film(
             self.channels,
@@ -102,24 +103,27 @@ class Rendering:
         self._workspaces = _Workspaces(self._make_workspace)
         self._before: dict[Tile, Future[Any]] = {}  # of a replay: the last job of each tile
 
-    def _make_workspace(self) -> Workspace:
+    def _make_workspace(self) -> Packed:
         tree = self.plan.method == "whitted"
         depths = self.plan.max_depth + 1 if tree else 1
-        return make_workspace(
-            ray_capacity=REGION * depths if tree else CAPACITY,
-            shadow_capacity=CAPACITY,
-            channels=self.channels,
-            depths=depths,
-            counted=self.counted,
-            instances=self.kernel_scene.accelerators.instances is not None,
-            replay=self.plan.replay,
+        bsdfs = self.kernel_scene.bsdfs
+        return pack(
+            make_workspace(
+                ray_capacity=REGION * depths if tree else CAPACITY,
+                channels=self.channels,
+                depths=depths,
+                kinds=len(bsdfs.methods),
+                parameters=len(bsdfs.values),
+                counted=self.counted,
+                previous_points=self.variant.previous_points,
+            )
         )
 
     def _render(self, job: _Job) -> Any:
         sums = tile_sums(self.channels, self.border)
         self._render_tile(
-            self.kernel_scene,
-            self.rfilter,
+            self._packed_scene,
+            self._packed_filter,
             job.tile,
             job.first_sample,
             job.end_sample,
@@ -136,8 +140,7 @@ class Rendering:
         return time.perf_counter() - start
 
     def _jobs(self) -> Iterator[_Job]:
-        lights = self.kernel_scene.lights
-        asked = lights.count if lights is not None and self.plan.every_light else 1
+        asked = max(1, self.kernel_scene.lights.count) if self.plan.every_light else 1
         step = max(1, SAMPLES_PER_JOB // asked)
         for first in range(0, self.plan.spp, step):
             for tile in self._tiles:

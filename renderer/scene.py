@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from renderer.kernel_scene import (
     ANY,
     EMIT,
+    HALVES,
     Placements,
     Shapes,
 )
-from renderer.materials import MaterialTables, shape_stages
+from renderer.materials import MaterialTables
 from renderer.placed_groups import (
     check_placements,
     group_boxes,
@@ -58,11 +59,6 @@ class Scene:
     # comes before the first group is in the world, the rest is seen through instances
     starts: dict[str, NDArray[np.int64]]
     placements: Placements | None  # None: there are no instances
-
-    @property
-    def primitive_count(self) -> int:
-        """Number of triangles and analytic shapes."""
-        return int(self.shape.size)
 
     @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:
@@ -175,7 +171,7 @@ def _build_scene(description: SceneDescription) -> Scene:
                 faces.append(np.arange(count) if shape.face_ids is None else shape.face_ids)
             else:
                 count = 1
-                faces.append(np.zeros(1))
+                faces.append(np.full(1, HALVES if isinstance(shape, Rectangle) else 0))
             shape_ids.append(np.full(count, index))
         columns = [ids.size for ids in shape_ids[-len(entries) :]]
         groups = group_of[[index for index, _ in entries]]
@@ -184,7 +180,7 @@ def _build_scene(description: SceneDescription) -> Scene:
         first = record.end
 
     shape = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
-    stages = np.array([shape_stages(s) for s in every_shape] or [0], np.int32)
+    stages = materials.stages(every_shape)
     orientation = [_orientation(s) for s in every_shape] or [1.0]
     scene = Scene(
         description,

@@ -75,8 +75,9 @@ def _triangles(meshes: list[Mesh], first: int, with_uv: bool) -> TriangleSurface
         float32(edge1),
         float32(edge2),
         unit_normals(edge1, edge2),
-        float32(np.concatenate(normals, axis=1)) if smooth else None,
-        float32(np.concatenate(uvs, axis=1)) if with_uv else None,
+        float32(np.concatenate(normals, axis=1) if smooth else np.zeros((9, 0))),
+        float32(np.concatenate(uvs, axis=1) if with_uv else np.zeros((6, 0))),
+        float32(np.zeros((3, 0))),
     )
 
 

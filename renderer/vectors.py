@@ -21,7 +21,7 @@ from numba.extending import (
 
 from renderer.jit import kernel
 from renderer.lanes.functions import as_i32, select, sqrt
-from renderer.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.lanes.memory import append_row, gather_row, load_row, store_row, store_where
 from renderer.lanes.operators import operands, widen
 from renderer.lanes.types import Lanes
 
@@ -206,6 +206,14 @@ def store3(array, i, a):
     store_row(array, 0, i, a.x)
     store_row(array, 1, i, a.y)
     store_row(array, 2, i, a.z)
+
+
+@kernel
+def store3_where(array, i, a, mask):
+    """Store the masked lanes of a vector to columns i to i + 15 of a (3, n) array."""
+    store_where(array, 0, i, a.x, mask)
+    store_where(array, 1, i, a.y, mask)
+    store_where(array, 2, i, a.z, mask)
 
 
 @kernel

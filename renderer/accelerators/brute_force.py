@@ -16,7 +16,7 @@ from renderer.accelerators.packets import (
     nearest_of,
     store_nearest,
 )
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.functions import first_lanes, select, splat_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.vectors import load3
@@ -33,7 +33,7 @@ def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
     return BruteForce(group(np.arange(extents.lower.shape[1])))
 
 
-@kernel
+@method_kernel
 def closest_hit_brute_force(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1 with nearer hits."""
     primitives = accel.primitives
@@ -48,7 +48,7 @@ def closest_hit_brute_force(accel, rays, hits, first, count, tally):
         store_nearest(hits, i, nearest)
 
 
-@kernel
+@method_kernel
 def any_hit_brute_force(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
     primitives = accel.primitives

@@ -28,7 +28,7 @@ from renderer.accelerators.single_ray import (
     store_hit,
 )
 from renderer.accelerators.tally import BOXES, NODES, add_to, note_stack
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.vectors import column
 
@@ -168,7 +168,7 @@ def _first_leaf(bsp, node, t_enter, t_leave, waiting, origin, direction, tally, 
     return node, Waiting(stack, enters, leaves, depth)
 
 
-@kernel
+@method_kernel
 def closest_hit_bsp(bsp, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, one ray at a time."""
     for i in range(first, first + count):
@@ -208,7 +208,7 @@ def _nearest(bsp, origin, direction, hit, tally, i):
     return hit
 
 
-@kernel
+@method_kernel
 def any_hit_bsp(bsp, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, one ray at a time."""
     for i in range(count):

@@ -37,7 +37,8 @@ from renderer.accelerators.uniform_grid import (
 )
 from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
-from renderer.kernel_scene import EMIT, Accelerators
+from renderer.accelerators.groups import Accelerators
+from renderer.kernel_scene import EMIT
 from renderer.scene import KINDS, Scene, emits
 from renderer.shapes.cylinder import Cylinders
 from renderer.shapes.disk import Disks

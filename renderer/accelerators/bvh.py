@@ -35,7 +35,7 @@ from renderer.accelerators.tally import (
     note_packet_stack,
     note_stack,
 )
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.functions import (
     fabs,
     first_lanes,
@@ -149,7 +149,7 @@ def _second_child_first(bounds, child, direction):
     return x * direction.x + y * direction.y + z * direction.z < 0.0
 
 
-@kernel
+@method_kernel
 def closest_hit_bvh_packets(bvh, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
@@ -192,7 +192,7 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count, tally):
         store_nearest(hits, i, nearest)
 
 
-@kernel
+@method_kernel
 def closest_hit_bvh(bvh, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, one ray at a time."""
     for i in range(first, first + count):
@@ -245,7 +245,7 @@ def nearest_below(bvh, root, origin, direction, hit, tally, i):
     return hit
 
 
-@kernel
+@method_kernel
 def any_hit_bvh_packets(bvh, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
     bounds, primitives = bvh.bounds, bvh.primitives
@@ -282,7 +282,7 @@ def any_hit_bvh_packets(bvh, shadow_rays, count, tally):
         store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))
 
 
-@kernel
+@method_kernel
 def any_hit_bvh(bvh, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, one ray at a time."""
     for i in range(count):

@@ -55,7 +55,7 @@ from renderer.accelerators.single_ray import (
 )
 from renderer.accelerators.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 from renderer.accelerators.uniform_grid import no_hit_before
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.vectors import column
 
@@ -68,7 +68,7 @@ class HierarchicalGrid(NamedTuple):
     primitives: Any  # a group of one kind
 
 
-@kernel
+@method_kernel
 def closest_hit_hierarchical_grid(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1 with nearer hits."""
     for i in range(first, first + count):
@@ -77,7 +77,7 @@ def closest_hit_hierarchical_grid(accel, rays, hits, first, count, tally):
         store_hit(hits, i, hit)
 
 
-@kernel
+@method_kernel
 def any_hit_hierarchical_grid(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
     for i in range(count):

@@ -25,7 +25,7 @@ from renderer.accelerators.bvh import (
 from renderer.accelerators.single_ray import RayHit
 from renderer.accelerators.tally import BOXES, NODES, add_to, note_stack
 from renderer.affine import affine_at, times
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.kernel_scene import Placements
 from renderer.lanes.functions import fabs
 from renderer.lanes.local import local_f32, local_i32
@@ -89,7 +89,7 @@ def _into_object(placements, k, origin, direction):
 # ------------------------------------------------------------------------- nearest hit
 
 
-@kernel
+@method_kernel
 def closest_hit_instances(instances, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1; the last of all kinds to do so."""
     for i in range(first, first + count):
@@ -179,7 +179,7 @@ def _nearest_of_kind(forest, group, origin, direction, hit, tally, i):
 # ----------------------------------------------------------------------------- any hit
 
 
-@kernel
+@method_kernel
 def any_hit_instances(instances, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays."""
     for i in range(count):

@@ -32,7 +32,7 @@ from renderer.accelerators.single_ray import (
     store_hit,
 )
 from renderer.accelerators.tally import BOXES, NODES, add_to, note_stack
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.vectors import column
 
@@ -97,7 +97,7 @@ def validate_kd_tree(tree: KdTree, extents: Extents) -> None:
 # ------------------------------------------------------------------------ the traversal
 
 
-@kernel
+@method_kernel
 def closest_hit_kd_tree(tree, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, one ray at a time."""
     for i in range(first, first + count):
@@ -167,7 +167,7 @@ def _leaf_at(tree, node, enter, leave, start, scale, waiting, ends, depth, tally
                 node = far
 
 
-@kernel
+@method_kernel
 def any_hit_kd_tree(tree, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, one ray at a time."""
     for i in range(count):

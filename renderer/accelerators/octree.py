@@ -25,7 +25,7 @@ from renderer.accelerators.single_ray import (
     store_hit,
 )
 from renderer.accelerators.tally import BOXES, NODES, add_to, note_stack
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.vectors import column
 
@@ -72,7 +72,7 @@ def validate_octree(tree: Octree, extents: Extents) -> None:
 # ------------------------------------------------------------------------ the traversal
 
 
-@kernel
+@method_kernel
 def closest_hit_octree(tree, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, one ray at a time."""
     for i in range(first, first + count):
@@ -173,7 +173,7 @@ def _push(link, enter, leave, waiting, starts, ends, depth):
     return depth + 1
 
 
-@kernel
+@method_kernel
 def any_hit_octree(tree, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, one ray at a time."""
     for i in range(count):

@@ -46,7 +46,7 @@ from renderer.accelerators.single_ray import (
     store_hit,
 )
 from renderer.accelerators.tally import BOXES, NODES, PRIMITIVES, add_to
-from renderer.jit import builder_kernel, kernel
+from renderer.jit import builder_kernel, kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.vectors import column
 
@@ -118,7 +118,7 @@ def _build(covers, pad, density):
     return grids
 
 
-@kernel
+@method_kernel
 def closest_hit_uniform_grid(grid, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1 with nearer hits."""
     for i in range(first, first + count):
@@ -128,7 +128,7 @@ def closest_hit_uniform_grid(grid, rays, hits, first, count, tally):
         store_hit(hits, i, hit)
 
 
-@kernel
+@method_kernel
 def any_hit_uniform_grid(grid, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
     for i in range(count):

@@ -39,7 +39,7 @@ from renderer.accelerators.wide_bvh_build import (
     collapse,
     pack_pairs,
 )
-from renderer.jit import kernel
+from renderer.jit import kernel, method_kernel
 from renderer.lanes.functions import (
     as_f32,
     as_i32,
@@ -136,25 +136,25 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
 # ------------------------------------------------------------------------- many rays
 
 
-@kernel
+@method_kernel
 def closest_hit_wide_bundles(accel, rays, hits, first, count, tally):
     """Update `hits` of coherent rays first to first + count - 1."""
     closest_hit_bundles(accel.pairs, rays, hits, first, count, tally)
 
 
-@kernel
+@method_kernel
 def any_hit_wide_bundles(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` coherent shadow rays."""
     any_hit_bundles(accel.pairs, shadow_rays, count, tally)
 
 
-@kernel
+@method_kernel
 def closest_hit_wide(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1."""
     _trace(accel, rays, hits.t, hits, None, first, count, tally)
 
 
-@kernel
+@method_kernel
 def any_hit_wide(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays."""
     blocked = shadow_rays.blocked

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-from renderer.bsdfs.diffuse import diffuse_albedo
-from renderer.jit import kernel
-from renderer.kernel_scene import ANY, DIFFUSE
-from renderer.lanes.functions import first_lanes, lane, select, splat_f32, splat_i32, to_f32
-from renderer.lanes.memory import gather_row, load_row
+import numpy as np
+
+from renderer.bsdfs.kind import albedo_of, parameters_at
+from renderer.jit import call, kernel, method_kernel
+from renderer.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO
+from renderer.lanes.functions import (
+    first_lanes,
+    lane,
+    mask_bits,
+    select,
+    splat_f32,
+    splat_i32,
+    to_f32,
+)
+from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.intersect import collect, intersect, seen_by_camera
-from renderer.stages.shading_frame import facing
+from renderer.stages.intersect import collect, intersect
+from renderer.stages.materials import look_up_textures
+from renderer.stages.shading_frame import load_constants
 from renderer.stages.surface import surface_points
-from renderer.vectors import load3, select3, vec3
+from renderer.vectors import dot, load3
 
 # channels of `work.radiance` in this integrator, all computed together
 DEPTH = 0
@@ -41,41 +52,62 @@ def _store3(radiance, channel, slot, valid, value):
 
 
 @kernel
-def _albedo(diffuse, scene, points, i, valid):
-    """Return k_d; mirrors and glass have none, a black back shows that of the front."""
-    zero = splat_f32(0.0)
-    black = vec3(zero, zero, zero)
-    if diffuse is None:
-        return black
-    face = facing(scene.shapes, scene.bsdfs.kind, points, i, valid, DIFFUSE)
+def _show_front(shapes, kind_of, kind, points, i, valid):
+    """Note the BSDFs of one kind that points show, or that their front has.
+
+    A black back shows the colour of the front.
+    """
+    seen_in_front = dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
-    front = gather_row(scene.shapes.front, 0, shape, valid)
-    bsdf = select(face.bsdf >= 0, face.bsdf, front)
-    lambert = valid & (gather_row(scene.bsdfs.kind, 0, bsdf, valid) == DIFFUSE)
-    u = load_row(points.uv, 0, i)
-    v = load_row(points.uv, 1, i)
-    return select3(lambert, diffuse_albedo(diffuse, bsdf, u, v, lambert), black)
+    front = gather_row(shapes.front, 0, shape, valid)
+    shown = select(seen_in_front, front, gather_row(shapes.back, 0, shape, valid))
+    bsdf = select(shown >= 0, shown, front)
+    there = valid & (bsdf >= 0)
+    mine = there & (gather_row(kind_of, 0, bsdf, there) == kind)
+    store_row(points.bsdf, 0, i, select(mine, bsdf, -1))
+    return mine
+
+
+@method_kernel
+def show_albedo(bsdf, points, count, radiance):
+    """Write the albedo of the points that show one kind of BSDF."""
+    for i in range(0, count, 16):
+        mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        color = albedo_of(parameters_at(bsdf.form, points, i))
+        valid = select(mine, splat_f32(1.0), splat_f32(0.0))
+        _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
 
 
 @kernel
-def _second_half(rectangles, prim, mask, points, i, face):
-    """Return the face, 1 for the far half of a rectangle: Mitsuba's is two triangles."""
-    if rectangles is None:
-        return face
-    mine = mask & (prim >= rectangles.first) & (prim < rectangles.end)
-    beyond = load_row(points.uv, 0, i) + load_row(points.uv, 1, i) > 1.0
-    return select(mine & beyond, splat_i32(1), face)
+def _albedos(scene, points, count, radiance):
+    """Write k_d of all points; mirrors and glass have none and stay black."""
+    bsdfs = scene.bsdfs
+    for kind in range(bsdfs.methods.shape[0]):
+        if bsdfs.methods[kind, SHOW_ALBEDO] == 0:
+            continue
+        for i in range(0, count, 16):
+            valid = first_lanes(count - i)
+            mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
+            load_constants(bsdfs, kind, points, i, mine)
+        look_up_textures(bsdfs, kind, points, np.int64(0), count)
+        call(
+            bsdfs.methods[kind, SHOW_ALBEDO],
+            bsdfs.methods[kind, RECORD],
+            (points, count, radiance),
+        )
 
 
 @kernel
-def _shape_number(instances, hits, order, i, numbers, shape, mask):
+def _shape_number(placements, hits, order, i, numbers, shape, mask):
     """Return the place in the file, from 1, of shapes or of the instances around them."""
     number = gather_row(numbers, 0, shape, mask)
-    if instances is None:
+    if placements.group.size == 0:
         return number
     instance = gather_row(hits.instance, 0, load_row(order, 0, i), mask)
     copied = mask & (instance >= 0)
-    whole = gather_row(instances.placements.number, 0, instance, copied)
+    whole = gather_row(placements.number, 0, instance, copied)
     return select(copied, whole, number)
 
 
@@ -83,12 +115,10 @@ def _shape_number(instances, hits, order, i, numbers, shape, mask):
 def trace_first_hits(scene, tile, sample, work):
     """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
-    count = camera_rays(
-        scene.camera, scene.sampler, scene.replayed, tile, sample, rays, hits
-    )
-    seen = seen_by_camera(scene.camera_accelerators, scene.accelerators)
-    intersect(seen, rays, hits, 0, count, True, None)
-    found = collect(scene.stages, hits, 0, count, ANY, work.order, 0)
+    count = camera_rays(scene, tile, sample, work)
+    intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
+    stages = scene.primitives.stages
+    found = collect(stages, hits, np.int64(0), count, ANY, work.order, np.int64(0))
     surface_points(scene, rays, hits, work.order, found, points)
     for i in range(0, found, 16):
         mask = first_lanes(found - i)
@@ -96,8 +126,10 @@ def trace_first_hits(scene, tile, sample, work):
         slot = load_row(points.slot, 0, i)
         shape = load_row(points.shape, 0, i)
         prim = load_row(points.prim, 0, i)
-        face = gather_row(scene.face, 0, prim, mask)
-        face = _second_half(scene.surfaces.rectangles, prim, mask, points, i, face)
+        # Mitsuba's rectangle is two triangles: the far half is face 1
+        beyond = load_row(points.uv, 0, i) + load_row(points.uv, 1, i) > 1.0
+        face = gather_row(scene.primitives.face, 0, prim, mask)
+        face = select(face == HALVES, select(beyond, splat_i32(1), splat_i32(0)), face)
         _store(radiance, DEPTH, slot, valid, load_row(points.t, 0, i))
         _store3(radiance, POSITION, slot, valid, load3(points.position, i))
         _store(radiance, UV, slot, valid, load_row(points.uv, 0, i))
@@ -106,14 +138,7 @@ def trace_first_hits(scene, tile, sample, work):
         _store3(radiance, SH_NORMAL, slot, valid, load3(points.shading_normal, i))
         _store(radiance, PRIM_INDEX, slot, valid, to_f32(face))
         number = _shape_number(
-            scene.accelerators.instances,
-            hits,
-            work.order,
-            i,
-            scene.shapes.number,
-            shape,
-            mask,
+            scene.placements, hits, work.order, i, scene.shapes.number, shape, mask
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
-        albedo = _albedo(scene.bsdfs.diffuse, scene, points, i, mask)
-        _store3(radiance, ALBEDO, slot, valid, albedo)
+    _albedos(scene, points, found, radiance)

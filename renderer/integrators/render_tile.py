@@ -30,7 +30,7 @@ def render_paths(scene, rfilter, tile, first_sample, end_sample, work, sums, bor
     for sample in range(first_sample, end_sample):
         _clear(work.radiance)
         trace_paths(scene, tile, sample, work)
-        add_to_tile(rfilter, scene.sampler, tile, sample, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
 @entry_kernel
@@ -39,7 +39,7 @@ def render_ray_trees(scene, rfilter, tile, first_sample, end_sample, work, sums,
     for sample in range(first_sample, end_sample):
         _clear(work.radiance)
         trace_ray_trees(scene, tile, sample, work)
-        add_to_tile(rfilter, scene.sampler, tile, sample, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
 @entry_kernel
@@ -48,7 +48,7 @@ def render_first_hits(scene, rfilter, tile, first_sample, end_sample, work, sums
     for sample in range(first_sample, end_sample):
         _clear(work.radiance)
         trace_first_hits(scene, tile, sample, work)
-        add_to_tile(rfilter, scene.sampler, tile, sample, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
 @entry_kernel
@@ -57,7 +57,7 @@ def render_work(scene, rfilter, tile, first_sample, end_sample, work, sums, bord
     for sample in range(first_sample, end_sample):
         _clear(work.radiance)
         trace_work(scene, tile, sample, work)
-        add_to_tile(rfilter, scene.sampler, tile, sample, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
 # method of the plan -> (kernel, channels of the film)

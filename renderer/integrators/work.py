@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from renderer.accelerators.tally import ROWS
 from renderer.jit import kernel
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.intersect import intersect, seen_by_camera
+from renderer.stages.intersect import intersect
 
 CHANNELS = ROWS  # of `work.radiance` in this integrator: the tally's rows
 
@@ -14,12 +16,9 @@ CHANNELS = ROWS  # of `work.radiance` in this integrator: the tally's rows
 def trace_work(scene, tile, sample, work):
     """Write the counts of one camera ray for each pixel of a tile to `work.radiance`."""
     rays, tally = work.rays, work.tally
-    count = camera_rays(
-        scene.camera, scene.sampler, scene.replayed, tile, sample, rays, work.hits
-    )
+    count = camera_rays(scene, tile, sample, work)
     tally[:] = 0
-    seen = seen_by_camera(scene.camera_accelerators, scene.accelerators)
-    intersect(seen, rays, work.hits, 0, count, True, tally)
+    intersect(scene.camera_groups, rays, work.hits, np.int64(0), count, True, tally)
     for i in range(count):
         for row in range(ROWS):
             work.radiance[row, rays.slot[i]] = tally[row, i]

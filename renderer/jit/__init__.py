@@ -2,8 +2,9 @@
 
 Whoever writes a kernel needs `kernel` alone. What is behind it, a file each: the flags
 (`decorators`), the cache on disk (`cache`), modules that are linked but not compiled by
-themselves (`linking`), records that kernels see through a pointer (`records`), and kernels
-that are called by their address, as methods of an object are (`methods`).
+themselves (`linking`), records that kernels see through a pointer (`records`), kernels that
+are called by their address, as methods of an object are (`methods`), and functions that
+are chosen by the record they work on (`interfaces`).
 """
 
 from renderer.jit.cache import KERNEL_CACHE, cache_root
@@ -14,11 +15,13 @@ from renderer.jit.decorators import (
     method_kernel,
     never_inline,
 )
-from renderer.jit.methods import Method, call, compile_method, count_of
-from renderer.jit.records import Packed, pack, record_class
+from renderer.jit.interfaces import interface
+from renderer.jit.methods import NO_METHOD, Method, call, compile_method, count_of
+from renderer.jit.records import Packed, pack, record_class, record_type
 
 __all__ = [
     "KERNEL_CACHE",
+    "NO_METHOD",
     "Method",
     "Packed",
     "builder_kernel",
@@ -27,9 +30,11 @@ __all__ = [
     "compile_method",
     "count_of",
     "entry_kernel",
+    "interface",
     "kernel",
     "method_kernel",
     "never_inline",
     "pack",
     "record_class",
+    "record_type",
 ]

@@ -63,7 +63,7 @@ class Packed:
 
     def __init__(self, record: Any, source: str = "") -> None:
         self.record = record
-        self.numba_type = RecordType(_type_of(record), source)
+        self.numba_type = record_type(record, source)
         self._memory = np.zeros(_words(self.numba_type.record) + 1, np.uint64)
         _fill(self._memory, 0, record, self.numba_type.record)
         self.address = int(self._memory.ctypes.data)
@@ -75,6 +75,11 @@ def pack(record: Any, source: str = "") -> Packed:
     Its numbers are copied: a change of the record's arrays is seen, as they are shared.
     """
     return Packed(record, source)
+
+
+def record_type(record: Any, source: str = "") -> RecordType:
+    """Return the Numba type that `pack(record, source)` would have."""
+    return RecordType(_type_of(record), source)
 
 
 def record_class(numba_type: Any) -> type | None:

@@ -165,6 +165,23 @@ def store_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
 
 
 @intrinsic
+def store_where(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) -> Any:
+    """Store the lanes of x that the mask names to `array[row, i : i + 16]`."""
+    lanes = _lanes_into(array, x)
+    if mask != Mask(lanes.width):
+        raise TypingError(f"cannot store {x} under {mask}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _vector_at(context, builder, sig, args, lanes)
+        align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
+        name = f"llvm.masked.store.{_suffix(lanes)}.p0"
+        _call(builder, name, ir.VoidType(), args[3], pointer, align, args[4])
+        return context.get_dummy_value()
+
+    return signature(types.void, array, row, i, x, mask), codegen
+
+
+@intrinsic
 def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
     """Load `array[row, indices]`; lanes outside the mask are 0 and touch no memory."""
     lanes = _lanes_in(array)

@@ -4,31 +4,45 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.kernel_scene import CONSTANT
-from renderer.lanes.functions import mask_bits, splat_f32
-from renderer.lights.light_sample import LightSample
-from renderer.lights.point import chosen
+from renderer.jit import kernel, method_kernel
+from renderer.kernel_scene import ConstantLights
+from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
+from renderer.lanes.memory import load_row
+from renderer.lights.kind import LightSample, sample_light
 from renderer.sampling import square_to_sphere
-from renderer.vectors import gather3
+from renderer.lights.weights import add_lanes, bsdf_sample_weight, light_probability
+from renderer.vectors import column, gather3, load3
 
 SPHERE_PDF = np.float32(1.0 / (4.0 * np.pi))
 _FOUR_PI = np.float32(4.0 * np.pi)
 
 
+@sample_light.by(ConstantLights)
 @kernel
-def sample_constant_lights(constants, light, kind, x, y, sample):
-    """Return `sample` with the lanes whose light is the environment replaced.
+def sample_constant(constants, kind, light, mask, position, x, y, z):
+    """Look anywhere, uniformly over the whole sphere, as Mitsuba does it.
 
-    Uniform over the whole sphere, as Mitsuba does it: half the samples of a surface
-    point are below its horizon.
+    Half the samples of a surface point are below its horizon.
     """
-    if constants is None:
-        return sample
-    mine = kind == CONSTANT
-    if mask_bits(mine) == 0:
-        return sample
     distance = splat_f32(np.float32(constants.distance))
-    radiance = gather3(constants.radiance, light, mine) * _FOUR_PI
-    wi = square_to_sphere(x, y)
-    return chosen(mine, LightSample(wi, distance, radiance, splat_f32(SPHERE_PDF)), sample)
+    radiance = gather3(constants.radiance, light, mask) * _FOUR_PI
+    return LightSample(square_to_sphere(x, y), distance, radiance, splat_f32(SPHERE_PDF))
+
+
+@method_kernel
+def add_constant(kind, settings, lights, rays, hits, first, count, radiance):
+    """Add the environment for the rays that have hit nothing."""
+    index = 0
+    while kind.kind[index] != kind.index:
+        index += 1
+    color = column(kind.lights.radiance, index)
+    probability = light_probability(lights, settings)
+    for i in range(first, first + count, 16):
+        valid = first_lanes(first + count - i)
+        missed = valid & (load_row(hits.prim, 0, i) < 0)
+        if mask_bits(missed) == 0:
+            continue
+        pdf = load_row(rays.pdf, 0, i)
+        weight = bsdf_sample_weight(settings, pdf, splat_f32(SPHERE_PDF * probability))
+        carried = load3(rays.throughput, i) * weight * color
+        add_lanes(radiance, load_row(rays.slot, 0, i), carried, missed)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.arithmetic import Plain
+from renderer.jit import interface, kernel
+from renderer.kernel_scene import SphereSurfaces
 from renderer.lanes.functions import (
-    mask_bits,
     maximum,
     minimum,
     select,
@@ -16,13 +19,8 @@ from renderer.lanes.functions import (
 from renderer.lanes.mathematics import sincos
 from renderer.lanes.memory import gather_row
 from renderer.sampling import TWO_PI, square_to_sphere
+from renderer.shapes.surface import LightPoint, pdf_shape, sample_shape
 from renderer.vectors import dot, gather3, normalize, orthonormal_basis, select3
-
-
-@kernel
-def is_kind(surfaces, prim, mask):
-    """Return where a primitive id is one of a kind's."""
-    return mask & (prim >= surfaces.first) & (prim < surfaces.end)
 
 
 @kernel
@@ -36,62 +34,68 @@ def _cone(distance2, radius):
     return sine2 / (1.0 + cosine), sine2
 
 
-# Within this of the radius the side that shines decides; Mitsuba has 1500 roundings.
-_NEAR_SURFACE = np.float32(5e-6)
-_NEAR_SURFACE_OF_MITSUBA = np.float32(1500 * 2.0**-24)
 _TOUCHING = np.float32(1e-7)  # of the radius: a light that is touched is still somewhere
 
 
+@interface
+def near_surface(arithmetic: Any) -> Any:
+    """Return within what fraction of the radius the side that shines decides."""
+
+
+@interface
+def cone_of_density(arithmetic: Any, one_minus_cos: Any, sine2: Any) -> Any:
+    """Return 1 - cos of the half angle of the cone, as the density has it."""
+
+
+@near_surface.by(Plain)
 @kernel
-def _outside(replay, distance2, radius, orientation):
+def _near_surface(arithmetic):
+    return np.float32(5e-6)
+
+
+@cone_of_density.by(Plain)
+@kernel
+def _cone_of_density(arithmetic, one_minus_cos, sine2):
+    return one_minus_cos
+
+
+@kernel
+def _outside(arithmetic, distance2, radius, orientation):
     """Return the mask of points that see the sphere from outside.
 
     On the surface itself the side that shines decides, not rounding.
     """
-    near = _NEAR_SURFACE if replay is None else _NEAR_SURFACE_OF_MITSUBA
-    limit = radius * (1.0 - near * orientation)
+    limit = radius * (1.0 - near_surface(arithmetic) * orientation)
     return distance2 > limit * limit
 
 
 @kernel
-def _as_mitsuba(replay, one_minus_cos, sine2):
-    """Return 1 - cos of the half angle; in a replay with the digits that Mitsuba loses."""
-    if replay is None:
-        return one_minus_cos
-    return 1.0 - sqrt(maximum(1.0 - sine2, splat_f32(0.0)))
-
-
-@kernel
 def sphere_light_pdf(
-    replay, center, radius, orientation, inverse_area, position, distance, cosine
+    arithmetic, center, radius, orientation, inverse_area, position, distance, cosine
 ):
-    """Return the density [1/sr] with which `sample_spheres` chooses a direction."""
+    """Return the density [1/sr] with which `sample_sphere` chooses a direction."""
     to_center = center - position
     distance2 = dot(to_center, to_center)
     one_minus_cos, sine2 = _cone(distance2, radius)
-    one_minus_cos = _as_mitsuba(replay, one_minus_cos, sine2)
-    outside = _outside(replay, distance2, radius, orientation)
+    one_minus_cos = cone_of_density(arithmetic, one_minus_cos, sine2)
+    outside = _outside(arithmetic, distance2, radius, orientation)
     by_area = distance * distance * inverse_area / cosine
     return select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
 
 
+@sample_shape.by(SphereSurfaces)
 @kernel
-def sample_spheres(
-    present, replay, surfaces, prim, mask, orientation, position, x, y, to_light, normal
-):
+def sample_sphere(spheres, kind, light, mask, position, x, y, z):
     """Choose a direction in the cone of the sphere; from inside, a point by area.
 
     x is the share of the cone's solid angle and y the longitude [Akalin2015]; Mitsuba's
     series for cones under 1.5 degrees differs from it by up to 1.7e-4 of sin^2 theta.
     """
-    if present is None:
-        return to_light, normal
-    mine = is_kind(surfaces, prim, mask)
-    if mask_bits(mine) == 0:
-        return to_light, normal
-    index = prim - surfaces.first
-    center = gather3(surfaces.center, index, mine)
-    radius = gather_row(surfaces.radius, 0, index, mine)
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - spheres.first
+    orientation = gather_row(areas.orientation, 0, light, mask)
+    center = gather3(spheres.center, index, mask)
+    radius = gather_row(spheres.radius, 0, index, mask)
     to_center = center - position
     distance2 = dot(to_center, to_center)
     distance = sqrt(distance2)
@@ -100,7 +104,7 @@ def sample_spheres(
     sine2 = small * (2.0 - small)
     sine_theta = sqrt(sine2)
     sine, cosine = sincos(TWO_PI * y)
-    # the longitude is counted around the way from the centre to the point that asks
+    # the longitude is counted around the way from the centre to the point that samples
     s, t = orthonormal_basis(to_center * (-1.0 / distance))
     wi = s * (sine_theta * cosine) + t * (sine_theta * sine)
     wi = wi + to_center / distance * (1.0 - small)
@@ -111,33 +115,24 @@ def sample_spheres(
     near = maximum(near, radius * _TOUCHING)
     cap = wi * near - to_center
     ball = square_to_sphere(x, y)
-    outside = _outside(replay, distance2, radius, orientation)
-    chosen_light = select3(outside, wi * near, to_center + ball * radius)
+    outside = _outside(kind.arithmetic, distance2, radius, orientation)
+    to_light = select3(outside, wi * near, to_center + ball * radius)
     n = select3(outside, normalize(cap), ball)
-    return select3(mine, chosen_light, to_light), select3(mine, n, normal)
+    return LightPoint(to_light, n, n * orientation)
 
 
+@pdf_shape.by(SphereSurfaces)
 @kernel
-def pdf_on_spheres(
-    present, areas, surfaces, light, prim, mask, inverse_area, position, r, cosine, pdf
-):
-    """Return `pdf` with the lanes whose primitive is a sphere replaced."""
-    if present is None:
-        return pdf
-    mine = is_kind(surfaces, prim, mask)
-    if mask_bits(mine) == 0:
-        return pdf
-    index = prim - surfaces.first
-    center = gather3(surfaces.center, index, mine)
-    radius = gather_row(surfaces.radius, 0, index, mine)
-    on_sphere = sphere_light_pdf(
-        areas.replay,
-        center,
-        radius,
-        gather_row(areas.orientation, 0, light, mine),
-        inverse_area,
+def _pdf_sphere(spheres, kind, light, prim, mask, position, distance, cosine):
+    areas = kind.lights
+    index = prim - spheres.first
+    return sphere_light_pdf(
+        kind.arithmetic,
+        gather3(spheres.center, index, mask),
+        gather_row(spheres.radius, 0, index, mask),
+        gather_row(areas.orientation, 0, light, mask),
+        gather_row(areas.inverse_area, 0, light, mask),
         position,
-        r,
+        distance,
         cosine,
     )
-    return select(mine, on_sphere, pdf)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel, never_inline
+from renderer.jit import kernel, method_kernel, never_inline
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.rounded_once import fused_sum, times_vector, unit
 from renderer.scene_file.description import PerspectiveCamera
@@ -110,3 +110,11 @@ def round_camera_ray(camera, rays, k, px, py):
     rays.direction[2, k] = new.z
     rays.origin[0, k], rays.origin[1, k] = origin.x, origin.y
     rays.origin[2, k] = origin.z
+
+
+@method_kernel
+def round_camera_rays(camera, rays, count, film):
+    """Round the camera rays of a tile, which go through places on the film, by slot."""
+    for k in range(count):
+        slot = rays.slot[k]
+        round_camera_ray(camera, rays, k, film[0, slot], film[1, slot])

@@ -9,8 +9,17 @@ all bits [run].
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from renderer.arithmetic import (
+    cosine_direction,
+    density_normal,
+    seen_from,
+    tangents_of,
+    to_world,
+)
 from renderer.jit import kernel
 from renderer.lanes.functions import (
     as_f32,
@@ -24,7 +33,8 @@ from renderer.lanes.functions import (
     to_i32,
 )
 from renderer.lanes.fused import fused
-from renderer.vectors import dot, vec3
+from renderer.lights.spheres import cone_of_density, near_surface
+from renderer.vectors import dot, length, load3, orthonormal_basis, select3, vec3
 
 _QUARTER_PI = np.float32(0.25) * np.float32(np.pi)
 _HALF_PI = np.float32(0.5) * np.float32(np.pi)
@@ -125,3 +135,70 @@ def frame_as_mitsuba(along_u, normal):
 def to_world_as_mitsuba(s, t, normal, local):
     """Return the direction that has the components `local` along s, t and the normal."""
     return fused_sum(normal, local.z, fused_sum(t, local.y, s * local.x))
+
+
+# --------------------------------------------------- what the stages ask, in this way
+
+
+class AsMitsuba(NamedTuple):
+    """Directions and densities with the roundings of Mitsuba's scalar variants."""
+
+
+@cosine_direction.by(AsMitsuba)
+@kernel
+def _cosine_direction(arithmetic, x, y):
+    return cosine_hemisphere_as_mitsuba(x, y)
+
+
+@to_world.by(AsMitsuba)
+@kernel
+def _to_world(arithmetic, frame, local):
+    return to_world_as_mitsuba(frame.s, frame.t, frame.n, local)
+
+
+@tangents_of.by(AsMitsuba)
+@kernel
+def _tangents_of(arithmetic, points, i, normal):
+    """Return Mitsuba's frame: dp/du without its part along the normal comes first.
+
+    From behind, Mitsuba turns z around and leaves x and y, which makes the frame
+    left-handed.
+    """
+    s, t = orthonormal_basis(normal)
+    along_u = load3(points.tangent, i)
+    across, beside = frame_as_mitsuba(along_u, normal)
+    nowhere = (along_u.x == 0.0) & (along_u.y == 0.0) & (along_u.z == 0.0)
+    return select3(nowhere, s, across), select3(nowhere, t, beside)
+
+
+@density_normal.by(AsMitsuba)
+@kernel
+def _density_normal(arithmetic, flat, smooth):
+    """Return the one between the vertices, with which Mitsuba's smooth mesh lights are a
+    little too bright here and too dark there.
+    """
+    return smooth
+
+
+@seen_from.by(AsMitsuba)
+@kernel
+def _seen_from(arithmetic, points, i):
+    """Go back to the exact point that the ray has left."""
+    previous = load3(points.previous, i)
+    back = previous - load3(points.position, i)
+    distance = length(back)
+    cosine = fabs(dot(back, load3(points.shading_normal, i))) / distance
+    return previous, distance, cosine
+
+
+@near_surface.by(AsMitsuba)
+@kernel
+def _near_surface(arithmetic):
+    return np.float32(1500 * 2.0**-24)
+
+
+@cone_of_density.by(AsMitsuba)
+@kernel
+def _cone_of_density(arithmetic, one_minus_cos, sine2):
+    """Return 1 - cos with the digits that Mitsuba loses."""
+    return 1.0 - sqrt(maximum(1.0 - sine2, splat_f32(0.0)))

@@ -77,7 +77,7 @@ def _texture_coordinate(uvs, row, k, w, u, v):
 
 @kernel
 def _with_uv(uvs, k, w, u, v):
-    if uvs is None:
+    if uvs.shape[1] == 0:
         return u, v
     return (
         _texture_coordinate(uvs, 0, k, w, u, v),
@@ -92,7 +92,7 @@ def _interpolated_normal(a, b, c, w, u, v):
 
 @kernel
 def _vertex_normal(normals, k, w, u, v, flat):
-    if normals is None:
+    if normals.shape[1] == 0:
         return flat
     a, b, c = column9(normals, 0, k)
     return _interpolated_normal(a, b, c, w, u, v)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel, never_inline
+from renderer.jit import kernel, method_kernel
 from renderer.replay.curved_hits import on_cylinder, on_disk, on_sphere
 from renderer.replay.flat_hits import on_rectangle, on_triangle
 from renderer.replay.instance_space import (
@@ -38,8 +38,6 @@ def _of_kind(surfaces, prim):
 
 @kernel
 def _try_triangles(triangles, vertices, prim, ray, grouped, found):
-    if triangles is None:
-        return found
     if not _of_kind(triangles, prim):
         return found
     k = prim - triangles.first
@@ -48,8 +46,6 @@ def _try_triangles(triangles, vertices, prim, ray, grouped, found):
 
 @kernel
 def _try_rectangles(rectangles, replayed, prim, u, v, ray, grouped, found):
-    if rectangles is None:
-        return found
     if not _of_kind(rectangles, prim):
         return found
     k = prim - rectangles.first
@@ -65,8 +61,6 @@ def _try_flat(surfaces, replayed, prim, u, v, ray, grouped, found):
 
 @kernel
 def _try_disks(disks, matrices, prim, probe, ray, found):
-    if disks is None:
-        return found
     if not _of_kind(disks, prim):
         return found
     return on_disk(matrices, disks, prim - disks.first, probe, ray)
@@ -74,8 +68,6 @@ def _try_disks(disks, matrices, prim, probe, ray, found):
 
 @kernel
 def _try_spheres(spheres, prim, probe, ray, found):
-    if spheres is None:
-        return found
     if not _of_kind(spheres, prim):
         return found
     return on_sphere(spheres, prim - spheres.first, probe, ray)
@@ -83,16 +75,14 @@ def _try_spheres(spheres, prim, probe, ray, found):
 
 @kernel
 def _try_cylinders(cylinders, matrices, prim, probe, ray, found):
-    if cylinders is None:
-        return found
     if not _of_kind(cylinders, prim):
         return found
     return on_cylinder(matrices, prim - cylinders.first, probe, ray)
 
 
 @kernel
-def _instance_number(numbers, ray):
-    if numbers is None:
+def _instance_number(placements, numbers, ray):
+    if placements.group.size == 0:
         return np.int32(-1)
     return numbers[ray]
 
@@ -134,56 +124,43 @@ def _round_normal(rows, i, a):
 
 
 @kernel
-def _round_frame(scene, replayed, prim, instance, found, points, i):
+def _round_frame(rounding, placements, prim, instance, found, points, i):
     """Round both normals and dp/du."""
-    matrices, instances = replayed.instances, scene.accelerators.instances
+    matrices = rounding.exact.instances
     _round_normal(points.normal, i, placed_normal(matrices, instance, found.normal))
     normal = placed_normal(matrices, instance, found.vertex_normal)
     _round_normal(points.shading_normal, i, normal)
-    if instance < 0 and _has(scene.surfaces.triangles, prim):
+    if instance < 0 and _of_kind(rounding.surfaces.triangles, prim):
         return  # dp/du is what the mesh has
-    tangent = placed_vector(instances, instance, found.tangent)
+    tangent = placed_vector(placements, instance, found.tangent)
     _replace_tangent(points.tangent, i, tangent)
 
 
-@kernel
-def _has(surfaces, prim):
-    if surfaces is None:
-        return False
-    return _of_kind(surfaces, prim)
+@method_kernel
+def round_surface_points(rounding, placements, rays, hits, order, count, points):
+    """Compute the first `count` surface points anew, with Mitsuba's roundings.
 
-
-@kernel
-def as_mitsuba_rounds(replayed, scene, rays, hits, order, count, points):
-    """Compute the first `count` surface points anew, if this is a replay.
-
-    Parameters
-    ----------
-    replayed : ReplaySurfaces or None
-        None: this is none.
-    scene, rays, hits, order, count, points
-        As `surface_points` has them; `points` is filled.
+    Also keep the exact position that each path came from.
     """
-    if replayed is None:
-        return
-    never_inline()  # it is called from two stages, and compiling it twice takes seconds
-    surfaces, instances = scene.surfaces, scene.accelerators.instances
+    exact, surfaces = rounding.exact, rounding.surfaces
     for i in range(count):
         ray = order[i]
+        for c in range(3):
+            points.previous[c, i] = rays.previous[c, ray]
         prim, u, v = hits.prim[ray], hits.u[ray], hits.v[ray]
-        instance = _instance_number(hits.instance, ray)
+        instance = _instance_number(placements, hits.instance, ray)
         o, d = column(rays.origin, ray), column(rays.direction, ray)
-        probe = embree_ray(replayed.instances, instance, o, d)
-        seen = mitsuba_ray(replayed.instances, instance, o, d)
+        probe = embree_ray(exact.instances, instance, o, d)
+        seen = mitsuba_ray(exact.instances, instance, o, d)
         n = column(points.normal, i)
         found = HitPoint(column(points.position, i), n, n, n, u, v)
-        found = _try_flat(surfaces, replayed, prim, u, v, probe, instance >= 0, found)
-        found = _try_disks(surfaces.disks, replayed.disks, prim, probe, seen, found)
+        found = _try_flat(surfaces, exact, prim, u, v, probe, instance >= 0, found)
+        found = _try_disks(surfaces.disks, exact.disks, prim, probe, seen, found)
         found = _try_spheres(surfaces.spheres, prim, probe, seen, found)
         found = _try_cylinders(
-            surfaces.cylinders, replayed.cylinders, prim, probe, seen, found
+            surfaces.cylinders, exact.cylinders, prim, probe, seen, found
         )
-        _round(points.position, i, placed_point(instances, instance, found.position))
-        if _has(surfaces.triangles, prim) or _has(surfaces.rectangles, prim):
+        _round(points.position, i, placed_point(placements, instance, found.position))
+        if _of_kind(surfaces.triangles, prim) or _of_kind(surfaces.rectangles, prim):
             _round_uv(points.uv, i, found.u, found.v)
-        _round_frame(scene, replayed, prim, instance, found, points, i)
+        _round_frame(rounding, placements, prim, instance, found, points, i)

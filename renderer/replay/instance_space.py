@@ -2,8 +2,8 @@
 
 Embree finds t and (u, v) with its own ray in the object's space; Mitsuba goes there by
 another inverse, and follows its ray to the t of Embree's. Both agreed in all bits with
-Mitsuba 3.9.1 [run]. `matrices` are those of `instance_matrices`; None: the scene has no
-instances, and `instance` is -1 outside of any.
+Mitsuba 3.9.1 [run]. `matrices` are those of `instance_matrices`; `instance` is
+-1 outside of any.
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ class ObjectRay(NamedTuple):
 @kernel
 def embree_ray(matrices, instance, origin, direction):
     """Return the ray with which Embree intersects."""
-    if matrices is None:
-        return ObjectRay(origin, direction)
     if instance < 0:
         return ObjectRay(origin, direction)
     x, y, z = column9(matrices, 0, instance)
@@ -41,8 +39,6 @@ def embree_ray(matrices, instance, origin, direction):
 @kernel
 def mitsuba_ray(matrices, instance, origin, direction):
     """Return the ray that Mitsuba follows to the t that Embree found."""
-    if matrices is None:
-        return ObjectRay(origin, direction)
     if instance < 0:
         return ObjectRay(origin, direction)
     x, y, z = column9(matrices, 12, instance)
@@ -53,13 +49,11 @@ def mitsuba_ray(matrices, instance, origin, direction):
 
 
 @kernel
-def placed_point(instances, instance, p):
+def placed_point(placements, instance, p):
     """Return an object's point in the world."""
-    if instances is None:
-        return p
     if instance < 0:
         return p
-    m = affine_at(instances.placements.to_world, instance)
+    m = affine_at(placements.to_world, instance)
     return vec3(
         fused_affine(m.x, m.at.x, p),
         fused_affine(m.y, m.at.y, p),
@@ -68,21 +62,17 @@ def placed_point(instances, instance, p):
 
 
 @kernel
-def placed_vector(instances, instance, a):
+def placed_vector(placements, instance, a):
     """Return an object's vector in the world."""
-    if instances is None:
-        return a
     if instance < 0:
         return a
-    m = affine_at(instances.placements.to_world, instance)
+    m = affine_at(placements.to_world, instance)
     return fused_times(m.x, m.y, m.z, a)
 
 
 @kernel
 def placed_normal(matrices, instance, n):
     """Return an object's unit normal in the world, unit."""
-    if matrices is None:
-        return n
     if instance < 0:
         return n
     x, y, z = column9(matrices, 12, instance)

@@ -8,10 +8,12 @@ thousands of samples, and bit for bit Mitsuba's [run].
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from renderer.jit import kernel, never_inline
-from renderer.kernel_scene import CONDUCTOR, DIFFUSE
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel, method_kernel
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.hit_points import ROUNDING
 from renderer.replay.rounded_once import fused_cross, fused_sum, unit
@@ -42,29 +44,27 @@ def _refracted(wi, eta):
     return vec3(-ratio * wi.x, -ratio * wi.y, -cosine if wi.z >= _ZERO else cosine)
 
 
-@kernel
-def _index_of(dielectric, bsdf):
-    if dielectric is None:
-        return _ONE
-    return dielectric.eta[bsdf]
+class ScatteringBsdfs(NamedTuple):
+    """What of the BSDFs tells a delta direction; columns by BSDF id."""
+
+    smooth: NDArray[np.int32]  # (n,) 1: there is no delta lobe
+    transmits: NDArray[np.int32]  # (n,)
+    eta: NDArray[np.float32]  # (n,) index of refraction, inside over outside
 
 
 @kernel
-def _scattered(shapes, bsdfs, points, i, direction):
+def _scattered(bsdfs, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
+    bsdf = points.bsdf[i]
+    if bsdfs.smooth[bsdf] != 0:
+        return direction  # `directions.py` has done it
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)
     wi = vec3(dot(view, s), dot(view, t), dot(view, normal))
-    shape = points.shape[i]
-    front = shapes.front[shape]
-    bsdf = front if wi.z > _ZERO else shapes.back[shape]
-    kind = bsdfs.kind[bsdf]
-    if kind == DIFFUSE:
-        return direction  # `directions.py` has done it
-    if kind == CONDUCTOR or dot(direction, normal) * wi.z > _ZERO:
+    if bsdfs.transmits[bsdf] == 0 or dot(direction, normal) * wi.z > _ZERO:
         wo = vec3(-wi.x, -wi.y, wi.z)
     else:
-        wo = _refracted(wi, _index_of(bsdfs.dielectric, bsdf))
+        wo = _refracted(wi, bsdfs.eta[bsdf])
     return fused_sum(normal, wo.z, fused_sum(t, wo.y, s * wo.x))
 
 
@@ -89,21 +89,20 @@ def _off_surface(points, i, direction, fixed):
     return fused_sum(normal, size, p)
 
 
-@kernel
-def rays_as_mitsuba_rounds(replayed, settings, shapes, bsdfs, rays, end, points):
-    """Round the first `end` rays, which have just left `points`, if this is a replay.
+@method_kernel
+def round_rays(bsdfs, settings, rays, end, points):
+    """Round the first `end` rays, which have just left `points`.
 
     A direction or an origin that differs by more than rounding explains stays, so that a
-    replay shows it.
+    replay shows it. Also keep the exact position that each ray leaves.
     """
-    if replayed is None:
-        return
-    never_inline()
     fixed = np.float32(settings.fixed_offset)
     for k in range(end):
         i = rays.point[k]
+        for c in range(3):
+            rays.previous[c, k] = points.position[c, i]
         old = column(rays.direction, k)
-        new = _scattered(shapes, bsdfs, points, i, old)
+        new = _scattered(bsdfs, points, i, old)
         if not _close(new, old, ROUNDING):
             continue
         rays.direction[0, k], rays.direction[1, k] = new.x, new.y

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,7 @@ Texture = ConstantTexture | BitmapTexture | CheckerboardTexture
 class Diffuse:
     """Lambert: reflectance / pi on the front side, black on the back."""
 
+    plugin: ClassVar[str] = "diffuse"
     reflectance: Texture = ConstantTexture((0.5, 0.5, 0.5))
 
 
@@ -78,6 +79,7 @@ class Diffuse:
 class Dielectric:
     """Smooth glass; `eta` is the interior over the exterior index of refraction."""
 
+    plugin: ClassVar[str] = "dielectric"
     eta: float = 1.5046 / 1.000277
     specular_reflectance: Rgb = (1.0, 1.0, 1.0)
     specular_transmittance: Rgb = (1.0, 1.0, 1.0)
@@ -87,6 +89,7 @@ class Dielectric:
 class Conductor:
     """Smooth metal, one-sided; `material` "none" is eta 0, k 1: reflects everything."""
 
+    plugin: ClassVar[str] = "conductor"
     eta: Rgb
     k: Rgb
     specular_reflectance: Rgb = (1.0, 1.0, 1.0)

@@ -13,6 +13,26 @@ from renderer.lanes.memory import load_row
 from renderer.shapes.patch import ZERO, Intersection
 from renderer.shapes.sphere import ordered_roots
 from renderer.vectors import column, dot, load3
+from renderer.kernel_scene import CylinderSurfaces
+from renderer.lanes.memory import gather_row
+from renderer.shapes.surface import (
+    LightPoint,
+    SurfacePoint,
+    ROUNDING,
+    magnitude,
+    nowhere,
+    pdf_by_area,
+    pdf_shape,
+    sample_shape,
+    surface_point,
+    around_axis,
+    tangent_at,
+    turn,
+)
+from renderer.vectors import gather3, gather_rows3, normalize
+
+from renderer.lanes.mathematics import sincos
+from renderer.sampling import TWO_PI
 
 
 class Cylinders(NamedTuple):
@@ -84,3 +104,52 @@ def hit_cylinder(cylinder, origin, direction, t_max):
     t = select(near, first, second)
     hit = (discriminant >= 0.0) & (near | far) & (t <= t_max)
     return Intersection(hit, t, t * ZERO, select(near, h_first, h_second) / cylinder.height)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+@surface_point.by(CylinderSurfaces)
+@kernel
+def _point_on_cylinder(cylinders, index, mask, u, height, hit_point, with_uv):
+    """Return the point; its texture coordinates are (angle / 2 pi, height)."""
+    base = gather3(cylinders.base, index, mask)
+    axis = gather_rows3(cylinders.frame, 6, index, mask)
+    radius = gather_row(cylinders.radius, 0, index, mask)
+    length = gather_row(cylinders.height, 0, index, mask)
+    from_base = hit_point - base
+    along = dot(from_base, axis)
+    normal = normalize(from_base - axis * along)
+    position = base + axis * along + normal * radius
+    offset = (magnitude(base) + radius + length) * ROUNDING
+    angle = height
+    if with_uv != 0:
+        x = dot(gather_rows3(cylinders.frame, 0, index, mask), normal)
+        y = dot(gather_rows3(cylinders.frame, 3, index, mask), normal)
+        angle = turn(x, y)
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, angle, height)
+
+
+tangent_at.by(CylinderSurfaces)(around_axis)
+
+
+@sample_shape.by(CylinderSurfaces)
+@kernel
+def _sample_cylinder(cylinders, kind, light, mask, position, x, y, z):
+    """Choose a point of the tube, uniformly."""
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - cylinders.first
+    sine, cosine = sincos(TWO_PI * y)
+    frame = cylinders.frame
+    local_x = gather_rows3(frame, 0, index, mask)
+    local_y = gather_rows3(frame, 3, index, mask)
+    axis = gather_rows3(frame, 6, index, mask)
+    n = local_x * cosine + local_y * sine
+    along = axis * (gather_row(cylinders.height, 0, index, mask) * x)
+    point = gather3(cylinders.base, index, mask) + along
+    point = point + n * gather_row(cylinders.radius, 0, index, mask)
+    side = n * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, n, side)
+
+
+pdf_shape.by(CylinderSurfaces)(pdf_by_area)

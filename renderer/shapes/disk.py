@@ -16,6 +16,24 @@ from renderer.shapes.patch import (
     meet_plane,
     meet_plane_in_double,
 )
+from renderer.kernel_scene import DiskSurfaces
+from renderer.lanes.memory import gather_row
+from renderer.sampling import square_to_disk
+from renderer.shapes.surface import (
+    LightPoint,
+    SurfacePoint,
+    flat_point,
+    nowhere,
+    pdf_by_area,
+    pdf_shape,
+    sample_shape,
+    surface_point,
+    tangent_at,
+    turn,
+)
+from renderer.vectors import gather3
+
+from renderer.lanes.functions import select, splat_f32, sqrt
 
 
 class Disks(NamedTuple):
@@ -50,3 +68,46 @@ def hit_disk(disk, origin, direction, t_max):
     if any_of(doubtful):
         p = meet_plane_in_double(disk, origin, direction, doubtful, p)
     return _within(p, t_max)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+@surface_point.by(DiskSurfaces)
+@kernel
+def _point_on_disk(disks, index, mask, u, v, hit_point, with_uv):
+    """Return the point; its texture coordinates are (radius, angle / 2 pi)."""
+    position, normal, offset = flat_point(disks, index, mask, u, v)
+    radius = sqrt(u * u + v * v)
+    angle = turn(u, v) if with_uv != 0 else u * 0.0
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, radius, angle)
+
+
+@tangent_at.by(DiskSurfaces)
+@kernel
+def _tangent_of_disk(disks, index, mask, x, y, normal):
+    """Return the way outwards, as u is the distance from the centre; there, along x."""
+    radius = sqrt(x * x + y * y)
+    inverse = 1.0 / select(radius == 0.0, splat_f32(1.0), radius)
+    cosine = select(radius == 0.0, splat_f32(1.0), x * inverse)
+    edge1 = gather3(disks.edge1, index, mask)
+    edge2 = gather3(disks.edge2, index, mask)
+    return edge1 * cosine + edge2 * (y * inverse)
+
+
+@sample_shape.by(DiskSurfaces)
+@kernel
+def _sample_disk(disks, kind, light, mask, position, x, y, z):
+    """Choose a point, uniformly."""
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - disks.first
+    u, v = square_to_disk(x, y)
+    edge1 = gather3(disks.edge1, index, mask)
+    edge2 = gather3(disks.edge2, index, mask)
+    point = gather3(disks.corner, index, mask) + edge1 * u + edge2 * v
+    n = gather3(disks.normal, index, mask)
+    side = n * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, n, side)
+
+
+pdf_shape.by(DiskSurfaces)(pdf_by_area)

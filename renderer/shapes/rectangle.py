@@ -18,6 +18,20 @@ from renderer.shapes.patch import (
     meet_plane,
     meet_plane_in_double,
 )
+from renderer.kernel_scene import RectangleSurfaces
+from renderer.lanes.memory import gather_row
+from renderer.shapes.surface import (
+    LightPoint,
+    SurfacePoint,
+    flat_point,
+    nowhere,
+    pdf_by_area,
+    pdf_shape,
+    sample_shape,
+    surface_point,
+    tangent_at,
+)
+from renderer.vectors import gather3
 
 
 class Rectangles(NamedTuple):
@@ -45,3 +59,36 @@ def hit_rectangle(rectangle, origin, direction, t_max):
     if any_of(doubtful):
         p = meet_plane_in_double(rectangle, origin, direction, doubtful, p)
     return divided(p, _inside(p), t_max)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+@surface_point.by(RectangleSurfaces)
+@kernel
+def _point_on_rectangle(rectangles, index, mask, u, v, hit_point, with_uv):
+    position, normal, offset = flat_point(rectangles, index, mask, u, v)
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, u, v)
+
+
+@tangent_at.by(RectangleSurfaces)
+@kernel
+def _tangent_of_rectangle(rectangles, index, mask, u, v, normal):
+    return gather3(rectangles.edge1, index, mask)
+
+
+@sample_shape.by(RectangleSurfaces)
+@kernel
+def _sample_rectangle(rectangles, kind, light, mask, position, x, y, z):
+    """Choose a point, uniformly."""
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - rectangles.first
+    edge1 = gather3(rectangles.edge1, index, mask)
+    edge2 = gather3(rectangles.edge2, index, mask)
+    point = gather3(rectangles.corner, index, mask) + edge1 * x + edge2 * y
+    n = gather3(rectangles.normal, index, mask)
+    side = n * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, n, side)
+
+
+pdf_shape.by(RectangleSurfaces)(pdf_by_area)

@@ -17,6 +17,20 @@ from renderer.lanes.functions import select, sqrt
 from renderer.lanes.memory import load_row
 from renderer.shapes.patch import ZERO, Intersection
 from renderer.vectors import column, dot, load3
+from renderer.kernel_scene import SphereSurfaces
+from renderer.lanes.mathematics import arccos
+from renderer.lanes.memory import gather_row
+from renderer.shapes.surface import (
+    ROUNDING,
+    SurfacePoint,
+    around_axis,
+    magnitude,
+    nowhere,
+    surface_point,
+    tangent_at,
+    turn,
+)
+from renderer.vectors import gather3, gather_rows3, normalize
 
 
 class Spheres(NamedTuple):
@@ -74,3 +88,34 @@ def hit_sphere(sphere, origin, direction, t_max):
     t = select(first > 0.0, first, second)
     hit = (discriminant >= 0.0) & (t > 0.0) & (t <= t_max)
     return Intersection(hit, t, t * ZERO, t * ZERO)
+
+
+# ---------------------------------------- surface; sampled as a lamp in `lights.spheres`
+
+_INV_PI = np.float32(1.0 / np.pi)
+
+
+@kernel
+def _polar_uv(frame, index, mask, n, with_uv):
+    """Return longitude / 2 pi and colatitude / pi of a direction in the local frame."""
+    if with_uv == 0:
+        return n.x * 0.0, n.x * 0.0
+    x = dot(gather_rows3(frame, 0, index, mask), n)
+    y = dot(gather_rows3(frame, 3, index, mask), n)
+    z = dot(gather_rows3(frame, 6, index, mask), n)
+    return turn(x, y), arccos(z) * _INV_PI
+
+
+@surface_point.by(SphereSurfaces)
+@kernel
+def _point_on_sphere(spheres, index, mask, u, v, hit_point, with_uv):
+    center = gather3(spheres.center, index, mask)
+    radius = gather_row(spheres.radius, 0, index, mask)
+    normal = normalize(hit_point - center)
+    u, v = _polar_uv(spheres.frame, index, mask, normal, with_uv)
+    offset = (magnitude(center) + radius) * ROUNDING
+    position = center + normal * radius
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, u, v)
+
+
+tangent_at.by(SphereSurfaces)(around_axis)

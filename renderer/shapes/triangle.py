@@ -6,7 +6,7 @@ triangle: 29 multiplications and additions against 38 of Moeller-Trumbore.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,24 @@ from renderer.shapes.patch import (
     meet_plane_in_double,
 )
 from renderer.vectors import cross, dot
+from renderer.arithmetic import density_normal
+from renderer.jit import interface
+from renderer.kernel_scene import TriangleLights, TriangleSurfaces
+from renderer.lanes.functions import minimum, select, to_f32, to_i32
+from renderer.lanes.memory import gather_row
+from renderer.sampling import square_to_triangle
+from renderer.shapes.surface import (
+    LightPoint,
+    SurfacePoint,
+    flat_point,
+    nowhere,
+    pdf_by_area,
+    pdf_shape,
+    sample_shape,
+    surface_point,
+    tangent_at,
+)
+from renderer.vectors import gather3, gather_rows3, normalize
 
 
 class Triangles(NamedTuple):
@@ -71,3 +89,93 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
     t = dot(triangle.edge2, q) * inverse
     inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
     return Intersection(inside & (t > 0.0) & (t <= t_max), t, u, v)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+@kernel
+def interpolated_normal(normals, index, mask, u, v, flat):
+    """Return the unit normals between the vertices' own; `flat` where there are none."""
+    if normals.shape[1] == 0:
+        return flat
+    return normalize(
+        gather_rows3(normals, 0, index, mask) * (1.0 - u - v)
+        + gather_rows3(normals, 3, index, mask) * u
+        + gather_rows3(normals, 6, index, mask) * v
+    )
+
+
+@kernel
+def _interpolated_uv(uvs, index, mask, u, v):
+    if uvs.shape[1] == 0:
+        return u, v
+    w = 1.0 - u - v
+    texture_u = (
+        gather_row(uvs, 0, index, mask) * w
+        + gather_row(uvs, 2, index, mask) * u
+        + gather_row(uvs, 4, index, mask) * v
+    )
+    texture_v = (
+        gather_row(uvs, 1, index, mask) * w
+        + gather_row(uvs, 3, index, mask) * u
+        + gather_row(uvs, 5, index, mask) * v
+    )
+    return texture_u, texture_v
+
+
+@surface_point.by(TriangleSurfaces)
+@kernel
+def _point_on_triangle(triangles, index, mask, u, v, hit_point, with_uv):
+    position, normal, offset = flat_point(triangles, index, mask, u, v)
+    shading_normal = interpolated_normal(triangles.normals, index, mask, u, v, normal)
+    smooth = mask if triangles.normals.shape[1] != 0 else nowhere(mask)
+    u, v = _interpolated_uv(triangles.uvs, index, mask, u, v)
+    return SurfacePoint(position, normal, shading_normal, smooth, offset, u, v)
+
+
+@tangent_at.by(TriangleSurfaces)
+@kernel
+def _tangent_of_triangle(triangles, index, mask, u, v, normal):
+    return gather3(triangles.tangents, index, mask)
+
+
+@interface
+def choose_triangle(table: Any, light: Any, mask: Any, y: Any, z: Any) -> Any:
+    """Return a primitive of each mesh light, and what is left of y as a random number."""
+
+
+@choose_triangle.by(TriangleLights)
+@kernel
+def _choose_by_alias(table, light, mask, y, z):
+    """Take constant time, and a number of its own."""
+    count = to_f32(gather_row(table.count, 0, light, mask))
+    scaled = z * count
+    column = to_i32(minimum(scaled, count - 1.0))
+    entry = gather_row(table.first, 0, light, mask) + column
+    stay = scaled - to_f32(column) < gather_row(table.keep, 0, entry, mask)
+    entry = select(stay, entry, gather_row(table.alias, 0, entry, mask))
+    return gather_row(table.prim, 0, entry, mask), y
+
+
+@sample_shape.by(TriangleSurfaces)
+@kernel
+def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
+    """Choose a triangle of the mesh by its area, then a point in it, uniformly.
+
+    The side that shines goes by the shading normal, as where a path arrives by itself.
+    """
+    areas = kind.lights
+    prim, y = choose_triangle(areas.choice, light, mask, y, z)
+    index = prim - triangles.first
+    u, v = square_to_triangle(x, y)
+    edge1 = gather3(triangles.edge1, index, mask)
+    edge2 = gather3(triangles.edge2, index, mask)
+    point = gather3(triangles.corner, index, mask) + edge1 * u + edge2 * v
+    n = gather3(triangles.normal, index, mask)
+    outwards = n * gather_row(areas.orientation, 0, light, mask)
+    side = interpolated_normal(triangles.normals, index, mask, u, v, outwards)
+    return LightPoint(point - position, density_normal(kind.arithmetic, n, side), side)
+
+
+pdf_shape.by(TriangleSurfaces)(pdf_by_area)

@@ -1,88 +1,150 @@
-"""Stage 4, direct light: L_o = sum over lights of f I / r^2 V cos, as shadow rays.
+"""Stage 5, direct light: L_o = sum over lights of f I / r^2 V cos, as shadow rays.
 
-The sum itself is made when visibility V is known (`intersect.trace_shadow_rays`).
+In three steps that do not know each other: a light is sampled from each point, the BSDF
+there says what it reflects of it, and a shadow ray asks for the visibility V.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.bsdfs.diffuse import diffuse_albedo, eval_diffuse, pdf_diffuse
-from renderer.jit import kernel
-from renderer.kernel_scene import DIFFUSE
-from renderer.lanes.functions import first_lanes, mask_bits, popcount, select, splat_f32
-from renderer.lanes.memory import append_row, load_row
-from renderer.lights.choose import (
-    choose_light,
-    light_probability,
-    sample_light,
+from renderer.arithmetic import to_local
+from renderer.bsdfs.kind import eval_pdf_bsdf, parameters_at
+from renderer.jit import call, count_of, kernel, method_kernel
+from renderer.kernel_scene import (
+    CHOOSE_LIGHT,
+    RECORD,
+    REFLECT_LIGHT,
+    SAMPLE_LIGHT,
 )
-from renderer.sampling import BLOCKS_PER_BOUNCE, draw4, power_heuristic
-from renderer.stages.shading_frame import facing, leave_surface
-from renderer.stages.tile import pixel_key
-from renderer.vectors import append3, dot, length, load3, select3
+from renderer.lanes.functions import first_lanes, mask_bits, popcount
+from renderer.lanes.memory import append_row, load_row
+from renderer.sampling import BLOCKS_PER_BOUNCE
+from renderer.stages.intersect import trace_shadow_rays
+from renderer.stages.shading_frame import frame_at, leave_surface
+from renderer.lights.weights import light_probability, light_sample_weight
+from renderer.vectors import append3, length, load3
 
 # Shadow rays end this fraction before the light, which must not shade itself: at the
 # silhouette of a sphere the distance is uncertain by the root of the rounding error (2.4e-4
-# of it). It is Mitsuba's own, so that a replay takes the same decisions.
+# of it). It is Mitsuba's own, so that both take the same decisions.
 BEFORE_LIGHT = np.float32(1.0 - 15000.0 * 2.0**-24)
 
 
 @kernel
-def _light_sample_weight(weigh, light_pdf, cos_i):
-    """Return the weight of a light sample beside BSDF sampling; point lights get 1."""
-    if weigh is None:
-        return splat_f32(1.0)
-    weight = power_heuristic(light_pdf, pdf_diffuse(cos_i))
-    return select(light_pdf > 0.0, weight, 1.0)
+def lights_asked(lights, settings):
+    """Return how many lights are sampled at each surface point."""
+    return min(np.int64(1), lights.count) if settings.every_light == 0 else lights.count
 
 
 @kernel
-def direct_light(scene, lights, turn, tile, sample, bounce, points, stop, shadow_rays):
-    """Ask one light at each of the first `stop` points; return the count of shadow rays.
+def sample_lights(scene, turn, tile, sample, bounce, work, count):
+    """Sample one light from each of the first `count` points; BSDFs have no say in it.
 
     The same light for all, number `turn`, or one of all for each, as the settings say.
     """
-    settings = scene.settings
-    probability = light_probability(lights, settings.every_light)
-    cast = np.int64(0)
+    lights, points, samples = scene.lights, work.points, work.light_samples
     block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
-    for i in range(0, stop, 16):
-        face = facing(
-            scene.shapes, scene.bsdfs.kind, points, i, first_lanes(stop - i), DIFFUSE
+    every = scene.settings.every_light
+    call(
+        scene.sampler[0, CHOOSE_LIGHT],
+        scene.sampler[0, RECORD],
+        (
+            tile,
+            sample,
+            block,
+            turn if every != 0 else np.int64(-1),
+            lights.count,
+            points.slot,
+            count,
+            work.numbers,
+            samples.light,
+        ),
+    )
+    for kind in range(lights.methods.shape[0]):
+        call(
+            lights.methods[kind, SAMPLE_LIGHT],
+            lights.methods[kind, RECORD],
+            (points, work.numbers, samples, count),
         )
-        if mask_bits(face.mine) == 0:
+
+
+@method_kernel
+def reflect_light(
+    bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
+):
+    """Append the shadow rays of one kind of BSDF; return the new count.
+
+    `probability` is that with which each light was chosen.
+    """
+    for i in range(start, stop, 16):
+        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
             continue
-        slot = load_row(points.slot, 0, i)
-        x, y, z, number = draw4(scene.sampler, pixel_key(tile, slot), sample, block)
-        light, x = choose_light(
-            lights, settings.every_light, settings.replay, turn, x, number
+        # f cos of the BSDF, in the local frame
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wi = load3(samples.wi, i)
+        f_cos, bsdf_pdf = eval_pdf_bsdf(
+            parameters_at(bsdf.form, points, i),
+            to_local(frame, load3(points.wo, i)),
+            to_local(frame, wi),
         )
-        position = load3(points.position, i)
-        asked = sample_light(lights, scene.surfaces, light, position, x, y, z)
 
-        normal = load3(points.shading_normal, i)
-        normal = select3(face.front, normal, -normal)
-        cos_i = dot(asked.wi, normal)
-        u = load_row(points.uv, 0, i)
-        v = load_row(points.uv, 1, i)
-        albedo = diffuse_albedo(scene.bsdfs.diffuse, face.bsdf, u, v, face.mine)
-        weight = (
-            _light_sample_weight(settings.weigh, asked.pdf * probability, cos_i)
-            / probability
-        )
+        # what arrives if nothing is in between
+        light_pdf = load_row(samples.pdf, 0, i) * probability
+        weight = light_sample_weight(settings, light_pdf, bsdf_pdf) / probability
         throughput = load3(points.throughput, i)
-        carried = throughput * eval_diffuse(albedo, cos_i) * asked.radiance * weight
+        carried = throughput * f_cos * load3(samples.radiance, i) * weight
+        lit = mine & (carried.x + carried.y + carried.z > 0.0)
 
-        brightest = carried.x + carried.y + carried.z
-        lit = face.mine & (cos_i > 0.0) & (brightest > 0.0)
-        origin = leave_surface(points, i, asked.wi)
-        to_light = position + asked.wi * asked.distance - origin
+        # the shadow ray
+        origin = leave_surface(points, i, wi)
+        position, r = load3(points.position, i), load_row(samples.distance, 0, i)
+        to_light = position + wi * r - origin
         distance = length(to_light)
         append3(shadow_rays.origin, cast, origin, lit)
         append3(shadow_rays.direction, cast, to_light / distance, lit)
         append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
         append3(shadow_rays.radiance, cast, carried, lit)
-        append_row(shadow_rays.slot, 0, cast, slot, lit)
+        append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
         cast += popcount(mask_bits(lit))
     return cast
+
+
+@kernel
+def cast_shadow_rays(scene, work):
+    """Append what the sampled lights would contribute to `work.shadow_rays`."""
+    bsdfs, ends = scene.bsdfs, work.ends
+    probability = light_probability(scene.lights, scene.settings)
+    cast = np.int64(0)
+    for kind in range(bsdfs.smooth):
+        if bsdfs.methods[kind, REFLECT_LIGHT] != 0:
+            cast = count_of(
+                bsdfs.methods[kind, REFLECT_LIGHT],
+                bsdfs.methods[kind, RECORD],
+                (
+                    scene.settings,
+                    probability,
+                    work.points,
+                    work.light_samples,
+                    ends[kind],
+                    ends[kind + 1],
+                    work.shadow_rays,
+                    cast,
+                ),
+            )
+    return cast
+
+
+@kernel
+def direct_light(scene, tile, sample, bounce, work):
+    """Add the direct light at the points that have a smooth BSDF, which come first."""
+    count = work.ends[scene.bsdfs.smooth]
+    if count == 0:
+        return
+    for turn in range(lights_asked(scene.lights, scene.settings)):
+        sample_lights(scene, turn, tile, sample, bounce, work, count)
+        cast = cast_shadow_rays(scene, work)
+        trace_shadow_rays(
+            scene.groups, work.shadow_rays, cast, bounce == 0, work.radiance
+        )

@@ -1,11 +1,17 @@
-"""Stage 2, intersection: the nearest hit among all kinds of primitives, and visibility."""
+"""Stage 2, intersection: the nearest hit among all groups of primitives, and visibility."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.jit import kernel
+from renderer.jit import call, kernel
+from renderer.kernel_scene import (
+    ANY_COHERENT,
+    ANY_SINGLE,
+    CLOSEST,
+    CLOSEST_COHERENT,
+    RECORD,
+)
 from renderer.lanes.functions import (
     first_lanes,
     lane_index,
@@ -26,36 +32,24 @@ def reset_hits(hits, first, count):
 
 
 @kernel
-def seen_by_camera(camera_accelerators, accelerators):
-    """Return what camera rays are intersected with; see `KernelScene`."""
-    return accelerators if camera_accelerators is None else camera_accelerators
-
-
-@kernel
-def intersect(accelerators, rays, hits, first, count, coherent, tally):
+def intersect(groups, rays, hits, first, count, coherent, tally):
     """Find the nearest hit of `count` rays; `hits.t` holds their ends before.
 
     The work that it takes is added to `tally`; None counts nothing.
     """
-    closest_hit(accelerators.triangles, rays, hits, first, count, coherent, tally)
-    closest_hit(accelerators.rectangles, rays, hits, first, count, coherent, tally)
-    closest_hit(accelerators.disks, rays, hits, first, count, coherent, tally)
-    closest_hit(accelerators.spheres, rays, hits, first, count, coherent, tally)
-    closest_hit(accelerators.cylinders, rays, hits, first, count, coherent, tally)
-    closest_hit(accelerators.instances, rays, hits, first, count, coherent, tally)
+    way = CLOSEST_COHERENT if coherent else CLOSEST
+    for k in range(groups.shape[0]):
+        call(groups[k, way], groups[k, RECORD], (rays, hits, first, count, tally))
 
 
 @kernel
-def trace_shadow_rays(accelerators, shadow_rays, count, coherent, radiance):
+def trace_shadow_rays(groups, shadow_rays, count, coherent, radiance):
     """Add to each pixel what its unblocked shadow rays carry."""
     for i in range(0, count, 16):
         store_row(shadow_rays.blocked, 0, i, splat_i32(0))
-    any_hit(accelerators.triangles, shadow_rays, count, coherent, None)
-    any_hit(accelerators.rectangles, shadow_rays, count, coherent, None)
-    any_hit(accelerators.disks, shadow_rays, count, coherent, None)
-    any_hit(accelerators.spheres, shadow_rays, count, coherent, None)
-    any_hit(accelerators.cylinders, shadow_rays, count, coherent, None)
-    any_hit(accelerators.instances, shadow_rays, count, coherent, None)
+    way = ANY_COHERENT if coherent else ANY_SINGLE
+    for k in range(groups.shape[0]):
+        call(groups[k, way], groups[k, RECORD], (shadow_rays, count, None))
     for i in range(count):
         if shadow_rays.blocked[i] == 0:
             slot = shadow_rays.slot[i]

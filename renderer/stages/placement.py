@@ -8,16 +8,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from renderer.affine import absolute, absolute_times, affine_of, times, transposed_times
 from renderer.jit import kernel
-from renderer.lanes.functions import fabs, mask_bits, maximum, select
+from renderer.lanes.functions import mask_bits, select, splat_i32
 from renderer.lanes.memory import gather_row
+from renderer.shapes.surface import ROUNDING, magnitude
 from renderer.vectors import dot, length, normalize, select3
-
-# The position on a primitive is known up to about this fraction of its coordinates.
-ROUNDING = np.float32(2.0**-24)
 
 
 class Place(NamedTuple):
@@ -30,34 +26,27 @@ class Place(NamedTuple):
 
 
 @kernel
-def magnitude(a):
-    """Return the largest absolute component."""
-    return maximum(maximum(fabs(a.x), fabs(a.y)), fabs(a.z))
+def instance_of(placements, numbers, ray, valid):
+    """Return the instance ids of rays' hits, -1 for none."""
+    if placements.group.size == 0:
+        return splat_i32(-1)
+    return select(valid, gather_row(numbers, 0, ray, valid), -1)
 
 
 @kernel
-def instance_of(instances, numbers, ray, valid):
-    """Return the instance ids of rays' hits; -1, and none where the scene has none."""
-    if instances is None:
-        return None
-    instance = gather_row(numbers, 0, ray, valid)
-    return select(valid, instance, -1)
-
-
-@kernel
-def object_hit_point(instances, instance, origin, direction, t):
+def object_hit_point(placements, instance, origin, direction, t):
     """Return p + t d, in the object's space where there is an instance."""
-    if instances is None:
+    if placements.group.size == 0:
         return origin + direction * t
     inside = instance >= 0
-    m = affine_of(instances.placements.to_object, instance, inside)
+    m = affine_of(placements.to_object, instance, inside)
     o = select3(inside, times(m, origin - m.at), origin)
     d = select3(inside, times(m, direction), direction)
     return o + d * t
 
 
 @kernel
-def in_world(instances, instance, place):
+def in_world(placements, instance, place):
     """Return the place in the world of a place on an object.
 
     How far off a new ray must start: along the object's normal n, a step of 1 in the world
@@ -66,13 +55,11 @@ def in_world(instances, instance, place):
     the way out, x = A y + a, adds |A| |y| + |a| in the world. In units of the last place:
     each of these is computed in at most 8 roundings, and new rays keep 64 away.
     """
-    if instances is None:
-        return place
     inside = instance >= 0
     if mask_bits(inside) == 0:
         return place
-    out = affine_of(instances.placements.to_world, instance, inside)
-    back = affine_of(instances.placements.to_object, instance, inside)
+    out = affine_of(placements.to_world, instance, inside)
+    back = affine_of(placements.to_object, instance, inside)
     from_origin = times(out, place.position)
     normal = transposed_times(back, place.normal)
     way_in = dot(absolute(place.normal), absolute_times(back, from_origin)) * ROUNDING
@@ -88,3 +75,13 @@ def in_world(instances, instance, place):
         ),
         select(inside, offset, place.offset),
     )
+
+
+@kernel
+def tangent_in_world(placements, instance, tangent):
+    """Return dp/du in the world."""
+    inside = instance >= 0
+    if mask_bits(inside) == 0:
+        return tangent
+    out = affine_of(placements.to_world, instance, inside)
+    return select3(inside, times(out, tangent), tangent)

@@ -1,53 +1,45 @@
-"""Which BSDF a surface point shows to the side that it is seen from."""
+"""Which BSDF a surface point shows to the side that it is seen from, and in what frame."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
+from renderer.arithmetic import Frame, tangents_of
+from renderer.bsdfs.kind import visible_side
 from renderer.jit import kernel
 from renderer.lanes.functions import select
-from renderer.lanes.memory import gather_row, load_row
-from renderer.replay.directions import frame_as_mitsuba
-from renderer.vectors import dot, load3, orthonormal_basis, select3
-
-
-class Facing(NamedTuple):
-    """16 surface points as one kind of BSDF sees them."""
-
-    mine: Any  # mask: the BSDF of the visible side is of the kind asked for
-    bsdf: Any  # BSDF id
-    front: Any  # mask: seen from the side of the normal
+from renderer.lanes.memory import gather_row, load_row, store_row
+from renderer.lanes.functions import first_lanes, mask_bits
+from renderer.vectors import dot, load3
 
 
 @kernel
-def facing(shapes, kinds, points, i, valid, kind):
-    """Return the `Facing` of points i to i + 15 for a kind of BSDF; `kinds` by BSDF id."""
-    wo = load3(points.wo, i)
-    front = dot(wo, load3(points.shading_normal, i)) > 0.0
+def show_bsdf(shapes, kind_of, kind, points, i, valid):
+    """Note the BSDFs that points i to i + 15 show, if they are of a kind; return where."""
+    front = dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
     ahead = gather_row(shapes.front, 0, shape, valid)
     behind = gather_row(shapes.back, 0, shape, valid)
     bsdf = select(front, ahead, behind)
     shown = valid & (bsdf >= 0)
-    mine = shown & (gather_row(kinds, 0, bsdf, shown) == kind)
-    return Facing(mine, bsdf, front)
+    mine = shown & (gather_row(kind_of, 0, bsdf, shown) == kind)
+    store_row(points.bsdf, 0, i, select(mine, bsdf, -1))
+    return mine
 
 
 @kernel
-def tangents_of(tangent, i, normal):
-    """Return two unit vectors across the shading normals of points i to i + 15.
+def load_constants(bsdfs, kind, points, i, mask):
+    """Load the parameters of the BSDFs that points i to i + 15 show, but for textures."""
+    bsdf = load_row(points.bsdf, 0, i)
+    for row in range(bsdfs.rows[kind]):
+        store_row(points.parameters, row, i, gather_row(bsdfs.values, row, bsdf, mask))
 
-    In a replay the first is Mitsuba's, dp/du without its part along the normal. They
-    belong to the surface and not to the side that is seen: from behind, Mitsuba turns z
-    around and leaves x and y, which makes the frame left-handed.
-    """
-    s, t = orthonormal_basis(normal)
-    if tangent is None:
-        return s, t
-    along_u = load3(tangent, i)
-    across, beside = frame_as_mitsuba(along_u, normal)
-    nowhere = (along_u.x == 0.0) & (along_u.y == 0.0) & (along_u.z == 0.0)
-    return select3(nowhere, s, across), select3(nowhere, t, beside)
+
+@kernel
+def frame_at(form, arithmetic, points, i):
+    """Return the local frames of points i to i + 15 for one kind of BSDF."""
+    normal = load3(points.shading_normal, i)
+    s, t = tangents_of(arithmetic, points, i, normal)
+    front = dot(load3(points.wo, i), normal) > 0.0
+    return Frame(s, t, visible_side(form, front, normal))
 
 
 @kernel

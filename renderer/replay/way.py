@@ -1,0 +1,100 @@
+"""A replay of Mitsuba's numbers and roundings: the stages' interfaces, implemented again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from renderer.jit import pack
+from renderer.kernel_inputs import Sampling
+from renderer.materials import kind_of, sides
+from renderer.plan import Plan
+from renderer.replay.camera import replay_camera, round_camera_rays
+from renderer.replay.directions import AsMitsuba
+from renderer.replay.hit_points import round_surface_points
+from renderer.replay.mesh_lights import triangle_shares
+from renderer.replay.new_rays import ScatteringBsdfs, round_rays
+from renderer.replay.numbers import (
+    ROWS,
+    Replay,
+    begin_bounce,
+    choose_light,
+    draw,
+    draw_film,
+)
+from renderer.replay.pixel_seeds import pixel_seeds
+from renderer.replay.sequences import make_sequence
+from renderer.replay.surfaces import rounding_of
+from renderer.replay.triangle_arithmetic import face_normals, triangle_tangents
+from renderer.scene import Scene
+
+
+class Replayed:
+    """The way of a replay; see `renderer.kernel_inputs.Variant`.
+
+    Parameters
+    ----------
+    measured_camera
+        See `replay.camera.replay_camera`.
+    """
+
+    arithmetic = AsMitsuba()
+    previous_points = True
+
+    def __init__(self, measured_camera: Sequence[float] | None) -> None:
+        self._measured_camera = measured_camera
+
+    def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
+        """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
+        film = scene.description.camera.film
+        seeds = np.zeros((film.height, film.width), np.uint32)
+        rows = slice(film.crop_offset_y, film.crop_offset_y + film.crop_height)
+        columns = slice(film.crop_offset_x, film.crop_offset_x + film.crop_width)
+        seeds[rows, columns] = pixel_seeds(film.crop_width, film.crop_height, seed)
+        shown = [sides(shape.bsdf) for shape in scene.description.every_shape]
+        smooth = [
+            any(side is not None and kind_of(side).smooth for side in both)
+            for both in shown
+        ]
+        record = Replay(
+            make_sequence(seeds.ravel(), plan.sampler),
+            np.zeros((ROWS, seeds.size), np.float32),
+            np.array(smooth or [False], np.int32),
+            int(plan.bsdf_samples > 0),
+            int(plan.method == "direct"),
+        )
+        return Sampling(pack(record), draw_film, draw, choose_light, begin_bounce)
+
+    def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
+        """Return triangles with Mitsuba's normals and dp/du."""
+        if "triangles" not in surfaces:
+            return surfaces
+        triangles = surfaces["triangles"]
+        exact = triangles._replace(
+            normal=face_normals(triangles.edge1, triangles.edge2),
+            tangents=triangle_tangents(triangles),
+        )
+        return surfaces | {"triangles": exact}
+
+    def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
+        """Return cumulated areas."""
+        return triangle_shares(count, surfaces, tables)
+
+    def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
+        """Round camera rays, surface points and scattered rays."""
+        bsdfs = scene.materials.bsdfs
+        scattering = ScatteringBsdfs(
+            np.array([not kind_of(b).delta for b in bsdfs] or [True], np.int32),
+            np.array([kind_of(b).transmits for b in bsdfs] or [False], np.int32),
+            np.array(
+                [b.eta if kind_of(b).transmits else 1.0 for b in bsdfs] or [1.0], np.float32
+            ),
+        )
+        camera = replay_camera(scene.description.camera, self._measured_camera)
+        return [
+            (round_camera_rays, camera),
+            (round_surface_points, rounding_of(scene.description, surfaces)),
+            (round_rays, scattering),
+        ]

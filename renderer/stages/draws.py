@@ -1,0 +1,69 @@
+"""The random numbers of a batch, from a sampler that hashes pixel, sample and dimension.
+
+A sampler's methods: the place of each pixel's sample on the film, four numbers for each
+surface point, and the light that each point samples.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.batch import CAPACITY
+from renderer.jit import method_kernel
+from renderer.lanes.functions import (
+    lane_index,
+    mask_bits,
+    minimum,
+    splat_f32,
+    splat_i32,
+    to_i32,
+)
+from renderer.lanes.memory import load_row, store_row
+from renderer.sampling import FILM_BLOCK, draw4
+from renderer.stages.tile import pixel_key, slot_pixel
+
+
+@method_kernel
+def draw_film(sampler, tile, sample, film):
+    """Write where in their pixel the samples of a tile lie, by slot, in [0, 1)^2."""
+    for first in range(0, CAPACITY, 16):
+        slot = lane_index() + first
+        x, y = slot_pixel(slot)
+        if mask_bits((x < tile.width) & (y < tile.height)) == 0:
+            continue
+        dx, dy, _, _ = draw4(sampler, pixel_key(tile, slot), sample, FILM_BLOCK)
+        store_row(film, 0, first, dx)
+        store_row(film, 1, first, dy)
+
+
+@method_kernel
+def draw(sampler, tile, sample, block, slots, count, numbers):
+    """Draw four numbers for each of `count` points, in rows of `numbers`."""
+    for i in range(0, count, 16):
+        key = pixel_key(tile, load_row(slots, 0, i))
+        x, y, z, w = draw4(sampler, key, sample, block)
+        store_row(numbers, 0, i, x)
+        store_row(numbers, 1, i, y)
+        store_row(numbers, 2, i, z)
+        store_row(numbers, 3, i, w)
+
+
+@method_kernel
+def choose_light(
+    sampler, tile, sample, block, turn, lights, slots, count, numbers, light
+):
+    """Choose the light that each point samples, and draw three numbers for its sample.
+
+    That is light number `turn`; if it is negative, one of all `lights`, at random.
+    """
+    for i in range(0, count, 16):
+        key = pixel_key(tile, load_row(slots, 0, i))
+        x, y, z, w = draw4(sampler, key, sample, block)
+        store_row(numbers, 0, i, x)
+        store_row(numbers, 1, i, y)
+        store_row(numbers, 2, i, z)
+        if turn >= 0:
+            store_row(light, 0, i, splat_i32(turn))
+        else:
+            last = splat_f32(np.float32(lights - 1))
+            store_row(light, 0, i, to_i32(minimum(w * np.float32(lights), last)))

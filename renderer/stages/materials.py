@@ -1,0 +1,55 @@
+"""Stage 4, the material: hits are grouped by their kind of BSDF, parameters looked up."""
+
+from __future__ import annotations
+
+from renderer.jit import call, kernel
+from renderer.kernel_scene import FIRST_BSDF, LOOK_UP, RECORD
+from renderer.lanes.functions import first_lanes, mask_bits
+from renderer.stages.intersect import collect
+from renderer.stages.shading_frame import load_constants, show_bsdf
+from renderer.stages.surface import surface_points
+
+
+@kernel
+def group_by_bsdf(scene, work, first, count):
+    """Fill `work.points`, grouped by kind of BSDF; `work.ends` says where groups end."""
+    bsdfs, stages, ends = scene.bsdfs, scene.primitives.stages, work.ends
+    ends[0] = 0
+    for kind in range(bsdfs.methods.shape[0]):
+        ends[kind + 1] = ends[kind]
+        if bsdfs.methods[kind, RECORD] == 0:
+            continue  # paths end there
+        ends[kind + 1] = collect(
+            stages, work.hits, first, count, FIRST_BSDF << kind, work.order, ends[kind]
+        )
+    total = ends[bsdfs.methods.shape[0]]
+    surface_points(scene, work.rays, work.hits, work.order, total, work.points)
+    for kind in range(bsdfs.methods.shape[0]):
+        load_parameters(scene.shapes, bsdfs, kind, work.points, ends[kind], ends[kind + 1])
+
+
+@kernel
+def load_parameters(shapes, bsdfs, kind, points, start, stop):
+    """Find which BSDFs the points of a group show, and load their parameters."""
+    for i in range(start, stop, 16):
+        valid = first_lanes(stop - i)
+        mine = show_bsdf(shapes, bsdfs.kind, kind, points, i, valid)
+        if mask_bits(mine) != 0:
+            load_constants(bsdfs, kind, points, i, mine)
+    look_up_textures(bsdfs, kind, points, start, stop)
+
+
+@kernel
+def look_up_textures(bsdfs, kind, points, start, stop):
+    """Replace parameters that textures give."""
+    for k in range(bsdfs.look_ups.shape[0]):
+        if bsdfs.look_ups[k, 0] != kind:
+            continue
+        texture_kind = bsdfs.look_ups[k, 1]
+        row, rows = bsdfs.look_ups[k, 2], bsdfs.look_ups[k, 3]
+        method = bsdfs.texture_methods
+        call(
+            method[texture_kind, LOOK_UP],
+            method[texture_kind, RECORD],
+            (bsdfs, texture_kind, row, rows, points, start, stop),
+        )

@@ -1,0 +1,1 @@
+"""Colours over (u, v): a file for each kind of texture."""
