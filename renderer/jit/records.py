@@ -25,7 +25,7 @@ from numba.extending import (
     unbox,
 )
 from numba.np.arrayobj import make_array
-from numba.np.numpy_support import from_dtype
+from numba.np.numpy_support import as_dtype, from_dtype
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
@@ -115,12 +115,12 @@ def _type_of(value: Any) -> Any:
             if same:
                 return types.NamedUniTuple(parts[0], len(parts), type(value))
             return types.NamedTuple(parts, type(value))
-        case np.float32():
-            return types.float32
-        case bool() | int() | np.integer():
-            return types.int64
-        case float():
+        case float() | np.float64():
             return types.float64
+        case np.generic():
+            return from_dtype(value.dtype)
+        case bool() | int():
+            return types.int64
     raise TypeError(f"a kernel's record cannot hold a {type(value).__name__}")
 
 
@@ -148,12 +148,8 @@ def _fill(memory: Any, at: int, value: Any, numba_type: Any) -> int:
         return at
     if isinstance(numba_type, RecordType):
         memory[at] = value.address
-    elif numba_type == types.float32:
-        memory[at : at + 1].view(np.float32)[0] = value
-    elif numba_type == types.float64:
-        memory[at : at + 1].view(np.float64)[0] = value
     else:
-        memory[at : at + 1].view(np.int64)[0] = value
+        memory[at : at + 1].view(as_dtype(numba_type))[0] = value
     return at + 1
 
 

@@ -61,7 +61,6 @@ def first_tangents(normal: Columns) -> Columns:
 
 def triangle_tangents(triangles: TriangleSurfaces) -> Columns:
     """Return dp/du (3, n) of triangles in object space, not unit; flips leave it alone."""
-    assert triangles.uvs is not None
     return uv_tangents(triangles.edge1, triangles.edge2, triangles.uvs)
 
 
