@@ -7,7 +7,7 @@ from typing import Any
 import drjit
 import numpy as np
 
-from renderer.traced_path import Numbers, Vector
+from mitsuba_ref.stepping.traced_path import Numbers, Vector
 
 
 class NumbersDrawn:

@@ -11,7 +11,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
-from renderer.traced_path import Bounce, LightAsked, Scattered, TracedPath, Vector
+from mitsuba_ref.stepping.traced_path import (
+    Bounce,
+    LightAsked,
+    Scattered,
+    TracedPath,
+    Vector,
+)
 
 TOLERANCE = 1e-3
 """Relative; what agreeing float32 paths of a few bounces stay far below."""

@@ -24,8 +24,8 @@ from mitsuba_ref.results import DivergentPixel, ReplayResult
 from mitsuba_ref.traced_pair import METHODS, TracedPair
 from mitsuba_ref.variant_process import TIME_LIMIT
 from renderer.errors import NotReplayable
-from renderer.kernel_inputs import replay_sampler
 from renderer.plan import make_plan
+from renderer.replay.way import Replayed
 from renderer.scene import build_scene
 from renderer.scene_file import read_file
 from renderer.scene_file.description import SceneDescription
@@ -107,7 +107,7 @@ def _refuse_early(description: SceneDescription, request: RenderRequest) -> None
     """Raise NotReplayable before Mitsuba is asked for what makes it hang."""
     scene = build_scene(description)
     plan = make_plan(scene, sampler="mitsuba", spp=request.spp)
-    replay_sampler(scene, plan, request.seed)
+    Replayed(None).sampling(scene, plan, request.seed)
 
 
 def replay_all(

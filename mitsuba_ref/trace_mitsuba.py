@@ -17,16 +17,16 @@ from mitsuba_ref.edited_scene import load_edited_scene
 from mitsuba_ref.integrator_method import read_method
 from mitsuba_ref.mitsuba_path import NumbersDrawn, PathState, film_place, vector
 from mitsuba_ref.reference import camera_entries
-from mitsuba_ref.variant import load_mitsuba
-from mitsuba_ref.variant_process import Answerer, answer_requests
-from renderer.replay.pixel_seeds import pixel_seeds
-from renderer.traced_path import (
+from mitsuba_ref.stepping.traced_path import (
     Bounce,
     LightAsked,
     Scattered,
     TracedPath,
     light_number,
 )
+from mitsuba_ref.variant import load_mitsuba
+from mitsuba_ref.variant_process import Answerer, answer_requests
+from renderer.replay.pixel_seeds import pixel_seeds
 
 NAME = "Mitsuba"
 

@@ -16,16 +16,16 @@ from mitsuba_ref.path_comparison import (
     first_difference,
 )
 from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.stepping.step_by_step import Moved, StepByStep
+from mitsuba_ref.stepping.traced_path import TracedPath, path_from_json
 from mitsuba_ref.variant import VARIANT
 from mitsuba_ref.variant_process import TIME_LIMIT, VariantProcess
 from mitsuba_ref.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
-from renderer.integrators.step_by_step import Moved, StepByStep
 from renderer.plan import make_plan
 from renderer.rendering import Rendering
 from renderer.scene import build_scene
 from renderer.scene_file import read_file
-from renderer.traced_path import TracedPath, path_from_json
 
 METHODS = ("path", "direct")
 

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from mitsuba_ref.path_comparison import MEANINGS, Kind, Quantity, compare_paths
-from renderer.integrators.step_by_step import Moved
-from renderer.traced_path import TracedPath, Vector
+from mitsuba_ref.stepping.step_by_step import Moved
+from mitsuba_ref.stepping.traced_path import TracedPath, Vector
 
 STEPS = (1e-7, 3e-7, 1e-6, 3e-6, 1e-5)
 """Parts of a ray's length that rounding explains; a float32 has 6e-8, and a point on a

@@ -14,7 +14,6 @@ from typing import Any, Protocol
 import numpy as np
 from numba import typeof
 from numba.core import types
-from numpy.typing import NDArray
 
 import renderer.lights.directional
 import renderer.lights.point
@@ -65,11 +64,12 @@ NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
 
 
 @functools.cache
-def work_types() -> Workspace:
-    """Return the Numba types of the records in a thread's workspace."""
+def work_types() -> Any:
+    """Return the Numba types of what is in a thread's workspace, by the same names."""
     work = make_workspace(ray_capacity=16, capacity=16)
-    return Workspace(*(typeof(part) if isinstance(part, np.ndarray) else
-                       types.none if part is None else record_type(part) for part in work))
+    return Workspace._make(
+        typeof(part) if not isinstance(part, tuple) else record_type(part) for part in work
+    )
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,9 @@ class SceneTables:
         self.kept.append(packed)
         return packed
 
-    def methods(self, rows: list[tuple[Packed | None, list[Any]]], columns: int) -> Any:
+    def methods(
+        self, rows: Sequence[tuple[Packed | None, Sequence[Any]]], columns: int
+    ) -> Any:
         """Return a table of methods; a row is a record and (kernel, types, returns)."""
         table = np.zeros((len(rows), 1 + columns), np.int64)
         for k, (record, kernels) in enumerate(rows):
@@ -246,8 +248,11 @@ class SceneTables:
             materials.texture_ids(),
             np.array(
                 [
-                    next(k for k, kind in enumerate(texture_kinds)
-                         if isinstance(texture, kind.description))
+                    next(
+                        k
+                        for k, kind in enumerate(texture_kinds)
+                        if isinstance(texture, kind.description)
+                    )
                     for texture in textures
                 ],
                 np.int32,
@@ -261,7 +266,10 @@ class SceneTables:
                 self.pack(
                     TextureMethods(
                         kind.table(
-                            [t if isinstance(t, kind.description) else None for t in textures]
+                            [
+                                t if isinstance(t, kind.description) else None
+                                for t in textures
+                            ]
                         ),
                         np.ascontiguousarray(to_uv.T),
                     )
@@ -281,8 +289,16 @@ class SceneTables:
             (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
         )
         group = (work.points, INT, INT)
-        reflect = (settings, FLOAT, work.points, work.light_samples, INT, INT,
-                   work.shadow_rays, INT)
+        reflect = (
+            settings,
+            FLOAT,
+            work.points,
+            work.light_samples,
+            INT,
+            INT,
+            work.shadow_rays,
+            INT,
+        )
         scatter = (settings, INT, work.points, ROWS, INT, INT, work.rays, INT)
         split = (settings, *group, work.rays, INT)
         form = kind.form()
@@ -318,14 +334,15 @@ class SceneTables:
             if isinstance(table, AreaLights):
                 table = table._replace(surfaces=self._surfaces_like(table.surfaces))
             record = self.pack(LightKind(table, k, tables.kind, self.variant.arithmetic))
-            area, constant = isinstance(table, AreaLights), isinstance(table, ConstantLights)
+            area, constant = (
+                isinstance(table, AreaLights),
+                isinstance(table, ConstantLights),
+            )
             rows.append(
                 (
                     record,
                     [
-                        (sample_lights_of, sample, types.none)
-                        if self.lit
-                        else None,
+                        (sample_lights_of, sample, types.none) if self.lit else None,
                         (add_emission, emission, types.none) if area else None,
                         (add_constant, sky, types.none) if constant else None,
                     ],
@@ -345,7 +362,7 @@ class SceneTables:
     def sampler(self, seed: int) -> Any:
         """Return the one row of methods of the sampler."""
         sampling = self.variant.sampling(self.scene, self.plan, seed)
-        self.kept.append(sampling.record)
+        self.sampler_record = sampling.record
         work = work_types()
         begin = (COLUMN, TILE, INT, work.rays, work.hits, INT)
         draws = (TILE, INT, INT, COLUMN, INT, ROWS)
@@ -361,9 +378,7 @@ class SceneTables:
                         if sampling.begin_bounce is not None and shades
                         else None,
                         (sampling.draw, draws, types.none) if shades else None,
-                        (sampling.choose_light, choice, types.none)
-                        if self.lit
-                        else None,
+                        (sampling.choose_light, choice, types.none) if self.lit else None,
                     ],
                 )
             ],
@@ -411,8 +426,8 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int, variant: Varia
 
     Returns
     -------
-    KernelScene, list
-        And what must be kept alive as long as it is used.
+    KernelScene, SceneTables
+        The tables must be kept alive as long as the record is used.
     """
     tables = SceneTables(scene, plan, variant)
     accelerators = build_accelerators(scene, accel, plan.rays)
@@ -434,4 +449,4 @@ def kernel_scene(scene: Scene, plan: Plan, accel: str, seed: int, variant: Varia
         tables.hooks(),
         tables.settings,
     )
-    return record, tables.kept
+    return record, tables

@@ -40,6 +40,10 @@ AFTER_CAMERA_RAYS, AFTER_SURFACE_POINTS, AFTER_SCATTERING = 0, 1, 2
 Methods = NDArray[np.int64]  # (kinds, columns) addresses; 0 where there is no such method
 
 
+def _none(rows: int) -> NDArray[np.float32]:
+    return np.zeros((rows, 0), np.float32)
+
+
 class Placements(NamedTuple):
     """Where the instances are: x_world = A x_object + a, by instance id."""
 
@@ -60,9 +64,9 @@ class TriangleSurfaces(NamedTuple):
     edge2: NDArray[np.float32]  # (3, n)
     normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
     # each of the following has no column where no mesh has it or nobody asks for it
-    normals: NDArray[np.float32]  # (9, n) unit, of the three vertices in turn
-    uvs: NDArray[np.float32]  # (6, n) of the three vertices in turn
-    tangents: NDArray[np.float32]  # (3, n) dp/du
+    normals: NDArray[np.float32] = _none(9)  # (9, n) unit, of the three vertices in turn
+    uvs: NDArray[np.float32] = _none(6)  # (6, n) of the three vertices in turn
+    tangents: NDArray[np.float32] = _none(3)  # (3, n) dp/du
 
 
 class RectangleSurfaces(NamedTuple):

@@ -181,9 +181,7 @@ def _areas(
     )
 
 
-def primitive_areas(
-    scene: Scene, kind: str, ids: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def primitive_areas(scene: Scene, kind: str, ids: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the areas of those primitives among `ids` that are of a kind."""
     s = scene.surfaces[kind]
     k = ids[(ids >= s.first) & (ids < s.end)] - s.first
@@ -196,9 +194,7 @@ def primitive_areas(
     return factor * np.linalg.norm(cross, axis=1)
 
 
-def alias_tables(
-    count: int, surfaces: Any, tables: dict[int, Any]
-) -> TriangleLights:
+def alias_tables(count: int, surfaces: Any, tables: dict[int, Any]) -> TriangleLights:
     """Return alias tables by area for mesh lights: (primitive ids, areas) by light."""
     first, number = np.zeros(count, np.int32), np.zeros(count, np.int32)
     keeps, aliases, prims = [], [], []

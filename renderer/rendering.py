@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.batch import CAPACITY, make_workspace
+from renderer.batch import CAPACITY, Workspace, make_workspace
 from renderer.film import BOX, Film, filter_border, filter_table, tile_sums
 from renderer.integrators.render_tile import RENDER_TILE
 from renderer.integrators.whitted import REGION
@@ -78,8 +78,10 @@ class Rendering:
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
         self.variant = way_of(plan, measured_camera)
-        # what addresses in the record point to lives as long as this
-        self.kernel_scene, self._kept = kernel_scene(scene, plan, accel, seed, self.variant)
+        # the tables keep alive what addresses in the record point to
+        self.kernel_scene, self._tables = kernel_scene(
+            scene, plan, accel, seed, self.variant
+        )
         self._packed_scene = pack(self.kernel_scene)
         self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
@@ -100,23 +102,27 @@ class Rendering:
         self.seed = seed
         self.samples_done = 0
         self.samples_in_all = film.crop_width * film.crop_height * plan.spp
-        self._workspaces = _Workspaces(self._make_workspace)
+        self._workspaces = _Workspaces(lambda: pack(self.make_workspace(self.channels)))
         self._before: dict[Tile, Future[Any]] = {}  # of a replay: the last job of each tile
 
-    def _make_workspace(self) -> Packed:
+    @property
+    def sampler(self) -> Packed:
+        """The sampler's record, as kernels see it."""
+        return self._tables.sampler_record
+
+    def make_workspace(self, channels: int) -> Workspace:
+        """Allocate what one thread works in."""
         tree = self.plan.method == "whitted"
         depths = self.plan.max_depth + 1 if tree else 1
         bsdfs = self.kernel_scene.bsdfs
-        return pack(
-            make_workspace(
-                ray_capacity=REGION * depths if tree else CAPACITY,
-                channels=self.channels,
-                depths=depths,
-                kinds=len(bsdfs.methods),
-                parameters=len(bsdfs.values),
-                counted=self.counted,
-                previous_points=self.variant.previous_points,
-            )
+        return make_workspace(
+            ray_capacity=REGION * depths if tree else CAPACITY,
+            channels=channels,
+            depths=depths,
+            kinds=len(bsdfs.methods),
+            parameters=len(bsdfs.values),
+            counted=self.counted,
+            previous_points=self.variant.previous_points,
         )
 
     def _render(self, job: _Job) -> Any:

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from kernel_probes import fill, float32
+from renderer.lights.choose import choose_light, light_probability, sample_light
+from renderer.lights.triangles import density_normal
 
 from renderer.batch import CAPACITY, Workspace, make_workspace
 from renderer.bsdfs.diffuse import sample_diffuse
@@ -19,8 +21,6 @@ from renderer.kernel_scene import ANY, KernelScene
 from renderer.lanes.functions import fabs, first_lanes
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.lights.area import pdf_area_light
-from renderer.lights.choose import choose_light, light_probability, sample_light
-from renderer.lights.triangles import density_normal
 from renderer.plan import make_plan
 from renderer.scene import Scene
 from renderer.stages.intersect import collect, intersect

@@ -15,8 +15,7 @@ from numba.core.errors import TypingError
 from numba.extending import overload
 
 import renderer
-from renderer.jit import decorators
-from renderer.jit import entry_kernel, kernel
+from renderer.jit import decorators, entry_kernel, kernel
 
 
 @kernel

@@ -24,6 +24,7 @@ from kernel_probes import (
     nearest,
     unit,
 )
+from renderer.lights.choose import choose_light, sample_light
 from scene_file_samples import mi
 
 import renderer
@@ -33,7 +34,6 @@ from renderer.lanes.functions import fabs
 from renderer.lanes.memory import load_row, store_row
 from renderer.light_tables import alias_table
 from renderer.lights.area import pdf_area_light
-from renderer.lights.choose import choose_light, sample_light
 from renderer.plan import make_plan
 from renderer.vectors import load3, store3
 

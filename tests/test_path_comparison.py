@@ -24,7 +24,7 @@ from mitsuba_ref.path_comparison import (
     largest_error,
 )
 from mitsuba_ref.path_table import MARK, print_paths
-from renderer.traced_path import (
+from mitsuba_ref.stepping.traced_path import (
     Bounce,
     LightAsked,
     Scattered,

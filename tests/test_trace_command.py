@@ -15,10 +15,10 @@ import pytest
 import renderer
 from mitsuba_ref.cli import main
 from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.stepping.step_by_step import StepByStep
+from mitsuba_ref.stepping.traced_path import TracedPath
 from mitsuba_ref.traced_pair import TracedPair
 from mitsuba_ref.verdicts import VERDICTS
-from renderer.integrators.step_by_step import StepByStep
-from renderer.traced_path import TracedPath
 
 SCENES = Path(__file__).parent.parent / "scenes"
 BOX = SCENES / "cornell-box" / "scene.xml"

@@ -15,10 +15,10 @@ from test_path_comparison import PATH, with_bounce, with_light
 
 from mitsuba_ref.path_comparison import compare_paths, first_difference
 from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.stepping.step_by_step import Moved
+from mitsuba_ref.stepping.traced_path import TracedPath
 from mitsuba_ref.traced_pair import TracedPair
 from mitsuba_ref.within_rounding import Move, rounding_sentence, smallest_move
-from renderer.integrators.step_by_step import Moved
-from renderer.traced_path import TracedPath
 
 SCENES = Path(__file__).parent.parent / "scenes"
 UP, TILTED = (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)

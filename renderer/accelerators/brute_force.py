@@ -16,7 +16,7 @@ from renderer.accelerators.packets import (
     nearest_of,
     store_nearest,
 )
-from renderer.jit import kernel, method_kernel
+from renderer.jit import method_kernel
 from renderer.lanes.functions import first_lanes, select, splat_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.vectors import load3

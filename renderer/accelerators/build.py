@@ -23,6 +23,7 @@ from renderer.accelerators.extents import (
     PrimitiveGroup,
     extents_of,
 )
+from renderer.accelerators.groups import Accelerators
 from renderer.accelerators.instances_build import build_instances
 from renderer.accelerators.kd_tree import (
     build_kd_median,
@@ -37,7 +38,6 @@ from renderer.accelerators.uniform_grid import (
 )
 from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
-from renderer.accelerators.groups import Accelerators
 from renderer.kernel_scene import EMIT
 from renderer.scene import KINDS, Scene, emits
 from renderer.shapes.cylinder import Cylinders

@@ -20,14 +20,14 @@ without recursion; the tree is the same for any number of threads.
 from __future__ import annotations
 
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from renderer.accelerators.bvh_split import BINS, MAX_DEPTH, enclose, split
 from renderer.accelerators.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
-from renderer.jit import builder_kernel
+from renderer.jit import entry_kernel, kernel
 from renderer.threads import default_threads
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
@@ -146,57 +146,81 @@ def _assemble(children: dict[int, tuple[Any, int, int]], subtrees: dict[int, Any
 # ------------------------------------------------------------------------------ the build
 
 
-@builder_kernel
-def _split_once(boxes, order, first, end, depth, leaf_size, rule):
+class _Scratch(NamedTuple):
+    """What one job works in. Allocated here: compiling it in a kernel takes seconds."""
+
+    centres: NDArray[np.float32]  # (6,) box of the centres
+    bin_bounds: NDArray[np.float32]  # (3, BINS, 6)
+    bin_counts: NDArray[np.int32]  # (3, BINS)
+    right_cost: NDArray[np.float64]  # (BINS,)
+    stack: NDArray[np.int64]  # (levels, 4) one waiting node each: node, first, end, depth
+
+
+def _scratch() -> _Scratch:
+    return _Scratch(
+        np.empty(6, np.float32),
+        np.empty((3, BINS, 6), np.float32),
+        np.empty((3, BINS), np.int32),
+        np.empty(BINS, np.float64),
+        np.empty((MAX_DEPTH + 2, 4), np.int64),
+    )
+
+
+def _split_once(boxes: Any, order: Any, first: int, *rest: int) -> Any:
     """Split primitives first .. end - 1; return their box and where the right is."""
-    centres = np.empty(6, np.float32)
-    bin_bounds = np.empty((3, BINS, 6), np.float32)
-    bin_counts = np.empty((3, BINS), np.int32)
-    right_cost = np.empty(BINS, np.float64)
     box = np.empty(6, np.float32)
-    enclose(boxes, first, end, box, centres)
-    middle = split(
-        boxes, order, first, end, depth, leaf_size, rule, box, centres, bin_bounds,
-        bin_counts, right_cost,
-    )  # fmt: skip
-    return box, middle
+    return box, _split_node(boxes, order, first, *rest, box, _scratch())
 
 
-@builder_kernel
-def _build(boxes, order, start, stop, start_depth, leaf_size, rule):
+@entry_kernel
+def _split_node(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
+    enclose(boxes, first, end, box, scratch.centres)
+    return split(boxes, order, first, end, depth, leaf_size, rule, box, scratch)
+
+
+def _build(boxes: Any, order: Any, start: int, stop: int, *rest: int) -> Any:
     """Build over primitives start .. stop - 1; permutes `boxes` and `order` alike.
 
     Returns bounds, child and count; node 0 is the root.
     """
-    n = stop - start
-    bounds = np.empty((2 * n - 1, 6), np.float32)
-    child = np.empty(2 * n - 1, np.int32)
-    count = np.zeros(2 * n - 1, np.int32)
-    centres = np.empty(6, np.float32)
-    bin_bounds = np.empty((3, BINS, 6), np.float32)
-    bin_counts = np.empty((3, BINS), np.int32)
-    right_cost = np.empty(BINS, np.float64)
+    most = 2 * (stop - start) - 1
+    bounds = np.empty((most, 6), np.float32)
+    child, count = np.empty(most, np.int32), np.zeros(most, np.int32)
+    nodes = _build_nodes(boxes, order, start, stop, *rest, bounds, child, count, _scratch())
+    return bounds[:nodes].copy(), child[:nodes].copy(), count[:nodes].copy()
 
-    # one waiting node for each level: (node, first, end, depth)
-    stack = np.empty((MAX_DEPTH + 2, 4), np.int64)
-    stack[0] = (0, start, stop, start_depth)
-    top = 1
+
+@kernel
+def _push(stack, top, node, first, end, depth):
+    stack[top, 0] = node
+    stack[top, 1] = first
+    stack[top, 2] = end
+    stack[top, 3] = depth
+    return top + 1
+
+
+@entry_kernel
+def _build_nodes(
+    boxes, order, start, stop, start_depth, leaf_size, rule, bounds, child, count, scratch
+):
+    """Write the nodes; return how many."""
+    stack = scratch.stack
+    top = _push(stack, 0, 0, start, stop, start_depth)
     nodes = 1
     while top > 0:
         top -= 1
-        node, first, end, depth = stack[top]
-        enclose(boxes, first, end, bounds[node], centres)
+        node, first = stack[top, 0], stack[top, 1]
+        end, depth = stack[top, 2], stack[top, 3]
+        enclose(boxes, first, end, bounds[node], scratch.centres)
         middle = split(
-            boxes, order, first, end, depth, leaf_size, rule, bounds[node], centres,
-            bin_bounds, bin_counts, right_cost,
-        )  # fmt: skip
+            boxes, order, first, end, depth, leaf_size, rule, bounds[node], scratch
+        )
         if middle == first:
             child[node] = first
             count[node] = end - first
             continue
         child[node] = nodes
-        stack[top] = (nodes + 1, middle, end, depth + 1)
-        stack[top + 1] = (nodes, first, middle, depth + 1)
-        top += 2
+        top = _push(stack, top, nodes + 1, middle, end, depth + 1)
+        top = _push(stack, top, nodes, first, middle, depth + 1)
         nodes += 2
-    return bounds[:nodes].copy(), child[:nodes].copy(), count[:nodes].copy()
+    return nodes

@@ -20,14 +20,13 @@ _INF = np.float32(np.inf)
 
 
 @kernel
-def split(
-    boxes, order, first, end, depth, leaf_size, rule, box, centres, bin_bounds, bin_counts,
-    right_cost,
-):  # fmt: skip
+def split(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
     """Bring the left part to the front; return where the right one begins.
 
     `first` is returned for what shall be a leaf.
     """
+    centres, bin_bounds = scratch.centres, scratch.bin_bounds
+    bin_counts, right_cost = scratch.bin_counts, scratch.right_cost
     size = end - first
     if size <= leaf_size and rule != SAH:
         return first
@@ -107,15 +106,23 @@ def _bin(centre, start, scale):
 @kernel
 def _fill_bins(boxes, first, end, centres, bin_bounds, bin_counts):
     """Count and enclose the boxes of each bin along each axis."""
-    bin_bounds[:, :, :3] = _INF
-    bin_bounds[:, :, 3:] = -_INF
-    bin_counts[:] = 0
     for axis in range(3):
+        for k in range(BINS):
+            _empty(bin_bounds[axis, k])
+            bin_counts[axis, k] = 0
         scale = _bins_per_length(centres, axis)
         for i in range(first, end):
             k = _bin(_centre(boxes, i, axis), centres[axis], scale)
             bin_counts[axis, k] += 1
             _grow(bin_bounds[axis, k], boxes[i])
+
+
+@kernel
+def _empty(bounds):
+    """Make a box that holds nothing."""
+    for j in range(3):
+        bounds[j] = _INF
+        bounds[j + 3] = -_INF
 
 
 @kernel
@@ -149,8 +156,7 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
     best_cost = np.inf
     best_axis = best_border = best_balance = 0
     for axis in range(3):
-        side[:3] = _INF
-        side[3:] = -_INF
+        _empty(side)
         right = 0
         for k in range(BINS - 1, 0, -1):
             if bin_counts[axis, k] > 0:
@@ -159,8 +165,7 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
             right_cost[k] = _half_area(side) * _blocks(right) if right > 0 else 0.0
         size = right + bin_counts[axis, 0]
 
-        side[:3] = _INF
-        side[3:] = -_INF
+        _empty(side)
         left = 0
         for border in range(1, BINS):
             if bin_counts[axis, border - 1] == 0:

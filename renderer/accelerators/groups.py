@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 
 class Accelerators(NamedTuple):
-    """One for each kind of primitive, None where there is none, and one for all instances."""
+    """One for each kind of primitive, None where there is none; one for instances."""
 
     triangles: Any
     rectangles: Any

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.extents import Extents
-from renderer.jit import builder_kernel, kernel
+from renderer.jit import entry_kernel, kernel
+from renderer.lanes.local import local_i32
 from renderer.shapes.blocks import WIDTH, aligned_bytes
 
 # words of a node of a pair
@@ -48,7 +49,7 @@ def pack_pairs(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
     return memory
 
 
-@builder_kernel
+@entry_kernel
 def _pack(bounds, child, count, floats, integers):
     for node in range(len(count)):
         to = PAIR_WORDS * (node + 1 if node > 0 else 0)
@@ -85,19 +86,24 @@ def collapse(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
     """
     most = max(1, np.count_nonzero(count))
     memory = aligned_bytes(WIDE_BYTES * most)
+    waiting = np.zeros((len(count) + 1, 2), np.int32)  # binary node, wide node
     nodes = _collapse(
-        bounds, child, count, memory.view(np.float32), memory.view(np.int32), memory
+        bounds,
+        child,
+        count,
+        memory.view(np.float32),
+        memory.view(np.int32),
+        memory,
+        waiting,
     )
     return memory[: WIDE_BYTES * nodes]
 
 
-@builder_kernel
-def _collapse(bounds, child, count, floats, integers, octets):
-    waiting = np.empty((len(count) + 1, 2), np.int32)  # binary node, wide node
-    waiting[0] = 0
+@entry_kernel
+def _collapse(bounds, child, count, floats, integers, octets, waiting):
     top = 1
     nodes = 1
-    members = np.empty(8, np.int32)
+    members = local_i32(8)
     while top > 0:
         top -= 1
         node = waiting[top, 0]

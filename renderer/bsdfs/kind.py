@@ -117,7 +117,7 @@ class BsdfKind:
         return self.reflection is not None or self.transmission is not None
 
     def form(self, tables: dict[str, Any] | None = None) -> Any:
-        """Return the record of the kind: arrays of its tables, None for what points have."""
+        """Return the kind's record: arrays of its tables, None for what points have."""
         given = tables or {}
         fields = self.parameters._fields  # type: ignore[attr-defined]
         return self.parameters(*(given.get(name) for name in fields))
@@ -262,11 +262,15 @@ def _loader(kind: BsdfKind) -> Any:
     parts = []
     for name in kind.parameters._fields:  # type: ignore[attr-defined]
         first, count = at.get(name, (0, 0))
-        load = {0: f"form.{name}", 1: "load_row(rows, {}, i)", 3: "rows3(rows, {}, i)"}
+        load = {
+            0: f"form.{name}",
+            1: "load_row(points.parameters, {}, i)",
+            3: "rows3(points.parameters, {}, i)",
+        }
         parts.append(load[count].format(first))
     names = {"load_row": load_row, "rows3": rows3, "record": kind.parameters}
     return kernel(
-        eval(f"lambda form, rows, i: record({', '.join(parts)})", names),
+        eval(f"lambda form, points, i: record({', '.join(parts)})", names),
     )
 
 
@@ -274,7 +278,9 @@ def make_known(kind: BsdfKind) -> None:
     """Let the stages find the kernels of a kind."""
     cls = kind.parameters
     load = _loader(kind)
-    parameters_at.by(cls)(kernel(eval("lambda f, p, i: load(f, p.parameters, i)", {"load": load})))
+    parameters_at.by(cls)(
+        kernel(eval("lambda f, p, i: load(f, p.parameters, i)", {"load": load}))
+    )
     sample_bsdf.by(cls)(kind.sample)
     for function, chosen in (
         (eval_pdf_bsdf, kind.eval_pdf),

@@ -1,4 +1,4 @@
-"""How kernels are compiled, kept, and called: Numba's decorators as this renderer uses them.
+"""How kernels are compiled, kept, and called: Numba as this renderer uses it.
 
 Whoever writes a kernel needs `kernel` alone. What is behind it, a file each: the flags
 (`decorators`), the cache on disk (`cache`), modules that are linked but not compiled by

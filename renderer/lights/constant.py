@@ -9,8 +9,8 @@ from renderer.kernel_scene import ConstantLights
 from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.lanes.memory import load_row
 from renderer.lights.kind import LightSample, sample_light
-from renderer.sampling import square_to_sphere
 from renderer.lights.weights import add_lanes, bsdf_sample_weight, light_probability
+from renderer.sampling import square_to_sphere
 from renderer.vectors import column, gather3, load3
 
 SPHERE_PDF = np.float32(1.0 / (4.0 * np.pi))

@@ -1,4 +1,4 @@
-"""What a kind of light is asked by the stages, and how all lights of a batch are sampled."""
+"""What the stages ask of a kind of light, and how the lights of a batch are sampled."""
 
 from __future__ import annotations
 

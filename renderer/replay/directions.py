@@ -174,8 +174,9 @@ def _tangents_of(arithmetic, points, i, normal):
 @density_normal.by(AsMitsuba)
 @kernel
 def _density_normal(arithmetic, flat, smooth):
-    """Return the one between the vertices, with which Mitsuba's smooth mesh lights are a
-    little too bright here and too dark there.
+    """Return the one between the vertices.
+
+    With it Mitsuba's smooth mesh lights are a little too bright here and too dark there.
     """
     return smooth
 

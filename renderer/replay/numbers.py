@@ -119,10 +119,8 @@ def draw(sampler, tile, sample, block, slots, count, numbers):
 
 
 @method_kernel
-def choose_light(
-    sampler, tile, sample, block, turn, lights, slots, count, numbers, light
-):
-    """Hand out x and y of the light; x chooses it, and what is left over is its sample's."""
+def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbers, light):
+    """Hand out x and y of the light; x chooses it, and the rest of x is its sample's."""
     drawn = sampler.numbers
     for i in range(0, count, 16):
         pixel, inside = _pixels(drawn, tile, slots, i)

@@ -1,4 +1,4 @@
-"""A replay of Mitsuba's numbers and roundings: the stages' interfaces, implemented again."""
+"""A replay of Mitsuba's numbers and roundings: the interfaces, implemented again."""
 
 from __future__ import annotations
 

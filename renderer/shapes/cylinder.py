@@ -8,31 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
+from renderer.kernel_scene import CylinderSurfaces
 from renderer.lanes.functions import select, sqrt
-from renderer.lanes.memory import load_row
+from renderer.lanes.mathematics import sincos
+from renderer.lanes.memory import gather_row, load_row
+from renderer.sampling import TWO_PI
 from renderer.shapes.patch import ZERO, Intersection
 from renderer.shapes.sphere import ordered_roots
-from renderer.vectors import column, dot, load3
-from renderer.kernel_scene import CylinderSurfaces
-from renderer.lanes.memory import gather_row
 from renderer.shapes.surface import (
+    ROUNDING,
     LightPoint,
     SurfacePoint,
-    ROUNDING,
+    around_axis,
     magnitude,
     nowhere,
     pdf_by_area,
     pdf_shape,
     sample_shape,
     surface_point,
-    around_axis,
     tangent_at,
     turn,
 )
-from renderer.vectors import gather3, gather_rows3, normalize
-
-from renderer.lanes.mathematics import sincos
-from renderer.sampling import TWO_PI
+from renderer.vectors import column, dot, gather3, gather_rows3, load3, normalize
 
 
 class Cylinders(NamedTuple):

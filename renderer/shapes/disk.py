@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.lanes.functions import any_of, fabs
+from renderer.kernel_scene import DiskSurfaces
+from renderer.lanes.functions import any_of, fabs, select, splat_f32, sqrt
+from renderer.lanes.memory import gather_row
+from renderer.sampling import square_to_disk
 from renderer.shapes.patch import (
     Intersection,
     divided,
@@ -16,9 +19,6 @@ from renderer.shapes.patch import (
     meet_plane,
     meet_plane_in_double,
 )
-from renderer.kernel_scene import DiskSurfaces
-from renderer.lanes.memory import gather_row
-from renderer.sampling import square_to_disk
 from renderer.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -32,8 +32,6 @@ from renderer.shapes.surface import (
     turn,
 )
 from renderer.vectors import gather3
-
-from renderer.lanes.functions import select, splat_f32, sqrt
 
 
 class Disks(NamedTuple):

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
+from renderer.kernel_scene import RectangleSurfaces
 from renderer.lanes.functions import any_of
+from renderer.lanes.memory import gather_row
 from renderer.shapes.patch import (
     MARGIN,
     divided,
@@ -18,8 +20,6 @@ from renderer.shapes.patch import (
     meet_plane,
     meet_plane_in_double,
 )
-from renderer.kernel_scene import RectangleSurfaces
-from renderer.lanes.memory import gather_row
 from renderer.shapes.surface import (
     LightPoint,
     SurfacePoint,

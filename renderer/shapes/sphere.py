@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.lanes.functions import select, sqrt
-from renderer.lanes.memory import load_row
-from renderer.shapes.patch import ZERO, Intersection
-from renderer.vectors import column, dot, load3
 from renderer.kernel_scene import SphereSurfaces
+from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import arccos
-from renderer.lanes.memory import gather_row
+from renderer.lanes.memory import gather_row, load_row
+from renderer.shapes.patch import ZERO, Intersection
 from renderer.shapes.surface import (
     ROUNDING,
     SurfacePoint,
@@ -30,7 +28,7 @@ from renderer.shapes.surface import (
     tangent_at,
     turn,
 )
-from renderer.vectors import gather3, gather_rows3, normalize
+from renderer.vectors import column, dot, gather3, gather_rows3, load3, normalize
 
 
 class Spheres(NamedTuple):

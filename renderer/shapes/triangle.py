@@ -11,8 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
-from renderer.lanes.functions import any_of
+from renderer.arithmetic import density_normal
+from renderer.jit import interface, kernel
+from renderer.kernel_scene import TriangleLights, TriangleSurfaces
+from renderer.lanes.functions import any_of, minimum, select, to_f32, to_i32
+from renderer.lanes.memory import gather_row
+from renderer.sampling import square_to_triangle
 from renderer.shapes.patch import (
     MARGIN,
     ONE,
@@ -23,13 +27,6 @@ from renderer.shapes.patch import (
     meet_plane,
     meet_plane_in_double,
 )
-from renderer.vectors import cross, dot
-from renderer.arithmetic import density_normal
-from renderer.jit import interface
-from renderer.kernel_scene import TriangleLights, TriangleSurfaces
-from renderer.lanes.functions import minimum, select, to_f32, to_i32
-from renderer.lanes.memory import gather_row
-from renderer.sampling import square_to_triangle
 from renderer.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -41,7 +38,7 @@ from renderer.shapes.surface import (
     surface_point,
     tangent_at,
 )
-from renderer.vectors import gather3, gather_rows3, normalize
+from renderer.vectors import cross, dot, gather3, gather_rows3, normalize
 
 
 class Triangles(NamedTuple):

@@ -19,10 +19,10 @@ from renderer.kernel_scene import (
 )
 from renderer.lanes.functions import first_lanes, mask_bits, popcount
 from renderer.lanes.memory import append_row, load_row
+from renderer.lights.weights import light_probability, light_sample_weight
 from renderer.sampling import BLOCKS_PER_BOUNCE
 from renderer.stages.intersect import trace_shadow_rays
 from renderer.stages.shading_frame import frame_at, leave_surface
-from renderer.lights.weights import light_probability, light_sample_weight
 from renderer.vectors import append3, length, load3
 
 # Shadow rays end this fraction before the light, which must not shade itself: at the
@@ -145,6 +145,4 @@ def direct_light(scene, tile, sample, bounce, work):
     for turn in range(lights_asked(scene.lights, scene.settings)):
         sample_lights(scene, turn, tile, sample, bounce, work, count)
         cast = cast_shadow_rays(scene, work)
-        trace_shadow_rays(
-            scene.groups, work.shadow_rays, cast, bounce == 0, work.radiance
-        )
+        trace_shadow_rays(scene.groups, work.shadow_rays, cast, bounce == 0, work.radiance)

@@ -49,9 +49,7 @@ def draw(sampler, tile, sample, block, slots, count, numbers):
 
 
 @method_kernel
-def choose_light(
-    sampler, tile, sample, block, turn, lights, slots, count, numbers, light
-):
+def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbers, light):
     """Choose the light that each point samples, and draw three numbers for its sample.
 
     That is light number `turn`; if it is negative, one of all `lights`, at random.

@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.arithmetic import to_local
 from renderer.bsdfs.kind import (
-    BsdfSample,
     Numbers,
     is_possible,
     outgoing,
     parameters_at,
     sample_bsdf,
 )
-from renderer.arithmetic import to_local
 from renderer.jit import call, count_of, kernel, method_kernel
 from renderer.kernel_scene import (
     AFTER_SCATTERING,
-    BEGIN_BOUNCE,
     DRAW,
     RECORD,
     SCATTER,
@@ -117,7 +115,14 @@ def scatter(scene, tile, sample, bounce, work):
     call(
         scene.sampler[0, DRAW],
         scene.sampler[0, RECORD],
-        (tile, sample, 1 + bounce * BLOCKS_PER_BOUNCE, points.slot, ends[kinds], work.numbers),
+        (
+            tile,
+            sample,
+            1 + bounce * BLOCKS_PER_BOUNCE,
+            points.slot,
+            ends[kinds],
+            work.numbers,
+        ),
     )
     end = np.int64(0)
     for kind in range(kinds):

@@ -7,7 +7,6 @@ from renderer.bsdfs.kind import visible_side
 from renderer.jit import kernel
 from renderer.lanes.functions import select
 from renderer.lanes.memory import gather_row, load_row, store_row
-from renderer.lanes.functions import first_lanes, mask_bits
 from renderer.vectors import dot, load3
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from renderer.arithmetic import to_local
@@ -48,9 +47,7 @@ def split_mirror(bsdf, settings, points, start, stop, rays, end):
         wo = to_local(frame, load3(points.wo, i))
         parameters = parameters_at(bsdf.form, points, i)
         branch = reflection_of(parameters, wo)
-        end = append_branch(
-            bsdf, settings, branch, frame, points, i, mine, rays, end
-        )
+        end = append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end)
     return end
 
 
@@ -65,13 +62,9 @@ def split_glass(bsdf, settings, points, start, stop, rays, end):
         wo = to_local(frame, load3(points.wo, i))
         parameters = parameters_at(bsdf.form, points, i)
         branch = reflection_of(parameters, wo)
-        end = append_branch(
-            bsdf, settings, branch, frame, points, i, mine, rays, end
-        )
+        end = append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end)
         branch = transmission_of(parameters, wo)
-        end = append_branch(
-            bsdf, settings, branch, frame, points, i, mine, rays, end
-        )
+        end = append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end)
     return end
 
 

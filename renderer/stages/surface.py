@@ -40,7 +40,10 @@ def locate(
         u = gather_row(hits.u, 0, ray, mine)
         v = gather_row(hits.v, 0, ray, mine)
         instance = instance_of(placements, hits.instance, ray, mine)
-        origin, direction = gather3(rays.origin, ray, mine), gather3(rays.direction, ray, mine)
+        origin, direction = (
+            gather3(rays.origin, ray, mine),
+            gather3(rays.direction, ray, mine),
+        )
         hit_point = object_hit_point(placements, instance, origin, direction, t)
         index = prim - surfaces.first
         s = surface_point(surfaces, index, mine, u, v, hit_point, settings.with_uv)

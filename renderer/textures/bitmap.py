@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,9 @@ def bitmap_table(textures: list[BitmapTexture | None]) -> Bitmaps:
         np.array(starts, np.int32),
         np.array(widths, np.int32),
         np.array(heights, np.int32),
-        np.array([b is not None and b.filter_type == "nearest" for b in textures], np.int32),
+        np.array(
+            [b is not None and b.filter_type == "nearest" for b in textures], np.int32
+        ),
         np.array([_WRAP[b.wrap_mode] if b else REPEAT for b in textures], np.int32),
     )
 

@@ -1,4 +1,4 @@
-"""Stage 4, textures: the parameters of a batch of points, looked up in one kind of texture."""
+"""Stage 4, textures: parameters of a batch of points, looked up in one kind of texture."""
 
 from __future__ import annotations
 

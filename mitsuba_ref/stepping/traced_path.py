@@ -1,6 +1,6 @@
 """One camera path written down bounce by bounce, as plain records.
 
-Our kernels (`renderer.integrators.step_by_step`) and a path tracer over Mitsuba's objects
+Our kernels (`mitsuba_ref.stepping.step_by_step`) and a path tracer over Mitsuba's objects
 (`mitsuba_ref.trace_mitsuba`) fill the same records, so that they can be compared. All
 vectors are in world space; colours are linear sRGB.
 """

@@ -7,18 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernel_scene import KernelScene
+from mitsuba_ref.stepping.traced_path import Numbers, light_number
+from renderer.rendering import Rendering
 from renderer.replay.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
 from renderer.stages.tile import Tile
-from renderer.traced_path import Numbers, light_number
 
 
 class NumbersDrawn:
     """What a replay of Mitsuba has drawn; our own samplers keep no numbers."""
 
-    def __init__(self, scene: KernelScene) -> None:
-        self._scene = scene
-        self._sampler = scene.sampler if isinstance(scene.sampler, Replay) else None
+    def __init__(self, rendering: Rendering) -> None:
+        self._shape = rendering.scene.shape
+        record = rendering.sampler.record
+        self._sampler = record if isinstance(record, Replay) else None
         arrays = _arrays(self._sampler.sequence) if self._sampler else []
         self._at_start = [(array, array.copy()) for array in arrays]
 
@@ -38,12 +39,12 @@ class NumbersDrawn:
         drawn: Numbers = {}
         if sampler is None:
             return drawn
-        if sampler.smooth[self._scene.shape[prim]]:
+        if sampler.smooth[self._shape[prim]]:
             drawn |= self._pair(tile, light_number(0), LIGHT)
-        if sampler.bsdf is not None:
+        if sampler.bsdf:
             drawn["bsdf"] = self._number(tile, BSDF_CHOICE)
             drawn |= self._pair(tile, "bsdf", BSDF)
-        if sampler.direct is None:  # `direct` plays no roulette
+        if not sampler.direct:  # `direct` plays no roulette
             drawn["roulette"] = self._number(tile, ROULETTE)
         return drawn
 

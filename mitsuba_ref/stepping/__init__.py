@@ -1,0 +1,1 @@
+"""One path of the renderer, stage by stage, written down."""

@@ -1,0 +1,94 @@
+"""The stages of `trace_paths` one by one, callable from Python, for `step_by_step`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.integrators.path import begin_bounce
+from renderer.jit import entry_kernel
+from renderer.kernel_scene import ANY
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.direct_light import (
+    cast_shadow_rays,
+    lights_asked,
+    sample_lights,
+)
+from renderer.stages.emission import arrive
+from renderer.stages.intersect import collect, intersect, reset_hits, trace_shadow_rays
+from renderer.stages.materials import group_by_bsdf
+from renderer.stages.scatter import scatter
+from renderer.stages.surface import surface_points
+
+
+@entry_kernel
+def camera_ray_step(scene, tile, sample, work):
+    """Put the camera rays of a tile into `work.rays`; return how many."""
+    return camera_rays(scene, tile, sample, work)
+
+
+@entry_kernel
+def first_hit_step(scene, work, count):
+    """Intersect the first `count` rays as camera rays."""
+    none = np.int64(0)
+    intersect(scene.camera_groups, work.rays, work.hits, none, count, True, None)
+
+
+@entry_kernel
+def next_hit_step(scene, work, count):
+    """Intersect the first `count` rays as those of any later bounce."""
+    reset_hits(work.hits, np.int64(0), count)
+    intersect(scene.groups, work.rays, work.hits, np.int64(0), count, False, None)
+
+
+@entry_kernel
+def locate_step(scene, work, count):
+    """Fill `work.points` with all hits."""
+    none, stages = np.int64(0), scene.primitives.stages
+    found = collect(stages, work.hits, none, count, ANY, work.order, none)
+    surface_points(scene, work.rays, work.hits, work.order, found, work.points)
+
+
+@entry_kernel
+def arrive_step(scene, bounce, work, count):
+    """Add the light of what the rays have hit to `work.radiance`."""
+    see_sky = bounce > 0 or scene.settings.hide_emitters == 0
+    arrive(scene, work, np.int64(0), count, see_sky)
+
+
+@entry_kernel
+def draw_step(scene, tile, sample, work, count):
+    """Draw a replay's numbers of this bounce; for other samplers nothing."""
+    begin_bounce(scene, tile, sample, work, count)
+
+
+@entry_kernel
+def group_step(scene, work, count):
+    """Fill `work.points`, grouped by BSDF; return how many have a smooth one."""
+    group_by_bsdf(scene, work, np.int64(0), count)
+    return work.ends[scene.bsdfs.smooth]
+
+
+@entry_kernel
+def light_count(scene):
+    """Return how many lights are sampled at each point."""
+    return lights_asked(scene.lights, scene.settings)
+
+
+@entry_kernel
+def light_step(scene, turn, tile, sample, bounce, work, count):
+    """Sample a light at the first points, into `work.light_samples`."""
+    sample_lights(scene, turn, tile, sample, bounce, work, count)
+
+
+@entry_kernel
+def shadow_ray_step(scene, bounce, work):
+    """Cast the shadow rays of the lights just sampled; return how many."""
+    cast = cast_shadow_rays(scene, work)
+    trace_shadow_rays(scene.groups, work.shadow_rays, cast, bounce == 0, work.radiance)
+    return cast
+
+
+@entry_kernel
+def scatter_step(scene, tile, sample, bounce, work):
+    """Put the next rays into `work.rays`; return how many go on."""
+    return scatter(scene, tile, sample, bounce, work)
