@@ -269,18 +269,13 @@ def _loader(kind: BsdfKind) -> Any:
         }
         parts.append(load[count].format(first))
     names = {"load_row": load_row, "rows3": rows3, "record": kind.parameters}
-    return kernel(
-        eval(f"lambda form, points, i: record({', '.join(parts)})", names),
-    )
+    return kernel(eval(f"lambda form, points, i: record({', '.join(parts)})", names))
 
 
 def make_known(kind: BsdfKind) -> None:
     """Let the stages find the kernels of a kind."""
     cls = kind.parameters
-    load = _loader(kind)
-    parameters_at.by(cls)(
-        kernel(eval("lambda f, p, i: load(f, p.parameters, i)", {"load": load}))
-    )
+    parameters_at.by(cls)(_loader(kind))
     sample_bsdf.by(cls)(kind.sample)
     for function, chosen in (
         (eval_pdf_bsdf, kind.eval_pdf),
