@@ -84,7 +84,7 @@ def test_twosided_has_one_bsdf_for_both_sides_or_two() -> None:
 @pytest.mark.parametrize(
     ("plugin", "content", "message"),
     [
-        ("plastic", "", "supported bsdf plugins: diffuse, twosided, dielectric, conductor"),
+        ("plastic", "", "supported bsdf plugins: diffuse, conductor, dielectric, twosided"),
         ("sphere", "", 'bsdf "sphere" is not supported; supported bsdf plugins: diffuse'),
         ("twosided", "", "holds 0 bsdfs; expected one for both sides"),
         ("twosided", '<bsdf type="diffuse"/>' * 3, "holds 3 bsdfs"),

@@ -9,11 +9,13 @@ is a load, `x is None` is still decided when a kernel is compiled.
 from __future__ import annotations
 
 import hashlib
+import pickle
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.serialize import dumps
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     NativeValue,
@@ -50,6 +52,21 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
         exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source}"
         digest = hashlib.sha256(exact.encode()).hexdigest()[:12]
         super().__init__(name=f"Record.{cls.__name__}.{digest}")
+
+    def __reduce__(self) -> Any:
+        """Keep the class apart: whoever reads the index of kernels may not have it."""
+        return _restored, (dumps(self.record), self.source, self.name)
+
+
+class _UnknownRecord(types.Type):  # type: ignore[misc]
+    """The type of a record whose class this program does not have; equal to no other."""
+
+
+def _restored(record: bytes, source: str, name: str) -> Any:
+    try:
+        return RecordType(pickle.loads(record), source)
+    except (ImportError, AttributeError):
+        return _UnknownRecord(name=f"Unknown.{name}")
 
 
 @register_model(RecordType)

@@ -7,6 +7,7 @@ act on column vectors; colours are linear sRGB; angles are degrees, as in the fi
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import ClassVar, Literal
@@ -96,14 +97,29 @@ class Conductor:
 
 
 @dataclass(frozen=True, eq=False)
+class OtherBsdf:
+    """A kind that was registered: its parameters are attributes, as of the others."""
+
+    plugin: str
+    values: Mapping[str, Texture | float]
+
+    def __getattr__(self, name: str) -> Texture | float:
+        """Return a parameter."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+
+@dataclass(frozen=True, eq=False)
 class TwoSided:
     """One reflecting BSDF for each side; given once in the file, it serves both."""
 
-    front: Diffuse | Conductor
-    back: Diffuse | Conductor
+    front: Diffuse | Conductor | OtherBsdf
+    back: Diffuse | Conductor | OtherBsdf
 
 
-Bsdf = Diffuse | Dielectric | Conductor | TwoSided
+Bsdf = Diffuse | Dielectric | Conductor | OtherBsdf | TwoSided
 
 
 # ------------------------------------------------------------------ shapes

@@ -15,7 +15,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
 from renderer.scene_file.numbers import check_float, check_integer, quoted
-from renderer.scene_file.plugins import SUPPORTED, TAG_OF_PLUGIN
+from renderer.scene_file.plugins import every_plugin, tag_of_plugin
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.spectrum_text import parse_spectrum, read_spd, spectrum_of_pairs
 from renderer.scene_file.tree import (
@@ -62,8 +62,9 @@ def _element(
     plugin = content.get("type")
     if not isinstance(plugin, str):
         raise SceneError(f'{location}: the dictionary lacks a "type"')
-    if plugin not in TAG_OF_PLUGIN:
-        supported = ", ".join(p for plugins in SUPPORTED.values() for p in plugins)
+    tag = tag_of_plugin(plugin)
+    if tag is None:
+        supported = ", ".join(every_plugin())
         raise SceneError(
             f"{location}: type {quoted(plugin)} is not supported; supported: {supported}, "
             + ", ".join(_VALUE_TYPES)
@@ -71,7 +72,7 @@ def _element(
     element_id = content.get("id", key if len(path) == 2 else "")
     if not isinstance(element_id, str):
         raise SceneError(f"{location}: the id is a {_type(element_id)}, expected a string")
-    element = Element(TAG_OF_PLUGIN[plugin], plugin, location, element_id)
+    element = Element(tag, plugin, location, element_id)
     if element_id:
         if element_id in elements:
             raise SceneError(f"{location}: id {quoted(element_id)} is taken already")

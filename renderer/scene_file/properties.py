@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.plugins import SUPPORTED
+from renderer.scene_file.plugins import supported_plugins, supported_tags
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.tree import UNNAMED, Element, Property, Vector
 
@@ -30,11 +30,11 @@ class Properties:
         self.location = element.location
         self._left = dict(element.properties)
         self._asked: dict[str, None] = {}  # an ordered set
-        supported = SUPPORTED.get(element.tag)
-        if supported is None:
+        supported = supported_plugins(element.tag)
+        if not supported:
             raise SceneError(
                 f"{self.location}: {element} is not supported: this renderer has no "
-                f"{element.tag}; supported: {', '.join(SUPPORTED)}"
+                f"{element.tag}; supported: {', '.join(supported_tags())}"
             )
         if element.plugin not in supported:
             raise SceneError(
