@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from renderer.arithmetic import cosine_direction as cosine_direction
 from renderer.arithmetic import to_world
 from renderer.bsdfs.mirror import reflect, refract
 from renderer.jit import interface, kernel

@@ -1,0 +1,43 @@
+"""A BSDF of one's own: dust as on the Moon (Lommel and Seeliger), for docs/adding-a-bsdf.md.
+
+f = albedo / (4 pi (cos_i + cos_o)): light that was scattered once by the grains of a layer.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+import renderer
+from renderer.bsdfs.kind import BsdfSample, Color, cosine_direction
+from renderer.lanes.functions import select, splat_f32
+
+INV_PI = np.float32(1.0 / np.pi)
+
+
+class Lunar(NamedTuple):
+    """Its parameters; a default is what a file that is silent about one means."""
+
+    albedo: Color = 0.3  # of a single grain
+
+
+@renderer.kernel
+def eval_pdf(lunar, wo, wi):
+    """Return f cos_i, and the density of `sample`; local frame, z is the normal."""
+    cos_i = select(wi.z > 0.0, wi.z, 0.0)
+    f_cos = lunar.albedo * (0.25 * INV_PI * cos_i / (cos_i + wo.z))
+    return f_cos, INV_PI * cos_i
+
+
+@renderer.kernel
+def sample(lunar, wo, numbers):
+    """Choose a direction by its cosine; the weight is f cos_i over the density."""
+    wi = cosine_direction(numbers.arithmetic, numbers.x, numbers.y)
+    weight = lunar.albedo * (0.25 / (wi.z + wo.z))
+    return BsdfSample(wi, weight, INV_PI * wi.z, splat_f32(1.0))
+
+
+renderer.register_bsdf(
+    "lunar", Lunar, eval_pdf=eval_pdf, sample=sample, about="dust as on the Moon"
+)
