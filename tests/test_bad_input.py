@@ -15,18 +15,20 @@ from types import SimpleNamespace
 
 import pytest
 
-from mitsuba_ref import cli, replay, worker
-from mitsuba_ref.cli import main
-from mitsuba_ref.errors import (
+from mitsuba_ref.command import cli
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.verdicts import CURRENT, VERDICTS, exit_status, most_severe
+from mitsuba_ref.reference import picture_process
+from mitsuba_ref.reference.errors import (
     MitsubaCrashed,
     MitsubaError,
     MitsubaRefused,
     MitsubaTimeout,
 )
-from mitsuba_ref.mitsuba_process import MitsubaProcess
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.verdicts import CURRENT, VERDICTS, exit_status, most_severe
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.reference.mitsuba_process import MitsubaProcess
+from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.replay import replay_scene
 from reports.results import read_results
 from tests import canned_renderers
 
@@ -37,7 +39,7 @@ RAW = "tests.raw_answers"
 @pytest.fixture(autouse=True)
 def canned_mitsuba(tmp_path, monkeypatch):
     monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(worker, "MODULE", CANNED)
+    monkeypatch.setattr(picture_process, "MODULE", CANNED)
 
 
 @pytest.fixture
@@ -147,8 +149,10 @@ def test_each_case_has_its_verdict_status_and_sentence(
 ):
     """The same words on the terminal and in results.json."""
     if mode == "replay":  # of random numbers a canned picture knows nothing
-        monkeypatch.setattr(replay, "read_file", lambda path, **values: NO_OTHER_FILES)
-        monkeypatch.setattr(replay, "_refuse_early", lambda *arguments: None)
+        monkeypatch.setattr(
+            replay_scene, "read_file", lambda path, **values: NO_OTHER_FILES
+        )
+        monkeypatch.setattr(replay_scene, "_refuse_early", lambda *arguments: None)
     if mode != "noise" or mitsuba not in BY_A_PROCESS:
         monkeypatch.setattr(cli, "MitsubaWorker", canned_renderers.InProcess)
     report = tmp_path / "report"

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitsuba_ref.comparison import compare
-from mitsuba_ref.obstacles import find_obstacle
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.comparison.compare import compare
+from mitsuba_ref.comparison.preconditions import find_obstacle
+from mitsuba_ref.records.verdicts import VERDICTS
 from tests.canned_renderers import CHANNELS, HEIGHT, WIDTH, picture, wall
 
 Damage = Callable[[np.ndarray], np.ndarray]

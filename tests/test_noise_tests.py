@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.noise import MEAN_LIMIT, mean_test, tile_test
+from mitsuba_ref.comparison.noise import MEAN_LIMIT, mean_test, tile_test
 
 SHAPE = (32, 40, 3)
 

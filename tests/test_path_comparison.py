@@ -14,7 +14,7 @@ from dataclasses import asdict, replace
 import pytest
 from rich.console import Console
 
-from mitsuba_ref.path_comparison import (
+from mitsuba_ref.replay.path_comparison import (
     CAMERA,
     TOLERANCE,
     WHOLE,
@@ -23,7 +23,7 @@ from mitsuba_ref.path_comparison import (
     first_difference,
     largest_error,
 )
-from mitsuba_ref.path_table import MARK, print_paths
+from mitsuba_ref.replay.path_table import MARK, print_paths
 from renderer.traced_path import (
     Bounce,
     LightAsked,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mitsuba_ref.proof_file import Proof, read_proof
+from mitsuba_ref.records.proof_file import Proof, read_proof
 from renderer.errors import SceneError
 from tests.mitsuba_stand_in import write_scene
 

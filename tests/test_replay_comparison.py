@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.proof_file import ReplayLimits
-from mitsuba_ref.replay import LISTED, compare_replay, relative_difference
+from mitsuba_ref.records.proof_file import ReplayLimits
+from mitsuba_ref.replay.replay_scene import LISTED, compare_replay, relative_difference
 
 
 def grey(height=50, width=40, value=0.5):

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from mitsuba_ref.results import (
+from mitsuba_ref.records.results import (
     AovResult,
     Finite,
     Ladder,
@@ -20,7 +20,7 @@ from mitsuba_ref.results import (
     to_json,
     write_results,
 )
-from mitsuba_ref.verdicts import CURRENT, exit_status
+from mitsuba_ref.records.verdicts import CURRENT, exit_status
 from reports.results import read_results
 
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import renderer
-from mitsuba_ref.cli import main
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.traced_pair import TracedPair
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.verdicts import VERDICTS
+from mitsuba_ref.replay.traced_pair import TracedPair
 from renderer.integrators.step_by_step import StepByStep
 from renderer.traced_path import TracedPath
 

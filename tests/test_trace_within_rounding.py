@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from test_path_comparison import PATH, with_bounce, with_light
 
-from mitsuba_ref.path_comparison import compare_paths, first_difference
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.traced_pair import TracedPair
-from mitsuba_ref.within_rounding import Move, rounding_sentence, smallest_move
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.replay.path_comparison import compare_paths, first_difference
+from mitsuba_ref.replay.traced_pair import TracedPair
+from mitsuba_ref.replay.within_rounding import Move, rounding_sentence, smallest_move
 from renderer.integrators.step_by_step import Moved
 from renderer.traced_path import TracedPath
 

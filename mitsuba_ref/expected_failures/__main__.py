@@ -17,9 +17,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from mitsuba_ref import machine
 from mitsuba_ref.expected_failures.register import REGISTER, Band, Outcome, check
-from mitsuba_ref.results import write_atomically
+from mitsuba_ref.records import machine
+from mitsuba_ref.records.results import write_atomically
 
 SCHEMA = 1
 ALARM = 1

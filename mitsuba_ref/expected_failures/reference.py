@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mitsuba_ref.expected_failures.cost import ball_mesh
-from mitsuba_ref.variant import load_mitsuba
+from mitsuba_ref.reference.variant import load_mitsuba
 
 RAYS = 4096
 

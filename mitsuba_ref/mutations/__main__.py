@@ -13,12 +13,12 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from mitsuba_ref import machine
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.mutations.catalogue import named
+from mitsuba_ref.mutations.defects.catalogue import named
 from mitsuba_ref.mutations.matrix import Row, try_all, write_matrix
 from mitsuba_ref.mutations.rungs import CLIMB, Rung
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.records import machine
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.picture_process import MitsubaWorker
 
 WHOLE = Path("reports/out/data")
 """Where the page "proof" looks."""

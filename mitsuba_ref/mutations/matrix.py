@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.mutations.climbing import ladder
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
 from mitsuba_ref.mutations.mutation import Mutation
@@ -24,9 +23,10 @@ from mitsuba_ref.mutations.rungs import (
     comparison,
     replay,
 )
-from mitsuba_ref.reference import Reference
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import write_atomically
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import write_atomically
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.render import Reference
 
 CHECKS: tuple[Check, ...] = (comparison, replay, ladder)
 """All that a mutant is shown to, from cheap to dear; unit tests come after them."""

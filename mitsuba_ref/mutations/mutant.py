@@ -1,8 +1,7 @@
 """A mutant: our renderer with a mutation, in a process of its own with a time limit.
 
-`Mutant.render` has the form of `mitsuba_ref.ours.render_ours`, so that every check of the
-harness takes a mutant in the renderer's place. `Mutant.run_tests` runs tests of the suite
-on it.
+`Mutant.render` has the form of `render_ours`, so that every check of the harness takes a
+mutant in the renderer's place. `Mutant.run_tests` runs tests of the suite on it.
 """
 
 from __future__ import annotations
@@ -24,8 +23,8 @@ from typing import Any, Self
 import numpy as np
 
 from mitsuba_ref.mutations.mutation import Mutation, mutant_folder
-from mitsuba_ref.ours import OurPicture
-from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.our_renderer.picture import OurPicture
+from mitsuba_ref.records.request import RenderRequest
 from renderer.errors import NotReplayable, SceneError
 
 TIME_LIMIT = 240.0
@@ -96,7 +95,7 @@ class Mutant:
         self._answers.cleanup()
 
     def render(self, request: RenderRequest) -> OurPicture:
-        """Render as `mitsuba_ref.ours.render_ours` does, with the defect.
+        """Render as `our_renderer.picture.render_ours` does, with the defect.
 
         Raises
         ------

@@ -28,8 +28,8 @@ def serve() -> None:
 
 def _answer(question: dict[str, Any]) -> dict[str, Any]:
     import renderer
-    from mitsuba_ref.ours import render_ours
-    from mitsuba_ref.request import RenderRequest
+    from mitsuba_ref.our_renderer.picture import render_ours
+    from mitsuba_ref.records.request import RenderRequest
 
     if Path(renderer.__file__).resolve().parents[1] != Path.cwd().resolve():
         raise RuntimeError(f"{renderer.__file__} is not the mutant of {Path.cwd()}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_ref.metrics import TILE, tile_means
+from mitsuba_ref.metrics.distances import TILE, tile_means
 from mitsuba_ref.statistics.samples import Floats
 from mitsuba_ref.statistics.welch import FamilyTest, family_test, welch
 
