@@ -17,8 +17,9 @@ from mitsuba_ref.false_alarms.binomial import rate
 from mitsuba_ref.ladder.climb import FALSE_ALARMS, climb
 from mitsuba_ref.ladder.evidence_maps import evidence
 from mitsuba_ref.ladder.pictures_by_seed import judged, with_rungs
+from mitsuba_ref.records.json_files import to_json
 from mitsuba_ref.records.options import Options
-from mitsuba_ref.records.results import Results, SceneResult, to_json
+from mitsuba_ref.records.results import Results, SceneResult
 from mitsuba_ref.reference.cache import ReferenceCache, write_entry
 from mitsuba_ref.reference.render import render_reference
 

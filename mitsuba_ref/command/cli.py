@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 import io
-import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +19,10 @@ from mitsuba_ref.ladder.climb import FEWEST_SEEDS
 from mitsuba_ref.our_renderer.compile_ahead import compile_kernels, kernel_requests
 from mitsuba_ref.our_renderer.picture import RenderOurs, render_ours
 from mitsuba_ref.records import machine
+from mitsuba_ref.records.json_files import write_atomically, write_json
 from mitsuba_ref.records.options import Options, scene_name
 from mitsuba_ref.records.request import MIN_THREADS, TIME_LIMIT
-from mitsuba_ref.records.results import (
-    Results,
-    SceneResult,
-    write_atomically,
-    write_results,
-)
+from mitsuba_ref.records.results import Results, SceneResult
 from mitsuba_ref.records.verdicts import exit_status, statuses_in_words
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
@@ -107,17 +101,8 @@ def _finish(results: list[SceneResult], given: list[str], report: Path | None) -
     print_table(results, output)
     if report is not None and results:
         path = report / "results.json"
-        write_results(
-            Results(
-                created=datetime.now(UTC).isoformat(timespec="seconds"),
-                command=shlex.join(["python", "-m", "mitsuba_ref", *given]),
-                machine=machine.describe_machine(),
-                versions=machine.installed_versions(),
-                commit=machine.current_commit(),
-                scenes=tuple(results),
-            ),
-            path,
-        )
+        circumstances = machine.circumstances("mitsuba_ref", given)
+        write_json(Results(**circumstances, scenes=tuple(results)), path)
         output.print(f"wrote {path}", markup=False, soft_wrap=True)
 
 

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import json
-import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -23,7 +19,7 @@ from mitsuba_ref.false_alarms.binomial import Rate
 from mitsuba_ref.false_alarms.measure import measure, measure_convergence_alarms
 from mitsuba_ref.ladder.climb import FEWEST_SEEDS
 from mitsuba_ref.records import machine
-from mitsuba_ref.records.results import finite_or_null, write_atomically
+from mitsuba_ref.records.json_files import write_json
 
 RECORD = Path("reports/out/data/false_alarms.json")
 """Where the page "proof" looks."""
@@ -75,18 +71,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for comparison in measured:
         print_alarms(comparison, output)
     content = {
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": shlex.join(["python", "-m", "mitsuba_ref.false_alarms", *words]),
-        "machine": machine.describe_machine(),
-        "versions": machine.installed_versions(),
-        "commit": machine.current_commit(),
+        **machine.circumstances("mitsuba_ref.false_alarms", words),
         "pairs": given.pairs,
-        "comparisons": [asdict(comparison) for comparison in measured],
+        "comparisons": measured,
     }
-    write_atomically(
-        given.out,
-        (json.dumps(finite_or_null(content), indent=1, allow_nan=False) + "\n").encode(),
-    )
+    write_json(content, given.out)
     output.print(f"wrote {given.out}", markup=False, soft_wrap=True)
     return int(any(exceeds(comparison) for comparison in measured))
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+import shlex
 import subprocess
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,23 @@ DISTRIBUTIONS = (
     "colour-science",
     "embreex",
 )
+
+
+def circumstances(module: str, words: Sequence[str]) -> dict[str, Any]:
+    """Return what every record says first: when, by which command, where, with what.
+
+    Parameters
+    ----------
+    module, words
+        Of the command `python -m module words...`.
+    """
+    return {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": shlex.join(["python", "-m", module, *words]),
+        "machine": describe_machine(),
+        "versions": installed_versions(),
+        "commit": current_commit(),
+    }
 
 
 def describe_machine() -> dict[str, Any]:

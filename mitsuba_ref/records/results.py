@@ -1,24 +1,19 @@
 """results.json, schema 1: the records that the harness writes and the report reads.
 
-The fields of the records are the keys of the file, in order. Numbers are finite or null:
-JSON has no NaN, and a value that could not be measured is null. Files of older versions
-have the verdicts "pass", "fail" and "error" alone.
+The fields of the records are the keys of the file, in order (`json_files` reads and writes
+it). Numbers are finite or null: a value that could not be measured is null. Files of older
+versions have the verdicts "pass", "fail" and "error" alone.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import math
-import os
-import tempfile
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from mitsuba_ref.records.verdicts import Verdict
 
-SCHEMA = 1
+SCHEMA: Literal[1] = 1
 
 
 @dataclass(frozen=True)
@@ -99,7 +94,7 @@ class ReplayResult:
 
 @dataclass(frozen=True)
 class Rung:
-    """One test of the ladder (`ladder_of_tests`), and what it was able to see."""
+    """One test of the ladder (`mitsuba_ref.ladder`), and what it was able to see."""
 
     name: str
     passed: bool
@@ -174,46 +169,10 @@ class SceneResult:
 class Results:
     """One run of the harness."""
 
+    schema: Literal[1] = SCHEMA
     created: str  # ISO 8601
     command: str
     machine: dict[str, Any]
     versions: dict[str, str]
     commit: str  # "-dirty" at the end if the work tree differs
     scenes: tuple[SceneResult, ...]
-
-
-def to_json(results: Results) -> str:
-    """Return the text of results.json."""
-    fields = {"schema": SCHEMA, **dataclasses.asdict(results)}
-    return json.dumps(finite_or_null(fields), indent=1, allow_nan=False) + "\n"
-
-
-def write_results(results: Results, path: Path) -> None:
-    """Write results.json in one step; a reader never sees half of it."""
-    write_atomically(path, to_json(results).encode())
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name beside it, then rename it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        # Temporary files are for the owner alone; a result is for everyone.
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def finite_or_null(value: Any) -> Any:
-    """Return what JSON can hold: numbers that are not finite become null."""
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: finite_or_null(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite_or_null(item) for item in value]
-    return value

@@ -13,12 +13,13 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mitsuba_ref.records.json_files import from_json, to_json
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
@@ -109,19 +110,30 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     return digest.hexdigest()[:32]
 
 
+@dataclass(frozen=True)
+class EntryFacts:
+    """What an entry holds beside its arrays; see `Reference`."""
+
+    seconds: float
+    threads: int
+    spp: int
+    integrator: str
+    changes: tuple[str, ...]
+
+
 def write_entry(reference: Reference, path: Path) -> None:
     """Write an entry under another name, then move it: there is no half-written entry."""
-    facts = {
-        "seconds": reference.seconds,
-        "threads": reference.threads,
-        "spp": reference.spp,
-        "integrator": reference.integrator,
-        "changes": list(reference.changes),
-    }
+    facts = EntryFacts(
+        reference.seconds,
+        reference.threads,
+        reference.spp,
+        reference.integrator,
+        reference.changes,
+    )
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as stream:
-            entry: dict[str, Any] = {"facts": np.array(json.dumps(facts))}
+            entry: dict[str, Any] = {"facts": np.array(to_json(facts).decode())}
             for name, array in reference.arrays.items():
                 entry[f"array_{name}"] = array
             np.savez(stream, **entry)
@@ -136,19 +148,12 @@ def read_entry(path: Path) -> Reference | None:
     try:
         # Opened here, because NumPy leaves a damaged file open.
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as entry:
-            facts = json.loads(str(entry["facts"]))
+            facts = from_json(str(entry["facts"]), EntryFacts)
             arrays = {
                 name.removeprefix("array_"): entry[name]
                 for name in entry.files
                 if name != "facts"
             }
-        return Reference(
-            arrays=arrays,
-            seconds=float(facts["seconds"]),
-            threads=int(facts["threads"]),
-            spp=int(facts["spp"]),
-            integrator=str(facts["integrator"]),
-            changes=tuple(facts["changes"]),
-        )
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return Reference(arrays=arrays, **vars(facts))
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
