@@ -18,7 +18,7 @@ from rich.console import Console
 
 import renderer
 from mitsuba_ref.records import machine
-from mitsuba_ref.records.results import write_atomically
+from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba

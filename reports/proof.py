@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from mitsuba_ref.ladder.climb import FEWEST_SEEDS
-from mitsuba_ref.records.results import write_atomically
+from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.cli import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.errors import ReportError
