@@ -22,7 +22,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import write_entry
 from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
 from mitsuba_ref.reference.errors import MitsubaRefused
-from mitsuba_ref.reference.mitsuba_process import Answerer, answer_requests
+from mitsuba_ref.reference.json_process import Answerer, answer_requests
 from mitsuba_ref.reference.render import Reference
 from renderer.errors import SceneError
 

@@ -26,7 +26,7 @@ from mitsuba_ref.reference.errors import (
     MitsubaRefused,
     MitsubaTimeout,
 )
-from mitsuba_ref.reference.mitsuba_process import MitsubaProcess
+from mitsuba_ref.reference.json_process import JsonProcess
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from mitsuba_ref.replay import replay_scene
 from reports.results import read_results
@@ -149,9 +149,7 @@ def test_each_case_has_its_verdict_status_and_sentence(
 ):
     """The same words on the terminal and in results.json."""
     if mode == "replay":  # of random numbers a canned picture knows nothing
-        monkeypatch.setattr(
-            replay_scene, "read_file", lambda path, **values: NO_OTHER_FILES
-        )
+        monkeypatch.setattr(replay_scene, "read_scene", lambda request: NO_OTHER_FILES)
         monkeypatch.setattr(replay_scene, "_refuse_early", lambda *arguments: None)
     if mode != "noise" or mitsuba not in BY_A_PROCESS:
         monkeypatch.setattr(cli, "MitsubaWorker", canned_renderers.InProcess)
@@ -201,7 +199,7 @@ def test_a_hanging_mitsuba_is_gone_afterwards(write, tmp_path):
 
 def test_the_last_words_are_those_of_this_request(write, tmp_path):
     """An error that Mitsuba printed for an earlier scene is not the cause of a crash."""
-    with MitsubaProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
+    with JsonProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
         mitsuba._errors.write(b"error: of an earlier scene\n")
         mitsuba._errors.flush()
         request = RenderRequest(str(write("leaves", mitsuba="leave")))
@@ -222,7 +220,7 @@ def test_the_last_words_are_those_of_this_request(write, tmp_path):
 def test_an_answer_that_is_none_is_an_error(raw, kind, words):
     job = {"raw": raw, "seconds": 0}
     with pytest.raises(MitsubaError, match=words) as caught:
-        MitsubaProcess(RAW, job, name="Mitsuba", time_limit=60.0)
+        JsonProcess(RAW, job, name="Mitsuba", time_limit=60.0)
     assert type(caught.value) is kind
 
 
@@ -230,13 +228,13 @@ def test_a_process_that_hangs_in_the_middle_of_a_line_is_ended():
     job = {"raw": '{"half', "seconds": 3600}
     start = time.monotonic()
     with pytest.raises(MitsubaTimeout):
-        MitsubaProcess(RAW, job, name="Mitsuba", time_limit=1.5)
+        JsonProcess(RAW, job, name="Mitsuba", time_limit=1.5)
     assert time.monotonic() - start < 60.0
 
 
 def test_a_stopped_process_is_ended_too(write, tmp_path):
     """SIGSTOP leaves a process alive that does nothing: the time limit still holds."""
-    with MitsubaProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
+    with JsonProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
         os.kill(mitsuba._process.pid, signal.SIGSTOP)
         mitsuba.time_limit = 0.2
         with pytest.raises(MitsubaTimeout):

@@ -1,6 +1,6 @@
 """Two paths side by side: hand-made records, and the first difference between them.
 
-The path of all tests: the camera sees shape 3, which asks the light on shape 1 and sends
+The path of all tests: the camera sees shape 3, which samples the light on shape 1 and sends
 the path on to shape 2, from where it leaves the scene. Each test changes one thing and
 expects its name, bounce and kind.
 """

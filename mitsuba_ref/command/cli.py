@@ -154,6 +154,7 @@ def _options(given: argparse.Namespace) -> Options:
         causes=given.causes,
         time_limit=given.time_limit,
         seeds=given.seeds,
+        plugins=given.plugins,
         convergence=given.convergence,
     )
 
@@ -225,6 +226,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="trace N pixels that diverged in a replay and say where the paths part",
     )
+    add(
+        "--plugins",
+        type=_file,
+        metavar="FILE.py",
+        help="import this file in both renderers; its register_mitsuba() registers the "
+        "Mitsuba side of your plugins",
+    )
     add("--ladder", action="store_true", help="measure speed against accuracy too")
     add(
         "--time-limit",
@@ -265,6 +273,13 @@ def _seed(text: str) -> int:
     if not 0 <= value < 2**32:
         raise argparse.ArgumentTypeError(f"{value}: must be in [0, 2^32)")
     return value
+
+
+def _file(text: str) -> Path:
+    path = Path(text)
+    if not (path.is_file() and path.suffix == ".py"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a Python file, NAME.py")
+    return path
 
 
 def _definition(text: str) -> tuple[str, str]:

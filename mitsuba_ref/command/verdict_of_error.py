@@ -46,7 +46,7 @@ class Stopped:
 
 
 def stopped_by(error: Exception, stage: str) -> Stopped:
-    """Return what an exception means; one that nobody announced is a bug on our side.
+    """Return what an exception means; any other exception is a bug on our side.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def with_the_other_side(
     """Ask Mitsuba too, after our refusal.
 
     It is asked for one sample per pixel of the picture as the file has it: to load a scene
-    is not to render it. Nothing is kept: without our reading of the scene nobody knows its
-    files.
+    is not to render it. Nothing is kept: without our reading of the scene its files are not
+    known.
     """
     asked = replace(request, kind="image", spp=1, box_filter=False)
     try:
@@ -89,7 +89,7 @@ def with_the_other_side(
 
 
 def bad_request(error: SceneError) -> Stopped:
-    """Return what a wrong proof.toml or -D means: nobody was asked."""
+    """Return what a wrong proof.toml or -D means: nothing was rendered."""
     return Stopped("bad-request", (_one_line(error),))
 
 

@@ -8,11 +8,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.noise import WORST_TILE_LIMIT, mean_test, tile_test
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.records.results import Metric
+from mitsuba_ref.statistics.one_picture import BiasTest, bias_tests
 
 Array = NDArray[np.float32]
+Distance = Callable[[Array, Array], float]
 
 NOISY_RMSE_FACTOR = 1.25
 """Of the noise floor, where a scene's proof.toml says nothing."""
@@ -30,62 +31,32 @@ def judge_with_noise(
     factor
         How much larger than its floor the RMSE may be.
     """
-    count = len(references)
-    pairs = list(itertools.combinations(references, 2))
 
-    def pooled(
-        function: Callable[[Array, Array], float], pictures: Sequence[tuple[Array, Array]]
-    ) -> float:
-        squares = [function(a, b) ** 2 for a, b in pictures]
-        return float(np.sqrt(np.mean(squares)))
+    def beside_floor(distance: Distance, what: str, factor: float | None = None) -> Metric:
+        return _beside_floor(distance, what, ours, references, factor)
 
-    def against_floor(
-        function: Callable[[Array, Array], float], what: str, factor: float | None = None
-    ) -> Metric:
-        value = pooled(function, [(ours, reference) for reference in references])
-        floor = pooled(function, pairs)
-        meaning = (
-            f"{what} to {count} Mitsuba pictures, root mean square; floor: the same "
-            "among those"
-        )
-        if factor is None:
-            return Metric(value, floor, None, None, meaning)
-        limit = factor * floor
-        meaning += f"; at most {factor:g} times the floor"
-        return Metric(value, floor, limit, value <= limit, meaning)
-
-    mean = mean_test(ours, references)
-    tiles = tile_test(ours, references)
+    tests = bias_tests(ours, references)
     return {
-        "rmse": against_floor(distances.rmse, "distance", factor),
-        "trimmed_rmse": against_floor(
+        "rmse": beside_floor(distances.rmse, "distance", factor),
+        "trimmed_rmse": beside_floor(
             distances.trimmed_rmse,
             "distance without the worst 0.1 % of the values",
             # What makes a plain RMSE wander is left out, whatever the scene.
             NOISY_RMSE_FACTOR,
         ),
-        "tile_rmse": against_floor(distances.tile_rmse, "distance of 8 x 8 tile means"),
-        "tile_bias": Metric(
-            tiles.statistic,
-            1.0,
-            tiles.limit,
-            tiles.passed,
-            f"distance of {tiles.tiles} tile means in units of their own noise, worst of "
-            "three channels; at most one false alarm in 10,000 for each channel",
+        "tile_rmse": beside_floor(distances.tile_rmse, "distance of 8 x 8 tile means"),
+        "tile_bias": _judged(
+            tests.tiles,
+            f"distance of {tests.tile_count} tile means in units of their own noise, worst "
+            "of three channels; at most one false alarm in 10,000 for each channel",
         ),
-        "worst_tile": Metric(
-            tiles.worst,
-            None,
-            WORST_TILE_LIMIT,
-            tiles.worst_passed,
+        "worst_tile": _judged(
+            tests.worst_tile,
             "largest distance of a single tile's mean, in units of its own noise; 5.3 was "
             "the largest in 18,000 simulated pictures without a bias",
         ),
-        "mean_difference": Metric(
-            mean.difference,
-            mean.standard_error,
-            mean.limit,
-            mean.passed,
+        "mean_difference": _judged(
+            tests.mean,
             "relative difference of the picture means; floor: one standard error; at most "
             "4.5 of them: one false alarm in 50,000 pictures of ordinary noise",
         ),
@@ -103,13 +74,34 @@ def compare_filtered(ours: Array, references: Sequence[Array]) -> Metric:
     ours, references
         As `compare` takes them, finite.
     """
-    pooled = [distances.rmse(ours, reference) for reference in references]
-    value = float(np.sqrt(np.mean(np.square(pooled))))
-    pairs = [distances.rmse(a, b) for a, b in itertools.combinations(references, 2)]
-    floor = float(np.sqrt(np.mean(np.square(pairs))))
-    limit = NOISY_RMSE_FACTOR * floor
+    what = "distance, with the file's own filter on both sides,"
+    return _beside_floor(distances.rmse, what, ours, references, NOISY_RMSE_FACTOR)
+
+
+def _beside_floor(
+    distance: Distance,
+    what: str,
+    ours: Array,
+    references: Sequence[Array],
+    factor: float | None,
+) -> Metric:
+    """Return a distance to Mitsuba's pictures beside the same among those."""
+
+    def pooled(pairs: Sequence[tuple[Array, Array]]) -> float:
+        return float(np.sqrt(np.mean([distance(a, b) ** 2 for a, b in pairs])))
+
+    value = pooled([(ours, reference) for reference in references])
+    floor = pooled(list(itertools.combinations(references, 2)))
     meaning = (
-        f"distance to {len(references)} Mitsuba pictures, all made with the file's own "
-        f"filter; floor: the same among those; at most {NOISY_RMSE_FACTOR:g} times that"
+        f"{what} to {len(references)} Mitsuba pictures, root mean square; floor: the same "
+        "among those"
     )
+    if factor is None:
+        return Metric(value, floor, None, None, meaning)
+    limit = factor * floor
+    meaning += f"; at most {factor:g} times the floor"
     return Metric(value, floor, limit, value <= limit, meaning)
+
+
+def _judged(test: BiasTest, meaning: str) -> Metric:
+    return Metric(test.value, test.floor, test.limit, test.passed, meaning)

@@ -14,7 +14,6 @@ from mitsuba_ref.records.results import Rung
 from mitsuba_ref.statistics import power
 from mitsuba_ref.statistics.convergence import FALSE_ALARMS, INDEPENDENT, Convergence
 from mitsuba_ref.statistics.floors import floor_tests
-from mitsuba_ref.statistics.image_mean import mean_test
 from mitsuba_ref.statistics.noise_free_mse import (
     CONFIDENCE,
     noise_free_mse,
@@ -27,9 +26,14 @@ from mitsuba_ref.statistics.registration import (
     picture_shift,
 )
 from mitsuba_ref.statistics.samples import Floats
-from mitsuba_ref.statistics.tiles import tile_test
 from mitsuba_ref.statistics.uniformity import uniformity_test
-from mitsuba_ref.statistics.welch import FamilyTest, critical_t, pixel_test
+from mitsuba_ref.statistics.welch import (
+    FamilyTest,
+    critical_t,
+    mean_test,
+    pixel_test,
+    tile_test,
+)
 
 
 def registration(

@@ -130,7 +130,8 @@ def _feed(
 
 def _stamp(request: RenderRequest) -> Path:
     digest = hashlib.sha256(json.dumps(asdict(request), sort_keys=True).encode())
-    digest.update(Path(request.path).read_bytes())
+    for file in filter(None, (request.path, request.plugins)):
+        digest.update(Path(file).read_bytes())
     digest.update(Path(__file__).with_name("picture.py").read_bytes())
     return KERNEL_CACHE / "warm" / digest.hexdigest()[:32]
 

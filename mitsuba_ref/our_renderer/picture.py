@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_ref.records.plugin_file import import_plugin_file
 from mitsuba_ref.records.request import RenderRequest
 from renderer.scene_file.description import (
     AOV_KINDS,
@@ -56,10 +57,9 @@ def render_ours(request: RenderRequest) -> OurPicture:
     """
     import renderer
     from renderer.scene import build_scene
-    from renderer.scene_file import read_file
 
     wants_aovs = request.kind == "aovs"
-    description = read_file(Path(request.path), **request.parameters)
+    description = read_scene(request)
     edited = edit_description(
         description,
         box_filter=request.box_filter or wants_aovs,
@@ -87,6 +87,21 @@ def render_ours(request: RenderRequest) -> OurPicture:
         method=_method(image.explain),
         explain=image.explain,
     )
+
+
+def read_scene(request: RenderRequest) -> SceneDescription:
+    """Read the scene of a request, with the user's plugins known.
+
+    Raises
+    ------
+    SceneError
+        When the scene or the file of plugins cannot be read.
+    """
+    from renderer.scene_file import read_file
+
+    if request.plugins is not None:
+        import_plugin_file(request.plugins)
+    return read_file(Path(request.path), **request.parameters)
 
 
 def _method(explanation: str) -> str:

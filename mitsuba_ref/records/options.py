@@ -27,6 +27,7 @@ class Options:
     causes: int = 0  # divergent pixels of a replay to be traced
     time_limit: float = TIME_LIMIT  # seconds for one answer of Mitsuba to a trace
     seeds: int = 1  # pictures of each renderer for the ladder of tests; 1: not climbed
+    plugins: Path | None = None  # a Python file of the user's (`plugin_file`)
     convergence: bool = False  # with the rungs that need pictures at many sample counts
 
     @property
@@ -59,6 +60,7 @@ def scene_request(path: Path, proof: Proof, options: Options) -> RenderRequest:
         seed=options.seed,
         threads=options.workers,
         box_filter=not proof.deterministic,
+        plugins=str(options.plugins.resolve()) if options.plugins else None,
     )
 
 

@@ -25,6 +25,7 @@ class RenderRequest:
     threads: int | None = None  # None: one for each core
     box_filter: bool = False  # instead of the file's filter
     independent: bool = False  # the sampler `independent` instead of the file's
+    plugins: str | None = None  # a Python file of the user's (`plugin_file`)
     replay: bool = False  # both sides draw the same random numbers
     # our side of a replay: what Mitsuba has in its camera's matrix (Reference.arrays)
     camera: tuple[float, ...] | None = None

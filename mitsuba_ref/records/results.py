@@ -69,7 +69,7 @@ class DivergentPixel:
     ours: tuple[float, ...]  # linear sRGB
     reference: tuple[float, ...]
     relative: float  # difference
-    cause: str = ""  # where the first path parted and why; empty: nobody looked
+    cause: str = ""  # where the first path parted and why; empty: not traced
 
 
 @dataclass(frozen=True, kw_only=True)

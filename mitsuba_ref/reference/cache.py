@@ -29,7 +29,7 @@ from renderer.replay.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
-SOURCES = ("edited_scene.py", "render.py", "variant.py", "whitted.py")
+SOURCES = ("edited_scene.py", "render.py", "user_plugins.py", "variant.py", "whitted.py")
 
 RenderFunction = Callable[[RenderRequest, Path], None]
 """Renders a request and writes the entry to the path (see `write_entry`)."""
@@ -94,13 +94,14 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     digest = hashlib.sha256()
     # Of the paths only the file names count: a clone elsewhere finds the same entry.
     wanted = {**asdict(request), "path": Path(request.path).name}
-    del wanted["threads"]
+    del wanted["threads"], wanted["plugins"]
     digest.update(json.dumps(wanted, sort_keys=True).encode())
     contents = (*AOV_KINDS, str(ENTRIES))
     for made_by in (mitsuba_version(), drjit_version(), *contents):
         digest.update(f"\0{made_by}\0".encode())
     here = Path(__file__).parent
-    named = sorted({Path(file).resolve() for file in [request.path, *files]})
+    own = [request.path, *([request.plugins] if request.plugins else [])]
+    named = sorted({Path(file).resolve() for file in [*own, *files]})
     for file in [here / source for source in SOURCES] + named:
         digest.update(f"\0{file.name}\0".encode())
         try:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mitsuba_ref.reference.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.replay.pixel_seeds import BLOCK_SIZE
 
@@ -36,6 +37,7 @@ def load_edited_scene(
     keep_shapes_apart: bool = False,
     fixed_blocks: bool = False,
     independent_samples: bool = False,
+    plugins: str | None = None,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
 
@@ -56,8 +58,12 @@ def load_edited_scene(
         which random numbers a pixel gets follows from them.
     independent_samples
         Replace the sampler by `independent`.
+    plugins
+        A Python file that registers plugins of the user's (`user_plugins`).
     """
     mi = load_mitsuba()
+    if plugins is not None:
+        register_user_plugins(plugins)
     config = mi.parser.ParserConfig(VARIANT)
     changes = ["film in float32", "Embree's robust intersections"]
     if keep_shapes_apart:

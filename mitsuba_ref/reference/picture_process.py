@@ -13,7 +13,7 @@ from typing import Any, Self
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.cache import write_entry
 from mitsuba_ref.reference.errors import MitsubaRefused
-from mitsuba_ref.reference.mitsuba_process import Answerer, MitsubaProcess, answer_requests
+from mitsuba_ref.reference.json_process import Answerer, JsonProcess, answer_requests
 from mitsuba_ref.reference.render import render_reference
 
 MODULE = "mitsuba_ref.reference.picture_process"
@@ -25,7 +25,7 @@ class MitsubaWorker:
 
     def __init__(self, time_limit: float = TIME_LIMIT) -> None:
         self.time_limit = time_limit
-        self._process: MitsubaProcess | None = None
+        self._process: JsonProcess | None = None
 
     def __enter__(self) -> Self:
         """Return the worker itself."""
@@ -51,7 +51,7 @@ class MitsubaWorker:
             When our own code beside Mitsuba failed.
         """
         if self._process is None:
-            self._process = MitsubaProcess(
+            self._process = JsonProcess(
                 MODULE, {}, name="Mitsuba", time_limit=self.time_limit
             )
         self._process.time_limit = self.time_limit

@@ -63,6 +63,7 @@ def render_reference(request: RenderRequest) -> Reference:
             keep_shapes_apart=wants_aovs or request.replay,
             fixed_blocks=request.replay,
             independent_samples=request.independent,
+            plugins=request.plugins,
         )
         scene = edited.scene
         integrator = _aov_integrator(mi) if wants_aovs else scene.integrator()

@@ -14,7 +14,7 @@ from typing import Any
 
 from mitsuba_ref.records.request import TIME_LIMIT
 from mitsuba_ref.reference.errors import MitsubaError
-from mitsuba_ref.reference.mitsuba_process import Answerer, MitsubaProcess, answer_requests
+from mitsuba_ref.reference.json_process import Answerer, JsonProcess, answer_requests
 
 __all__ = ["Answerer", "VariantProcess", "answer_requests", "find_llvm"]
 
@@ -31,7 +31,7 @@ LLVM_FOLDERS = (
 LLVM_MAJORS = range(16, 20)
 
 
-class VariantProcess(MitsubaProcess):
+class VariantProcess(JsonProcess):
     """Runs `python -m MODULE` for one variant; a context manager.
 
     Parameters
@@ -89,7 +89,7 @@ def find_llvm(folders: Sequence[str] = LLVM_FOLDERS) -> Path | None:
 
 
 def _environment(variant: str) -> dict[str, str]:
-    """Return where Mitsuba finds LLVM, if the variant needs it and nobody has said so."""
+    """Return where Mitsuba finds LLVM, unless the environment does."""
     if not variant.startswith("llvm") or "DRJIT_LIBLLVM_PATH" in os.environ:
         return {}
     library = find_llvm()

@@ -22,7 +22,7 @@ class Method:
     roulette_depth: int | None  # None: draws no number for it
     hide_emitters: bool
     light_samples: int = 1
-    bsdf_samples: int = 1  # 0: the path ends where the lights were asked
+    bsdf_samples: int = 1  # 0: the path ends where the lights were sampled
     share: bool = False  # whether densities count by their share of all samples
     point_first: bool = False  # the BSDF's point is drawn before its single number
 

@@ -160,8 +160,8 @@ class MitsubaTracer:
         smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
         names = [light_number(k) for k in range(method.light_samples if smooth else 0)]
         points = [numbers.two(name) for name in names]  # drawn even without a light
-        asked = points if self._light_names else []
-        lights = tuple(self._ask_light(state, si, bsdf, point) for point in asked)
+        drawn = points if self._light_names else []
+        lights = tuple(self._sample_light(state, si, bsdf, point) for point in drawn)
         if method.bsdf_samples == 0:
             state.active = False
             return lights, None
@@ -186,25 +186,25 @@ class MitsubaTracer:
         number = numbers.one("bsdf")
         return number, numbers.two("bsdf")
 
-    def _ask_light(self, state: PathState, si: Any, bsdf: Any, point: Any) -> LightAsked:
+    def _sample_light(self, state: PathState, si: Any, bsdf: Any, point: Any) -> LightAsked:
         mi, scene = self._mi, self._scene
         seen, weight = scene.sample_emitter_direction(si, point, True, True)
-        asked, unblocked = scene.sample_emitter_direction(si, point, False, True)
-        wo = si.to_local(asked.d)
+        sampled, unblocked = scene.sample_emitter_direction(si, point, False, True)
+        wo = si.to_local(sampled.d)
         value, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, wo, True)
-        mis = 1.0 if asked.delta else self.method.light_weight(asked.pdf, bsdf_pdf)
+        mis = 1.0 if sampled.delta else self.method.light_weight(sampled.pdf, bsdf_pdf)
         carried = state.throughput * (value * unblocked * mis)
         if seen.pdf != 0.0:
             state.add(value * weight * mis)
         blocked = None
-        if asked.pdf != 0.0 and any(vector(carried)):
+        if sampled.pdf != 0.0 and any(vector(carried)):
             blocked = not any(vector(weight))
-        far = mi.has_flag(asked.emitter.flags(), mi.EmitterFlags.Infinite)
+        far = mi.has_flag(sampled.emitter.flags(), mi.EmitterFlags.Infinite)
         return LightAsked(
-            light=self._light_names.get(asked.emitter, "?"),
-            direction=vector(asked.d),
-            distance=math.inf if far else float(asked.dist),
-            pdf=0.0 if asked.delta else float(asked.pdf),
+            light=self._light_names.get(sampled.emitter, "?"),
+            direction=vector(sampled.d),
+            distance=math.inf if far else float(sampled.dist),
+            pdf=0.0 if sampled.delta else float(sampled.pdf),
             weight=vector(unblocked),
             carried=vector(carried),
             blocked=blocked,
@@ -229,7 +229,11 @@ def _light_names(scene: Any) -> dict[Any, str]:
 def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
     """Load the job's scene; return the camera's entries and what traces each request."""
     edited = load_edited_scene(
-        Path(job["path"]), job["parameters"], box_filter=True, keep_shapes_apart=True
+        Path(job["path"]),
+        job["parameters"],
+        box_filter=True,
+        keep_shapes_apart=True,
+        plugins=job["plugins"],
     )
     sensor = edited.scene.sensors()[0]
     tracer = MitsubaTracer(edited.scene, job["spp"] or sensor.sampler().sample_count())

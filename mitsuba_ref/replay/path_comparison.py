@@ -41,7 +41,7 @@ T = TypeVar("T")
 MEANINGS: dict[Kind, str] = {
     "random numbers": "the two draw other random numbers (order, seed or sampler)",
     "hit": "another primitive is hit (a ray beside an edge, or a wrong shape)",
-    "light choice": "another light is asked (the choice, or the order of the lights)",
+    "light choice": "another light is sampled (the choice, or the order of the lights)",
     "shadow": "a shadow decision (a ray beside an edge, or a wrong ray)",
     "roulette": "Russian roulette decides otherwise (its probability, or its depth)",
     "end": "the path goes on in one of the two only (the depth limit, or a black weight)",
@@ -229,7 +229,7 @@ def _light(
     names = (None if x is None else x.light for x in (a, b))
     chosen = _decision(number, "light", *names, kind="light choice")
     dark = not any(any(x.carried) for x in (a, b) if x is not None)
-    if a is None or b is None:  # nobody need ask on the black side of a surface
+    if a is None or b is None:  # no shadow ray from the black side of a surface
         yield _uncompared(chosen) if dark else chosen
         return
     yield chosen

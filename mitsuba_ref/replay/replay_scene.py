@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.comparison.preconditions import find_obstacle
-from mitsuba_ref.our_renderer.picture import RenderOurs
+from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.records.results import DivergentPixel, ReplayResult
@@ -26,7 +25,6 @@ from renderer.errors import NotReplayable
 from renderer.kernel_inputs import replay_sampler
 from renderer.plan import make_plan
 from renderer.scene import build_scene
-from renderer.scene_file import read_file
 from renderer.scene_file.description import SceneDescription
 
 Array = NDArray[np.float32]
@@ -77,7 +75,7 @@ def replay_scene(
     if "spp" in parameters:
         parameters = parameters | {"spp": str(spp)}
     request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
-    description = read_file(Path(request.path), **request.parameters)
+    description = read_scene(request)
     _refuse_early(description, request)
     reference = references.get(request, description.files)
     entries = reference.arrays.get("camera")

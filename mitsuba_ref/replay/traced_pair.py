@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mitsuba_ref.our_renderer.picture import edit_description
+from mitsuba_ref.our_renderer.picture import edit_description, read_scene
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
 from mitsuba_ref.reference.variant_process import VariantProcess
@@ -24,7 +23,6 @@ from renderer.integrators.step_by_step import Moved, StepByStep
 from renderer.plan import make_plan
 from renderer.rendering import Rendering
 from renderer.scene import build_scene
-from renderer.scene_file import read_file
 from renderer.traced_path import TracedPath, path_from_json
 
 METHODS = ("path", "direct")
@@ -61,7 +59,7 @@ class TracedPair:
     """
 
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
-        description = read_file(Path(request.path), **request.parameters)
+        description = read_scene(request)
         description = edit_description(description, box_filter=True, first_hits=False)
         method, film = description.integrator.name, description.camera.film
         if method not in METHODS:
@@ -156,6 +154,7 @@ class TracedPair:
                 "parameters": request.parameters,
                 "spp": request.spp,
                 "seed": request.seed,
+                "plugins": request.plugins,
             }
             self._mitsuba = VariantProcess(
                 "mitsuba_ref.replay.mitsuba_trace", VARIANT, job, self._time_limit

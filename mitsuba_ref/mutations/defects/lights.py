@@ -1,4 +1,4 @@
-"""Defects of lights: which is asked, with which density, and what it sends."""
+"""Defects of lights: which is sampled, with which density, and what it sends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DEFECTS = (
         scene="analytic-shapes",
     ),
     Mutation(
-        "last-light-never-asked",
+        "last-light-never-sampled",
         "the choice among n lights is made among the first n - 1",
         (
             Edit(

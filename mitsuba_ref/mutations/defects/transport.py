@@ -71,7 +71,7 @@ DEFECTS = (
     ),
     Mutation(
         "mis-weight-without-choice",
-        "the weight of a BSDF sample forgets that one light of several is asked",
+        "the weight of a BSDF sample forgets that one light of several is sampled",
         (
             Edit(
                 "stages/emission.py",

@@ -1,8 +1,8 @@
-"""Mitsuba in a process of its own: a JSON line asks, a JSON line answers.
+"""A renderer in a process of its own: a JSON line asks, a JSON line answers.
 
 Mitsuba can hang (EXR files with too few threads), and it can end the process (an LLVM that
-it cannot use): neither may take the harness along. Both ends of the pipe are here, so that
-each way to fail is a class of `mitsuba_ref.reference.errors` wherever Mitsuba is asked.
+it cannot use), and so can a mutant of our renderer: none may take the harness along. Both
+ends of the pipe are here, so that each way to fail is a class of `errors`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LONGEST_MESSAGE = 1000  # characters; Mitsuba may list every property of a scene
 Answerer = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-class MitsubaProcess:
+class JsonProcess:
     """Runs `python -m MODULE`; a context manager.
 
     Parameters
@@ -48,6 +48,10 @@ class MitsubaProcess:
         Seconds for one answer; for the first one, the start of Mitsuba is included.
     environment
         Variables to set beside those of this process.
+    folder
+        Where it runs; None: here.
+    refusals
+        Exceptions of the process, by name, that are raised here as what they are.
 
     Raises
     ------
@@ -63,8 +67,11 @@ class MitsubaProcess:
         name: str,
         time_limit: float,
         environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+        refusals: Mapping[str, type[Exception]] | None = None,
     ) -> None:
         self.name = name
+        self.refusals = refusals or {}
         self.time_limit = time_limit
         root = str(Path(__file__).parents[2])
         paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -75,6 +82,7 @@ class MitsubaProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
+            cwd=folder,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), **(environment or {})},
             # Ctrl-C is for the harness, which then ends this process.
             start_new_session=True,
@@ -136,10 +144,13 @@ class MitsubaProcess:
             error = answer.get("error")
         except (ValueError, AttributeError):
             raise MitsubaError(f"{self.name}: {line[:80]!r} is no answer") from None
-        if error is not None:
-            kind = MitsubaRefused if answer.get("refused") else MitsubaError
-            raise kind(f"{self.name}: {error}")
-        return answer
+        if error is None:
+            return answer
+        kind, refused = answer.get("kind", ""), bool(answer.get("refused"))
+        if kind in self.refusals:
+            raise self.refusals[kind](error)
+        what = f"{kind}: {error}" if kind and not (refused and error) else error
+        raise (MitsubaRefused if refused else MitsubaError)(f"{self.name}: {what}")
 
     def _line(self) -> bytes:
         """Return one whole line, or nothing if the process has closed its output.
@@ -220,8 +231,8 @@ def _failure(error: Exception) -> dict[str, Any]:
     Mitsuba's refusals are RuntimeErrors (measured on 19 broken scenes), and MemoryError is
     its way to say that a picture is too large; anything else is a mistake of ours.
     """
-    refused = isinstance(error, (RuntimeError, MemoryError))
-    text = " ".join(str(error).split())[:LONGEST_MESSAGE]
-    if not (refused and text):
-        text = f"{type(error).__name__}: {text}"
-    return {"error": text, "refused": refused}
+    return {
+        "error": " ".join(str(error).split())[:LONGEST_MESSAGE],
+        "kind": type(error).__name__,
+        "refused": isinstance(error, (RuntimeError, MemoryError)),
+    }

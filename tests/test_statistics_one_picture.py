@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.comparison.noise import MEAN_LIMIT, mean_test, tile_test
+from mitsuba_ref.statistics.one_picture import MEAN_LIMIT, bias_tests
 
 SHAPE = (32, 40, 3)
 
@@ -25,23 +25,23 @@ def test_no_false_alarm_in_two_hundred_equal_pictures(noise):
     rng = np.random.default_rng(1)
     for _ in range(200):
         pictures = [noise(rng) for _ in range(5)]
-        assert mean_test(pictures[0], pictures[1:]).passed
-        tiles = tile_test(pictures[0], pictures[1:])
-        assert tiles.passed
-        assert tiles.worst_passed
+        tests = bias_tests(pictures[0], pictures[1:])
+        assert tests.mean.passed
+        assert tests.tiles.passed
+        assert tests.worst_tile.passed
 
 
 def test_standard_error_is_that_of_the_mean_difference():
     """sigma / sqrt(n) for ours and for the mean of four: 0.3 sqrt(1.25 / 1280)."""
     rng = np.random.default_rng(2)
-    result = mean_test(gaussian(rng), [gaussian(rng) for _ in range(4)])
-    assert result.standard_error == pytest.approx(0.3 * np.sqrt(1.25 / 1280), rel=0.1)
+    result = bias_tests(gaussian(rng), [gaussian(rng) for _ in range(4)])
+    assert result.mean.floor == pytest.approx(0.3 * np.sqrt(1.25 / 1280), rel=0.1)
 
 
 def test_tile_statistic_is_one_for_noise():
     rng = np.random.default_rng(3)
     statistics = [
-        tile_test(gaussian(rng), [gaussian(rng) for _ in range(4)]).statistic
+        bias_tests(gaussian(rng), [gaussian(rng) for _ in range(4)]).tiles.value
         for _ in range(50)
     ]
     # The worst of three channels is a little above the average channel.
@@ -52,7 +52,7 @@ def test_scale_error_of_six_standard_errors_is_found():
     rng = np.random.default_rng(4)
     references = [gaussian(rng) for _ in range(4)]
     shift = (MEAN_LIMIT + 2.0) * 0.3 * np.sqrt(1.25 / 1280)
-    assert not mean_test(gaussian(rng) * (1.0 + shift), references).passed
+    assert not bias_tests(gaussian(rng) * (1.0 + shift), references).mean.passed
 
 
 def test_bias_that_cancels_is_found_by_the_tiles_alone():
@@ -62,8 +62,8 @@ def test_bias_that_cancels_is_found_by_the_tiles_alone():
     ours = gaussian(rng)
     ours[:, :20] *= 1.08
     ours[:, 20:] *= 0.92
-    assert mean_test(ours, references).passed
-    assert not tile_test(ours, references).passed
+    assert bias_tests(ours, references).mean.passed
+    assert not bias_tests(ours, references).tiles.passed
 
 
 def test_one_wrong_tile_among_many_is_found_by_the_worst_tile_alone():
@@ -71,22 +71,22 @@ def test_one_wrong_tile_among_many_is_found_by_the_worst_tile_alone():
     rng = np.random.default_rng(6)
     pictures = [1.0 + 0.3 * rng.standard_normal((144, 192, 3)) for _ in range(5)]
     ours, references = pictures[0], pictures[1:]
-    assert tile_test(ours, references).worst_passed
+    assert bias_tests(ours, references).worst_tile.passed
     ours[64:72, 80:88] *= 0.5
-    result = tile_test(ours, references)
-    assert result.passed
-    assert not result.worst_passed
+    result = bias_tests(ours, references)
+    assert result.tiles.passed
+    assert not result.worst_tile.passed
 
 
 def test_rounding_in_a_picture_without_noise_is_forgiven():
     """Seven digits of float32 are no bias, however many standard errors they are."""
     references = [np.full(SHAPE, 3.0)] * 4
-    assert mean_test(references[0] * (1 + 1e-6), references).passed
-    assert tile_test(references[0] * (1 + 1e-6), references).passed
-    assert not mean_test(references[0] * (1 + 1e-3), references).passed
-    assert not tile_test(references[0] * (1 + 1e-3), references).passed
+    rounded = bias_tests(references[0] * (1 + 1e-6), references)
+    assert rounded.mean.passed and rounded.tiles.passed
+    wrong = bias_tests(references[0] * (1 + 1e-3), references)
+    assert not wrong.mean.passed and not wrong.tiles.passed
 
 
 def test_one_reference_has_no_noise_to_tell():
     with pytest.raises(ValueError, match="two references"):
-        mean_test(np.ones(SHAPE), [np.ones(SHAPE)])
+        bias_tests(np.ones(SHAPE), [np.ones(SHAPE)])
