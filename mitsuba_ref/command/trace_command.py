@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mitsuba_ref.command.verdict_of_error import Stopped, bad_request, stopped_by
+from mitsuba_ref.command.verdict_of_error import NotCompared, bad_request, stopped_by
 from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
@@ -98,7 +98,7 @@ def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -
         return INTERRUPTED
 
 
-def _stopped(error: Exception, request: RenderRequest | None) -> Stopped:
+def _stopped(error: Exception, request: RenderRequest | None) -> NotCompared:
     """Return what an error means; before there is a request neither side was asked."""
     if request is None and isinstance(error, SceneError):
         return bad_request(error)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.command.scene_result import describe_scene
 from mitsuba_ref.command.verdict_of_error import (
-    Stopped,
+    NotCompared,
     bad_request,
     stopped_by,
     with_the_other_side,
@@ -111,7 +111,7 @@ def validate_scene(
     return _without_pictures(blank, stopped)
 
 
-def _without_pictures(blank: SceneResult, stopped: Stopped) -> Validated:
+def _without_pictures(blank: SceneResult, stopped: NotCompared) -> Validated:
     return Validated(replace(blank, verdict=stopped.verdict, reasons=stopped.reasons))
 
 

@@ -30,7 +30,7 @@ VERDICT_OF: tuple[tuple[type[Exception], Verdict], ...] = (
 
 
 @dataclass(frozen=True)
-class Stopped:
+class NotCompared:
     """Why there is nothing to compare: what was said, by whom, at which stage."""
 
     verdict: Verdict
@@ -45,7 +45,7 @@ class Stopped:
         return tuple(f"{one}{beside}; {facts.advice}" for one in self.said)
 
 
-def stopped_by(error: Exception, stage: str) -> Stopped:
+def stopped_by(error: Exception, stage: str) -> NotCompared:
     """Return what an exception means; any other exception is a bug on our side.
 
     Parameters
@@ -58,16 +58,16 @@ def stopped_by(error: Exception, stage: str) -> Stopped:
     for kind, verdict in VERDICT_OF:
         if isinstance(error, kind):
             said = (_said(stage, _one_line(error)),)
-            return Stopped(verdict, said, _seen_of_us(verdict, stage))
+            return NotCompared(verdict, said, _seen_of_us(verdict, stage))
     what = _one_line(error)
     if not isinstance(error, MitsubaError):
         what = f"unexpected {type(error).__name__}: {what}{_place(error)}"
-    return Stopped("broken", (_said(stage, what),))
+    return NotCompared("broken", (_said(stage, what),))
 
 
 def with_the_other_side(
-    ours: Stopped, request: RenderRequest, references: ReferenceCache
-) -> Stopped:
+    ours: NotCompared, request: RenderRequest, references: ReferenceCache
+) -> NotCompared:
     """Ask Mitsuba too, after our refusal.
 
     It is asked for one sample per pixel of the picture as the file has it: to load a scene
@@ -82,15 +82,15 @@ def with_the_other_side(
         verdict = most_severe((ours.verdict, theirs.verdict))
         if theirs.verdict == "refused-by-mitsuba":
             verdict = "refused-by-both"
-        return Stopped(verdict, ours.said + theirs.said)
+        return NotCompared(verdict, ours.said + theirs.said)
     bad = int(np.count_nonzero(~np.isfinite(picture)))
     values = f", with NaN or infinite values: {bad}" if bad else ""
     return replace(ours, other_side=f"Mitsuba renders it at 1 sample per pixel{values}")
 
 
-def bad_request(error: SceneError) -> Stopped:
+def bad_request(error: SceneError) -> NotCompared:
     """Return what a wrong proof.toml or -D means: nothing was rendered."""
-    return Stopped("bad-request", (_one_line(error),))
+    return NotCompared("bad-request", (_one_line(error),))
 
 
 def _seen_of_us(verdict: Verdict, stage: str) -> str:

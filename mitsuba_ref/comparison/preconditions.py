@@ -33,7 +33,7 @@ class Obstacle:
         return f"{self.what}; {VERDICTS[self.verdict].advice}"
 
 
-class Hindered(Exception):
+class NotComparable(Exception):
     """Raised in the middle of a measurement that an obstacle ends."""
 
     def __init__(self, obstacle: Obstacle) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.comparison.preconditions import (
-    Hindered,
+    NotComparable,
     Obstacle,
     count_non_finite,
     find_obstacle_in_series,
@@ -119,7 +119,7 @@ def climb_scene(
     rungs: list[Rung] = []
     try:
         climb(a, b, *aovs, deterministic, further=further, tell=rungs.append)
-    except Hindered as hindered:
+    except NotComparable as hindered:
         return _cut_short(rungs, hindered.obstacle, shown)
     return judged(rungs, shown)
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.preconditions import Hindered, find_obstacle
+from mitsuba_ref.comparison.preconditions import NotComparable, find_obstacle
 from mitsuba_ref.ladder import rungs_with_noise, rungs_without_noise
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
 from mitsuba_ref.our_renderer.picture import RenderOurs
@@ -91,7 +91,7 @@ def _rung(
 
     Raises
     ------
-    Hindered
+    NotComparable
         For a picture of another size than the first one, or with NaN.
     """
     whose = "our renderer" if side == "ours" else side
@@ -107,7 +107,7 @@ def _rung(
         obstacle = find_obstacle(*pair)
         if obstacle:
             at = f"convergence at {spp} samples per pixel, seed {seed}"
-            raise Hindered(replace(obstacle, what=f"{at}: {obstacle.what}"))
+            raise NotComparable(replace(obstacle, what=f"{at}: {obstacle.what}"))
         return pixels
 
     return rungs_with_noise.exponent(measure_convergence(picture), side)

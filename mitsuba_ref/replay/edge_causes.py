@@ -27,19 +27,7 @@ def first_hit_causes(
     integrator: str,
     render_ours: RenderOurs,
 ) -> tuple[DivergentPixel, ...]:
-    """Return the pixels, each with a sentence on where it lies.
-
-    Parameters
-    ----------
-    pixels
-        That have diverged in a replay.
-    request
-        Of the replay.
-    integrator
-        Its name.
-    render_ours
-        Our renderer, asked for AOVs.
-    """
+    """Return the divergent pixels of a replay, each with a sentence on where it lies."""
     wanted = replace(request, kind="aovs", spp=None, replay=False, camera=None)
     arrays = render_ours(wanted).arrays
     no_trace = f"No trace: {integrator} is followed by none, only path and direct are."
@@ -50,14 +38,12 @@ def first_hit_causes(
 
 def place_sentence(arrays: dict[str, NDArray[np.float32]], x: int, y: int) -> str:
     """Return whether pixel (x, y) lies beside an edge, by the AOVs `SEEN`, (H, W, 1)."""
+    around = slice(max(0, y - 1), y + 2), slice(max(0, x - 1), x + 2)
     for kind, noun in SEEN:
-        picture = arrays[kind][..., 0]
-        around = picture[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2]
-        if np.ptp(around) > 0.0:
-            fine = " On a fine mesh this is usual." if kind == "prim_index" else ""
+        if np.ptp(arrays[kind][around]) > 0.0:
             return (
                 f"It lies beside an edge: a neighbouring pixel sees another {noun}, so "
-                f"rounding may send a camera ray to the other side.{fine}"
+                "rounding may send a camera ray to the other side."
             )
     return (
         "Its neighbours see the same primitive: the camera ray passes no edge there, and "
