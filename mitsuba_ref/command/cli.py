@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -187,9 +188,15 @@ def _parser() -> argparse.ArgumentParser:
         default="demo",
         help="which size of the scene's proof.toml (default: demo)",
     )
-    add("--spp", type=_positive, help="samples per pixel, instead of the proof's")
-    add("--seed", type=_seed, default=0, help="seed of our side (default: 0)")
-    add("--threads", type=_workers, help="workers of each renderer, at least 2")
+    add("--spp", type=_whole(1), help="samples per pixel, instead of the proof's")
+    add(
+        "--seed", type=_whole(0, 2**32 - 1), default=0, help="seed of our side (default: 0)"
+    )
+    add(
+        "--threads",
+        type=_whole(MIN_THREADS, why=", which Mitsuba needs"),
+        help="workers of each renderer, at least 2",
+    )
     add(
         "-D",
         dest="define",
@@ -221,7 +228,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add(
         "--causes",
-        type=_positive,
+        type=_whole(1),
         default=0,
         metavar="N",
         help="trace N pixels that diverged in a replay and say where the paths part",
@@ -236,7 +243,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--ladder", action="store_true", help="measure speed against accuracy too")
     add(
         "--time-limit",
-        type=_positive,
+        type=_whole(1),
         default=TIME_LIMIT,
         metavar="S",
         help="seconds for one picture or traced path by Mitsuba (default: %(default)g)",
@@ -245,34 +252,21 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value}: must be 1 or more")
-    return value
+def _whole(least: int, most: float = math.inf, why: str = "") -> Callable[[str], int]:
+    """Return what reads a whole number of a range."""
+
+    def number(text: str) -> int:
+        value = int(text)
+        if not least <= value <= most:
+            to = f" to {most:.0f}" if most < math.inf else " or more"
+            raise argparse.ArgumentTypeError(f"{value}: must be {least}{to}{why}")
+        return value
+
+    return number
 
 
 def _seeds(text: str) -> int:
-    value = int(text)
-    if value != 1 and value < FEWEST_SEEDS:
-        raise argparse.ArgumentTypeError(f"{value}: must be {FEWEST_SEEDS} or more, or 1")
-    return value
-
-
-def _workers(text: str) -> int:
-    value = int(text)
-    if value < MIN_THREADS:
-        raise argparse.ArgumentTypeError(
-            f"{value}: must be {MIN_THREADS} or more, which Mitsuba needs"
-        )
-    return value
-
-
-def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 2**32:
-        raise argparse.ArgumentTypeError(f"{value}: must be in [0, 2^32)")
-    return value
+    return 1 if text == "1" else _whole(FEWEST_SEEDS, why=", or 1")(text)
 
 
 def _file(text: str) -> Path:

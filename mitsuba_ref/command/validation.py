@@ -288,7 +288,7 @@ def _with_own_filter(
         for index in range(FILTERED_SEEDS)
     ]
     name = "rmse_with_filter"
-    obstacle = find_obstacle(ours.pixels, pictures)
+    obstacle = find_obstacle([ours.pixels], pictures)
     if obstacle:
         comparison = without_numbers(comparison, obstacle, name)
         return replace(comparison, finite=count_non_finite([ours.pixels], pictures))

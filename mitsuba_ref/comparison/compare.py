@@ -65,7 +65,7 @@ def compare(
         rmse_factor = 1.0 if deterministic else NOISY_RMSE_FACTOR
     aov_arrays = [*(ours_aovs or {}).values()], [*(reference_aovs or {}).values()]
     finite = count_non_finite([ours, *aov_arrays[0]], [*references, *aov_arrays[1]])
-    obstacle = find_obstacle(ours, references, ours_aovs, reference_aovs)
+    obstacle = find_obstacle([ours], references, ours_aovs, reference_aovs)
     if obstacle:
         return without_numbers(Comparison(obstacle.verdict, (), finite, {}, ()), obstacle)
     measured = _for_the_eye(ours, references)

@@ -42,7 +42,7 @@ class NotComparable(Exception):
 
 
 def find_obstacle(
-    ours: Array,
+    ours: Sequence[Array],
     references: Sequence[Array],
     ours_aovs: Mapping[str, Array] | None = None,
     reference_aovs: Mapping[str, Array] | None = None,
@@ -52,7 +52,8 @@ def find_obstacle(
     Parameters
     ----------
     ours, references
-        Our picture and two or more of Mitsuba's, each to be (H, W, 3), H and W not 0.
+        One of our pictures or more, and two or more of Mitsuba's, each with a seed of its
+        own and each to be (H, W, 3), H and W not 0.
     ours_aovs, reference_aovs
         Kind to array, of the same H and W. That a kind is missing is no obstacle: it fails
         by its name (`compare_aovs`).
@@ -61,44 +62,21 @@ def find_obstacle(
         return Obstacle(
             "broken", f"{len(references)} reference pictures; a noise floor needs two"
         )
-    our_arrays = [("our picture", ours), *_named("our AOV", ours_aovs)]
+    first = ours[0]
+    our_arrays = [("our picture", first), *_named("our AOV", ours_aovs)]
     reference_arrays = [
         *((f"Mitsuba's picture {i}", one) for i, one in enumerate(references, start=1)),
         *_named("Mitsuba's AOV", reference_aovs),
     ]
+    further = [(f"our picture {i}", one) for i, one in enumerate(ours[1:], start=2)]
     return (
         _wrong_shape(our_arrays[0], reference_arrays[0])
-        or _other_shape(ours, references)
-        or _other_size(ours, [*our_arrays[1:], *reference_arrays])
+        or _other_shape(first, references)
+        or _other_size(first, [*our_arrays[1:], *reference_arrays])
         or _other_channels(ours_aovs or {}, reference_aovs or {})
-        or _not_finite([*our_arrays, *reference_arrays])
+        or _unlike_the_first(first, further)
+        or _not_finite([*our_arrays, *reference_arrays, *further])
     )
-
-
-def find_obstacle_in_series(
-    ours: Sequence[Array],
-    references: Sequence[Array],
-    ours_aovs: Mapping[str, Array] | None = None,
-    reference_aovs: Mapping[str, Array] | None = None,
-) -> Obstacle | None:
-    """Return the first reason not to compare several pictures of ours, or None.
-
-    Parameters
-    ----------
-    ours
-        One picture or more, each with a seed of its own.
-    references, ours_aovs, reference_aovs
-        As `find_obstacle` takes them.
-    """
-    obstacle = find_obstacle(ours[0], references, ours_aovs, reference_aovs)
-    if obstacle:
-        return obstacle
-    further = [(f"our picture {i}", one) for i, one in enumerate(ours[1:], start=2)]
-    for name, picture in further:
-        if picture.shape != ours[0].shape:
-            shapes = f"{picture.shape}, the first one {ours[0].shape}"
-            return Obstacle("size-mismatch", f"{name} has shape {shapes}")
-    return _not_finite(further)
 
 
 def count_non_finite(ours: Iterable[Array], references: Iterable[Array]) -> Finite:
@@ -134,6 +112,14 @@ def _other_shape(ours: Array, references: Sequence[Array]) -> Obstacle | None:
         if reference.shape != ours.shape:
             shapes = f"{ours.shape}, Mitsuba's has {reference.shape}"
             return Obstacle("size-mismatch", f"our picture has shape {shapes}")
+    return None
+
+
+def _unlike_the_first(first: Array, further: Iterable[Named]) -> Obstacle | None:
+    for name, picture in further:
+        if picture.shape != first.shape:
+            shapes = f"{picture.shape}, the first one {first.shape}"
+            return Obstacle("size-mismatch", f"{name} has shape {shapes}")
     return None
 
 

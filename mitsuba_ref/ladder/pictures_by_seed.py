@@ -12,7 +12,7 @@ from mitsuba_ref.comparison.preconditions import (
     NotComparable,
     Obstacle,
     count_non_finite,
-    find_obstacle_in_series,
+    find_obstacle,
 )
 from mitsuba_ref.ladder import rungs_without_noise
 from mitsuba_ref.ladder.climb import climb
@@ -98,7 +98,7 @@ def climb_scene(
     Notes
     -----
     A picture of another size or with NaN has a verdict of its own, as everywhere
-    (`find_obstacle_in_series`), even if it is the last one.
+    (`find_obstacle`), even if it is the last one.
     """
     a, b = seeded_pictures(
         request,
@@ -112,7 +112,7 @@ def climb_scene(
     )
     progress("the ladder of tests")
     aovs = ours[1].arrays, theirs[1].arrays
-    obstacle = find_obstacle_in_series(a, b, *aovs)
+    obstacle = find_obstacle(a, b, *aovs)
     if obstacle:
         return _without_tests(a, b, obstacle)
     shown = {} if deterministic else evidence(stack(a), stack(b))

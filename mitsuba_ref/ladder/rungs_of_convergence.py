@@ -103,7 +103,7 @@ def _rung(
         if not sound:
             sound.append(np.zeros_like(pixels))
         like = sound[0]
-        pair = (pixels, [like] * 2) if side == "ours" else (like, [pixels] * 2)
+        pair = ([pixels], [like] * 2) if side == "ours" else ([like], [pixels] * 2)
         obstacle = find_obstacle(*pair)
         if obstacle:
             at = f"convergence at {spp} samples per pixel, seed {seed}"

@@ -168,7 +168,7 @@ def compare_replay(
     limits
         What is allowed.
     """
-    obstacle = find_obstacle(ours, [reference, reference])
+    obstacle = find_obstacle([ours], [reference, reference])
     if obstacle is not None:
         return ReplayResult(
             passed=False, verdict=obstacle.verdict, sentence=obstacle.sentence
