@@ -45,7 +45,7 @@ RIGHT = {
     "Mitsuba's epsilon": functools.partial(smallest_gap, TIGHT),
     "tight offset on a large square": functools.partial(smallest_gap, MITSUBA, 1000.0),
     "Embree's default mode": functools.partial(edge_rays_lost, robust=True),
-    "Mitsuba's point light, asked four times": functools.partial(
+    "Mitsuba's point light, sampled four times": functools.partial(
         point_light_sampled_often, 1
     ),
     "Mitsuba's lamp with vertex normals": functools.partial(lamp_with_vertex_normals, 0.0),
