@@ -1,14 +1,16 @@
 """The same scene file in Mitsuba 3, and how far apart the two pictures are.
 
-The only package that imports mitsuba or drjit, and only below `variant`:
-`variant -> edited_scene -> whitted, reference -> cache, worker` renders the file in
-`scalar_rgb`, in a process of its own (`mitsuba_process`); `metrics, edges, noise ->
-with_noise, without_noise, aov_comparison -> comparison` judge two sets of arrays without
-knowing where they came from, once `obstacles` has found nothing against it; `validation`
-does both for one scene, and `verdicts` lists what can come out.
+The only package that imports mitsuba or drjit. Its rooms, from the ground up; imports go
+down, which a contract in pyproject.toml keeps:
 
-Three more ways to look: `replay` (the same random numbers on both sides) with
-`traced_pair` (one path in both); `statistics -> noisy_rungs, still_rungs ->
-ladder_of_tests` (many seeds); `mutations` and `expected_failures` (what the checks see,
-and what is known to disagree).
+- `records`: what is asked of both renderers, and what is written down of their answers;
+- `our_renderer`: our side of a comparison;
+- `reference`: the file in Mitsuba's `scalar_rgb`, in a process of its own, and the cache;
+- `metrics`, `statistics`: how far apart pictures are, and whether that is more than noise;
+- `comparison`: two sets of arrays judged without knowing where they came from;
+- `ladder` (many pictures of each renderer), `replay` (the same random numbers on both
+  sides; one path in both), `speed` (against accuracy, and Mitsuba by the clock);
+- `command`: all of this for each scene, a table and a verdict;
+- `mutations`, `false_alarms`, `expected_failures`: what the checks see, how often they are
+  wrong, and what is known to disagree.
 """

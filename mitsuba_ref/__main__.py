@@ -2,7 +2,7 @@
 
 import sys
 
-from mitsuba_ref.cli import main
+from mitsuba_ref.command.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mitsuba_ref.results import write_atomically
+from mitsuba_ref.records.json_files import write_atomically
 from reports.accelerators_reader import read_accelerators
 from reports.accelerators_study import write_study
 from reports.cli import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw

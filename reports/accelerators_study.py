@@ -12,8 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from mitsuba_ref import machine
-from mitsuba_ref.results import write_atomically
+from mitsuba_ref.records import machine
+from mitsuba_ref.records.json_files import write_atomically
 from renderer.accelerators.choice import choose_structure
 from renderer.accelerators.cost_model import RayCounts
 from reports.accelerators_record import SCHEMA

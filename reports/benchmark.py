@@ -17,11 +17,11 @@ import numpy as np
 from rich.console import Console
 
 import renderer
-from mitsuba_ref import machine
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.ray_count import mean_rays_per_path
-from mitsuba_ref.results import write_atomically
-from mitsuba_ref.timing import TimedMitsuba
+from mitsuba_ref.records import machine
+from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
+from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.errors import SceneError
 from renderer.scene_file import read_file
 from reports import starts, turns

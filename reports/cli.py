@@ -9,9 +9,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mitsuba_ref import cli as harness
-from mitsuba_ref.results import write_atomically
-from mitsuba_ref.verdicts import exit_status, statuses_in_words
+from mitsuba_ref.command import cli as harness
+from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.records.verdicts import exit_status, statuses_in_words
 from reports.accelerators_reader import read_accelerators
 from reports.accelerators_study import write_study
 from reports.benchmark_record import read_benchmark

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mitsuba_ref.verdicts import COMPARED, VERDICTS, Verdict
+from mitsuba_ref.records.verdicts import COMPARED, VERDICTS, Verdict
 
 NOTHING = "–"  # noqa: RUF001  an en dash, as tables print it
 

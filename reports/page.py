@@ -8,9 +8,9 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from mitsuba_ref.replay import TOLERANCE
-from mitsuba_ref.results import Results
-from mitsuba_ref.verdicts import CURRENT, VERDICTS
+from mitsuba_ref.records.results import Results
+from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
+from mitsuba_ref.replay.replay_scene import TOLERANCE
 from reports import formatting, heat_map, pictures, scene_tables
 from reports.accelerators_record import AcceleratorStudy
 from reports.accelerators_section import build_accelerators_section

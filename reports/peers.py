@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.tracing import TracedMitsuba
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.speed.traced_mitsuba import TracedMitsuba
 from reports.embree_peer import EmbreePeer
 from reports.study_meshes import StudyMesh
 from reports.study_rays import RAY_KINDS, RayBatches, flat

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
-from mitsuba_ref.results import write_atomically
-from mitsuba_ref.verdicts import exit_status
+from mitsuba_ref.ladder.climb import FEWEST_SEEDS
+from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.records.verdicts import exit_status
 from reports.cli import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.errors import ReportError
 from reports.page import proof_page

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mitsuba_ref.mutations.catalogue import CATALOGUE
-from mitsuba_ref.results import Results
+from mitsuba_ref.mutations.defects.catalogue import CATALOGUE
+from mitsuba_ref.records.results import Results
 from reports.proof_record import Circumstances, Matrix
 
 UNKNOWN, CHANGED = "unknown", "-dirty"

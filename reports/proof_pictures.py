@@ -13,8 +13,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from mitsuba_ref.ladder_of_tests import FALSE_ALARMS
-from mitsuba_ref.results import DivergentPixel, SceneResult
+from mitsuba_ref.ladder.climb import FALSE_ALARMS
+from mitsuba_ref.records.results import DivergentPixel, SceneResult
 from reports import pictures
 from reports.errors import ReportError
 from reports.heat_map import ramp_uri

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from mitsuba_ref.alarm_counts import FalseAlarms, RungAlarms
+from mitsuba_ref.false_alarms.alarm_counts import FalseAlarms, RungAlarms
+from mitsuba_ref.false_alarms.binomial import Rate
 from mitsuba_ref.mutations.matrix import Row
 from mitsuba_ref.mutations.rungs import Rung as Seen
-from mitsuba_ref.statistics.binomial import Rate
 from reports.errors import ReportError
 from reports.json_fields import JsonFields, load_json
 from reports.proof_record import (

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mitsuba_ref.alarm_counts import FalseAlarms, exceeds
+from mitsuba_ref.false_alarms.alarm_counts import FalseAlarms, exceeds
 from mitsuba_ref.mutations.matrix import Row
-from mitsuba_ref.results import Results
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.records.results import Results
+from mitsuba_ref.records.verdicts import VERDICTS
 
 STILL_DISAGREES = "still disagrees"
 

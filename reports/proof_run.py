@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from mitsuba_ref import cli as harness
-from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
-from mitsuba_ref.machine import usable_cores
+from mitsuba_ref.command import cli as harness
+from mitsuba_ref.ladder.climb import FEWEST_SEEDS
+from mitsuba_ref.records.machine import usable_cores
 from reports.errors import ReportError
 from reports.proof_reader import ALARMS, MATRIX, REGISTER
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mitsuba_ref.results import ReplayResult, Rung, SceneResult
+from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
 from reports.mutation_table import MutationTable, mutation_table
 from reports.proof_origin import Origin, left_out, origin
 from reports.proof_pictures import (

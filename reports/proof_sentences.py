@@ -5,10 +5,10 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from mitsuba_ref.alarm_counts import RungAlarms
-from mitsuba_ref.replay import TOLERANCE
-from mitsuba_ref.results import ReplayResult, Rung, SceneResult
-from mitsuba_ref.verdicts import COMPARED, VERDICTS
+from mitsuba_ref.false_alarms.alarm_counts import RungAlarms
+from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
+from mitsuba_ref.records.verdicts import COMPARED, VERDICTS
+from mitsuba_ref.replay.replay_scene import TOLERANCE
 from reports.formatting import NOTHING, number
 from reports.proof_origin import origin
 from reports.proof_record import Circumstances, ProofRecord

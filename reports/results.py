@@ -1,4 +1,4 @@
-"""Reads results.json into the records of `mitsuba_ref.results`, trusting nothing in it.
+"""Reads results.json into the records of `mitsuba_ref.records`, trusting nothing in it.
 
 The file may be old, edited or cut short, so every field is checked and a mistake is one
 line that names its place. The harness alone decides what passes; the reader adds one
@@ -11,7 +11,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from mitsuba_ref.results import (
+from mitsuba_ref.records.results import (
     SCHEMA,
     AovResult,
     Finite,
@@ -22,7 +22,7 @@ from mitsuba_ref.results import (
     SceneResult,
     Seconds,
 )
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.records.verdicts import VERDICTS
 from reports.errors import ReportError
 from reports.json_fields import JsonFields, load_json
 from reports.rungs_reader import read_replay, read_rung

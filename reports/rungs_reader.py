@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mitsuba_ref.results import DivergentPixel, ReplayResult, Rung
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.records.results import DivergentPixel, ReplayResult, Rung
+from mitsuba_ref.records.verdicts import VERDICTS
 from reports.errors import ReportError
 from reports.json_fields import JsonFields
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from mitsuba_ref.results import Ladder, LadderPoint, Metric, SceneResult
-from mitsuba_ref.verdicts import COMPARED
+from mitsuba_ref.records.results import Ladder, LadderPoint, Metric, SceneResult
+from mitsuba_ref.records.verdicts import COMPARED
 from reports import formatting, pictures
 from reports.charts import log_log_chart
 from reports.errors import ReportError

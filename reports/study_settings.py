@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mitsuba_ref.machine import usable_cores
+from mitsuba_ref.records.machine import usable_cores
 from reports.study_meshes import (
     Maker,
     displaced_icosphere,

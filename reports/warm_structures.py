@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from mitsuba_ref.machine import usable_cores
+from mitsuba_ref.records.machine import usable_cores
 from renderer.accelerators.build import BUILDERS
 from renderer.jit import KERNEL_CACHE
 from reports import tracing

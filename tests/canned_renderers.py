@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_ref.cache import write_entry
-from mitsuba_ref.edited_scene import BOX_INSTEAD
-from mitsuba_ref.errors import MitsubaRefused
-from mitsuba_ref.mitsuba_process import Answerer, answer_requests
-from mitsuba_ref.ours import OurPicture
-from mitsuba_ref.reference import Reference
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.seeds import FIRST_REFERENCE_SEED, SEED_STEP
+from mitsuba_ref.ladder.pictures_by_seed import FIRST_REFERENCE_SEED, SEED_STEP
+from mitsuba_ref.our_renderer.picture import OurPicture
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.cache import write_entry
+from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
+from mitsuba_ref.reference.errors import MitsubaRefused
+from mitsuba_ref.reference.json_process import Answerer, answer_requests
+from mitsuba_ref.reference.render import Reference
 from renderer.errors import SceneError
 
 HEIGHT, WIDTH = 18, 24
@@ -136,7 +136,7 @@ class InProcess:
 
 
 def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
-    """Answer as `mitsuba_ref.worker` does."""
+    """Answer as `mitsuba_ref.reference.picture_process` does."""
 
     def render(wanted: dict[str, Any]) -> dict[str, Any]:
         reference = render_as_mitsuba(RenderRequest(**wanted["request"]))

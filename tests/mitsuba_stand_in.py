@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mitsuba_ref.errors import MitsubaRefused
-from mitsuba_ref.ours import OurPicture, RenderOurs
-from mitsuba_ref.reference import render_reference
-from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.errors import MitsubaRefused
+from mitsuba_ref.reference.render import render_reference
 from renderer.errors import SceneError
 
 Change = Callable[[np.ndarray], np.ndarray]

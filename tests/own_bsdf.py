@@ -1,4 +1,4 @@
-"""A BSDF of one's own: dust as on the Moon (Lommel and Seeliger), for docs/adding-a-bsdf.md.
+"""A BSDF of one's own: dust as on the Moon (Lommel and Seeliger); docs/adding-a-bsdf.md.
 
 f = albedo / (4 pi (cos_i + cos_o)): light that was scattered once by the grains of a layer.
 """

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitsuba_ref.errors import MitsubaError
+from mitsuba_ref.reference.errors import MitsubaError
 from renderer.accelerators import tally
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.build import BUILDERS

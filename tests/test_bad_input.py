@@ -15,18 +15,20 @@ from types import SimpleNamespace
 
 import pytest
 
-from mitsuba_ref import cli, replay, worker
-from mitsuba_ref.cli import main
-from mitsuba_ref.errors import (
+from mitsuba_ref.command import cli
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.verdicts import CURRENT, VERDICTS, exit_status, most_severe
+from mitsuba_ref.reference import picture_process
+from mitsuba_ref.reference.errors import (
     MitsubaCrashed,
     MitsubaError,
     MitsubaRefused,
     MitsubaTimeout,
 )
-from mitsuba_ref.mitsuba_process import MitsubaProcess
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.verdicts import CURRENT, VERDICTS, exit_status, most_severe
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.reference.json_process import JsonProcess
+from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.replay import replay_scene
 from reports.results import read_results
 from tests import canned_renderers
 
@@ -37,7 +39,7 @@ RAW = "tests.raw_answers"
 @pytest.fixture(autouse=True)
 def canned_mitsuba(tmp_path, monkeypatch):
     monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(worker, "MODULE", CANNED)
+    monkeypatch.setattr(picture_process, "MODULE", CANNED)
 
 
 @pytest.fixture
@@ -147,8 +149,8 @@ def test_each_case_has_its_verdict_status_and_sentence(
 ):
     """The same words on the terminal and in results.json."""
     if mode == "replay":  # of random numbers a canned picture knows nothing
-        monkeypatch.setattr(replay, "read_file", lambda path, **values: NO_OTHER_FILES)
-        monkeypatch.setattr(replay, "_refuse_early", lambda *arguments: None)
+        monkeypatch.setattr(replay_scene, "read_scene", lambda request: NO_OTHER_FILES)
+        monkeypatch.setattr(replay_scene, "_refuse_early", lambda *arguments: None)
     if mode != "noise" or mitsuba not in BY_A_PROCESS:
         monkeypatch.setattr(cli, "MitsubaWorker", canned_renderers.InProcess)
     report = tmp_path / "report"
@@ -197,7 +199,7 @@ def test_a_hanging_mitsuba_is_gone_afterwards(write, tmp_path):
 
 def test_the_last_words_are_those_of_this_request(write, tmp_path):
     """An error that Mitsuba printed for an earlier scene is not the cause of a crash."""
-    with MitsubaProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
+    with JsonProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
         mitsuba._errors.write(b"error: of an earlier scene\n")
         mitsuba._errors.flush()
         request = RenderRequest(str(write("leaves", mitsuba="leave")))
@@ -218,7 +220,7 @@ def test_the_last_words_are_those_of_this_request(write, tmp_path):
 def test_an_answer_that_is_none_is_an_error(raw, kind, words):
     job = {"raw": raw, "seconds": 0}
     with pytest.raises(MitsubaError, match=words) as caught:
-        MitsubaProcess(RAW, job, name="Mitsuba", time_limit=60.0)
+        JsonProcess(RAW, job, name="Mitsuba", time_limit=60.0)
     assert type(caught.value) is kind
 
 
@@ -226,13 +228,13 @@ def test_a_process_that_hangs_in_the_middle_of_a_line_is_ended():
     job = {"raw": '{"half', "seconds": 3600}
     start = time.monotonic()
     with pytest.raises(MitsubaTimeout):
-        MitsubaProcess(RAW, job, name="Mitsuba", time_limit=1.5)
+        JsonProcess(RAW, job, name="Mitsuba", time_limit=1.5)
     assert time.monotonic() - start < 60.0
 
 
 def test_a_stopped_process_is_ended_too(write, tmp_path):
     """SIGSTOP leaves a process alive that does nothing: the time limit still holds."""
-    with MitsubaProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
+    with JsonProcess(CANNED, {}, name="Mitsuba", time_limit=60.0) as mitsuba:
         os.kill(mitsuba._process.pid, signal.SIGSTOP)
         mitsuba.time_limit = 0.2
         with pytest.raises(MitsubaTimeout):

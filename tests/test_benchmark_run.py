@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.ray_count import mean_rays_per_path
-from mitsuba_ref.timing import TimedMitsuba
-from mitsuba_ref.variant_process import find_llvm
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.variant_process import find_llvm
+from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
+from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports import benchmark, starts, turns
 from reports.errors import ReportError
 from reports.turns import Render

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitsuba_ref.comparison import Comparison, compare
-from mitsuba_ref.reference import render_reference
-from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.comparison.compare import Comparison, compare
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.render import render_reference
 from tests.mitsuba_stand_in import write_scene
 
 SIZE = {"width": "48", "height": "36"}
@@ -265,7 +265,7 @@ def test_noise_in_a_scene_called_deterministic_fails(noisy):
 
 def test_four_wrong_pixels_of_1728_on_an_outline_fail(still):
     """The mask of edges excuses the last bit of a float here and there, not a contour."""
-    from mitsuba_ref.edges import silhouettes
+    from mitsuba_ref.metrics.edges import silhouettes
 
     ours = still.references[0].copy()
     rows, columns = np.nonzero(silhouettes(still.aovs))
@@ -288,7 +288,7 @@ def test_errors_hidden_on_edges_are_counted(still):
     """Silhouettes may differ, but not all of them: here every masked pixel is wrong."""
     clean = still.compare(still.references[0])
     assert clean.metrics["masked_fraction"].value > 0.1
-    from mitsuba_ref.edges import discontinuities, silhouettes
+    from mitsuba_ref.metrics.edges import discontinuities, silhouettes
 
     edge = silhouettes(still.aovs) | discontinuities(still.references[0])
     ours = still.references[0].copy()

@@ -7,9 +7,9 @@ import pytest
 from mitsuba_stand_in import NOISY, stand_in, write_scene
 from noise_samples import pictures
 
-from mitsuba_ref.cli import main
-from mitsuba_ref.ladder_of_tests import climb
-from mitsuba_ref.noisy_rungs import exponent
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.ladder.climb import climb
+from mitsuba_ref.ladder.rungs_with_noise import exponent
 from mitsuba_ref.statistics.convergence import (
     SAMPLES,
     TOLERANCE,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsuba_ref.edges import dilated, discontinuities, silhouettes
+from mitsuba_ref.metrics.edges import dilated, discontinuities, silhouettes
 
 
 def flat_wall(height: int = 9, width: int = 11) -> dict[str, np.ndarray]:

@@ -7,8 +7,14 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from mitsuba_ref.results import DivergentPixel, Metric, ReplayResult, Rung, SceneResult
-from mitsuba_ref.table import print_table
+from mitsuba_ref.command.scene_table import print_table
+from mitsuba_ref.records.results import (
+    DivergentPixel,
+    Metric,
+    ReplayResult,
+    Rung,
+    SceneResult,
+)
 
 REPLAY = ReplayResult(
     spp=16,

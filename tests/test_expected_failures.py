@@ -19,7 +19,7 @@ from mitsuba_ref.expected_failures.offsets import MITSUBA, TIGHT, smallest_gap
 from mitsuba_ref.expected_failures.reference import (
     edge_rays_lost,
     lamp_with_vertex_normals,
-    point_light_asked_often,
+    point_light_sampled_often,
 )
 from mitsuba_ref.expected_failures.rounding import far_spheres_wrong, small_triangles_lost
 
@@ -45,8 +45,8 @@ RIGHT = {
     "Mitsuba's epsilon": functools.partial(smallest_gap, TIGHT),
     "tight offset on a large square": functools.partial(smallest_gap, MITSUBA, 1000.0),
     "Embree's default mode": functools.partial(edge_rays_lost, robust=True),
-    "Mitsuba's point light, asked four times": functools.partial(
-        point_light_asked_often, 1
+    "Mitsuba's point light, sampled four times": functools.partial(
+        point_light_sampled_often, 1
     ),
     "Mitsuba's lamp with vertex normals": functools.partial(lamp_with_vertex_normals, 0.0),
     "teapot in a stadium": functools.partial(stadium_tests_per_ray, "bvh"),

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from mitsuba_stand_in import NOISY
 
-from mitsuba_ref.alarm_counts import WHOLE
-from mitsuba_ref.false_alarms import EITHER, convergence_rung, main
-from mitsuba_ref.seeds import reference_seed
+from mitsuba_ref.false_alarms.__main__ import main
+from mitsuba_ref.false_alarms.alarm_counts import WHOLE
+from mitsuba_ref.false_alarms.measure import EITHER, convergence_rung
+from mitsuba_ref.ladder.pictures_by_seed import reference_seed
 from mitsuba_ref.statistics.convergence import MOST_PICTURES
 from renderer.replay.pixel_seeds import pixel_seeds
 

@@ -129,7 +129,7 @@ def test_primitives_on_the_planes_between_cells():
 
 
 def test_the_number_of_steps_is_bounded():
-    """At most nx + ny + nz cells, whichever way; exactly nx along x (failure mode 10)."""
+    """At most nx + ny + nz cells, whichever way; exactly nx along x."""
     rng = np.random.default_rng(6)
     surfaces = soup("triangles", 3000, rng, size=1e-3)
     grid = built("triangles", surfaces, "grid", 40.0)

@@ -10,17 +10,18 @@ import pytest
 from mitsuba_stand_in import stand_in, write_scene
 from noise_samples import SHAPE, fireflies, gaussian, pictures, scene, skewed
 
-from mitsuba_ref.alarm_counts import WHOLE, FalseAlarms, count_alarms, exceeds
-from mitsuba_ref.cache import ReferenceCache, write_entry
-from mitsuba_ref.cli import main
-from mitsuba_ref.ladder_of_tests import FALSE_ALARMS, climb
-from mitsuba_ref.options import Options
-from mitsuba_ref.reference import render_reference
-from mitsuba_ref.results import Results, SceneResult, to_json
-from mitsuba_ref.seeds import judged, with_rungs
-from mitsuba_ref.statistics.binomial import rate
-from mitsuba_ref.statistics.maps import evidence
-from mitsuba_ref.validation import validate_scene
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.command.validation import validate_scene
+from mitsuba_ref.false_alarms.alarm_counts import WHOLE, FalseAlarms, count_alarms, exceeds
+from mitsuba_ref.false_alarms.binomial import rate
+from mitsuba_ref.ladder.climb import FALSE_ALARMS, climb
+from mitsuba_ref.ladder.evidence_maps import evidence
+from mitsuba_ref.ladder.pictures_by_seed import judged, with_rungs
+from mitsuba_ref.records.json_files import to_json
+from mitsuba_ref.records.options import Options
+from mitsuba_ref.records.results import Results, SceneResult
+from mitsuba_ref.reference.cache import ReferenceCache, write_entry
+from mitsuba_ref.reference.render import render_reference
 
 NOISY = [
     "finite",

@@ -152,7 +152,7 @@ def test_a_mirrored_scene_gives_the_mirrored_picture(before, axis):
 
 @pytest.mark.parametrize("parts", [2, 5])
 def test_a_point_light_in_parts(before, parts):
-    """Whitted asks every light: parts of it in one place add up to the whole."""
+    """Whitted samples every light: parts of it in one place add up to the whole."""
     part = lamps(np.eye(4), power=1 / parts)["lamp"]
     lights = {f"part{i}": dict(part) for i in range(parts)}
     after = pixels(still_life(lights=lights))

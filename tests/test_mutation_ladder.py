@@ -15,7 +15,6 @@ import pytest
 from canned_renderers import HEIGHT, WIDTH, picture, wall
 from test_mutation_matrix import in_make_test
 
-from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.mutations.__main__ import listed, lowest_broken
 from mitsuba_ref.mutations.climbing import ladder
 from mitsuba_ref.mutations.matrix import CHECKS, Row
@@ -30,9 +29,10 @@ from mitsuba_ref.mutations.rungs import (
     CountedRender,
     Rung,
 )
-from mitsuba_ref.ours import OurPicture
-from mitsuba_ref.reference import Reference
-from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.our_renderer.picture import OurPicture
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.render import Reference
 
 PROOF = """title = "A wall"
 shows = "Noise."

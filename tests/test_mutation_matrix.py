@@ -16,14 +16,14 @@ import pytest
 from test_replay_scenes import QUICK as REPLAYED
 from test_scenes_against_mitsuba import QUICK
 
-from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.mutations import climbing
-from mitsuba_ref.mutations.catalogue import CATALOGUE
 from mitsuba_ref.mutations.climbing import NOT_CLIMBED
+from mitsuba_ref.mutations.defects.catalogue import CATALOGUE
 from mitsuba_ref.mutations.matrix import OWN_SCENES, control, scene_file, try_mutation
 from mitsuba_ref.mutations.rungs import CLIMBED, REPLAY, TESTS, CountedRender, replay
-from mitsuba_ref.ours import render_ours
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.our_renderer.picture import render_ours
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.picture_process import MitsubaWorker
 
 SCENES = tuple(dict.fromkeys(mutation.scene for mutation in CATALOGUE))
 

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from mitsuba_ref.aov_comparison import compare_aovs
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.mutations.catalogue import CATALOGUE, DEFECTS, named
+from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, DEFECTS, named
+from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
 from mitsuba_ref.mutations.matrix import Row, control, scene_file, write_matrix
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
 from mitsuba_ref.mutations.mutation import (
@@ -29,7 +28,6 @@ from mitsuba_ref.mutations.mutation import (
     mutated_files,
     mutated_text,
 )
-from mitsuba_ref.mutations.neutral_changes import NEUTRAL_CHANGES
 from mitsuba_ref.mutations.rungs import (
     AOVS,
     FINITE,
@@ -40,9 +38,11 @@ from mitsuba_ref.mutations.rungs import (
     Rung,
     rungs_of,
 )
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import Finite, SceneResult
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import Finite, SceneResult
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.errors import SceneError
 
 every_mutation = pytest.mark.parametrize("mutation", CATALOGUE, ids=lambda m: m.name)

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitsuba_ref.comparison import compare
-from mitsuba_ref.obstacles import find_obstacle
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.comparison.compare import compare
+from mitsuba_ref.comparison.preconditions import find_obstacle
+from mitsuba_ref.records.verdicts import VERDICTS
 from tests.canned_renderers import CHANNELS, HEIGHT, WIDTH, picture, wall
 
 Damage = Callable[[np.ndarray], np.ndarray]
@@ -157,7 +157,7 @@ def test_a_firefly_of_mitsuba_s_excuses_nothing(large):
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_references_are_never_a_pass(count):
     """The harness asks for four: fewer are a bug on our side."""
-    obstacle = find_obstacle(picture(0), [picture(1)] * count)
+    obstacle = find_obstacle([picture(0)], [picture(1)] * count)
     assert obstacle is not None
     assert obstacle.verdict == "broken"
     assert VERDICTS["broken"].advice in obstacle.sentence

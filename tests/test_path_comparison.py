@@ -1,6 +1,6 @@
 """Two paths side by side: hand-made records, and the first difference between them.
 
-The path of all tests: the camera sees shape 3, which asks the light on shape 1 and sends
+The path of all tests: the camera sees shape 3, which samples the light on shape 1 and sends
 the path on to shape 2, from where it leaves the scene. Each test changes one thing and
 expects its name, bounce and kind.
 """
@@ -14,7 +14,14 @@ from dataclasses import asdict, replace
 import pytest
 from rich.console import Console
 
-from mitsuba_ref.path_comparison import (
+from mitsuba_ref.our_renderer.traced_path import (
+    Bounce,
+    LightAsked,
+    Scattered,
+    TracedPath,
+    path_from_json,
+)
+from mitsuba_ref.replay.path_comparison import (
     CAMERA,
     TOLERANCE,
     WHOLE,
@@ -23,14 +30,7 @@ from mitsuba_ref.path_comparison import (
     first_difference,
     largest_error,
 )
-from mitsuba_ref.path_table import MARK, print_paths
-from mitsuba_ref.stepping.traced_path import (
-    Bounce,
-    LightAsked,
-    Scattered,
-    TracedPath,
-    path_from_json,
-)
+from mitsuba_ref.replay.path_table import MARK, print_paths
 
 NAMES = ("ours", "theirs")
 

@@ -11,9 +11,9 @@ import pytest
 from report_samples import scene as rendered_scene
 from report_samples import write_results
 
-from mitsuba_ref import false_alarms
 from mitsuba_ref.expected_failures import ExpectedFailure
 from mitsuba_ref.expected_failures import __main__ as register_command
+from mitsuba_ref.false_alarms import __main__ as alarms_command
 from mitsuba_ref.mutations import __main__ as mutations_command
 from reports import cli, proof_run
 from reports import proof as command
@@ -134,7 +134,7 @@ def test_studies_write_where_the_page_looks() -> None:
     """Without `--out`: `make proof` shows what these commands measured last."""
     data = results_file(cli.DEFAULT_OUT / "data").parent.parent
     assert data / MATRIX == mutations_command.WHOLE / "matrix.json"
-    assert data / ALARMS == false_alarms.RECORD
+    assert data / ALARMS == alarms_command.RECORD
     # A few mutations must not replace the whole matrix there.
     assert mutations_command.A_PART not in (data, data / "proof")
 

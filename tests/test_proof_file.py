@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mitsuba_ref.proof_file import Proof, read_proof
+from mitsuba_ref.records.proof_file import NO_PROOF, read_proof
 from renderer.errors import SceneError
 from tests.mitsuba_stand_in import write_scene
 
@@ -31,28 +31,43 @@ def test_a_complete_file(scene):
 
 def test_without_a_file_the_scene_decides(scene):
     scene.with_name("proof.toml").unlink()
-    assert read_proof(scene) == Proof()
+    assert read_proof(scene) == NO_PROOF
     assert read_proof(scene).size("demo") is None
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("title", "titel", "title is missing"),
-        ("[demo]", "colour = 1\n[demo]", "unknown key 'colour'; known: "),
-        ("width = 32", "wdth = 32", r"\[demo\]: width is missing"),
-        ("width = 32", 'width = "32"', r"\[demo\]: width = '32'; expected int"),
-        ("width = 32", "width = 0", r"\[demo\]: width = 0; it is 1 or more"),
-        ("width = 32", "width = true", r"\[demo\]: width = True; expected int"),
+        ("title", "titel", "unknown field `titel`; known: title, "),
+        ("[demo]", "colour = 1\n[demo]", "unknown field `colour`; known: "),
+        ("width = 32", "wdth = 32", r"\[demo\]: .* unknown field `wdth`; known: width, "),
+        ("width = 32", 'width = "32"', r"\[demo\]: width = '32'; Expected `int`"),
+        ("width = 32", "width = 0", r"\[demo\]: width = 0; Expected `int` >= 1"),
+        ("width = 32", "width = true", r"\[demo\]: width = True; Expected `int`"),
         (
             "rmse_factor = 1.25",
             "rmse_factor = 0.5",
-            r"\[tolerance\]: rmse_factor = 0.5; it is 1 or more",
+            r"\[tolerance\]: rmse_factor = 0.5; Expected `float` >= 1",
         ),
-        ("rmse_factor = 1.25", "rmse_factor = nan", r"rmse_factor = nan; it is 1 or more"),
-        ("reason = ", "season = ", r"\[tolerance\]: reason is missing"),
-        ("deterministic = false", 'deterministic = "no"', "expected bool"),
+        (
+            "rmse_factor = 1.25",
+            "rmse_factor = nan",
+            r"rmse_factor = nan; Expected `float` >= 1",
+        ),
+        (
+            "reason = ",
+            "season = ",
+            r"\[tolerance\]: .* `season`; known: rmse_factor, reason",
+        ),
+        (
+            "deterministic = false",
+            'deterministic = "no"',
+            "deterministic = .no.; Expected `bool",
+        ),
         ("[test]", "[test", "not a readable TOML file"),
+        ("title = ", "# ", "missing required field `title`"),
+        ("width = 32", "", r"\[demo\]: .* missing required field `width`"),
+        ("reason = ", "# ", r"\[tolerance\]: .* missing required field `reason`"),
     ],
 )
 def test_what_is_wrong_is_one_line_that_names_it(scene, old, new, message):

@@ -9,7 +9,7 @@ from typing import Any
 import proof_samples as sample
 import pytest
 
-from mitsuba_ref.mutations.catalogue import CATALOGUE
+from mitsuba_ref.mutations.defects.catalogue import CATALOGUE
 from mitsuba_ref.mutations.rungs import CLIMBED
 from reports.mutation_table import mutation_table
 from reports.page import proof_page

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_ref import cache as cache_module
-from mitsuba_ref.cache import ReferenceCache, entry_name, read_entry, write_entry
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.reference import Reference, render_reference
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference import cache as cache_module
+from mitsuba_ref.reference.cache import ReferenceCache, entry_name, read_entry, write_entry
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.reference.render import Reference, render_reference
 from tests.mitsuba_stand_in import write_scene
 
 

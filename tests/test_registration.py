@@ -96,7 +96,7 @@ def by_us(content: dict[str, Any]) -> np.ndarray:
 
 
 def by_mitsuba(content: dict[str, Any]) -> np.ndarray:
-    from mitsuba_ref.variant import load_mitsuba
+    from mitsuba_ref.reference.variant import load_mitsuba
 
     mi = load_mitsuba()
 

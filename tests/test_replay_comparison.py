@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.proof_file import ReplayLimits
-from mitsuba_ref.replay import LISTED, compare_replay, relative_difference
+from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
+from mitsuba_ref.replay.replay_scene import LISTED, compare_replay, relative_difference
 
 
 def grey(height=50, width=40, value=0.5):
@@ -47,14 +47,14 @@ def test_a_small_difference_everywhere_fails():
     """2e-5 of every pixel is below the tolerance of each, and twice the RMSE allowed."""
     result = compare_replay(grey(value=0.5 * (1 + 2e-5)), grey())
     assert (result.passed, result.divergent) == (False, 0)
-    assert result.rmse == pytest.approx(2 * ReplayLimits.rmse, rel=0.01)
+    assert result.rmse == pytest.approx(2 * USUAL_LIMITS.rmse, rel=0.01)
 
 
 def test_a_scene_may_have_wider_limits():
     """The same three pixels where 0.2 % may diverge."""
     ours = grey()
     ours[0, :3] *= 1.01
-    assert compare_replay(ours, grey(), ReplayLimits(divergent=2e-3)).passed
+    assert compare_replay(ours, grey(), ReplayLimits(divergent=2e-3, reason="x")).passed
 
 
 def test_differences_in_the_dark_are_relative_to_the_mean():

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import pytest
 
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.options import Options, scene_request
-from mitsuba_ref.ours import render_ours
-from mitsuba_ref.proof_file import read_proof
-from mitsuba_ref.replay import replay_scene
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.our_renderer.picture import render_ours
+from mitsuba_ref.records.options import Options, scene_request
+from mitsuba_ref.records.proof_file import read_proof
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.replay.replay_scene import replay_scene
 
 # Each sampler compiles its own kernels, 8 seconds each: of rectangles alone, with `path`,
 # which costs no more than `direct` and draws more.

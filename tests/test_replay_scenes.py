@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.options import Options, scene_request
-from mitsuba_ref.ours import render_ours
-from mitsuba_ref.proof_file import read_proof
-from mitsuba_ref.replay import replay_scene
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.our_renderer.picture import render_ours
+from mitsuba_ref.records.options import Options, scene_request
+from mitsuba_ref.records.proof_file import read_proof
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.replay.replay_scene import replay_scene
 
 # What `make test` has the time for, as each compiles its kernels: every shape, BSDF and
 # area light, textures, vertex normals, instances. The other scenes are compared by

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.variant import load_mitsuba
+from mitsuba_ref.reference.variant import load_mitsuba
 from renderer.replay.pcg32 import pcg32_seed
 from renderer.replay.pixel_seeds import morton_number, pixel_seeds, spiral_numbers
 

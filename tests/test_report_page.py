@@ -12,7 +12,7 @@ import pytest
 import report_samples
 from report_samples import scene, stopped_scene, write_results
 
-from mitsuba_ref.verdicts import COMPARED, VERDICTS, Verdict
+from mitsuba_ref.records.verdicts import COMPARED, VERDICTS, Verdict
 from reports import cli, formatting
 from reports.errors import ReportError
 from reports.page import results_page

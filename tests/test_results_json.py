@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 
-from mitsuba_ref.results import (
+from mitsuba_ref.records.json_files import RecordError, from_json, to_json, write_json
+from mitsuba_ref.records.results import (
     AovResult,
     Finite,
     Ladder,
@@ -17,10 +19,8 @@ from mitsuba_ref.results import (
     Results,
     SceneResult,
     Seconds,
-    to_json,
-    write_results,
 )
-from mitsuba_ref.verdicts import CURRENT, exit_status
+from mitsuba_ref.records.verdicts import CURRENT, exit_status
 from reports.results import read_results
 
 
@@ -86,7 +86,7 @@ def test_a_value_that_is_not_finite_becomes_null(bad):
 def test_the_report_reads_what_the_harness_writes(tmp_path):
     """The two packages declare their records apart; this is where they must agree."""
     path = tmp_path / "new" / "results.json"
-    write_results(example(), path)
+    write_json(example(), path)
     read = read_results(path).scenes[0]
     assert (read.name, read.verdict, read.spp) == ("box", "pass", 16)
     assert read.metrics["rmse"].floor == 0.09
@@ -96,9 +96,27 @@ def test_the_report_reads_what_the_harness_writes(tmp_path):
     assert str(read.images["ours"]).endswith("images/box/ours.npy")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (b'"spp": 16', b'"spp": "16"', "Expected `int`, got `str` - at `$.scenes[0].spp`"),
+        (b'"pass"', b'"passed"', "Invalid enum value 'passed' - at `$.scenes[0].verdict`"),
+        (b'"schema": 1', b'"schema": 2', "Invalid enum value 2 - at `$.schema`"),
+        (b'"passed": true', b'"passed": 1', "got `int` - at `$.scenes[0].metrics[...].pas"),
+    ],
+)
+def test_a_record_is_read_strictly(old, new, said):
+    """What it was is read back; a wrong type is one line with its place."""
+    text = to_json(example())
+    assert from_json(text, Results) == example()
+    assert old in text
+    with pytest.raises(RecordError, match=re.escape(said)):
+        from_json(text.replace(old, new, 1), Results)
+
+
 def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "results.json"
-    write_results(example(), path)
+    write_json(example(), path)
     before = path.read_bytes()
 
     def full(source: object, target: object) -> None:
@@ -106,7 +124,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr("os.replace", full)
     with pytest.raises(OSError, match="no space"):
-        write_results(example(title="new"), path)
+        write_json(example(title="new"), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
@@ -115,7 +133,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path, monkeypatch):
 def test_files_of_the_first_version_are_still_read(tmp_path, verdict):
     """Their "error" was everything that is a verdict of its own today; no pass, ever."""
     path = tmp_path / "results.json"
-    path.write_text(to_json(example(verdict=verdict, reasons=("why",))))
+    path.write_bytes(to_json(example(verdict=verdict, reasons=("why",))))
     (scene,) = read_results(path).scenes
     assert (scene.verdict, scene.reasons) == (verdict, ("why",))
     assert (exit_status([scene.verdict]) == 0) == (verdict == "pass")
@@ -124,5 +142,5 @@ def test_files_of_the_first_version_are_still_read(tmp_path, verdict):
 @pytest.mark.parametrize("verdict", CURRENT)
 def test_every_verdict_survives_writing_and_reading(tmp_path, verdict):
     path = tmp_path / "results.json"
-    write_results(example(verdict=verdict), path)
+    write_json(example(verdict=verdict), path)
     assert read_results(path).scenes[0].verdict == verdict

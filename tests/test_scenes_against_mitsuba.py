@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from test_replay_scenes import QUICK as REPLAYED
 
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.options import Options
-from mitsuba_ref.ours import render_ours
-from mitsuba_ref.validation import validate_scene
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.command.validation import validate_scene
+from mitsuba_ref.our_renderer.picture import render_ours
+from mitsuba_ref.records.options import Options
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.picture_process import MitsubaWorker
 
 # Replays with Mitsuba's numbers (test_replay_scenes.py) see more. These are the scenes that
 # `make test` does not replay, as each compiles its kernels anew, 10 to 25 seconds: point

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mitsuba_ref.proof_file import read_proof
+from mitsuba_ref.records.proof_file import read_proof
 
 SCENES = Path(__file__).parent.parent / "scenes"
 NAMES = sorted(path.parent.name for path in SCENES.glob("*/scene.xml"))
@@ -97,7 +97,7 @@ def test_no_scene_depends_on_a_default_that_breaks_comparisons(name: str):
 def test_mitsuba_loads_and_renders_it(name: str):
     """A few pixels: finite and not black; Mitsuba refuses properties it does not know."""
     mi.set_variant("scalar_rgb")
-    from mitsuba_ref.whitted import register_whitted
+    from mitsuba_ref.reference.whitted import register_whitted
 
     register_whitted(mi)
     parameters = {"width": "16", "height": "12", "spp": "1"}

@@ -9,6 +9,7 @@ import pytest
 from noise_samples import fireflies, gaussian, pictures, scene, skewed
 from scipy import stats
 
+from mitsuba_ref.ladder import rungs_with_noise
 from mitsuba_ref.statistics import power
 from mitsuba_ref.statistics.floors import floor_test, floor_tests
 from mitsuba_ref.statistics.noise_free_mse import (
@@ -189,10 +190,9 @@ def test_power_against_a_checkerboard_is_as_stated(name, noise):
     A true power of 0.95, which allows for the median noise standing for all pixels, stays
     below 16 with probability 3e-3; the seed is fixed. A third of it: less than half.
     """
-    from mitsuba_ref import noisy_rungs
 
     rng = np.random.default_rng(18)
-    rung = getattr(noisy_rungs, name)
+    rung = getattr(rungs_with_noise, name)
     first = rung(pictures(rng, noise), pictures(rng, noise), ALPHA)
     assert first.passed
 

@@ -12,16 +12,17 @@ import pytest
 from noise_samples import fireflies, gaussian, pictures, scene, skewed
 from scipy import stats
 
-from mitsuba_ref.statistics.image_mean import mean_test
 from mitsuba_ref.statistics.power import detectable_bias, noncentrality
 from mitsuba_ref.statistics.samples import ROUNDING, stack
-from mitsuba_ref.statistics.tiles import tile_test, tiled
 from mitsuba_ref.statistics.welch import (
     critical_t,
     family_test,
+    mean_test,
     pixel_test,
     sidak_limit,
     sidak_p,
+    tile_test,
+    tiled,
     welch,
 )
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import renderer
-from mitsuba_ref.cli import main
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.stepping.step_by_step import StepByStep
-from mitsuba_ref.stepping.traced_path import TracedPath
-from mitsuba_ref.traced_pair import TracedPair
-from mitsuba_ref.verdicts import VERDICTS
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.our_renderer.step_by_step import StepByStep
+from mitsuba_ref.our_renderer.traced_path import TracedPath
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.verdicts import VERDICTS
+from mitsuba_ref.replay.traced_pair import TracedPair
 
 SCENES = Path(__file__).parent.parent / "scenes"
 BOX = SCENES / "cornell-box" / "scene.xml"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.first_hit_causes import first_hit_causes, place_sentence
-from mitsuba_ref.ours import OurPicture
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import DivergentPixel
+from mitsuba_ref.our_renderer.picture import OurPicture
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import DivergentPixel
+from mitsuba_ref.replay.edge_causes import first_hit_causes, place_sentence
 
 
 def aovs(kind: str) -> dict[str, np.ndarray]:

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsuba_ref.edited_scene import load_edited_scene
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.integrator_method import read_method
-from mitsuba_ref.trace_mitsuba import MitsubaTracer
-from mitsuba_ref.variant import load_mitsuba
+from mitsuba_ref.reference.edited_scene import load_edited_scene
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.variant import load_mitsuba
+from mitsuba_ref.replay.integrator_method import read_method
+from mitsuba_ref.replay.mitsuba_trace import MitsubaTracer
 from renderer.replay.pixel_seeds import pixel_seeds
 
 SCENES = Path(__file__).parent.parent / "scenes"

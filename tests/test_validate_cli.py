@@ -8,8 +8,8 @@ import shlex
 import numpy as np
 import pytest
 
-from mitsuba_ref.cli import main
-from mitsuba_ref.ladder import rungs
+from mitsuba_ref.command.cli import main
+from mitsuba_ref.speed.speed_against_accuracy import rungs
 from reports.results import read_results
 from tests.mitsuba_stand_in import stand_in, write_scene
 
@@ -90,7 +90,7 @@ def test_ctrl_c_shows_the_scenes_so_far(scene, tmp_path, capsys):
 def test_a_wrong_proof_file_is_a_verdict_of_that_scene(scene, capsys):
     scene.with_name("proof.toml").write_text("titel = 1")
     assert run(scene) == 11
-    assert "title is missing" in capsys.readouterr().out
+    assert "unknown field `titel`; known: title" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mitsuba_ref.verdicts import CURRENT, VERDICTS
+from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
 
 PAGE = Path(__file__).parent.parent / "docs" / "verdicts.md"
 

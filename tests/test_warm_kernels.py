@@ -8,8 +8,9 @@ import sys
 
 import pytest
 
-from mitsuba_ref import cli, warm
-from mitsuba_ref.options import Options
+from mitsuba_ref.command import cli
+from mitsuba_ref.our_renderer import compile_ahead
+from mitsuba_ref.records.options import Options
 from tests.mitsuba_stand_in import stand_in, write_scene
 
 
@@ -24,11 +25,11 @@ def scenes(tmp_path):
 
 @pytest.fixture(autouse=True)
 def own_stamps(tmp_path, monkeypatch):
-    monkeypatch.setattr(warm, "KERNEL_CACHE", tmp_path / "kernels")
+    monkeypatch.setattr(compile_ahead, "KERNEL_CACHE", tmp_path / "kernels")
 
 
 def test_each_scene_needs_a_picture_and_its_aovs_with_the_edits_of_a_comparison(scenes):
-    requests = warm.kernel_requests(scenes, Options(size="test"))
+    requests = compile_ahead.kernel_requests(scenes, Options(size="test"))
     assert [(r.kind, r.spp, r.box_filter) for r in requests] == [
         ("image", 1, True),
         ("aovs", None, True),
@@ -38,15 +39,15 @@ def test_each_scene_needs_a_picture_and_its_aovs_with_the_edits_of_a_comparison(
 
 
 def test_what_a_stamp_says_is_done_is_not_done_again(scenes):
-    first, *others = warm.kernel_requests(scenes, Options(size="test"))
-    warm._stamp(first).parent.mkdir(parents=True)
-    warm._stamp(first).touch()
-    assert warm.kernel_requests(scenes, Options(size="test")) == others
+    first, *others = compile_ahead.kernel_requests(scenes, Options(size="test"))
+    compile_ahead._stamp(first).parent.mkdir(parents=True)
+    compile_ahead._stamp(first).touch()
+    assert compile_ahead.kernel_requests(scenes, Options(size="test")) == others
 
 
 def test_a_scene_with_a_wrong_proof_is_left_to_its_own_comparison(scenes):
     scenes[0].with_name("proof.toml").write_text("titel = 1")
-    assert len(warm.kernel_requests(scenes, Options(size="test"))) == 2
+    assert len(compile_ahead.kernel_requests(scenes, Options(size="test"))) == 2
 
 
 def answering(sentence: str) -> str:
@@ -71,9 +72,11 @@ def test_progress_counts_answers_and_a_dead_worker_ends_the_warm_up(
     def instead(command, **options):
         return real([sys.executable, "-c", program], **options)
 
-    monkeypatch.setattr(warm.subprocess, "Popen", instead)
+    monkeypatch.setattr(compile_ahead.subprocess, "Popen", instead)
     seen: list[int] = []
-    warm.compile_kernels(warm.kernel_requests(scenes, Options(size="test")), seen.append)
+    compile_ahead.compile_kernels(
+        compile_ahead.kernel_requests(scenes, Options(size="test")), seen.append
+    )
     assert seen == expected
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitsuba_ref.variant import load_mitsuba
+from mitsuba_ref.reference.variant import load_mitsuba
 
 # Fresnel at normal incidence for n = 1.5 and the series over a slab's two faces.
 R = 0.04

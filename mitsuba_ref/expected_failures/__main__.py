@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
-import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +13,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from mitsuba_ref import machine
-from mitsuba_ref.expected_failures.register import REGISTER, Band, Outcome, check
-from mitsuba_ref.results import write_atomically
+from mitsuba_ref.expected_failures.register import REGISTER, Outcome, check
+from mitsuba_ref.records import machine
+from mitsuba_ref.records.json_files import write_json
 
 SCHEMA = 1
 ALARM = 1
@@ -36,17 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output = Console() if sys.stdout.isatty() else Console(width=120)
     output.print(_table(measured))
     if options.out is not None:
-        circumstances = {
-            "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "command": shlex.join(
-                ["python", "-m", "mitsuba_ref.expected_failures", *given]
-            ),
-            "machine": machine.describe_machine(),
-            "versions": machine.installed_versions(),
-            "commit": machine.current_commit(),
-        }
-        content = as_json(measured, circumstances)
-        write_atomically(options.out, (content + "\n").encode())
+        circumstances = machine.circumstances("mitsuba_ref.expected_failures", given)
+        write_json(as_record(measured, circumstances), options.out)
         output.print(f"wrote {options.out}", markup=False, soft_wrap=True)
     return ALARM if any(outcome.alarm for outcome, _ in measured) else 0
 
@@ -63,28 +50,23 @@ def measure(tell: Callable[[str], None], *, slow: bool = True) -> Measured:
     return measured
 
 
-def as_json(measured: Measured, circumstances: dict[str, Any]) -> str:
-    """Return the text of register.json; a band without end has null there."""
+def as_record(measured: Measured, circumstances: dict[str, Any]) -> dict[str, Any]:
+    """Return the content of register.json; a band without end is infinite there."""
     entries = [
         {
             "name": outcome.entry.name,
             "what": outcome.entry.what,
             "reason": outcome.entry.reason,
             "expected": outcome.entry.measured,
-            "band": _ends(outcome.entry.band),
-            "agreement": _ends(outcome.entry.agreement),
-            "measured": outcome.measured if math.isfinite(outcome.measured) else None,
+            "band": outcome.entry.band,
+            "agreement": outcome.entry.agreement,
+            "measured": outcome.measured,
             "verdict": outcome.verdict,
             "seconds": round(seconds, 3),
         }
         for outcome, seconds in measured
     ]
-    content = {"schema": SCHEMA, **circumstances, "entries": entries}
-    return json.dumps(content, indent=1, allow_nan=False)
-
-
-def _ends(band: Band) -> list[float | None]:
-    return [end if math.isfinite(end) else None for end in band]
+    return {"schema": SCHEMA, **circumstances, "entries": entries}
 
 
 def _table(measured: Measured) -> Table:

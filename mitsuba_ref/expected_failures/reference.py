@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mitsuba_ref.expected_failures.cost import ball_mesh
-from mitsuba_ref.variant import load_mitsuba
+from mitsuba_ref.reference.variant import load_mitsuba
 
 RAYS = 4096
 
@@ -66,8 +66,8 @@ def _floor_under(light: str, samples: int) -> float:
     return float(np.mean(np.array(mi.render(scene, spp=64, seed=1)))) * float(np.pi)
 
 
-def point_light_asked_often(samples: int = 4) -> float:
-    """Return E h^2 / I below a point light, asked `samples` times: 1 on paper.
+def point_light_sampled_often(samples: int = 4) -> float:
+    """Return E h^2 / I below a point light, sampled `samples` times: 1 on paper.
 
     Light samples are weighed as if each asked for all of the light, where the light is a
     point, a spot or a direction.

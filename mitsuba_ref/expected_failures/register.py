@@ -139,13 +139,13 @@ REGISTER = (
         reason="Edges are not shared exactly (issue 1149); the harness asks for `robust`.",
     ),
     ExpectedFailure(
-        name="Mitsuba's point light, asked four times",
+        name="Mitsuba's point light, sampled four times",
         what="Mitsuba, direct with emitter_samples 4 below a point light: E h^2 / I",
-        measure=reference.point_light_asked_often,
+        measure=reference.point_light_sampled_often,
         measured=4.0,
         band=(3.99, 4.01),
         agreement=(0.99, 1.01),
-        reason="Delta lights are not divided by the number of samples; ours asks once.",
+        reason="Delta lights are not divided by the number of samples; ours samples once.",
     ),
     ExpectedFailure(
         name="Mitsuba's lamp with vertex normals",

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from mitsuba_ref import machine
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.mutations.catalogue import named
+from mitsuba_ref.mutations.defects.catalogue import named
 from mitsuba_ref.mutations.matrix import Row, try_all, write_matrix
 from mitsuba_ref.mutations.rungs import CLIMB, Rung
-from mitsuba_ref.worker import MitsubaWorker
+from mitsuba_ref.records import machine
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.picture_process import MitsubaWorker
 
 WHOLE = Path("reports/out/data")
 """Where the page "proof" looks."""
@@ -38,13 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         console.print(str(error.args[0]), markup=False)
         return 2
     path = (options.out or (A_PART if options.only else WHOLE)) / "matrix.json"
-    circumstances = {
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": shlex.join(["python", "-m", "mitsuba_ref.mutations", *given]),
-        "machine": machine.describe_machine(),
-        "versions": machine.installed_versions(),
-        "commit": machine.current_commit(),
-    }
+    circumstances = machine.circumstances("mitsuba_ref.mutations", given)
     done: list[Row] = []
 
     def keep(row: Row) -> None:

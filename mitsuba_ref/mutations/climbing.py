@@ -14,10 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref import results
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS, climb
+from mitsuba_ref.ladder.climb import FEWEST_SEEDS, climb
+from mitsuba_ref.ladder.pictures_by_seed import reference_seed, seeded_pictures
 from mitsuba_ref.mutations.rungs import (
     CLIMB,
     RUNS,
@@ -25,10 +23,12 @@ from mitsuba_ref.mutations.rungs import (
     CountedRender,
     Rung,
 )
-from mitsuba_ref.options import scene_name, scene_request
-from mitsuba_ref.proof_file import read_proof
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.seeds import reference_seed, seeded_pictures
+from mitsuba_ref.records import results
+from mitsuba_ref.records.options import scene_name, scene_request
+from mitsuba_ref.records.proof_file import read_proof
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.errors import MitsubaError
 
 Arrays = dict[str, NDArray[np.float32]]
 

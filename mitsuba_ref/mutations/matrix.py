@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from mitsuba_ref.cache import ReferenceCache
 from mitsuba_ref.mutations.climbing import ladder
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
 from mitsuba_ref.mutations.mutation import Mutation
@@ -24,9 +21,10 @@ from mitsuba_ref.mutations.rungs import (
     comparison,
     replay,
 )
-from mitsuba_ref.reference import Reference
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import write_atomically
+from mitsuba_ref.records.json_files import write_json
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.render import Reference
 
 CHECKS: tuple[Check, ...] = (comparison, replay, ladder)
 """All that a mutant is shown to, from cheap to dear; unit tests come after them."""
@@ -186,9 +184,8 @@ def write_matrix(
 ) -> None:
     """Write matrix.json: the circumstances, then a row for each mutation."""
     written = [
-        dataclasses.asdict(row)
+        asdict(row)
         | {"caught_by": row.caught_by, "blind": row.blind, "as_expected": row.as_expected}
         for row in rows
     ]
-    text = json.dumps({"schema": 1, **circumstances, "rows": written}, indent=1)
-    write_atomically(path, (text + "\n").encode())
+    write_json({"schema": 1, **circumstances, "rows": written}, path)

@@ -1,15 +1,12 @@
 """A mutant: our renderer with a mutation, in a process of its own with a time limit.
 
-`Mutant.render` has the form of `mitsuba_ref.ours.render_ours`, so that every check of the
-harness takes a mutant in the renderer's place. `Mutant.run_tests` runs tests of the suite
-on it.
+`Mutant.render` has the form of `render_ours`, so that every check of the harness takes a
+mutant in the renderer's place. `Mutant.run_tests` runs tests of the suite on it.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import select
 import signal
 import subprocess
 import sys
@@ -24,8 +21,10 @@ from typing import Any, Self
 import numpy as np
 
 from mitsuba_ref.mutations.mutation import Mutation, mutant_folder
-from mitsuba_ref.ours import OurPicture
-from mitsuba_ref.request import RenderRequest
+from mitsuba_ref.our_renderer.picture import OurPicture
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.errors import MitsubaCrashed, MitsubaError, MitsubaTimeout
+from mitsuba_ref.reference.json_process import JsonProcess
 from renderer.errors import NotReplayable, SceneError
 
 TIME_LIMIT = 240.0
@@ -78,7 +77,7 @@ class Mutant:
         self.mutation = mutation
         self.time_limit = time_limit
         self.folder = mutant_folder(mutation, root)
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: JsonProcess | None = None
         self._answers = tempfile.TemporaryDirectory()
 
     def __enter__(self) -> Self:
@@ -96,7 +95,7 @@ class Mutant:
         self._answers.cleanup()
 
     def render(self, request: RenderRequest) -> OurPicture:
-        """Render as `mitsuba_ref.ours.render_ours` does, with the defect.
+        """Render as `our_renderer.picture.render_ours` does, with the defect.
 
         Raises
         ------
@@ -153,50 +152,32 @@ class Mutant:
     def stop(self) -> None:
         """End the process."""
         process, self._process = self._process, None
-        if process is None:
-            return
-        process.kill()
-        process.wait()
-        for stream in (process.stdin, process.stdout):
-            assert stream is not None
-            with suppress(BrokenPipeError):
-                stream.close()
+        if process is not None:
+            process.close()
 
     def _ask(self, question: dict[str, Any]) -> dict[str, Any]:
-        process = self._process or self._start()
-        assert process.stdin is not None
-        assert process.stdout is not None
         try:
-            with suppress(BrokenPipeError):  # its silence says more
-                process.stdin.write(json.dumps(question).encode() + b"\n")
-                process.stdin.flush()
-            if not select.select([process.stdout], [], [], self.time_limit)[0]:
-                raise MutantError(f"no answer within {self.time_limit:g} s")
-            line = process.stdout.readline()
-            if not line:
-                raise MutantError(f"the process ended with status {process.wait()}")
-        except BaseException:
+            if self._process is None:
+                self._process = JsonProcess(
+                    "mitsuba_ref.mutations.mutant_process",
+                    {},
+                    name=self.mutation.name,
+                    time_limit=self.time_limit,
+                    environment=self._environment(),
+                    folder=self.folder,
+                    refusals=REFUSALS,
+                )
+            return self._process.ask(question)
+        except (MitsubaCrashed, MitsubaTimeout) as error:
             self.stop()
+            raise MutantError(str(error)) from None
+        except MitsubaError as error:  # it has answered, and renders the next picture
+            raise MutantError(str(error)) from None
+        except tuple(REFUSALS.values()):
             raise
-        answer: dict[str, Any] = json.loads(line)
-        if "error" not in answer:
-            return answer
-        refusal = REFUSALS.get(answer["kind"])
-        if refusal is not None:
-            raise refusal(answer["error"])
-        raise MutantError(f"{answer['kind']}: {answer['error']}")
-
-    def _start(self) -> subprocess.Popen[bytes]:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "mitsuba_ref.mutations.mutant_process"],
-            cwd=self.folder,
-            env=self._environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for the harness, which then ends this
-        )
-        return self._process
+        except BaseException:
+            self.stop()  # Ctrl-C: a late answer must not meet a later question
+            raise
 
     def _environment(self) -> dict[str, str]:
         paths = [str(self.folder), str(ROOT)]

@@ -11,15 +11,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mitsuba_ref.cache import ReferenceCache
-from mitsuba_ref.errors import MitsubaError
-from mitsuba_ref.options import Options, scene_request
-from mitsuba_ref.ours import OurPicture, RenderOurs
-from mitsuba_ref.proof_file import read_proof
-from mitsuba_ref.replay import replay_scene
-from mitsuba_ref.request import RenderRequest
-from mitsuba_ref.results import SceneResult
-from mitsuba_ref.validation import validate_scene
+from mitsuba_ref.command.validation import validate_scene
+from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
+from mitsuba_ref.records.options import Options, scene_request
+from mitsuba_ref.records.proof_file import read_proof
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import SceneResult
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.replay.replay_scene import replay_scene
 from renderer.errors import NotReplayable
 
 RUNS = "runs"
@@ -30,7 +30,7 @@ REPLAY = "replay"
 STATISTICS = "statistics"
 TESTS = "unit tests"
 CLIMB = "ladder: "
-"""Before the names of the rungs of `mitsuba_ref.ladder_of_tests`, a check by itself."""
+"""Before the names of the rungs of `mitsuba_ref.ladder.climb`, a check by itself."""
 
 CLIMBED = tuple(
     CLIMB + name

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from mitsuba_ref.metrics import rmse
+from mitsuba_ref.metrics.distances import rmse
 from mitsuba_ref.statistics.relabelling import SEED
 
 INDEPENDENT = -0.5

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref import metrics
+from mitsuba_ref.metrics import distances
 from mitsuba_ref.statistics.relabelling import deals, limit_of, quadratic, rank_p
 from mitsuba_ref.statistics.samples import Floats
 
@@ -29,14 +29,14 @@ Distance = Callable[[NDArray[np.floating], NDArray[np.floating]], float]
 
 
 def _unlike(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
-    similarity = metrics.ssim(a, b)
+    similarity = distances.ssim(a, b)
     return 0.0 if similarity is None else 1.0 - similarity
 
 
 DISTANCES: dict[str, Distance] = {
-    "rmse": metrics.rmse,
+    "rmse": distances.rmse,
     "one minus ssim": _unlike,
-    "flip": metrics.flip,
+    "flip": distances.flip,
 }
 
 
@@ -67,12 +67,12 @@ def floor_tests(ours: Floats, theirs: Floats, alpha: float) -> list[Floor]:
     pictures = [*ours, *theirs]
     dealt = deals(len(ours), len(theirs), DEALS)
     return [
-        floor_test(name, distances(pictures, distance), dealt, alpha / len(DISTANCES))
+        floor_test(name, all_distances(pictures, distance), dealt, alpha / len(DISTANCES))
         for name, distance in DISTANCES.items()
     ]
 
 
-def distances(pictures: Sequence[Floats], distance: Distance) -> Floats:
+def all_distances(pictures: Sequence[Floats], distance: Distance) -> Floats:
     """Return the distances of all pairs, (n, n), symmetric, with zeros in the diagonal."""
     table = np.zeros((len(pictures), len(pictures)))
     for i, first in enumerate(pictures):

@@ -1,4 +1,4 @@
-"""Welch's t-test for each pixel and channel, and Sidak's correction for their number.
+"""Welch's t-test for pixels, tiles and whole pictures, and Sidak's correction.
 
 The test asks whether two expectations are equal and lets the variances differ [Welch1947]:
 two samplers may differ in noise. It is exact for no distribution and close for noise that
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from mitsuba_ref.metrics.distances import TILE, tile_means
 from mitsuba_ref.statistics.samples import ROUNDING, Floats
 
 
@@ -111,6 +112,32 @@ def pixel_test(ours: Floats, theirs: Floats) -> FamilyTest:
     Finds one wrong pixel; a small bias of all pixels drowns in their noise.
     """
     return family_test(welch(ours, theirs))
+
+
+def tile_test(ours: Floats, theirs: Floats, tile: int = TILE) -> FamilyTest:
+    """Test the mean of every tile and channel of pictures (K, H, W, C).
+
+    A bias of a whole region stands out 8 times further from the noise in a tile's mean
+    than in its pixels, and a mean of 64 pixels is closer to normal than a pixel. Tiles of
+    the box filter share no samples. What cancels inside a tile is not seen: a shift of a
+    texture.
+    """
+    return family_test(welch(tiled(ours, tile), tiled(theirs, tile)))
+
+
+def tiled(pictures: Floats, tile: int = TILE) -> Floats:
+    """Return the tile means of pictures (K, H, W, C); a rest at the border is a tile."""
+    return np.stack([tile_means(picture, tile) for picture in pictures])
+
+
+def mean_test(ours: Floats, theirs: Floats) -> FamilyTest:
+    """Test the mean of the whole picture (K, H, W, C), channel by channel.
+
+    Most sensitive to what all pixels have in common: a wrong factor, lost or gained energy.
+    Blind to what cancels over the picture. Needs no independence between pixels, so it
+    holds for any reconstruction filter.
+    """
+    return family_test(welch(ours.mean(axis=(1, 2)), theirs.mean(axis=(1, 2))))
 
 
 def critical_t(alpha: float, tests: int, degrees: float) -> float:

@@ -1,0 +1,1 @@
+"""The command `python -m mitsuba_ref`: scenes in, a table and verdicts out."""

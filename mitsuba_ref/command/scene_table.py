@@ -1,0 +1,77 @@
+"""What the terminal shows: one row for each scene, the evidence, why a scene failed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mitsuba_ref.command.replay_and_rung_tables import print_replays, print_rungs
+from mitsuba_ref.records.results import Metric, SceneResult
+from mitsuba_ref.records.verdicts import Verdict
+
+TEXTS = ("scene", "method")
+NUMBERS = ("spp", "RMSE", "floor", "limit", "edges", "SSIM", "FLIP", "s ours", "s Mitsuba")
+COLOURS: dict[Verdict, str] = {"pass": "green", "fail": "bold red"}
+# Rich leaves no line after a caption.
+EDGES = "edges: share of a picture without noise on edges, where RMSE looks away\n"
+NOT_COMPARED = "bold magenta"
+
+
+def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
+    """Print the table, replays and rungs, then the reasons of those that did not pass."""
+    table = Table(
+        title="Ours against Mitsuba scalar_rgb", title_justify="left", box=SIMPLE_HEAD
+    )
+    for column in TEXTS:
+        table.add_column(column, overflow="fold")
+    for column in NUMBERS:
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for scene in scenes:
+        table.add_row(*_row(scene))
+    if any("masked_fraction" in scene.metrics for scene in scenes):
+        table.caption = EDGES
+        table.caption_justify = "left"
+    console.print(table)
+    print_replays(scenes, console)
+    print_rungs(scenes, console)
+    for scene in scenes:
+        for reason in scene.reasons:
+            console.print(
+                f"{_coloured(scene.verdict)} {escape(scene.name)}: {escape(reason)}",
+                soft_wrap=True,
+            )
+
+
+def _row(scene: SceneResult) -> list[str]:
+    unmeasured = Metric(None, None, None, None, "")
+    rmse, masked, ssim, flip = (
+        scene.metrics.get(name, unmeasured)
+        for name in ("rmse", "masked_fraction", "ssim", "flip")
+    )
+    return [
+        escape(scene.name),
+        escape(scene.integrator),
+        str(scene.spp or ""),
+        _number(rmse.value),
+        _number(rmse.floor),
+        _number(rmse.tolerance),
+        _number(masked.value, ".0%"),
+        _number(ssim.value, ".4f"),
+        _number(flip.value, ".4f"),
+        _number(scene.seconds.ours),
+        _number(scene.seconds.reference),
+        _coloured(scene.verdict),
+    ]
+
+
+def _coloured(verdict: Verdict) -> str:
+    return f"[{COLOURS.get(verdict, NOT_COMPARED)}]{verdict}[/]"
+
+
+def _number(value: float | None, form: str = ".2g") -> str:
+    return "" if value is None else format(value, form)

@@ -1,0 +1,156 @@
+"""`--trace X,Y`: one path of one pixel in both renderers, and where the two part.
+
+The first thing to look at when a new BSDF, light or shape gives another picture than
+Mitsuba's: the table shows which quantity of which bounce differs first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from rich.console import Console
+
+from mitsuba_ref.command.verdict_of_error import NotCompared, bad_request, stopped_by
+from mitsuba_ref.records.options import Options, scene_request
+from mitsuba_ref.records.proof_file import read_proof
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.verdicts import exit_status
+from mitsuba_ref.replay.path_comparison import (
+    CAMERA,
+    TOLERANCE,
+    compare_paths,
+    first_difference,
+)
+from mitsuba_ref.replay.path_table import print_paths
+from mitsuba_ref.replay.traced_pair import NotTraceable, Pixel, TracedPair
+from renderer.errors import NotReplayable, SceneError
+
+WRONG_USE, INTERRUPTED = 2, 130
+WIDTH = 128
+"""Columns of the table: a narrower terminal wraps its lines, rich would cut the numbers."""
+
+
+def add_trace_options(parser: argparse.ArgumentParser) -> None:
+    """Add `--trace` and what belongs to it."""
+    group = parser.add_argument_group(
+        "trace",
+        "Compare one path instead of pictures: both renderers draw Mitsuba's random "
+        "numbers. Exit status 0: the paths agree, 1: they do not, 2: there is no such "
+        "path; the others as below.",
+    )
+    group.add_argument(
+        "--trace",
+        type=_pixel,
+        metavar="X,Y",
+        help="print both paths at a pixel of the picture as shown (counted from 0 at the "
+        "top left, inside the crop window), bounce by bounce; for path and direct",
+    )
+    group.add_argument(
+        "--sample",
+        type=_sample,
+        metavar="S",
+        help="which of the pixel's samples, from 0 (default: 0)",
+    )
+    group.add_argument(
+        "--tolerance",
+        type=_tolerance,
+        metavar="R",
+        help=f"relative error from which on a quantity differs (default: {TOLERANCE:g})",
+    )
+
+
+def asks_for_trace(given: argparse.Namespace) -> bool:
+    """Return whether one of the options of `add_trace_options` is given."""
+    return any(value is not None for value in (given.trace, given.sample, given.tolerance))
+
+
+def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -> int:
+    """Trace, print and return the exit status.
+
+    Parameters
+    ----------
+    given
+        The command line, with the options of `add_trace_options`.
+    scenes
+        Its scene files; one of them.
+    options
+        Size, samples, seed and parameters, as for pictures.
+    """
+    if given.trace is None:
+        return _refuse("--sample and --tolerance go with --trace", WRONG_USE)
+    if len(scenes) != 1:
+        return _refuse(f"--trace takes one scene; {len(scenes)} are given", WRONG_USE)
+    request: RenderRequest | None = None
+    try:
+        request = scene_request(scenes[0], read_proof(scenes[0]), options)
+        with TracedPair(request, given.time_limit) as pair:
+            return _trace(given, pair, f"{scenes[0]}, seed {request.seed}")
+    except (NotTraceable, NotReplayable) as error:
+        return _refuse(str(error), WRONG_USE)
+    except Exception as error:  # a bug on our side is a verdict too
+        stopped = _stopped(error, request)
+        sentence = f"{stopped.verdict}: {stopped.said[0]}"
+        return _refuse(sentence, exit_status([stopped.verdict]))
+    except KeyboardInterrupt:
+        Console(stderr=True).print("interrupted")
+        return INTERRUPTED
+
+
+def _stopped(error: Exception, request: RenderRequest | None) -> NotCompared:
+    """Return what an error means; before there is a request neither side was asked."""
+    if request is None and isinstance(error, SceneError):
+        return bad_request(error)
+    return stopped_by(error, "trace")
+
+
+def _refuse(sentence: str, status: int) -> int:
+    """Print why there is nothing to show; return the exit status."""
+    said = " ".join(sentence.split())
+    errors = Console(stderr=True)
+    errors.print(f"lightproof-validate: {said}", markup=False, soft_wrap=True)
+    return status
+
+
+def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
+    """Trace and print; return 0 if the paths agree, else 1."""
+    pixel, sample = given.trace, given.sample or 0
+    tolerance = given.tolerance or TOLERANCE
+    ours, reference = paths = pair.trace(pixel, sample)
+    quantities = compare_paths(ours, reference)
+    first = first_difference(quantities, tolerance)
+    notes = []
+    if first is not None and sample > 0 and quantities[first].bounce == CAMERA:
+        notes = [
+            "A pixel's samples share one stream of numbers.",
+            pair.cause(pixel, tolerance),
+        ]
+    output = Console(width=max(WIDTH, Console().width), highlight=False)
+    title = f"{scene}: pixel {pixel[0]},{pixel[1]}, sample {sample} of {pair.spp}"
+    output.print(title, markup=False, soft_wrap=True)
+    why = pair.rounding(pixel, sample, paths, quantities, tolerance)
+    print_paths(quantities, (ours.renderer, reference.renderer), tolerance, output, why)
+    for note in notes:
+        output.print(note, markup=False, soft_wrap=True)
+    return 0 if first is None else 1
+
+
+def _pixel(text: str) -> Pixel:
+    x, comma, y = text.partition(",")
+    if not (comma and x.isdecimal() and y.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r}: must be X,Y, whole numbers from 0")
+    return int(x), int(y)
+
+
+def _sample(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from 0")
+    return int(text)
+
+
+def _tolerance(text: str) -> float:
+    value = float(text)
+    if not (value > 0.0 and math.isfinite(value)):
+        raise argparse.ArgumentTypeError(f"{text}: must be above 0")
+    return value

@@ -1,0 +1,295 @@
+"""One scene from file to result: render in both, compare, and say what was done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.command.scene_result import describe_scene
+from mitsuba_ref.command.verdict_of_error import (
+    NotCompared,
+    bad_request,
+    stopped_by,
+    with_the_other_side,
+)
+from mitsuba_ref.comparison.compare import (
+    Comparison,
+    compare,
+    with_metric,
+    with_replays,
+    without_numbers,
+)
+from mitsuba_ref.comparison.noise_floor import compare_filtered
+from mitsuba_ref.comparison.preconditions import count_non_finite, find_obstacle
+from mitsuba_ref.ladder.pictures_by_seed import climb_scene, reference_seed, with_rungs
+from mitsuba_ref.ladder.rungs_of_convergence import convergence_rungs
+from mitsuba_ref.our_renderer.picture import RenderOurs
+from mitsuba_ref.records.options import Options, scene_name, scene_request, shown_path
+from mitsuba_ref.records.proof_file import USUAL_LIMITS, Proof, read_proof
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import SceneResult, Seconds
+from mitsuba_ref.records.verdicts import COMPARED
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
+from mitsuba_ref.reference.render import Reference
+from mitsuba_ref.replay.replay_scene import replay_all
+from mitsuba_ref.speed.speed_against_accuracy import measure_ladder
+from renderer.errors import NotReplayable, SceneError
+
+Array = NDArray[np.float32]
+
+REFERENCE_SEEDS = 4
+"""Mitsuba pictures of a noisy scene: six pairs for the noise floor."""
+
+FILTERED_SEEDS = 3
+"""Mitsuba pictures with the scene's own filter, where that is not the box."""
+
+
+@dataclass(frozen=True, eq=False)
+class Validated:
+    """A scene's result, and the pictures that belong to it."""
+
+    result: SceneResult
+    pictures: dict[str, Array] = field(default_factory=dict)
+
+
+def validate_scene(
+    path: Path,
+    options: Options,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Validated:
+    """Render a scene in both renderers and compare.
+
+    A scene that cannot be compared gets a verdict that says why, and a sentence from each
+    side that refused it; this function raises nothing but `KeyboardInterrupt`.
+
+    Parameters
+    ----------
+    path
+        Mitsuba 3 XML; a proof.toml beside it is used.
+    options
+        Sizes, seeds and threads.
+    render_ours
+        Our renderer (`our_renderer.picture.render_ours`, or what a test puts there).
+    references
+        Where Mitsuba's pictures come from.
+    progress
+        Told what is being done.
+    """
+    blank = SceneResult(name=scene_name(path), path=shown_path(path), verdict="broken")
+    stage = "reading proof.toml"
+
+    def note(now: str) -> None:
+        nonlocal stage
+        stage = now
+        progress(now)
+
+    request: RenderRequest | None = None
+    try:
+        proof = read_proof(path)
+        blank = replace(
+            blank,
+            title=proof.title,
+            shows=proof.shows,
+            deterministic=bool(proof.deterministic),
+        )
+        request = scene_request(path, proof, options)
+        return _validate(blank, proof, request, options, render_ours, references, note)
+    except Exception as error:  # a bug on our side must not end the other scenes
+        if request is None and isinstance(error, SceneError):
+            return _without_pictures(blank, bad_request(error))
+        stopped = stopped_by(error, stage)
+    if request is not None and stopped.verdict == "refused-by-us":
+        note("Mitsuba, after our refusal")
+        stopped = with_the_other_side(stopped, request, references)
+    return _without_pictures(blank, stopped)
+
+
+def _without_pictures(blank: SceneResult, stopped: NotCompared) -> Validated:
+    return Validated(replace(blank, verdict=stopped.verdict, reasons=stopped.reasons))
+
+
+def _validate(
+    blank: SceneResult,
+    proof: Proof,
+    request: RenderRequest,
+    options: Options,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None],
+) -> Validated:
+    if options.checks == "replay":
+        return _only_replays(
+            blank, proof, request, options, render_ours, references, progress
+        )
+    progress("our renderer")
+    ours = render_ours(request)
+    our_aovs = render_ours(replace(request, kind="aovs", spp=None))
+    pictures: list[Reference] = []
+    deterministic = proof.deterministic
+    for index in range(REFERENCE_SEEDS):
+        if index == 2 and deterministic is None:
+            deterministic = np.array_equal(pictures[0].pixels, pictures[1].pixels)
+        if index == 2 and deterministic:
+            break  # the second seed has shown that there is no noise
+        progress(f"Mitsuba, seed {index + 1}")
+        seeded = replace(request, seed=reference_seed(index))
+        pictures.append(references.get(seeded, ours.files))
+    progress("Mitsuba, AOVs")
+    aovs = references.get(replace(request, kind="aovs", spp=None, seed=0), ours.files)
+    progress("comparing")
+    comparison = compare(
+        ours.pixels,
+        [picture.pixels for picture in pictures],
+        our_aovs.arrays,
+        aovs.arrays,
+        deterministic=bool(deterministic),
+        rmse_factor=proof.rmse_factor,
+    )
+    boxed = BOX_INSTEAD in pictures[0].changes
+    if boxed and not deterministic and comparison.verdict in COMPARED:
+        progress("with the scene's own filter")
+        comparison = _with_own_filter(comparison, request, render_ours, references)
+    progress("replay")
+    wanted = options.checks != "statistics" and comparison.verdict in COMPARED
+    samples = options.replay if wanted else ()
+    replays, replayed, refusal = replay_all(
+        request,
+        samples,
+        render_ours,
+        references,
+        proof.replay,
+        options.causes,
+        options.time_limit,
+    )
+    comparison = with_replays(comparison, replays)
+    blank = replace(
+        blank,
+        deterministic=bool(deterministic),
+        replay=replays,
+        settings=_replay_settings(proof, refusal),
+    )
+    result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
+    if options.ladder and not deterministic and comparison.verdict in COMPARED:
+        ladder = measure_ladder(
+            request, ours, pictures, render_ours, references, progress=progress
+        )
+        result = replace(result, ladder=ladder)
+    shown = {
+        "ours": ours.pixels,
+        "reference": pictures[0].pixels,
+        "reference_other_seed": pictures[1].pixels,
+        **replayed,
+    }
+    if options.seeds > 1 and comparison.verdict in COMPARED:
+        further = convergence_rungs(
+            scene_request(Path(request.path), proof, _small(options)),
+            ours.files,
+            render_ours,
+            references,
+            progress,
+            deterministic=bool(deterministic),
+        )
+        climbed = climb_scene(
+            request,
+            options.seeds,
+            (ours, our_aovs),
+            (pictures, aovs),
+            render_ours,
+            references,
+            progress,
+            deterministic=bool(deterministic),
+            further=further if options.convergence else (),
+        )
+        result = with_rungs(result, climbed)
+        shown |= climbed.pictures
+    return Validated(result, shown)
+
+
+def _small(options: Options) -> Options:
+    return replace(options, size="test", spp=None)
+
+
+def _replay_settings(proof: Proof, refusal: str) -> dict[str, str]:
+    """Return what the report says about the replays: why none, why with wider limits."""
+    if refusal:
+        return {"replay": refusal}
+    limits = proof.replay
+    return {} if limits == USUAL_LIMITS else {"replay_limits": limits.reason}
+
+
+def _only_replays(
+    blank: SceneResult,
+    proof: Proof,
+    request: RenderRequest,
+    options: Options,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None],
+) -> Validated:
+    """Compare with the same random numbers on both sides and in no other way.
+
+    Raises
+    ------
+    NotReplayable
+        If the scene's integrator draws in an order that cannot be followed.
+    """
+    progress("replay")
+    replays, pictures, refusal = replay_all(
+        request,
+        options.replay,
+        render_ours,
+        references,
+        proof.replay,
+        options.causes,
+        options.time_limit,
+    )
+    if refusal:
+        raise NotReplayable(refusal)
+    height, width = (*pictures["replay_ours"].shape, 0, 0)[:2]
+    finite = count_non_finite([pictures["replay_ours"]], [pictures["replay_reference"]])
+    nothing = Comparison("pass", (), finite, {}, ())
+    comparison = with_replays(nothing, replays)
+    result = replace(
+        blank,
+        width=width,
+        height=height,
+        spp=replays[-1].spp,
+        seed=request.seed,
+        verdict=comparison.verdict,
+        reasons=comparison.reasons,
+        finite=comparison.finite,
+        replay=replays,
+        settings=_replay_settings(proof, ""),
+        seconds=Seconds(
+            ours=replays[-1].seconds_ours, reference=replays[-1].seconds_reference
+        ),
+    )
+    return Validated(result, pictures)
+
+
+def _with_own_filter(
+    comparison: Comparison,
+    request: RenderRequest,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+) -> Comparison:
+    """Compare once more without the box: no other number sees the filter's weights."""
+    own = replace(request, box_filter=False)
+    ours = render_ours(own)
+    pictures = [
+        references.get(replace(own, seed=reference_seed(index)), ours.files).pixels
+        for index in range(FILTERED_SEEDS)
+    ]
+    name = "rmse_with_filter"
+    obstacle = find_obstacle([ours.pixels], pictures)
+    if obstacle:
+        comparison = without_numbers(comparison, obstacle, name)
+        return replace(comparison, finite=count_non_finite([ours.pixels], pictures))
+    return with_metric(comparison, name, compare_filtered(ours.pixels, pictures))

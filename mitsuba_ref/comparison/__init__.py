@@ -1,0 +1,1 @@
+"""Pictures compared: what is measured, and the limits that judge it."""

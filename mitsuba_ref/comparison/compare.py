@@ -1,0 +1,177 @@
+"""Two renderers' arrays -> numbers beside their noise floors -> a verdict with reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.comparison.noise_floor import NOISY_RMSE_FACTOR, judge_with_noise
+from mitsuba_ref.comparison.preconditions import Obstacle, count_non_finite, find_obstacle
+from mitsuba_ref.comparison.without_noise import judge_without_noise
+from mitsuba_ref.metrics import distances
+from mitsuba_ref.records.results import AovResult, Finite, Metric, ReplayResult
+from mitsuba_ref.records.verdicts import Verdict, most_severe
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What was measured and what follows from it."""
+
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    finite: Finite
+    metrics: dict[str, Metric]
+    aovs: tuple[AovResult, ...]
+
+
+def compare(
+    ours: Array,
+    references: Sequence[Array],
+    ours_aovs: Mapping[str, Array] | None = None,
+    reference_aovs: Mapping[str, Array] | None = None,
+    *,
+    deterministic: bool = False,
+    rmse_factor: float | None = None,
+) -> Comparison:
+    """Compare our picture with Mitsuba's of the same scene.
+
+    Parameters
+    ----------
+    ours
+        (H, W, 3), linear.
+    references
+        Two or more pictures by Mitsuba with different seeds, at the same samples per
+        pixel; the first is the one that is shown.
+    ours_aovs, reference_aovs
+        Kind to (H, W, C) at the pixel centres (see `compare_aovs`); None: not compared.
+    deterministic
+        The scene has no noise: compare pixel by pixel.
+    rmse_factor
+        How much larger than the noise floor, or without noise than 1e-4 relative, the
+        RMSE may be.
+
+    Notes
+    -----
+    Values that are not finite, a missing reference and a different size have verdicts of
+    their own (`find_obstacle`), and nothing else is measured then.
+    """
+    if rmse_factor is None:
+        rmse_factor = 1.0 if deterministic else NOISY_RMSE_FACTOR
+    aov_arrays = [*(ours_aovs or {}).values()], [*(reference_aovs or {}).values()]
+    finite = count_non_finite([ours, *aov_arrays[0]], [*references, *aov_arrays[1]])
+    obstacle = find_obstacle([ours], references, ours_aovs, reference_aovs)
+    if obstacle:
+        return without_numbers(Comparison(obstacle.verdict, (), finite, {}, ()), obstacle)
+    measured = _for_the_eye(ours, references)
+    aovs: tuple[AovResult, ...] = ()
+    if reference_aovs is not None:
+        aovs = compare_aovs(ours_aovs or {}, reference_aovs)
+    if deterministic:
+        measured |= judge_without_noise(ours, references, reference_aovs, rmse_factor)
+    else:
+        measured |= judge_with_noise(ours, references, rmse_factor)
+    reasons = tuple(_reasons(measured, aovs))
+    return Comparison("fail" if reasons else "pass", reasons, finite, measured, aovs)
+
+
+def with_metric(comparison: Comparison, name: str, metric: Metric) -> Comparison:
+    """Return the comparison with one more metric, which counts for the verdict."""
+    reasons = (*comparison.reasons, *_reasons({name: metric}, ()))
+    return replace(
+        comparison,
+        verdict="fail" if reasons else "pass",
+        reasons=reasons,
+        metrics={**comparison.metrics, name: metric},
+    )
+
+
+def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Comparison:
+    """Return the comparison with what replays said, which counts for the verdict."""
+    reasons = [
+        f"replay at {replay.spp} samples per pixel: {replay.sentence}"
+        for replay in replays
+        if not replay.passed
+    ]
+    if not reasons:
+        return comparison
+    return replace(
+        comparison,
+        verdict=most_severe((comparison.verdict, *(r.verdict for r in replays))),
+        reasons=(*comparison.reasons, *reasons),
+    )
+
+
+def without_numbers(
+    comparison: Comparison, obstacle: Obstacle, name: str = "rmse"
+) -> Comparison:
+    """Return the comparison with the metric `name` as one that could not be measured."""
+    unmeasured = Metric(None, None, None, False, f"not measured: {obstacle.what}")
+    return replace(
+        comparison,
+        verdict=most_severe((comparison.verdict, obstacle.verdict)),
+        reasons=(obstacle.sentence, *comparison.reasons),
+        metrics={**comparison.metrics, name: unmeasured},
+    )
+
+
+def _for_the_eye(ours: Array, references: Sequence[Array]) -> dict[str, Metric]:
+    """Return the metrics that are shown beside their floor but do not decide."""
+    first, other = references[0], references[1]
+
+    def shown(function: Callable[[Array, Array], float | None], meaning: str) -> Metric:
+        return Metric(function(ours, first), function(other, first), None, None, meaning)
+
+    colour, colour_floor = (
+        distances.ciede2000(ours, first),
+        distances.ciede2000(other, first),
+    )
+    return {
+        "relative_mse": shown(
+            distances.relative_mse, "mean squared error relative to the squared value"
+        ),
+        "ssim": shown(
+            distances.ssim, "structural similarity of the tone-mapped picture; 1 is equal"
+        ),
+        "flip": shown(
+            distances.flip, "difference that an eye sees when flipping; 0 is equal"
+        ),
+        "ciede2000": Metric(
+            colour[0],
+            colour_floor[0],
+            None,
+            None,
+            "mean colour difference; 1 is just visible",
+        ),
+        "ciede2000_p99": Metric(
+            colour[1],
+            colour_floor[1],
+            None,
+            None,
+            "99th percentile of the colour difference",
+        ),
+    }
+
+
+def _reasons(measured: Mapping[str, Metric], aovs: Iterable[AovResult]) -> Iterable[str]:
+    """Name each number that failed, with its limit."""
+    for name, metric in measured.items():
+        if metric.passed is False:
+            floor = "" if metric.floor is None else f", floor {metric.floor:.3g}"
+            yield f"{name} {_shown(metric.value)} over {_shown(metric.tolerance)}{floor}"
+    for aov in aovs:
+        if not aov.passed:
+            yield (
+                f"AOV {aov.name} {_shown(aov.value)} over {aov.tolerance:g} "
+                f"({aov.compared_pixels} pixels compared, {aov.edge_pixels} on edges): "
+                f"{aov.meaning}"
+            )
+
+
+def _shown(value: float | None) -> str:
+    return "unmeasured" if value is None else f"{value:.3g}"

@@ -1,0 +1,1 @@
+"""How often the ladder of tests alarms when nothing is wrong."""

@@ -1,0 +1,1 @@
+"""The ladder of tests, climbed with many pictures of both renderers."""

@@ -1,0 +1,195 @@
+"""A scene rendered with many seeds by both renderers, for the ladder of tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.comparison.preconditions import (
+    NotComparable,
+    Obstacle,
+    count_non_finite,
+    find_obstacle,
+)
+from mitsuba_ref.ladder import rungs_without_noise
+from mitsuba_ref.ladder.climb import climb
+from mitsuba_ref.ladder.evidence_maps import evidence
+from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import Finite, Rung, SceneResult
+from mitsuba_ref.records.verdicts import Verdict, most_severe
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.render import Reference
+from mitsuba_ref.statistics.samples import stack
+
+Array = NDArray[np.float32]
+
+# Far from any seed that a user gives: the same seed on both sides proves nothing.
+FIRST_REFERENCE_SEED = 1_000_003
+
+SEED_STEP = 61
+"""How far apart the seeds of Mitsuba's pictures are.
+
+Mitsuba gives each pixel a random stream of its own, numbered from the render's seed times
+the pixels of the film on, as though all blocks were full (`renderer.replay.pixel_seeds`).
+Pictures of neighbouring seeds therefore have streams in common, at other pixels: 22 % of
+them at 48 x 48. A step of 61 is enough for films that fill a sixtieth of their blocks. It
+is prime, since seeds count modulo 2^32 / pixels only.
+"""
+
+
+def reference_seed(index: int) -> int:
+    """Return the seed of Mitsuba's picture `index`; no two share a random number."""
+    return FIRST_REFERENCE_SEED + SEED_STEP * index
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """The rungs, what follows from them, and the arrays that show what they saw."""
+
+    rungs: tuple[Rung, ...]
+    verdict: Verdict  # of the ladder alone
+    reasons: tuple[str, ...] = ()
+    finite: Finite = field(default_factory=Finite)
+    pictures: dict[str, Array] = field(default_factory=dict)
+
+
+def climb_scene(
+    request: RenderRequest,
+    seeds: int,
+    ours: tuple[OurPicture, OurPicture],
+    theirs: tuple[Sequence[Reference], Reference],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+    *,
+    deterministic: bool = False,
+    further: Sequence[Callable[[], Rung]] = (),
+) -> Climbed:
+    """Render what is missing of `seeds` pictures a side and climb the ladder.
+
+    Parameters
+    ----------
+    request
+        Of our first picture.
+    seeds
+        Pictures of each renderer; a scene without noise needs no more than it has.
+    ours
+        Our first picture and our AOVs.
+    theirs
+        Mitsuba's first pictures, with seeds by `reference_seed`, and its AOVs.
+    render_ours, references
+        Where further pictures come from.
+    progress
+        Told what is being done.
+    deterministic
+        The scene has no noise.
+    further
+        What makes the rungs above those of `climb`.
+
+    Raises
+    ------
+    SceneError, MitsubaError
+        When a renderer refuses the scene.
+
+    Notes
+    -----
+    A picture of another size or with NaN has a verdict of its own, as everywhere
+    (`find_obstacle`), even if it is the last one.
+    """
+    a, b = seeded_pictures(
+        request,
+        seeds,
+        ours[0],
+        theirs[0],
+        render_ours,
+        references,
+        progress,
+        deterministic=deterministic,
+    )
+    progress("the ladder of tests")
+    aovs = ours[1].arrays, theirs[1].arrays
+    obstacle = find_obstacle(a, b, *aovs)
+    if obstacle:
+        return _without_tests(a, b, obstacle)
+    shown = {} if deterministic else evidence(stack(a), stack(b))
+    rungs: list[Rung] = []
+    try:
+        climb(a, b, *aovs, deterministic, further=further, tell=rungs.append)
+    except NotComparable as hindered:
+        return _cut_short(rungs, hindered.obstacle, shown)
+    return judged(rungs, shown)
+
+
+def seeded_pictures(
+    request: RenderRequest,
+    seeds: int,
+    ours: OurPicture,
+    theirs: Sequence[Reference],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+    *,
+    deterministic: bool = False,
+) -> tuple[list[Array], list[Array]]:
+    """Return `seeds` pictures of ours and of Mitsuba, (H, W, 3) each; see `climb_scene`.
+
+    Without noise they are the pictures that are there already.
+    """
+    a, b = [ours.pixels], [picture.pixels for picture in theirs]
+    for index in range(1, 1 if deterministic else seeds):
+        progress(f"our renderer, seed {index + 1} of {seeds}")
+        a.append(render_ours(replace(request, seed=(request.seed + index) % 2**32)).pixels)
+    for index in range(len(b), len(b) if deterministic else seeds):
+        progress(f"Mitsuba, seed {index + 1} of {seeds}")
+        seeded = replace(request, seed=reference_seed(index))
+        b.append(references.get(seeded, ours.files).pixels)
+    return a, b
+
+
+def judged(rungs: Sequence[Rung], pictures: Mapping[str, Array] | None = None) -> Climbed:
+    """Return what a ladder means for its scene: a broken rung is a failure."""
+    broken = [f"rung {rung.name}: {rung.sentence}" for rung in rungs if not rung.passed]
+    verdict: Verdict = "fail" if broken else "pass"
+    return Climbed(tuple(rungs), verdict, tuple(broken), pictures=dict(pictures or {}))
+
+
+def _without_tests(
+    ours: Sequence[Array], theirs: Sequence[Array], obstacle: Obstacle
+) -> Climbed:
+    lowest = rungs_without_noise.finite(ours, theirs)
+    return Climbed(
+        (replace(lowest, passed=False, sentence=f"{obstacle.what}."),),
+        obstacle.verdict,
+        (f"rung {lowest.name}: {obstacle.sentence}",),
+        count_non_finite(ours, theirs),
+    )
+
+
+def _cut_short(
+    rungs: Sequence[Rung], obstacle: Obstacle, pictures: Mapping[str, Array]
+) -> Climbed:
+    """Return the rungs climbed so far, and a broken one for what ended the climb."""
+    last = replace(
+        rungs[-1], name="convergence", passed=False, sentence=f"{obstacle.what}."
+    )
+    return Climbed(
+        (*rungs, last),
+        obstacle.verdict,
+        (f"rung {last.name}: {obstacle.sentence}",),
+        pictures=dict(pictures),
+    )
+
+
+def with_rungs(result: SceneResult, climbed: Climbed) -> SceneResult:
+    """Return the result with its ladder, which counts for the verdict."""
+    return replace(
+        result,
+        rungs=climbed.rungs,
+        verdict=most_severe((result.verdict, climbed.verdict)),
+        reasons=(*result.reasons, *climbed.reasons),
+        finite=result.finite if climbed.finite.passed else climbed.finite,
+    )

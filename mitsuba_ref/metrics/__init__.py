@@ -1,0 +1,1 @@
+"""How far one picture is from another, and where two right ones may differ."""

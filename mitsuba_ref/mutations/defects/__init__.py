@@ -1,0 +1,1 @@
+"""The defects that the harness must find, by what they break."""

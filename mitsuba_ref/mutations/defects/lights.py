@@ -1,0 +1,143 @@
+"""Defects of lights: which is sampled, with which density, and what it sends."""
+
+from __future__ import annotations
+
+from mitsuba_ref.mutations.mutation import Edit, Mutation
+
+DEFECTS = (
+    Mutation(
+        "light-choice-probability",
+        "a light is weighed as if there were one light more",
+        (
+            Edit(
+                "lights/choose.py",
+                "np.float32(1.0 / lights.count) if every_light is None",
+                "np.float32(1.0 / (lights.count + 1)) if every_light is None",
+            ),
+        ),
+        scene="analytic-shapes",
+    ),
+    Mutation(
+        "last-light-never-sampled",
+        "the choice among n lights is made among the first n - 1",
+        (
+            Edit(
+                "lights/choose.py",
+                "last = np.float32(lights.count - 1)",
+                "last = np.float32(lights.count - 2)",
+            ),
+        ),
+        scene="analytic-shapes",
+        tests=("test_lights.py::test_lights_are_chosen_evenly",),
+    ),
+    Mutation(
+        "area-density-not-by-solid-angle",
+        "the density of a point on a light is 1 / A, without r^2 / cos",
+        (
+            Edit(
+                "lights/area.py",
+                "    inverse_area = gather_row(areas.inverse_area, 0, light, mask)\n"
+                "    pdf = distance * distance * inverse_area / cosine\n",
+                "    inverse_area = gather_row(areas.inverse_area, 0, light, mask)\n"
+                "    pdf = inverse_area + 0.0 * cosine\n",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_closed_forms.py::test_disk_light_on_its_axis",),
+    ),
+    Mutation(
+        "light-shines-both-ways",
+        "an area light sends light from its back too",
+        (
+            Edit(
+                "lights/area.py",
+                "usable = (dot(wi, side) < 0.0) & (pdf > 0.0)",
+                "usable = pdf > 0.0",
+            ),
+            Edit(
+                "stages/emission.py",
+                "(light >= 0) & (dot(wo, load3(points.shading_normal, i)) > 0.0)",
+                "(light >= 0)",
+            ),
+        ),
+        scene="smooth-lamp",
+        tests=("test_lights.py::test_a_light_seen_from_behind_gives_nothing",),
+    ),
+    Mutation(
+        "light-samples-from-the-back",
+        "light samples, not BSDF samples, find the back of an area light shining",
+        (
+            Edit(
+                "lights/area.py",
+                "usable = (dot(wi, side) < 0.0) & (pdf > 0.0)",
+                "usable = pdf > 0.0",
+            ),
+        ),
+        scene="smooth-lamp",
+        tests=("test_lights.py::test_a_light_seen_from_behind_gives_nothing",),
+    ),
+    Mutation(
+        "sphere-density-by-projected-disk",
+        "a sphere light counts as the solid angle pi sin^2 instead of 2 pi (1 - cos)",
+        (
+            Edit(
+                "lights/spheres.py",
+                "select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)",
+                "select(outside, 1.0 / (TWO_PI * (0.5 * sine2)), by_area)",
+            ),
+        ),
+        scene="emitters",
+        tests=("test_lights.py::test_sphere_light",),
+    ),
+    Mutation(
+        "sky-density-of-half-a-sphere",
+        "sky samples over the whole sphere are weighed as if over half of it",
+        (
+            Edit(
+                "lights/constant.py",
+                "_FOUR_PI = np.float32(4.0 * np.pi)",
+                "_FOUR_PI = np.float32(2.0 * np.pi)",
+            ),
+        ),
+        scene="grey-furnace",
+        tests=("test_closed_forms.py::test_sky_over_a_convex_body",),
+    ),
+    Mutation(
+        "spot-falloff-smooth",
+        "a spot light fades by the square of Mitsuba's factor",
+        (
+            Edit(
+                "lights/spot.py",
+                "splat_f32(1.0), fading",
+                "splat_f32(1.0), fading * fading",
+            ),
+        ),
+        scene="smooth-mesh",
+        tests=("test_lights.py::test_spot_light",),
+    ),
+    Mutation(
+        "spheres-cast-no-shadow",
+        "shadow rays do not ask the spheres",
+        (
+            Edit(
+                "stages/intersect.py",
+                "    any_hit(accelerators.spheres, shadow_rays, count, coherent, None)\n",
+                "",
+            ),
+        ),
+        scene="kaleidoscope",
+    ),
+    Mutation(
+        "light-shades-itself",
+        "shadow rays reach past the point of the light that they go to",
+        (
+            Edit(
+                "stages/direct_light.py",
+                "BEFORE_LIGHT = np.float32(1.0 - ",
+                "BEFORE_LIGHT = np.float32(1.0 + ",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_closed_forms.py::test_disk_light_on_its_axis",),
+    ),
+)

@@ -1,0 +1,178 @@
+"""Defects of the rendering equation's estimator: cosines, weights, roulette, depth."""
+
+from __future__ import annotations
+
+from mitsuba_ref.mutations.mutation import Edit, Mutation
+
+DEFECTS = (
+    Mutation(
+        "cosine-dropped",
+        "a diffuse surface does not weigh incident light by its cosine",
+        (
+            Edit(
+                "bsdfs/diffuse.py",
+                "albedo * (INV_PI * select(cos_i > 0.0, cos_i, 0.0))",
+                "albedo * (INV_PI * select(cos_i > 0.0, cos_i * 0.0 + 1.0, 0.0))",
+            ),
+        ),
+        scene="appel-teapot",
+        tests=(
+            "test_closed_forms.py::test_point_light_over_a_plane_falls_off_as_lambert_says",
+        ),
+    ),
+    Mutation(
+        "inverse-pi-dropped",
+        "the diffuse BRDF is k_d instead of k_d / pi",
+        (
+            Edit(
+                "bsdfs/diffuse.py",
+                "return albedo * (INV_PI * select(",
+                "return albedo * (select(",
+            ),
+        ),
+        scene="appel-teapot",
+        tests=(
+            "test_closed_forms.py::test_point_light_over_a_plane_falls_off_as_lambert_says",
+        ),
+    ),
+    Mutation(
+        "emission-counted-twice",
+        "light found by a BSDF sample is added in full, light samples as well",
+        (
+            Edit(
+                "stages/emission.py",
+                "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
+                "return select(pdf > 0.0, light_pdf * 0.0 + 1.0, 1.0)",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_closed_forms.py::test_disk_light_on_its_axis",),
+    ),
+    Mutation(
+        "mis-weights-swapped",
+        "each of two samples gets the weight that belongs to the other one",
+        (Edit("sampling.py", "ratio = other_pdf / pdf", "ratio = pdf / other_pdf"),),
+        scene="cornell-box",
+        tests=("test_sampling.py::test_power_heuristic",),
+        remark="the weights still add up to one: more noise, no bias",
+    ),
+    Mutation(
+        "mirrors-lose-the-lamp",
+        "a path that no light sample could have found is weighed as if one had",
+        (
+            Edit(
+                "stages/emission.py",
+                "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
+                "return power_heuristic(pdf, light_pdf)",
+            ),
+        ),
+        scene="caustic",
+        tests=("test_closed_forms.py::test_a_pixel_on_a_light_shows_its_radiance",),
+    ),
+    Mutation(
+        "mis-weight-without-choice",
+        "the weight of a BSDF sample forgets that one light of several is sampled",
+        (
+            Edit(
+                "stages/emission.py",
+                "settings.weigh, load_row(points.pdf, 0, i), light_pdf * probability",
+                "settings.weigh, load_row(points.pdf, 0, i), light_pdf",
+            ),
+        ),
+        scene="analytic-shapes",
+    ),
+    Mutation(
+        "roulette-not-reweighted",
+        "paths that survive roulette are not weighed up by 1 / q",
+        (
+            Edit(
+                "stages/scatter.py",
+                "alive & (number < survival), throughput / survival",
+                "alive & (number < survival), throughput",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_furnaces.py::test_russian_roulette_keeps_the_furnace_at_its_limit",),
+    ),
+    Mutation(
+        "roulette-without-eta",
+        "the survival probability does not undo the eta^2 of the glass around",
+        (
+            Edit(
+                "stages/scatter.py",
+                "_largest(throughput) * eta * eta",
+                "_largest(throughput)",
+            ),
+        ),
+        scene="lamp-in-glass",
+        remark="any survival probability is right on average: more noise, no bias",
+    ),
+    Mutation(
+        "roulette-one-bounce-early",
+        "roulette begins one bounce before rr_depth",
+        (
+            Edit(
+                "stages/scatter.py",
+                "if depth < roulette_depth:",
+                "if depth + 1 < roulette_depth:",
+            ),
+        ),
+        scene="cornell-box",
+        remark="any survival probability is right on average: more noise, no bias",
+    ),
+    Mutation(
+        "depth-one-more",
+        "paths are one bounce longer than max_depth",
+        (
+            Edit(
+                "integrators/path.py",
+                "if bounce + 1 >= settings.max_depth:",
+                "if bounce >= settings.max_depth:",
+            ),
+        ),
+        scene="cropped-film",
+        tests=("test_furnaces.py::test_furnace_of_finite_depth_is_a_partial_sum",),
+    ),
+    Mutation(
+        "hemisphere-without-cosine",
+        "diffuse directions are not spread by the cosine, which their weight supposes",
+        (
+            Edit(
+                "sampling.py",
+                "return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))",
+                "z = maximum(z2, splat_f32(0.0))\n"
+                "    s = sqrt(1.0 + z)\n"
+                "    return vec3(p * s, q * s, z)",
+            ),
+        ),
+        scene="grey-furnace",
+        tests=("test_sampling.py::test_the_hemisphere_has_density_cos_over_pi",),
+        remark="a replay goes by Mitsuba's own warp",
+    ),
+    Mutation(
+        "correlated-seeds",
+        "the seed does not reach the random numbers: every seed draws the same",
+        (
+            Edit(
+                "sampling.py",
+                "splat_u32(np.uint32(block)),\n        splat_u32(np.uint32(seed)),",
+                "splat_u32(np.uint32(block)),\n        splat_u32(np.uint32(0)),",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_sampling.py::test_neighbours_are_independent",),
+        remark="one picture alone cannot show it; a replay draws Mitsuba's numbers",
+    ),
+    Mutation(
+        "correlated-pixels",
+        "all pixels of a column draw the same random numbers",
+        (
+            Edit(
+                "stages/tile.py",
+                "return as_u32((y + tile.y) * tile.film_width + (x + tile.x))",
+                "return as_u32((y + tile.y) * 0 + (x + tile.x))",
+            ),
+        ),
+        scene="cornell-box",
+    ),
+)

@@ -1,0 +1,67 @@
+"""What a replay has drawn for one pixel, by name, and the way back to its first sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
+from renderer.rendering import Rendering
+from renderer.replay.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
+from renderer.stages.tile import Tile
+
+
+class NumbersDrawn:
+    """What a replay of Mitsuba has drawn; our own samplers keep no numbers."""
+
+    def __init__(self, rendering: Rendering) -> None:
+        self._shape = rendering.scene.shape
+        record = rendering.sampler.record
+        self._sampler = record if isinstance(record, Replay) else None
+        arrays = _arrays(self._sampler.sequence) if self._sampler else []
+        self._at_start = [(array, array.copy()) for array in arrays]
+
+    def rewind(self, sample: int) -> range:
+        """Go back to sample 0; return the samples to be drawn before the one wanted."""
+        for array, at_start in self._at_start:
+            array[...] = at_start
+        return range(sample if self._sampler else 0)
+
+    def of_film(self, tile: Tile) -> Numbers:
+        """Return the numbers of the position on the film."""
+        return {} if self._sampler is None else self._pair(tile, "film", FILM)
+
+    def of_bounce(self, tile: Tile, prim: int) -> Numbers:
+        """Return the numbers drawn at a hit on a primitive."""
+        sampler = self._sampler
+        drawn: Numbers = {}
+        if sampler is None:
+            return drawn
+        if sampler.smooth[self._shape[prim]]:
+            drawn |= self._pair(tile, light_number(0), LIGHT)
+        if sampler.bsdf:
+            drawn["bsdf"] = self._number(tile, BSDF_CHOICE)
+            drawn |= self._pair(tile, "bsdf", BSDF)
+        if not sampler.direct:  # `direct` plays no roulette
+            drawn["roulette"] = self._number(tile, ROULETTE)
+        return drawn
+
+    def _pair(self, tile: Tile, name: str, row: int) -> Numbers:
+        return {
+            f"{name} {axis}": self._number(tile, row + k) for k, axis in enumerate("xy")
+        }
+
+    def _number(self, tile: Tile, row: int) -> float:
+        assert self._sampler is not None
+        pixel = tile.y * tile.film_width + tile.x
+        return float(self._sampler.numbers[row, pixel])
+
+
+def _arrays(record: Any) -> list[NDArray[Any]]:
+    """Return all arrays of a record of records."""
+    if isinstance(record, np.ndarray):
+        return [record]
+    parts = record if isinstance(record, tuple) else ()
+    return [array for part in parts for array in _arrays(part)]

@@ -1,0 +1,150 @@
+"""Our renderer's side of a comparison, as one function that tests can replace."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.records.plugin_file import import_plugin_file
+from mitsuba_ref.records.request import RenderRequest
+from renderer.scene_file.description import (
+    AOV_KINDS,
+    Integrator,
+    ReconstructionFilter,
+    SceneDescription,
+)
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class OurPicture:
+    """What our renderer made of a request."""
+
+    arrays: dict[str, Array]  # "pixels" (H, W, 3), or one (H, W, C) for each AOV kind
+    spp: int
+    files: tuple[str, ...] = ()  # every file that the scene reads
+    seconds: float | None = None  # without loading and compiling
+    compile_seconds: float | None = None
+    threads: int | None = None
+    integrator: str = ""
+    method: str = ""
+    explain: str = ""
+
+    @property
+    def pixels(self) -> Array:
+        """The picture, (H, W, 3), linear sRGB."""
+        return self.arrays["pixels"]
+
+
+METHOD_TOPICS = ("method", "accelerator", "samples")
+
+RenderOurs = Callable[[RenderRequest], OurPicture]
+
+
+def render_ours(request: RenderRequest) -> OurPicture:
+    """Render `request` with our renderer.
+
+    Raises
+    ------
+    SceneError
+        When the scene is not one that we can render.
+    """
+    import renderer
+    from renderer.scene import build_scene
+
+    wants_aovs = request.kind == "aovs"
+    description = read_scene(request)
+    edited = edit_description(
+        description,
+        box_filter=request.box_filter or wants_aovs,
+        first_hits=wants_aovs,
+        independent_samples=request.independent,
+    )
+    image = renderer.render(
+        build_scene(edited),
+        spp=1 if wants_aovs else request.spp,
+        seed=request.seed,
+        threads=request.threads,
+        sampler="mitsuba" if request.replay else None,
+        measured_camera=request.camera,
+        # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
+        ray_offset="mitsuba",
+    )
+    return OurPicture(
+        arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},
+        spp=image.spp,
+        files=description.files,
+        seconds=image.seconds,
+        compile_seconds=image.compile_seconds,
+        threads=image.threads,
+        integrator=image.integrator,
+        method=_method(image.explain),
+        explain=image.explain,
+    )
+
+
+def read_scene(request: RenderRequest) -> SceneDescription:
+    """Read the scene of a request, with the user's plugins known.
+
+    Raises
+    ------
+    SceneError
+        When the scene or the file of plugins cannot be read.
+    """
+    from renderer.scene_file import read_file
+
+    if request.plugins is not None:
+        import_plugin_file(request.plugins)
+    return read_file(Path(request.path), **request.parameters)
+
+
+def _method(explanation: str) -> str:
+    """Pick what ran from the lines `topic   text` of the renderer's explanation."""
+    lines = (line.partition(" ") for line in explanation.splitlines())
+    return "; ".join(text.strip() for topic, _, text in lines if topic in METHOD_TOPICS)
+
+
+def edit_description(
+    description: SceneDescription,
+    *,
+    box_filter: bool,
+    first_hits: bool,
+    independent_samples: bool = False,
+) -> SceneDescription:
+    """Return the scene with the changes that Mitsuba's side makes too.
+
+    Parameters
+    ----------
+    description
+        As the file says.
+    box_filter
+        Pixels that share no samples.
+    first_hits
+        All AOVs, of one ray through the centre of each pixel.
+    independent_samples
+        The sampler `independent`.
+    """
+    camera = description.camera
+    if box_filter:
+        film = dataclasses.replace(
+            camera.film, rfilter=ReconstructionFilter(name="box", radius=0.5)
+        )
+        camera = dataclasses.replace(camera, film=film)
+    if independent_samples:
+        sampler = dataclasses.replace(camera.sampler, name="independent")
+        camera = dataclasses.replace(camera, sampler=sampler)
+    if first_hits:
+        sampler = dataclasses.replace(
+            camera.sampler, name="stratified", sample_count=1, jitter=False
+        )
+        camera = dataclasses.replace(camera, sampler=sampler)
+        all_kinds = tuple((kind, kind) for kind in AOV_KINDS)
+        integrator = Integrator(name="aov", aovs=all_kinds)
+        description = dataclasses.replace(description, integrator=integrator)
+    return dataclasses.replace(description, camera=camera)

@@ -1,0 +1,239 @@
+"""One path through the kernels of a render, one stage at a time, written down.
+
+The stages of `trace_paths` are called from Python over a tile of one pixel; between them
+the work arrays are read. What is written down is therefore what a render computes; the
+render's own kernels know nothing of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.our_renderer import single_stages as stages
+from mitsuba_ref.our_renderer.numbers_drawn import NumbersDrawn
+from mitsuba_ref.our_renderer.traced_path import (
+    BLACK,
+    Bounce,
+    LightAsked,
+    Numbers,
+    Scattered,
+    TracedPath,
+    Vector,
+)
+from renderer.jit import pack
+from renderer.light_order import light_order
+from renderer.plan import NO_LIMIT
+from renderer.rendering import Rendering
+from renderer.scene_file.description import ConstantLight, DirectionalLight
+from renderer.stages.tile import Tile
+
+NAME = "lightproof"
+
+
+@dataclass(frozen=True)
+class Moved:
+    """A small change of one of a path's rays, to see what depends on it."""
+
+    segment: int  # 0: the camera ray
+    by: Vector  # added to the ray's unit direction: of the ray's length
+
+
+class StepByStep:
+    """Traces samples of single pixels of a render.
+
+    Parameters
+    ----------
+    rendering
+        By `direct` or `path`.
+    """
+
+    def __init__(self, rendering: Rendering) -> None:
+        self._rendering = rendering  # it keeps alive what the kernels' records point to
+        self._record = record = rendering.kernel_scene
+        self._film = rendering.scene.description.camera.film
+        # The same code as the render's: only the depth at which roulette begins differs.
+        certain = record.settings._replace(roulette_depth=NO_LIMIT)
+        self._scene = pack(record)
+        self._without_roulette = pack(record._replace(settings=certain))
+        self._light_names = _light_names(rendering)
+        self._work = rendering.make_workspace(channels=3)
+        self._packed_work = pack(self._work)
+        self._drawn = NumbersDrawn(rendering)
+
+    def trace(self, pixel: tuple[int, int], sample: int) -> TracedPath:
+        """Return one sample of the pixel (x, y) of the crop window."""
+        tile = self._tile(pixel)
+        for before in self._drawn.rewind(sample):
+            self._trace(tile, before)
+        return self._trace(tile, sample)
+
+    def trace_moved(
+        self, pixel: tuple[int, int], sample: int, moves: Sequence[Moved]
+    ) -> Iterator[TracedPath]:
+        """Yield the sample's path once for each move, with one ray moved by it.
+
+        A replay's stream of numbers goes on from sample to sample; it is put back to where
+        this one begins, since a moved path may draw more or fewer than the one before.
+        """
+        self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
+        here = NumbersDrawn(self._rendering)
+        for move in moves:
+            here.rewind(0)
+            yield self._trace(self._tile(pixel), sample, move)
+
+    def _tile(self, pixel: tuple[int, int]) -> Tile:
+        film = self._film
+        return Tile(
+            film.crop_offset_x + pixel[0], film.crop_offset_y + pixel[1], 1, 1, film.width
+        )
+
+    def _move(self, moved: Moved | None, segment: int) -> None:
+        """Move the ray in `work` if it is the one that is meant."""
+        if moved is None or moved.segment != segment:
+            return
+        direction = self._work.rays.direction
+        new = direction[:, 0].astype(np.float64) + moved.by
+        direction[:, 0] = new / np.linalg.norm(new)
+
+    def _trace(self, tile: Tile, sample: int, moved: Moved | None = None) -> TracedPath:
+        scene, work, packed = self._scene, self._work, self._packed_work
+        settings = self._record.settings
+        work.radiance[:] = 0.0
+        count = stages.camera_ray_step(scene, tile, sample, packed)
+        self._move(moved, 0)
+        origin, direction = _column(work.rays.origin), _column(work.rays.direction)
+        drawn = self._drawn.of_film(tile)
+        bounces: list[Bounce] = []
+        if settings.max_depth > 0:
+            stages.first_hit_step(scene, packed, count)
+        while count > 0 and len(bounces) < settings.max_depth:
+            bounce = self._bounce(tile, sample, np.int64(len(bounces)))
+            bounces.append(bounce)
+            count = int(bounce.scattered is not None and bounce.scattered.survived)
+            if count:
+                self._move(moved, len(bounces))
+                stages.next_hit_step(scene, packed, count)
+        return TracedPath(NAME, drawn, origin, direction, tuple(bounces))
+
+    def _bounce(self, tile: Tile, sample: int, bounce: Any) -> Bounce:
+        """Follow the ray in `work` to where it arrives, and put the next one there."""
+        scene, work, packed = self._scene, self._work, self._packed_work
+        throughput, before = _column(work.rays.throughput), _column(work.radiance)
+        hit = int(work.hits.prim[0]) >= 0
+        shape, face = self._what_was_hit() if hit else (0, None)
+        stages.locate_step(scene, packed, 1)
+        position = _column(work.points.position) if hit else None
+        normal = _column(work.points.shading_normal) if hit else None
+        t = float(work.points.t[0]) if hit else math.inf
+        stages.arrive_step(scene, bounce, packed, 1)
+        emitted = _difference(_column(work.radiance), before)
+        lights: tuple[LightAsked, ...] = ()
+        scattered = None
+        drawn: Numbers = {}
+        left_out = False
+        if hit and bounce + 1 < self._record.settings.max_depth:
+            stages.draw_step(scene, tile, sample, packed, 1)
+            drawn = self._drawn.of_bounce(tile, int(work.hits.prim[0]))
+            smooth = stages.group_step(scene, packed, 1)
+            lights = self._sample_lights(tile, sample, bounce, smooth)
+            scattered = self._scatter(tile, sample, bounce)
+            left_out = smooth > 0 and not self._rendering.plan.follow
+        return Bounce(
+            shape=shape,
+            face=face,
+            t=t,
+            position=position,
+            throughput=throughput,
+            emitted=emitted,
+            numbers=drawn,
+            lights=lights,
+            scattered=scattered,
+            left_out=left_out,
+            radiance=_column(work.radiance),
+            normal=normal,
+        )
+
+    def _what_was_hit(self) -> tuple[int, int | None]:
+        """Return the shape's number in the file, and the face of a mesh."""
+        record, hits = self._record, self._work.hits
+        prim = int(hits.prim[0])
+        triangles = self._rendering.scene.surfaces.get("triangles")
+        number = int(record.shapes.number[record.primitives.shape[prim]])
+        if record.placements.group.size and hits.instance[0] >= 0:
+            number = int(record.placements.number[hits.instance[0]])
+        on_mesh = triangles is not None and triangles.first <= prim < triangles.end
+        return number, int(record.primitives.face[prim]) if on_mesh else None
+
+    def _sample_lights(
+        self, tile: Tile, sample: int, bounce: Any, count: int
+    ) -> tuple[LightAsked, ...]:
+        scene, packed = self._scene, self._packed_work
+        if count == 0:
+            return ()
+        asked = []
+        for turn in range(stages.light_count(scene)):
+            stages.light_step(scene, turn, tile, sample, bounce, packed, count)
+            cast = stages.shadow_ray_step(scene, bounce, packed)
+            if self._work.points.bsdf[0] >= 0:
+                asked.append(self._light_asked(cast > 0))
+        return tuple(asked)
+
+    def _light_asked(self, cast: bool) -> LightAsked:
+        samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
+        light = int(samples.light[0])
+        far = self._light_names[light].startswith("far ")
+        # one of all lights was chosen with the same probability
+        every = self._record.settings.every_light
+        probability = np.float32(1.0 if every else 1.0 / self._record.lights.count)
+        weight = samples.radiance[:, :1] * (np.float32(1.0) / probability)
+        return LightAsked(
+            light=self._light_names[light].removeprefix("far "),
+            direction=_column(samples.wi),
+            distance=math.inf if far else float(samples.distance[0]),
+            pdf=float(samples.pdf[0] * probability),
+            weight=_column(weight),
+            carried=_column(shadow_rays.radiance) if cast else BLACK,
+            blocked=bool(shadow_rays.blocked[0]) if cast else None,
+        )
+
+    def _scatter(self, tile: Tile, sample: int, bounce: Any) -> Scattered | None:
+        """Scatter without roulette, to see what it decides about, then with it."""
+        work, packed = self._work, self._packed_work
+        certain = self._without_roulette
+        if stages.scatter_step(certain, tile, sample, bounce, packed) == 0:
+            return None
+        direction, throughput = _column(work.rays.direction), _column(work.rays.throughput)
+        pdf = float(work.rays.pdf[0])
+        going_on = stages.scatter_step(self._scene, tile, sample, bounce, packed)
+        return Scattered(direction, pdf, throughput, going_on > 0)
+
+
+def _light_names(rendering: Rendering) -> list[str]:
+    """Name lights, by light id, as `LightAsked.light` says; "far" ones are at infinity."""
+    description, shapes = rendering.scene.description, rendering.kernel_scene.shapes
+    order = light_order(description)
+    names = {
+        light: f"shape {shapes.number[shape]}"
+        for shape, light in enumerate(order.of_shapes)
+        if light >= 0
+    }
+    numbered = zip(order.of_emitters, description.emitters, strict=True)
+    for number, (light, emitter) in enumerate(numbered, start=1):
+        far = isinstance(emitter, ConstantLight | DirectionalLight)
+        names[light] = f"{'far ' if far else ''}emitter {number}"
+    return [names[light] for light in sorted(names)]
+
+
+def _column(rows: NDArray[np.float32]) -> Vector:
+    """Return column 0 of three rows."""
+    return float(rows[0, 0]), float(rows[1, 0]), float(rows[2, 0])
+
+
+def _difference(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -1,0 +1,119 @@
+"""One camera path written down bounce by bounce, as plain records.
+
+Our kernels (`step_by_step`) and a path tracer over Mitsuba's objects (`replay.mitsuba_trace`)
+fill the same records, so that they can be compared. All vectors are in world space; colours
+are linear sRGB.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+Vector = tuple[float, float, float]
+Numbers = dict[str, float]  # name of a random number -> its value in [0, 1)
+
+BLACK: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class LightAsked:
+    """What asking one light at a surface point gave."""
+
+    light: str  # "shape 3" (in the file, the first is 1) or "emitter 1" (not on a shape)
+    direction: Vector  # unit, towards the light
+    distance: float  # infinite for directions and the environment
+    pdf: float  # [1/sr] with the choice of the light; 0 for points and directions
+    weight: Vector  # radiance over pdf, if nothing is in between
+    carried: Vector  # to the pixel, if nothing is in between
+    blocked: bool | None  # None: it would carry nothing, so nobody looked
+
+    @property
+    def contribution(self) -> Vector:
+        """What it adds to the pixel."""
+        return BLACK if self.blocked else self.carried
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """The direction that the BSDF chose."""
+
+    direction: Vector  # unit
+    pdf: float  # [1/sr]; 0 for mirrors and glass
+    throughput: Vector  # after this bounce, before roulette
+    survived: bool  # Russian roulette
+
+
+@dataclass(frozen=True)
+class Bounce:
+    """One segment of a path: where it arrived and what happened there."""
+
+    shape: int  # in the file, the first is 1; 0: it hit nothing
+    face: int | None  # of a mesh; None: a shape without faces
+    t: float  # length of the segment; infinite: it hit nothing
+    position: Vector | None
+    throughput: Vector  # on arrival
+    emitted: Vector  # what the arrival adds to the pixel
+    numbers: Numbers
+    lights: tuple[LightAsked, ...]
+    scattered: Scattered | None  # None: the path ends here
+    radiance: Vector  # of the pixel so far, with this bounce
+    left_out: bool = False  # it ends because the rest of the path is known to be dark
+    normal: Vector | None = None  # unit, of shading, towards either side; None: no hit
+
+
+@dataclass(frozen=True)
+class TracedPath:
+    """One sample of one pixel."""
+
+    renderer: str
+    numbers: Numbers  # of the position on the film
+    origin: Vector  # of the camera ray
+    direction: Vector  # unit
+    bounces: tuple[Bounce, ...] = field(default_factory=tuple)
+
+    @property
+    def radiance(self) -> Vector:
+        """What the path adds to the pixel."""
+        return self.bounces[-1].radiance if self.bounces else BLACK
+
+
+def light_number(k: int) -> str:
+    """Return the name of the numbers of a bounce's light sample k, from 0."""
+    return f"light {k + 1}" if k else "light"
+
+
+def path_from_json(data: dict[str, Any]) -> TracedPath:
+    """Return the record from `dataclasses.asdict` of one that has been JSON since."""
+    return TracedPath(
+        renderer=data["renderer"],
+        numbers=data["numbers"],
+        origin=_vector(data["origin"]),
+        direction=_vector(data["direction"]),
+        bounces=tuple(_bounce(bounce) for bounce in data["bounces"]),
+    )
+
+
+def _bounce(data: dict[str, Any]) -> Bounce:
+    scattered, position, normal = data["scattered"], data["position"], data["normal"]
+    return Bounce(
+        **data
+        | {
+            "position": None if position is None else _vector(position),
+            "normal": None if normal is None else _vector(normal),
+            "throughput": _vector(data["throughput"]),
+            "emitted": _vector(data["emitted"]),
+            "radiance": _vector(data["radiance"]),
+            "lights": tuple(LightAsked(**_vectors(light)) for light in data["lights"]),
+            "scattered": None if scattered is None else Scattered(**_vectors(scattered)),
+        }
+    )
+
+
+def _vectors(data: dict[str, Any]) -> dict[str, Any]:
+    return {k: _vector(v) if isinstance(v, list) else v for k, v in data.items()}
+
+
+def _vector(values: Any) -> Vector:
+    x, y, z = values
+    return float(x), float(y), float(z)

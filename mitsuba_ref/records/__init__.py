@@ -1,0 +1,1 @@
+"""What is asked of both renderers, and what is written down of their answers."""

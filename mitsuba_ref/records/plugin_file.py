@@ -1,0 +1,40 @@
+"""A user's file of plugins (`--plugins FILE.py`): imported in both renderers' processes.
+
+The file registers its plugins with our renderer when it is imported, and with Mitsuba in a
+function `register_mitsuba()`, which runs in Mitsuba's process alone, after the variant is
+set: only there may it import `mitsuba`.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from renderer.errors import SceneError
+
+
+@functools.cache
+def import_plugin_file(path: str) -> ModuleType:
+    """Return the module of a plugin file, run once in each process.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read, or raises; one line that names it.
+    """
+    file = Path(path)
+    name = f"lightproof_plugins_{file.stem}"
+    specification = importlib.util.spec_from_file_location(name, file)
+    if specification is None or specification.loader is None:
+        raise SceneError(f"{path}: expected a Python file of plugins, NAME.py")
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # dataclasses look up the module that they are in
+    try:
+        specification.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise SceneError(f"{path}: {type(error).__name__}: {error}") from error
+    return module

@@ -1,0 +1,31 @@
+"""What one renderer is asked for; the same record goes to both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+MIN_THREADS = 2
+"""With one worker thread or none, Mitsuba 3.9.1 waits for ever when it reads or writes an
+EXR file, and a scene may hold EXR textures."""
+
+TIME_LIMIT = 900.0
+"""Seconds for one answer of Mitsuba, its start included."""
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """A scene file and how to render it; plain values, so that it travels as JSON."""
+
+    path: str
+    parameters: dict[str, str] = field(default_factory=dict)  # for the file's $name
+    kind: Literal["image", "aovs"] = "image"  # "aovs": one ray through each pixel's centre
+    spp: int | None = None  # None: what the file says
+    seed: int = 0
+    threads: int | None = None  # None: one for each core
+    box_filter: bool = False  # instead of the file's filter
+    independent: bool = False  # the sampler `independent` instead of the file's
+    plugins: str | None = None  # a Python file of the user's (`plugin_file`)
+    replay: bool = False  # both sides draw the same random numbers
+    # our side of a replay: what Mitsuba has in its camera's matrix (Reference.arrays)
+    camera: tuple[float, ...] | None = None

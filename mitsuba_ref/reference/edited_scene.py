@@ -1,0 +1,177 @@
+"""A scene file as Mitsuba reads it, with the few changes that a comparison needs.
+
+Mitsuba's own parser reads the file; the changes are made on its parsed nodes before
+anything is built, and each leaves a sentence that ends up in the report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mitsuba_ref.reference.user_plugins import register_user_plugins
+from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
+from renderer.replay.pixel_seeds import BLOCK_SIZE
+
+BOX_INSTEAD = "reconstruction filter replaced by box"
+
+
+@dataclass(frozen=True, eq=False)
+class EditedScene:
+    """A scene that Mitsuba has built."""
+
+    scene: Any  # mitsuba.Scene
+    integrator: str  # the plugin that the file names
+    changes: tuple[str, ...]  # what is otherwise than the file says, a phrase each
+
+
+def load_edited_scene(
+    path: Path,
+    parameters: Mapping[str, str],
+    *,
+    box_filter: bool = False,
+    pixel_centres: bool = False,
+    keep_shapes_apart: bool = False,
+    fixed_blocks: bool = False,
+    independent_samples: bool = False,
+    plugins: str | None = None,
+) -> EditedScene:
+    """Load `path` in Mitsuba with changes.
+
+    Parameters
+    ----------
+    path
+        Mitsuba 3 XML.
+    parameters
+        Values for the file's `$name`, as with `-D name=value`.
+    box_filter
+        Replace the film's reconstruction filter by `box`, so that pixels are independent.
+    pixel_centres
+        Replace the sampler by one sample in the middle of each pixel.
+    keep_shapes_apart
+        Do not merge meshes, so that shape and primitive indices are those of the file.
+    fixed_blocks
+        Cut the film into blocks of Mitsuba's usual size whatever the number of workers:
+        which random numbers a pixel gets follows from them.
+    independent_samples
+        Replace the sampler by `independent`.
+    plugins
+        A Python file that registers plugins of the user's (`user_plugins`).
+    """
+    mi = load_mitsuba()
+    if plugins is not None:
+        register_user_plugins(plugins)
+    config = mi.parser.ParserConfig(VARIANT)
+    changes = ["film in float32", "Embree's robust intersections"]
+    if keep_shapes_apart:
+        config.merge_meshes = False
+        config.merge_equivalent = False
+        changes.append("shapes not merged")
+    with _files_beside(path):
+        state = mi.parser.parse_file(
+            config, str(path), **{name: str(value) for name, value in parameters.items()}
+        )
+        nodes = _Nodes(mi, state)
+        integrator = nodes.plugin("Integrator") or "path"  # Mitsuba's default
+        # The default, float16, would round our reference to three digits.
+        nodes.set_film("component_format", "float32")
+        # Without it rays slip through shared edges (Mitsuba issue 1149).
+        state.root.props["embree_use_robust_intersections"] = True
+        if box_filter and nodes.replace("ReconstructionFilter", "box", {}):
+            changes.append(BOX_INSTEAD)
+        if pixel_centres:
+            nodes.replace("Sampler", "stratified", {"jitter": False, "sample_count": 1})
+            changes.append("one sample at each pixel's centre")
+        if independent_samples and nodes.replace("Sampler", "independent", {}):
+            changes.append("sampler replaced by independent")
+        if fixed_blocks:
+            nodes.set_block_size(BLOCK_SIZE)
+            changes.append(f"film in blocks of {BLOCK_SIZE}")
+        mi.parser.transform_all(config, state)
+        scene = mi.parser.instantiate(config, state)
+    return EditedScene(scene, integrator, tuple(changes))
+
+
+class _Nodes:
+    """The nodes of a parsed scene by kind; a missing film, filter or sampler is added.
+
+    Nodes are kept as indices: Mitsuba's list moves its nodes when it grows, and a node
+    held across an `append` points to freed memory.
+    """
+
+    def __init__(self, mi: Any, state: Any) -> None:
+        self._mi = mi
+        self._nodes = state.nodes
+        sensor = self._find("Sensor")
+        if sensor is None:
+            raise RuntimeError("the scene has no sensor")
+        film = self._find("Film")
+        if film is None:
+            film = self._add("Film", "hdrfilm", parent=sensor)
+        self._film = film
+        self._parents = {"ReconstructionFilter": film, "Sampler": sensor}
+
+    def plugin(self, kind: str) -> str | None:
+        """Return the plugin's name of the first node of `kind`."""
+        index = self._find(kind)
+        return None if index is None else str(self._nodes[index].props.plugin_name())
+
+    def set_film(self, name: str, value: Any) -> None:
+        """Set one property of the film."""
+        self._nodes[self._film].props[name] = value
+
+    def set_block_size(self, size: int) -> None:
+        """Set the integrator's block size."""
+        index = self._find("Integrator")
+        if index is None:
+            index = self._add("Integrator", "path", parent=0)
+        self._nodes[index].props["block_size"] = size
+
+    def replace(self, kind: str, plugin: str, values: Mapping[str, Any]) -> bool:
+        """Make the node of `kind` a `plugin` with `values`; False if it is one already."""
+        index = self._find(kind)
+        if index is None:
+            index = self._add(kind, plugin, parent=self._parents[kind])
+        elif self._nodes[index].props.plugin_name() == plugin and not values:
+            return False
+        properties = self._properties(plugin)
+        for name, value in values.items():
+            properties[name] = value
+        self._nodes[index].props = properties
+        return True
+
+    def _find(self, kind: str) -> int | None:
+        wanted = getattr(self._mi.ObjectType, kind)
+        return next((i for i, node in enumerate(self._nodes) if node.type == wanted), None)
+
+    def _add(self, kind: str, plugin: str, *, parent: int) -> int:
+        index = len(self._nodes)
+        link = self._mi.Properties.ResolvedReference(index)
+        self._nodes[parent].props[f"lightproof_{kind}"] = link
+        node = self._mi.parser.SceneNode()
+        node.type = getattr(self._mi.ObjectType, kind)
+        node.props = self._properties(plugin)
+        self._nodes.append(node)
+        return index
+
+    def _properties(self, plugin: str) -> Any:
+        properties = self._mi.Properties()
+        properties.set_plugin_name(plugin)
+        return properties
+
+
+@contextmanager
+def _files_beside(path: Path) -> Iterator[None]:
+    """Let Mitsuba find the files that a scene names, as its `load_file` does."""
+    mi = load_mitsuba()
+    before = mi.file_resolver()
+    resolver = mi.FileResolver(before)
+    resolver.prepend(str(path.parent))
+    mi.set_file_resolver(resolver)
+    try:
+        yield
+    finally:
+        mi.set_file_resolver(before)

@@ -1,0 +1,122 @@
+"""Render a scene file in Mitsuba's `scalar_rgb`, in this process, into float32 arrays."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.edited_scene import load_edited_scene
+from mitsuba_ref.reference.errors import MitsubaRefused
+from mitsuba_ref.reference.variant import load_mitsuba, set_threads
+from renderer.replay.camera import ENTRIES
+from renderer.scene_file.description import AOV_KINDS
+
+Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What Mitsuba rendered, and under which circumstances."""
+
+    arrays: dict[str, Array]  # "pixels" (H, W, 3), or one (H, W, C) for each AOV kind
+    seconds: float  # rendering alone, without loading the scene
+    threads: int
+    spp: int
+    integrator: str  # the plugin's name
+    changes: tuple[str, ...]  # what was rendered otherwise than the file says
+    from_cache: bool = False
+
+    @property
+    def pixels(self) -> Array:
+        """The picture, (H, W, 3), linear sRGB."""
+        return self.arrays["pixels"]
+
+    @property
+    def note(self) -> str:
+        """One sentence for the report."""
+        return "Changed on Mitsuba's side: " + "; ".join(self.changes) + "."
+
+
+def render_reference(request: RenderRequest) -> Reference:
+    """Render `request` with Mitsuba.
+
+    Raises
+    ------
+    MitsubaRefused
+        With Mitsuba's own sentence, when it refuses the scene.
+    """
+    mi = load_mitsuba()
+    threads = set_threads(request.threads)
+    wants_aovs = request.kind == "aovs"
+    try:
+        edited = load_edited_scene(
+            Path(request.path),
+            request.parameters,
+            box_filter=request.box_filter or wants_aovs,
+            pixel_centres=wants_aovs,
+            keep_shapes_apart=wants_aovs or request.replay,
+            fixed_blocks=request.replay,
+            independent_samples=request.independent,
+            plugins=request.plugins,
+        )
+        scene = edited.scene
+        integrator = _aov_integrator(mi) if wants_aovs else scene.integrator()
+        sensor = scene.sensors()[0]
+        spp = 1 if wants_aovs else request.spp or sensor.sampler().sample_count()
+        start = time.perf_counter()
+        image = mi.render(
+            scene, sensor=sensor, integrator=integrator, spp=spp, seed=request.seed
+        )
+        seconds = time.perf_counter() - start
+    except (RuntimeError, MemoryError) as error:
+        raise MitsubaRefused(_one_line(str(error))) from None
+    pixels = np.array(image, dtype=np.float32)
+    arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
+    if request.replay:
+        arrays["camera"] = camera_entries(mi, sensor)
+    return Reference(
+        arrays=arrays,
+        seconds=seconds,
+        threads=threads,
+        spp=int(sensor.sampler().sample_count()),
+        integrator="aov" if wants_aovs else edited.integrator,
+        changes=edited.changes,
+    )
+
+
+def camera_entries(mi: Any, sensor: Any) -> Array:
+    """Return what of the matrix from the crop window to the camera a replay rounds by."""
+    film = sensor.film()
+    to_window = mi.perspective_projection(
+        film.size(),
+        film.crop_size(),
+        film.crop_offset(),
+        mi.traverse(sensor)["x_fov"],
+        sensor.near_clip(),
+        sensor.far_clip(),
+    )
+    matrix = np.array(to_window.inverse().matrix, np.float32)
+    return np.array([matrix[entry] for entry in ENTRIES], np.float32)
+
+
+def _aov_integrator(mi: Any) -> Any:
+    return mi.load_dict({"type": "aov", "aovs": ",".join(f"{k}:{k}" for k in AOV_KINDS)})
+
+
+def _split_aovs(integrator: Any, pixels: Array) -> dict[str, Array]:
+    """Cut the channels `kind.X`, `kind.Y`, ... into one array for each kind."""
+    kinds = [name.split(".")[0] for name in integrator.aov_names()]
+    return {
+        kind: np.ascontiguousarray(pixels[..., [k == kind for k in kinds]])
+        for kind in dict.fromkeys(kinds)
+    }
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

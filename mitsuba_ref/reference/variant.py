@@ -1,0 +1,54 @@
+"""Mitsuba itself: imported and set up in one place, for every module beside this one."""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import os
+from typing import Any
+
+from mitsuba_ref.records.request import MIN_THREADS
+
+VARIANT = "scalar_rgb"
+
+
+@functools.cache
+def load_mitsuba() -> Any:
+    """Return the mitsuba module in `scalar_rgb`, quiet, with `whitted` registered."""
+    import drjit
+    import mitsuba
+
+    mitsuba.set_variant(VARIANT)
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)
+    drjit.set_thread_count(max(MIN_THREADS, os.cpu_count() or 1))
+
+    from mitsuba_ref.reference.whitted import register_whitted
+
+    register_whitted(mitsuba)
+    return mitsuba
+
+
+def set_threads(threads: int | None) -> int:
+    """Set Mitsuba's number of worker threads, at least two; return what was set.
+
+    Parameters
+    ----------
+    threads
+        Wanted workers; None is one for each core.
+    """
+    load_mitsuba()
+    import drjit
+
+    count = max(MIN_THREADS, threads or os.cpu_count() or 1)
+    drjit.set_thread_count(count)
+    return count
+
+
+def mitsuba_version() -> str:
+    """Return the installed version without importing Mitsuba (an import takes a while)."""
+    return importlib.metadata.version("mitsuba")
+
+
+def drjit_version() -> str:
+    """Return the installed version of Dr.Jit, whose arithmetic Mitsuba uses."""
+    return importlib.metadata.version("drjit")

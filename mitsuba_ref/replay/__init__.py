@@ -1,0 +1,1 @@
+"""The same random numbers in both renderers: pictures replayed, paths traced."""

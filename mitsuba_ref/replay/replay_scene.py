@@ -1,0 +1,236 @@
+"""Both renderers draw the same random numbers: their pictures must agree path by path.
+
+There is no noise between them, so any difference is rounding or a defect. Rounding may
+send a path to the other side of an edge; the few pixels where that happened are counted,
+named and left out of the RMSE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.comparison.preconditions import find_obstacle
+from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
+from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
+from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
+from mitsuba_ref.records.results import DivergentPixel, ReplayResult
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.replay.edge_causes import first_hit_causes
+from mitsuba_ref.replay.traced_pair import METHODS, TracedPair
+from renderer.errors import NotReplayable
+from renderer.plan import make_plan
+from renderer.replay.way import Replayed
+from renderer.scene import build_scene
+from renderer.scene_file.description import SceneDescription
+
+Array = NDArray[np.float32]
+
+TOLERANCE = 3e-4
+"""Relative difference from which on a pixel has diverged. (With
+1e-3 a single pixel just below it decides the RMSE of a small picture.)"""
+
+DARK = 1e-2
+"""Of the picture's mean: below it a pixel's difference is relative to this instead."""
+
+LISTED = 32
+"""Divergent pixels that a result names, the worst first."""
+
+
+def replay_scene(
+    request: RenderRequest,
+    spp: int,
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    limits: ReplayLimits = USUAL_LIMITS,
+    causes: int = 0,
+    time_limit: float = TIME_LIMIT,
+) -> tuple[ReplayResult, Array, Array]:
+    """Render a scene on both sides with Mitsuba's random numbers, and compare.
+
+    Parameters
+    ----------
+    request
+        The scene, its parameters, seed and threads; rendered with the box filter, since
+        any other spreads a divergent path over its neighbours.
+    spp
+        Samples per pixel.
+    render_ours, references
+        The two renderers.
+    limits
+        What is allowed.
+    causes
+        Of so many divergent pixels, the worst first, say where their paths part.
+    time_limit
+        Seconds for one answer of Mitsuba to a trace.
+
+    Returns
+    -------
+    The result and both pictures, (H, W, 3).
+    """
+    parameters = request.parameters
+    if "spp" in parameters:
+        parameters = parameters | {"spp": str(spp)}
+    request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
+    description = read_scene(request)
+    _refuse_early(description, request)
+    reference = references.get(request, description.files)
+    entries = reference.arrays.get("camera")
+    camera = None if entries is None else tuple(float(entry) for entry in entries)
+    request = replace(request, camera=camera)
+    ours = render_ours(request)
+    result = compare_replay(ours.pixels, reference.pixels, limits)
+    if causes and result.listed:
+        few = result.listed[:causes]
+        if ours.integrator in METHODS:
+            told = _with_causes(few, request, time_limit)
+        else:
+            told = first_hit_causes(few, request, ours.integrator, render_ours)
+        result = replace(result, listed=told + result.listed[causes:])
+    result = replace(
+        result,
+        spp=ours.spp,
+        seed=request.seed,
+        seconds_ours=ours.seconds,
+        seconds_reference=reference.seconds,
+    )
+    return result, ours.pixels, reference.pixels
+
+
+def _refuse_early(description: SceneDescription, request: RenderRequest) -> None:
+    """Raise NotReplayable before Mitsuba is asked for what makes it hang."""
+    scene = build_scene(description)
+    plan = make_plan(scene, sampler="mitsuba", spp=request.spp)
+    Replayed(None).sampling(scene, plan, request.seed)
+
+
+def replay_all(
+    request: RenderRequest,
+    samples: Sequence[int],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    limits: ReplayLimits = USUAL_LIMITS,
+    causes: int = 0,
+    time_limit: float = TIME_LIMIT,
+) -> tuple[tuple[ReplayResult, ...], dict[str, Array], str]:
+    """Replay a scene with several numbers of samples.
+
+    Parameters
+    ----------
+    request, render_ours, references, limits, causes, time_limit
+        As for `replay_scene`.
+    samples
+        Numbers of samples per pixel, rising.
+
+    Returns
+    -------
+    The results; the pictures of the last one by name; why the scene cannot be replayed, or
+    an empty string.
+    """
+    results: list[ReplayResult] = []
+    pictures: dict[str, Array] = {}
+    try:
+        for spp in samples:
+            result, ours, reference = replay_scene(
+                request, spp, render_ours, references, limits, causes, time_limit
+            )
+            results.append(result)
+            pictures = {"replay_ours": ours, "replay_reference": reference}
+    except NotReplayable as refusal:
+        return (), {}, str(refusal)
+    return tuple(results), pictures, ""
+
+
+def relative_difference(ours: Array, reference: Array) -> NDArray[np.float64]:
+    """Return the largest relative difference of each pixel's channels, (H, W).
+
+    Relative to the reference's brightest channel there, and where that is dark to
+    `DARK` times the picture's mean: a difference of two tiny numbers tells nothing.
+    """
+    theirs = reference.astype(np.float64)
+    scale = np.maximum(np.abs(theirs).max(axis=2), DARK * np.abs(theirs).mean())
+    difference = np.abs(ours.astype(np.float64) - theirs).max(axis=2)
+    return np.divide(difference, scale, out=np.zeros_like(scale), where=difference > 0.0)
+
+
+def compare_replay(
+    ours: Array, reference: Array, limits: ReplayLimits = USUAL_LIMITS
+) -> ReplayResult:
+    """Compare two pictures that were drawn with the same numbers.
+
+    Parameters
+    ----------
+    ours, reference
+        (H, W, 3), linear. Values that are not finite, or another size, fail.
+    limits
+        What is allowed.
+    """
+    obstacle = find_obstacle([ours], [reference, reference])
+    if obstacle is not None:
+        return ReplayResult(
+            passed=False, verdict=obstacle.verdict, sentence=obstacle.sentence
+        )
+    relative = relative_difference(ours, reference)
+    diverged = relative > TOLERANCE
+    together = ~diverged
+    squares = (ours[together].astype(np.float64) - reference[together]) ** 2
+    mean = float(np.abs(reference).mean(dtype=np.float64))
+    error = float(np.sqrt(squares.mean())) if squares.size else 0.0
+    rmse = error / mean if mean > 0.0 else error
+    count = int(diverged.sum())
+    allowed = int(limits.divergent * diverged.size)
+    passed = count <= allowed and rmse <= limits.rmse
+    return ReplayResult(
+        pixels=diverged.size,
+        divergent=count,
+        divergent_allowed=allowed,
+        rmse=rmse,
+        rmse_limit=limits.rmse,
+        largest=float(relative[together].max()) if together.any() else None,
+        passed=passed,
+        verdict="pass" if passed else "fail",
+        sentence=_sentence(count, allowed, diverged.size, rmse, limits.rmse),
+        listed=_worst(ours, reference, relative, diverged),
+    )
+
+
+def _sentence(count: int, allowed: int, pixels: int, rmse: float, rmse_limit: float) -> str:
+    paths = f"{pixels - count} of {pixels} pixels took the same paths in both renderers"
+    return (
+        f"{paths}; {count} diverged ({allowed} may); RMSE of the others {rmse:.2g} of the "
+        f"mean (limit {rmse_limit:g})"
+    )
+
+
+def _worst(
+    ours: Array,
+    reference: Array,
+    relative: NDArray[np.float64],
+    diverged: NDArray[np.bool_],
+) -> tuple[DivergentPixel, ...]:
+    rows, columns = np.nonzero(diverged)
+    order = np.argsort(-relative[rows, columns], kind="stable")[:LISTED]
+    return tuple(
+        DivergentPixel(
+            int(columns[k]),
+            int(rows[k]),
+            tuple(float(v) for v in ours[rows[k], columns[k]]),
+            tuple(float(v) for v in reference[rows[k], columns[k]]),
+            float(relative[rows[k], columns[k]]),
+        )
+        for k in order
+    )
+
+
+def _with_causes(
+    pixels: Sequence[DivergentPixel], request: RenderRequest, time_limit: float
+) -> tuple[DivergentPixel, ...]:
+    """Trace pixels in both renderers and say where they part."""
+    with TracedPair(request, time_limit) as pair:
+        return tuple(
+            replace(pixel, cause=pair.cause((pixel.x, pixel.y)) or "below the tolerance")
+            for pixel in pixels
+        )

@@ -1,0 +1,1 @@
+"""Mitsuba and our renderer by the clock: speed against accuracy, rays per path."""

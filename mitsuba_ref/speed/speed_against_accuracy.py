@@ -1,0 +1,134 @@
+"""Speed against accuracy: seconds and RMSE over doubling sample counts.
+
+Both renderers take each rung in turn, warm, with equal numbers of workers, in one run;
+nothing here comes from the cache but the reference that both are measured against.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.metrics import distances
+from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import Ladder, LadderPoint
+from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.reference.render import Reference
+
+RUNGS = 5
+OURS = "lightproof"
+MITSUBA = "mitsuba scalar_rgb"
+
+MAX_REFERENCE_FACTOR = 32  # times the samples of the top rung
+REFERENCE_SECONDS = 5.0  # about what the reference may take when it is not cached
+LADDER_SEED = 2_000_003
+REFERENCE_SEEDS = (3_000_017, 3_000_018)
+
+
+def measure_ladder(
+    request: RenderRequest,
+    ours: OurPicture,
+    pictures: Sequence[Reference],
+    render_ours: RenderOurs,
+    references: ReferenceCache,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Ladder:
+    """Measure both renderers at half, a quarter, ... of the samples, smallest first.
+
+    Parameters
+    ----------
+    request
+        As the scene was compared; its samples are the top rung.
+    ours, pictures
+        What was rendered at that size: tells how many samples and how long. Where better
+        ones would take too long, Mitsuba's pictures are the reference.
+    render_ours, references
+        The two renderers.
+    progress
+        Told what is being done.
+    """
+    top = pictures[0].spp
+    spp = top * _reference_factor(pictures[0].seconds)
+    parts = [picture.pixels for picture in pictures]
+    if 2 * spp > len(parts) * top:
+        parts = []
+        for seed in REFERENCE_SEEDS:
+            progress(f"ladder: reference, {spp} samples per pixel")
+            parts.append(references.get(_rung(request, spp, seed), ours.files).pixels)
+    else:
+        spp = top
+    truth = np.asarray(np.mean(parts, axis=0, dtype=np.float64))
+    # Of n parts with noise s, two are sqrt(2) s apart, and their mean is s / sqrt(n) off.
+    squares = [distances.rmse(a, b) ** 2 for a, b in itertools.combinations(parts, 2)]
+    noise = float(np.sqrt(np.mean(squares) / (2.0 * len(parts))))
+    spp *= len(parts)
+
+    renderers = {OURS: _timed_ours(render_ours), MITSUBA: _timed_mitsuba(references)}
+    points = []
+    for index, samples in enumerate(rungs(top)):
+        for name, render in renderers.items():
+            progress(f"ladder: {name}, {samples} samples per pixel")
+            rung = _rung(request, samples, LADDER_SEED + index)
+            if index == 0:
+                render(rung)  # warm-up: imports, caches, compiled kernels
+            pixels, seconds, used = render(rung)
+            points.append(
+                LadderPoint(
+                    name,
+                    used,
+                    seconds,
+                    distances.rmse(pixels, truth),
+                    distances.trimmed_rmse(pixels, truth),
+                )
+            )
+    note = (
+        f"RMSE against Mitsuba at {spp} samples per pixel, whose own RMSE is about "
+        f"{noise:.2g}; {request.threads} workers each, in turn, warm"
+    )
+    return Ladder(spp, note, tuple(points))
+
+
+def rungs(top: int) -> list[int]:
+    """Return up to five sample counts that double, the last one `top`."""
+    counts = {max(1, top >> step) for step in range(RUNGS)}
+    return sorted(counts)
+
+
+Render = Callable[[RenderRequest], tuple[NDArray[np.float32], float, int]]
+
+
+def _timed_ours(render_ours: RenderOurs) -> Render:
+    def render(request: RenderRequest) -> tuple[NDArray[np.float32], float, int]:
+        picture = render_ours(request)
+        return picture.pixels, picture.seconds or 0.0, picture.spp
+
+    return render
+
+
+def _timed_mitsuba(references: ReferenceCache) -> Render:
+    def render(request: RenderRequest) -> tuple[NDArray[np.float32], float, int]:
+        picture = references.render_uncached(request)
+        return picture.pixels, picture.seconds, picture.spp
+
+    return render
+
+
+def _rung(request: RenderRequest, spp: int, seed: int) -> RenderRequest:
+    parameters = request.parameters
+    if "spp" in parameters:
+        parameters = parameters | {"spp": str(spp)}
+    return replace(request, parameters=parameters, spp=spp, seed=seed)
+
+
+def _reference_factor(seconds: float) -> int:
+    """Return how many times the top rung's samples each half of the reference gets."""
+    affordable = REFERENCE_SECONDS / 2.0 / max(seconds, 1e-3)
+    factor = 2
+    while factor * 2 <= min(affordable, MAX_REFERENCE_FACTOR / 2):
+        factor *= 2
+    return factor

@@ -1,0 +1,95 @@
+"""Mitsuba for a stopwatch: a loaded, warm scene in a process of its own, any variant."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitsuba_ref.records.request import MIN_THREADS
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.variant_process import Answerer, VariantProcess, answer_requests
+
+
+@dataclass(frozen=True)
+class TimedRender:
+    """One render: seconds from the call until the array is in memory, and its mean."""
+
+    seconds: float
+    mean: tuple[float, float, float]  # linear sRGB, over all pixels
+
+
+class TimedMitsuba(VariantProcess):
+    """A scene file in one Mitsuba variant, loaded and ready; a context manager.
+
+    Parameters
+    ----------
+    variant
+        `scalar_rgb`, `llvm_ad_rgb`, ...
+    path
+        Mitsuba 3 XML, rendered as it is.
+    parameters
+        Values for the file's `$name`.
+    threads
+        Worker threads, at least 2.
+
+    Raises
+    ------
+    MitsubaError
+        Why this variant cannot render the scene here.
+    """
+
+    def __init__(
+        self, variant: str, path: Path, parameters: Mapping[str, str], threads: int
+    ) -> None:
+        if threads < MIN_THREADS:
+            raise MitsubaError(
+                f"Mitsuba needs {MIN_THREADS} threads or more, not {threads}"
+            )
+        job = {
+            "path": str(path),
+            "parameters": {name: str(value) for name, value in parameters.items()},
+            "threads": threads,
+        }
+        super().__init__("mitsuba_ref.speed.timed_mitsuba", variant, job)
+
+    def render(self, seed: int, spp: int) -> TimedRender:
+        """Render once.
+
+        Raises
+        ------
+        MitsubaError
+            When Mitsuba refuses, ends, or does not answer.
+        """
+        answer = self.ask({"seed": seed, "spp": spp})
+        red, green, blue = answer["mean"]
+        return TimedRender(float(answer["seconds"]), (red, green, blue))
+
+
+def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
+    """Load the scene; return what renders it for each request."""
+    import drjit
+    import mitsuba
+
+    mitsuba.set_variant(job["variant"])
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)
+    drjit.set_thread_count(job["threads"])
+    scene = mitsuba.load_file(job["path"], **job["parameters"])
+
+    def render(wanted: dict[str, Any]) -> dict[str, Any]:
+        start = time.perf_counter()
+        # A JIT variant only notes the work until somebody asks for the numbers.
+        image = np.array(mitsuba.render(scene, spp=wanted["spp"], seed=wanted["seed"]))
+        seconds = time.perf_counter() - start
+        mean = image[..., :3].mean(axis=(0, 1), dtype=np.float64)
+        return {"seconds": seconds, "mean": [float(value) for value in mean]}
+
+    return {"loaded": True}, render
+
+
+if __name__ == "__main__":
+    answer_requests(load)

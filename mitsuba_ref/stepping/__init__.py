@@ -1,1 +1,0 @@
-"""One path of the renderer, stage by stage, written down."""
