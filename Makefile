@@ -34,9 +34,11 @@ lint: $(INSTALLED) ## style, format, types, the import contract
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-format: $(INSTALLED) ## let ruff mend what it can
+format: $(INSTALLED) ## let ruff mend what it can; lines and picture of the docs
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
+	@$(BIN)/python docs/lecture_lines.py
+	@$(BIN)/python docs/draw_architecture.py
 
 bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, in one run
 	@$(BIN)/python -m reports.benchmark

@@ -8,16 +8,18 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from renderer.errors import SceneError
-from renderer.image import Image
-from renderer.render import render
-from renderer.rendering import Progress
-from renderer.scene import Scene, build_scene
-from renderer.scene_file import SceneDescription, read_dict, read_file, read_string
+if TYPE_CHECKING:
+    from renderer.errors import SceneError
+    from renderer.image import Image
+    from renderer.render_scene import render
+    from renderer.rendering import Progress
+    from renderer.scene import Scene
+    from renderer.scene_file import SceneDescription
 
 __version__ = "0.1.0"
 __all__ = [
@@ -31,6 +33,30 @@ __all__ = [
     "render",
 ]
 
+# Imported when they are first asked for: Numba takes half a second, which whoever wants
+# the version, the command's help or a scene's description need not wait for.
+_MODULES = {
+    "Image": "renderer.image",
+    "Progress": "renderer.rendering",
+    "Scene": "renderer.scene",
+    "SceneError": "renderer.errors",
+    "render": "renderer.render_scene",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name from its module and keep it."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names too that are not imported yet."""
+    return sorted({*globals(), *__all__})
+
 
 def load_file(path: str | Path, /, **parameters: object) -> Scene:
     """Load a Mitsuba 3 XML scene; keyword arguments replace the file's `<default>` values.
@@ -43,6 +69,8 @@ def load_file(path: str | Path, /, **parameters: object) -> Scene:
     SceneError
         With file, line, plugin and property, if the scene cannot be rendered.
     """
+    from renderer.scene_file import read_file
+
     return _logged(read_file(path, **parameters))
 
 
@@ -50,11 +78,15 @@ def load_string(
     xml: str, /, *, base_dir: str | Path | None = None, **parameters: object
 ) -> Scene:
     """Load a scene from XML text; files it names are looked up in `base_dir`."""
+    from renderer.scene_file import read_string
+
     return _logged(read_string(xml, base_dir=base_dir, **parameters))
 
 
 def load_dict(scene: dict[str, Any], *, base_dir: str | Path | None = None) -> Scene:
     """Load a scene from a dictionary of the form that Mitsuba's `load_dict` takes."""
+    from renderer.scene_file import read_dict
+
     return _logged(read_dict(scene, base_dir=base_dir))
 
 
@@ -63,6 +95,8 @@ def _logged(description: SceneDescription) -> Scene:
 
     Not in the reader: the command line prints the same lines in a form of its own.
     """
+    from renderer.scene import build_scene
+
     scene = build_scene(description)
     for warning in description.warnings:
         logging.getLogger(__name__).warning("%s", warning)

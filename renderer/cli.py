@@ -10,20 +10,17 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import renderer
-from renderer.accelerators.build import NAMES as ACCELERATORS
 from renderer.errors import SceneError
-from renderer.image import Image
-from renderer.image_files import check_output_path
 from renderer.interrupts import Interrupts
-from renderer.plan import INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
-from renderer.plan_text import plan_text
-from renderer.progress_display import ProgressDisplay
-from renderer.rendering import Progress
-from renderer.scene import Scene, build_scene
-from renderer.scene_file import read_file
+from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
+
+if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
+    from renderer.image import Image
+    from renderer.rendering import Progress
+    from renderer.scene import Scene
 
 EPILOG = """examples:
   lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256
@@ -64,6 +61,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
+    from renderer.image_files import check_output_path
+    from renderer.scene import build_scene
+    from renderer.scene_file import read_file
+
     path = options.scene / "scene.xml" if options.scene.is_dir() else options.scene
     outputs = options.output
     if not outputs and not options.explain:
@@ -74,6 +75,8 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     for warning in scene.description.warnings:
         _complain(f"warning: {warning}")
     if options.explain:
+        from renderer.plan_text import plan_text
+
         text = plan_text(
             scene,
             integrator=options.integrator,
@@ -107,6 +110,8 @@ def default_output(scene: Path) -> Path:
 
 
 def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
+    from renderer.progress_display import ProgressDisplay
+
     with ProgressDisplay(sys.stderr, quiet=options.quiet) as display:
 
         def progress(now: Progress) -> None:
@@ -243,7 +248,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add(
         "--ray-offset",
-        choices=tuple(RAY_OFFSETS),
+        choices=RAY_OFFSETS,
         metavar="NAME",
         help="how far off their surface rays start: tight (default) or mitsuba",
     )

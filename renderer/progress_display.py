@@ -6,10 +6,10 @@ import os
 from types import TracebackType
 from typing import TYPE_CHECKING, TextIO
 
-from renderer.rendering import Progress
-
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
+
+    from renderer.rendering import Progress
 
 BAR_AFTER = 0.3  # [s]; a render that is over by then needs no bar
 BAR_EVERY = 0.1  # [s]

@@ -173,7 +173,7 @@ PLACE = "    threads = default_threads() if threads is None else threads\n"
 def test_a_mutant_that_breaks_is_an_error_and_not_a_wait(tmp_path, statement, complaint):
     """Harmful text may do anything to its process, and nothing to ours."""
     limit = 4.0 if "sleep" in statement else 120.0
-    made = mutation(("render.py", PLACE, f"    {statement}\n{PLACE}"))
+    made = mutation(("render_scene.py", PLACE, f"    {statement}\n{PLACE}"))
     with Mutant(made, limit, tmp_path) as mutant:
         with pytest.raises(MutantError, match=complaint):
             mutant.render(request())

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
 
 from renderer.errors import SceneError
 from renderer.scene_file.exr_image import is_exr, read_exr
@@ -73,6 +72,9 @@ def read_image(path: Path, *, raw: bool, storage: str = "auto") -> NDArray[np.fl
 
 def _read_8_bit(path: Path) -> NDArray[np.uint8]:
     """Return (H, W, 1 or 3) values of a PNG or JPEG that has at most 8 bits a channel."""
+    # here, because scenes without images need not wait for it
+    from PIL import Image, UnidentifiedImageError
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's, about sizes checked below

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import entry_kernel
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}  # by colour type: grey, RGB, grey + A, RGB + A
@@ -37,6 +36,9 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
     SceneError
         If the file is damaged or interlaced.
     """
+    # here, because Numba takes half a second that other files need not wait for
+    from renderer.scene_file.png_filters import undo_filters
+
     content = path.read_bytes()
     width, height, _, color_type, _, _, interlace = struct.unpack(
         ">IIBBBBB", content[16:29]
@@ -61,7 +63,7 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
     if rows[:, 0].max() > 4:
         raise SceneError(f"{path}: damaged PNG: unknown row filter {rows[:, 0].max()}")
     values = np.zeros((height + 1, row_bytes + channels * 2), np.uint8)
-    _undo_filters(rows, values, channels * 2)
+    undo_filters(rows, values, channels * 2)
     pixels = np.ascontiguousarray(values[1:, channels * 2 :]).view(">u2")
     pixels = pixels.reshape(height, width, channels).astype(np.uint16)
     return pixels[:, :, : 1 if channels < 3 else 3]
@@ -77,34 +79,3 @@ def _image_data(content: bytes) -> bytes:
             parts.append(content[position + 8 : position + 8 + length])
         position += length + 12  # length, kind, checksum
     return b"".join(parts)
-
-
-@entry_kernel
-def _undo_filters(rows, values, step):  # type: ignore[no-untyped-def]
-    """Fill `values`, which has a row and a pixel of zeros in front, from filtered `rows`.
-
-    Each byte is predicted from its neighbours a (left), b (above), c (above left).
-    """
-    for y in range(rows.shape[0]):
-        method = rows[y, 0]
-        for x in range(rows.shape[1] - 1):
-            a = np.int32(values[y + 1, x])
-            b = np.int32(values[y, x + step])
-            c = np.int32(values[y, x])
-            if method == 0:
-                predicted = np.int32(0)
-            elif method == 1:
-                predicted = a
-            elif method == 2:
-                predicted = b
-            elif method == 3:
-                predicted = (a + b) >> 1
-            else:  # Paeth: whichever neighbour is nearest to a + b - c
-                to_a, to_b, to_c = abs(b - c), abs(a - c), abs(a + b - 2 * c)
-                if to_a <= to_b and to_a <= to_c:
-                    predicted = a
-                elif to_b <= to_c:
-                    predicted = b
-                else:
-                    predicted = c
-            values[y + 1, x + step] = np.uint8((np.int32(rows[y, x + 1]) + predicted) & 255)

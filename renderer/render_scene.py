@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from renderer.accelerators.build import NAMES as ACCELERATORS
 from renderer.accelerators.build import compile_builders
 from renderer.aovs import nested_scene, split_channels, with_picture
 from renderer.compilation import CompilationWatch
 from renderer.errors import SceneError
 from renderer.heat_map import heat_map
 from renderer.image import Image
+from renderer.names import ACCELERATORS
 from renderer.plan import MOST_SAMPLES, make_plan
 from renderer.rendering import Progress, Rendering
 from renderer.scene import Scene
@@ -54,7 +54,7 @@ def render(
         `direct`, `whitted`, `path`, `depth`, `aov` or `work`; None or `auto` take the
         least method that gives what the file asks for.
     accel : str, optional
-        One of `renderer.accelerators.build.NAMES`, such as `brute`, `wide` or `kd-sah`; all
+        One of `renderer.names.ACCELERATORS`, such as `brute`, `wide` or `kd-sah`; all
         give the same picture. None or `auto` take for each kind of primitive the structure
         that a cost model expects to be the fastest.
     sampler : str, optional

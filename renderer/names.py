@@ -1,0 +1,28 @@
+"""The names that the command line and `render` take, without what stands behind them.
+
+That is Numba and the kernels, which `--help` should not have to wait for.
+"""
+
+from __future__ import annotations
+
+INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
+SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
+RAY_OFFSETS = ("tight", "mitsuba")
+ACCELERATORS = (
+    "auto",
+    "brute",
+    "bvh",
+    "bvh-median",
+    "bvh-middle",
+    "wide",
+    "bsp",
+    "grid",
+    "grid-without-mailboxes",
+    "grid-nested",
+    "grid-clusters",
+    "kd-middle",
+    "kd-median",
+    "kd-sah",
+    "octree",
+)

@@ -1,0 +1,129 @@
+"""Lights: a direction towards one at random, and the density it was chosen with.
+
+Point, spot and directional lights are seen in one direction alone. A path never finds them
+by itself, and their density is said to be 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.scene_file.description import (
+    ConstantLight,
+    DirectionalLight,
+    Emitter,
+    PointLight,
+    Sphere,
+    SpotLight,
+)
+from renderer.simple.surfaces import Hit, Surface
+from renderer.simple.vectors import Vector, normalize, orthonormal_basis
+from renderer.simple.warps import square_to_sphere
+
+Light = Emitter | Surface
+SPHERE_PDF = 1.0 / (4.0 * math.pi)
+
+
+class LightSample(NamedTuple):
+    """One direction to a light."""
+
+    wi: Vector  # unit, towards the light
+    distance: float
+    radiance: Vector  # that arrives unless something is in between, over the density
+    pdf: float  # [1/sr] of wi; 0: there is no other direction
+
+
+def sample_light(light: Light, p: Vector, x: float, y: float, z: float) -> LightSample:
+    """Choose a direction from the point p towards a light with x, y, z in [0, 1)."""
+    match light:
+        case PointLight():  # I / r^2 [Appel1968]
+            return _towards(np.array(light.position) - p, np.array(light.intensity))
+        case SpotLight():  # fades linearly in angle
+            to_light = light.to_world[:3, 3] - p
+            cosine = float(-normalize(to_light) @ normalize(light.to_world[:3, 2]))
+            angle = math.degrees(math.acos(min(cosine, 1.0)))
+            fading = np.interp(angle, [light.beam_width, light.cutoff_angle], [1.0, 0.0])
+            return _towards(to_light, np.array(light.intensity) * fading)
+        case DirectionalLight():
+            wi = -normalize(np.array(light.direction))
+            return LightSample(wi, math.inf, np.array(light.irradiance), 0.0)
+        case ConstantLight():  # half of the directions are below the surface
+            wi = np.array(square_to_sphere(x, y))
+            radiance = np.array(light.radiance) / SPHERE_PDF
+            return LightSample(wi, math.inf, radiance, SPHERE_PDF)
+        case _:
+            return _sample_surface(light, p, x, y, z)
+
+
+def _towards(to_light: Vector, intensity: Vector) -> LightSample:
+    r2 = float(to_light @ to_light)
+    return LightSample(normalize(to_light), math.sqrt(r2), intensity / r2, 0.0)
+
+
+def _sample_surface(light: Surface, p: Vector, x: float, y: float, z: float) -> LightSample:
+    """Choose a point of an area light by its area; on a sphere, a direction instead."""
+    hit: Hit | None
+    if cone := _cone(light, p):
+        hit = light.hit(p, _in_cone(*cone, x, y), 0.0, math.inf)
+    else:
+        hit = light.at(np.array(light.unit.point(x, y)), choose_face(light, z), p)
+    if hit is None or hit.light is None:  # past the silhouette by rounding, or behind
+        return LightSample(np.zeros(3), 0.0, np.zeros(3), 0.0)
+    pdf = pdf_light(light, p, hit)
+    return LightSample(-hit.wo, hit.t, np.array(light.radiance) / pdf, pdf)
+
+
+def pdf_light(light: ConstantLight | Surface, p: Vector, hit: Hit | None) -> float:
+    """Return the density [1/sr] with which `sample_light` chooses the direction to a hit.
+
+    From density per area to density per solid angle: r^2 / (A cos) [Veach1997, 8.2.2.2].
+    """
+    if isinstance(light, ConstantLight) or hit is None:
+        return SPHERE_PDF
+    if cone := _cone(light, p):
+        return 1.0 / (2.0 * math.pi * cone[1])
+    return hit.t**2 / (light.area * abs(float(hit.wo @ hit.geometric_normal)))
+
+
+def power_heuristic(pdf: float, other_pdf: float) -> float:
+    """Return the weight of a direction drawn with `pdf` that `other_pdf` could have drawn.
+
+    Two ways lead to the same light; their weights add up to 1 [Veach1997, 9.2.4].
+    """
+    return pdf**2 / (pdf**2 + other_pdf**2)
+
+
+def choose_face(mesh: Surface, z: float) -> int:
+    """Return one of a light's faces, in proportion to their areas."""
+    cumulated = np.cumsum(mesh.face_areas)
+    return int(np.searchsorted(cumulated, z * cumulated[-1], side="right"))
+
+
+def _cone(light: Surface, p: Vector) -> tuple[Vector, float] | None:
+    """Return the cone that a sphere fills, seen from p: axis, 1 - cos of its half angle.
+
+    None for other shapes, and from inside. On the sphere itself the side that shines says
+    which it is, not rounding.
+    """
+    if not isinstance(light.shape, Sphere):
+        return None
+    to_center = light.a[0] - p
+    distance = float(np.linalg.norm(to_center))
+    radius = float(np.linalg.norm(light.A[0, :, 0]))
+    inwards = -1.0 if light.shape.flip_normals else 1.0
+    if distance <= radius * (1.0 - inwards * 1e-9):
+        return None
+    sine2 = min(radius**2 / distance**2, 1.0)
+    return to_center / distance, sine2 / (1.0 + math.sqrt(1.0 - sine2))
+
+
+def _in_cone(axis: Vector, one_minus_cos: float, x: float, y: float) -> Vector:
+    """Return a direction in the cone, uniformly: cos theta linear in x [Akalin2015]."""
+    height = x * one_minus_cos  # 1 - cos theta
+    sine, phi = math.sqrt(height * (2.0 - height)), 2.0 * math.pi * y
+    s, t = orthonormal_basis(-axis)
+    around = s * math.cos(phi) + t * math.sin(phi)
+    return normalize((1.0 - height) * axis + sine * around)

@@ -1,0 +1,129 @@
+"""Path tracing on one screen, one ray at a time. Read this file first.
+
+The light that leaves a point x in the direction w_o is what x emits, and what it reflects
+of the light from all directions w_i, the rendering equation [Kajiya1986; Immel1986]:
+
+    L_o(x, w_o) = L_e(x, w_o) + integral of f(x, w_i, w_o) L_i(x, w_i) cos(w_i) dw_i
+
+L_i in turn is the L_o of the point that the ray x(t) = x + t w_i meets first. Monte Carlo
+replaces the integral by one direction chosen with density pdf(w_i): f L_i cos / pdf has
+the integral as its mean. So the integral in the integral in the integral becomes a path.
+
+The kernels of this renderer walk the same paths, thousands at a time, in single precision.
+Given the same random numbers both find the same light (tests/test_simple_path_tracer.py).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+
+from renderer.camera import Pinhole, pinhole
+from renderer.scene_file.description import Diffuse, SceneDescription
+from renderer.simple.bsdfs import albedo, sample_bsdf
+from renderer.simple.lights import pdf_light, power_heuristic, sample_light
+from renderer.simple.scene import Scene, closest_hit, visible
+from renderer.simple.surfaces import Hit
+from renderer.simple.vectors import Vector, normalize
+
+# four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
+# pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the block after it the light
+Numbers = Callable[[int, int, int], Sequence[float]]
+BLOCKS_PER_BOUNCE = 1 << 20
+
+
+def numpy_numbers(pixel: int, sample: int, block: int) -> Sequence[float]:
+    """Draw from NumPy's default generator, started anew for each block."""
+    return np.random.default_rng((pixel, sample, block)).random(4).tolist()
+
+
+def render(
+    description: SceneDescription, spp: int, numbers: Numbers = numpy_numbers
+) -> Vector:
+    """Return the crop window as (height, width, 3), linear sRGB: each pixel a mean."""
+    scene, film = Scene(description), description.camera.film
+    camera = pinhole(description.camera)
+    picture = np.zeros((film.crop_height, film.crop_width, 3))
+    for row, column in np.ndindex(film.crop_height, film.crop_width):
+        x, y = film.crop_offset_x + column, film.crop_offset_y + row
+        for sample in range(spp):
+            draw = partial(numbers, y * film.width + x, sample)
+            dx, dy, _, _ = draw(0)
+            p, d = camera.o, camera_direction(camera, x + dx, y + dy)
+            picture[row, column] += path_radiance(scene, p, d, draw) / spp
+    return picture
+
+
+def camera_direction(camera: Pinhole, x: float, y: float) -> Vector:
+    """Return the unit vector from o through a place on the film, in pixels."""
+    across = (x - camera.xres / 2) * camera.x + (y - camera.yres / 2) * camera.y
+    return normalize(camera.f + across)
+
+
+def path_radiance(
+    scene: Scene, p: Vector, d: Vector, draw: Callable[[int], Sequence[float]]
+) -> Vector:
+    """Return an estimate of the light that arrives at p against the direction d."""
+    radiance = np.zeros(3)
+    throughput = np.ones(3)  # product of f cos / pdf along the path
+    pdf = 0.0  # [1/sr] of d; 0: the camera, a mirror or glass chose it, with certainty
+    eta = 1.0  # product of the relative indices of refraction
+    near, far = scene.clip(d)  # the camera's planes end the first ray alone
+    for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
+        block = 1 + BLOCKS_PER_BOUNCE * bounce
+        hit = closest_hit(scene, p, d, near, far)
+        radiance += throughput * emission(scene, p, hit, pdf)
+        if hit is None or bounce + 1 == scene.max_depth:
+            break
+        radiance += throughput * direct_light(scene, hit, draw(block + 1))
+
+        x, y, choice, roulette = draw(block)
+        scattered = sample_bsdf(hit, x, y, choice)
+        if scattered is None:
+            break
+        throughput = throughput * scattered.weight
+        eta *= scattered.eta
+        if bounce + 1 >= scene.rr_depth:
+            # Russian roulette [Arvo1990]: a dim path ends, or stands for those that ended.
+            # eta^2 undoes what radiance loses in glass and gains again on leaving it.
+            survival = min(throughput.max() * eta**2, 0.95)
+            if roulette >= survival:
+                break
+            throughput = throughput / survival
+        if not throughput.any():
+            break
+        p, d, pdf = hit.x, scattered.wi, scattered.pdf
+        near, far = 0.0, np.inf
+    return radiance
+
+
+def emission(scene: Scene, p: Vector, hit: Hit | None, pdf: float) -> Vector:
+    """Return L_e of what a ray from p has met, as far as it counts for this way to it."""
+    light = scene.environment if hit is None else hit.light
+    if light is None:
+        return np.zeros(3)
+    other_pdf = pdf_light(light, p, hit) / len(scene.lights)
+    weight = power_heuristic(pdf, other_pdf) if pdf > 0 else 1.0
+    return weight * np.array(light.radiance)
+
+
+def direct_light(scene: Scene, hit: Hit, numbers: Sequence[float]) -> Vector:
+    """Return the reflected light of one light, chosen at random: f L / pdf V cos.
+
+    A mirror reflects a light only if the path meets it by itself.
+    """
+    if not isinstance(hit.bsdf, Diffuse) or not scene.lights:
+        return np.zeros(3)
+    x, y, z, choice = numbers
+    light = scene.lights[int(choice * len(scene.lights))]
+    sample = sample_light(light, hit.x, x, y, z)
+    cosine = float(sample.wi @ hit.normal)
+    if cosine <= 0 or not visible(scene, hit.x, sample.wi, sample.distance):
+        return np.zeros(3)
+    f = albedo(hit.bsdf, hit) / np.pi  # Lambert [Lambert1760]
+    pdf = sample.pdf / len(scene.lights)
+    weight = power_heuristic(pdf, cosine / np.pi) if pdf > 0 else 1.0
+    return f * cosine * sample.radiance * weight * len(scene.lights)

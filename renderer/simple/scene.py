@@ -1,0 +1,76 @@
+"""The scene of the simple path tracer: a list of surfaces, a list of lights."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.light_order import light_order
+from renderer.scene_file.description import ConstantLight, SceneDescription
+from renderer.simple.lights import Light
+from renderer.simple.surfaces import Hit, Surface
+from renderer.simple.vectors import Vector
+
+# A ray does not meet the surface that it leaves: t > epsilon, far above the rounding of
+# double precision; a shadow ray ends as early before the light.
+EPSILON = 1e-9
+
+
+class Scene:
+    """What the description says, as the path tracer asks for it.
+
+    Raises
+    ------
+    SceneError
+        For what this renderer leaves to the kernels.
+    """
+
+    def __init__(self, description: SceneDescription) -> None:
+        integrator, camera = description.integrator, description.camera
+        _check(description)
+        self.max_depth, self.rr_depth = integrator.max_depth, integrator.rr_depth
+        self.surfaces = [Surface(shape) for shape in description.shapes]
+        order = light_order(description)
+        numbered: dict[int, Light] = dict(
+            zip(order.of_emitters, description.emitters, strict=True)
+        )
+        numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
+        self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
+        skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
+        self.environment = skies[0] if skies else None
+        self._forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
+        self._planes = camera.near_clip, camera.far_clip
+
+    def clip(self, d: Vector) -> tuple[float, float]:
+        """Return t of a camera ray on the near and on the far plane."""
+        near, far = self._planes
+        cosine = float(d @ self._forward)
+        return near / cosine, far / cosine
+
+
+def _check(description: SceneDescription) -> None:
+    integrator, rfilter = description.integrator, description.camera.film.rfilter
+    covered = {
+        f"integrator {integrator.name!r}; possible is 'path'": integrator.name == "path",
+        "hide_emitters; possible is false": not integrator.hide_emitters,
+        f"rfilter {rfilter.name!r}; possible is 'box'": rfilter.name == "box",
+        "instances; possible are shapes alone": not description.instances,
+    }
+    for what, possible in covered.items():
+        if not possible:
+            raise SceneError(f"{description.source}: the simple path tracer has no {what}")
+
+
+def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> Hit | None:
+    """Return the hit of smallest t > epsilon, by asking every surface (brute force)."""
+    closest = None
+    for surface in scene.surfaces:
+        hit = surface.hit(p, d, near + EPSILON, far if closest is None else closest.t)
+        closest = hit or closest
+    return closest
+
+
+def visible(scene: Scene, p: Vector, d: Vector, distance: float) -> bool:
+    """Return V: whether nothing is met on the way of a shadow ray."""
+    far = distance * (1.0 - EPSILON)
+    return all(surface.hit(p, d, EPSILON, far) is None for surface in scene.surfaces)
