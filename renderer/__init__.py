@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from renderer.bsdfs.registry import register_bsdf
     from renderer.errors import SceneError
     from renderer.image import Image
+    from renderer.jit import kernel
     from renderer.render_scene import render
     from renderer.rendering import Progress
     from renderer.scene import Scene
@@ -27,9 +29,11 @@ __all__ = [
     "Progress",
     "Scene",
     "SceneError",
+    "kernel",
     "load_dict",
     "load_file",
     "load_string",
+    "register_bsdf",
     "render",
 ]
 
@@ -40,6 +44,8 @@ _MODULES = {
     "Progress": "renderer.rendering",
     "Scene": "renderer.scene",
     "SceneError": "renderer.errors",
+    "kernel": "renderer.jit",
+    "register_bsdf": "renderer.bsdfs.registry",
     "render": "renderer.render_scene",
 }
 

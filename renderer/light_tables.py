@@ -40,13 +40,17 @@ class LightTables:
     tables: list[Any]  # records of renderer.kernel_scene, columns by light id
 
 
-def light_tables(scene: Scene, mesh_choice: MeshChoice) -> LightTables:
+def light_tables(
+    scene: Scene, surfaces: dict[str, Any], mesh_choice: MeshChoice
+) -> LightTables:
     """Return the tables of all lights.
 
     Parameters
     ----------
     scene
         The lights are those of its description.
+    surfaces
+        Its surfaces, as the kernels see them.
     mesh_choice
         Makes the table by which the triangles of mesh lights are chosen.
     """
@@ -69,14 +73,16 @@ def light_tables(scene: Scene, mesh_choice: MeshChoice) -> LightTables:
     add(_of(others, DirectionalLight), lambda lights: _directionals(count, lights, beyond))
     add(_of(others, ConstantLight), lambda lights: _constants(count, lights, beyond))
     primitives = _primitives_of_lights(scene, shining)
-    for shapes, surfaces in scene.surfaces.items():
+    for shapes, of_kind in scene.surfaces.items():
         add(
             {
                 light: ids
                 for light, ids in primitives.items()
-                if surfaces.first <= ids[0] < surfaces.end
+                if of_kind.first <= ids[0] < of_kind.end
             },
-            lambda lights, k=shapes: _areas(count, scene, k, shining, lights, mesh_choice),
+            lambda lights, k=shapes: _areas(
+                count, scene, k, surfaces[k], shining, lights, mesh_choice
+            ),
         )
     return LightTables(count, kind, tables)
 
@@ -160,24 +166,27 @@ def _areas(
     count: int,
     scene: Scene,
     kind: str,
+    surfaces: Any,
     shining: dict[int, int],
     lights: dict[int, NDArray[np.int32]],
     mesh_choice: MeshChoice,
 ) -> AreaLights:
     """Return the area lights on one kind of shape."""
-    shapes, surfaces = scene.description.shapes, scene.surfaces[kind]
+    shapes = scene.description.shapes
     sizes = {i: primitive_areas(scene, kind, ids) for i, ids in lights.items()}
     prims = np.zeros(count, np.int32)
     for light, ids in lights.items():
         prims[light] = ids[0]
-    on_meshes = {i: (ids, sizes[i]) for i, ids in lights.items()}
+    by_primitive = {i: (ids, sizes[i]) for i, ids in lights.items()}
     return AreaLights(
         _columns(count, {i: shapes[shining[i]].radiance for i in lights}),
         _row(count, {i: 1.0 / sizes[i].sum() for i in lights}),
         prims,
         _row(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
         surfaces,
-        mesh_choice(count, surfaces, on_meshes) if kind == "triangles" else None,
+        mesh_choice(count, scene.surfaces[kind], on_meshes)
+        if kind == "triangles"
+        else None,
     )
 
 

@@ -16,11 +16,11 @@ from renderer.film import BOX, Film, filter_border, filter_table, tile_sums
 from renderer.integrators.render_tile import RENDER_TILE
 from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
-from renderer.kernel_inputs import kernel_scene
 from renderer.plan import Plan
 from renderer.scene import Scene
 from renderer.stages.tile import Tile
-from renderer.ways import way_of
+from renderer.tables.kernel_record import KernelInputs
+from renderer.tables.variant import way_of
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -78,10 +78,9 @@ class Rendering:
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
         self.variant = way_of(plan, measured_camera)
-        # the tables keep alive what addresses in the record point to
-        self.kernel_scene, self._tables = kernel_scene(
-            scene, plan, accel, seed, self.variant
-        )
+        # keeps alive what the addresses in the record point to
+        self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
+        self.kernel_scene = self._inputs.record
         self._packed_scene = pack(self.kernel_scene)
         self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
@@ -108,7 +107,7 @@ class Rendering:
     @property
     def sampler(self) -> Packed:
         """The sampler's record, as kernels see it."""
-        return self._tables.sampler_record
+        return self._inputs.sampler
 
     def make_workspace(self, channels: int) -> Workspace:
         """Allocate what one thread works in."""
@@ -203,7 +202,7 @@ class Rendering:
         A pixel's stream of Mitsuba's numbers runs on from sample to sample. The job before
         was submitted before, so that it is done or under way: nobody waits for ever.
         """
-        if not self.plan.replay:
+        if not self.variant.in_order:
             return pool.submit(self._render, job)
         future = pool.submit(self._render_after, self._before.get(job.tile), job)
         self._before[job.tile] = future

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from renderer.jit import pack
-from renderer.kernel_inputs import Sampling
 from renderer.materials import kind_of, sides
 from renderer.plan import Plan
 from renderer.replay.camera import replay_camera, round_camera_rays
@@ -29,10 +28,11 @@ from renderer.replay.sequences import make_sequence
 from renderer.replay.surfaces import rounding_of
 from renderer.replay.triangle_arithmetic import face_normals, triangle_tangents
 from renderer.scene import Scene
+from renderer.tables.variant import Sampling
 
 
 class Replayed:
-    """The way of a replay; see `renderer.kernel_inputs.Variant`.
+    """The way of a replay; see `renderer.tables.variant.Variant`.
 
     Parameters
     ----------
@@ -42,6 +42,7 @@ class Replayed:
 
     arithmetic = AsMitsuba()
     previous_points = True
+    in_order = True
 
     def __init__(self, measured_camera: Sequence[float] | None) -> None:
         self._measured_camera = measured_camera

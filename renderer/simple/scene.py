@@ -6,7 +6,13 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.light_order import light_order
-from renderer.scene_file.description import ConstantLight, SceneDescription
+from renderer.scene_file.description import (
+    Bsdf,
+    ConstantLight,
+    OtherBsdf,
+    SceneDescription,
+    TwoSided,
+)
 from renderer.simple.lights import Light
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector
@@ -56,9 +62,15 @@ def _check(description: SceneDescription) -> None:
         f"rfilter {rfilter.name!r}; possible is 'box'": rfilter.name == "box",
         "instances; possible are shapes alone": not description.instances,
     }
+    for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
+        covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = not isinstance(bsdf, OtherBsdf)
     for what, possible in covered.items():
         if not possible:
             raise SceneError(f"{description.source}: the simple path tracer has no {what}")
+
+
+def _sides(bsdf: Bsdf) -> tuple[Bsdf, ...]:
+    return (bsdf.front, bsdf.back) if isinstance(bsdf, TwoSided) else (bsdf,)
 
 
 def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> Hit | None:

@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from renderer.scene_file.description import (
-    Conductor,
     Dielectric,
-    Diffuse,
     Mesh,
     TwoSided,
 )
@@ -53,7 +51,7 @@ class Hit:
         return self.surface if self.front and self.surface.radiance else None
 
     @property
-    def bsdf(self) -> Diffuse | Conductor | Dielectric | None:
+    def bsdf(self) -> Any:
         """The BSDF of the side that is seen; None is black."""
         bsdf = self.surface.shape.bsdf
         if isinstance(bsdf, TwoSided):

@@ -1,0 +1,61 @@
+"""Methods of lights: how each kind is sampled, and what paths find that arrive at it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import renderer.lights.directional
+import renderer.lights.point
+import renderer.lights.spheres
+import renderer.lights.spot  # noqa: F401  (they make their kernels known)
+from renderer.jit import record_type
+from renderer.kernel_scene import (
+    AreaLights,
+    ConstantLights,
+    LightKind,
+    Lights,
+    Settings,
+    Shapes,
+)
+from renderer.light_tables import LightTables
+from renderer.lights.area import add_emission
+from renderer.lights.constant import add_constant
+from renderer.lights.kind import sample_lights_of
+from renderer.tables.methods import INT, NOTHING, ROWS, MethodTables, work_types
+
+NO_LIGHTS = Lights(0, np.zeros(1, np.int32), np.zeros((0, 4), np.int64))
+
+
+def light_methods(
+    tables: MethodTables,
+    lights: LightTables,
+    settings: Settings,
+    shapes: Shapes,
+    arithmetic: Any,
+    lit: bool,
+) -> Lights:
+    """Return the tables of all lights.
+
+    `lit`: they are sampled; else they shine only on those who look at them.
+    """
+    work = work_types()
+    given = (record_type(settings), record_type(NO_LIGHTS))
+    sample = (sample_lights_of, (work.points, ROWS, work.light_samples, INT), NOTHING)
+    arriving = (*given, record_type(shapes), work.points, INT, ROWS)
+    emission = (add_emission, arriving, NOTHING)
+    beyond = (*given, work.rays, work.hits, INT, INT, ROWS)
+    sky = (add_constant, beyond, NOTHING)
+    rows = [
+        (
+            tables.pack(LightKind(table, k, lights.kind, arithmetic)),
+            [
+                sample if lit else None,
+                emission if isinstance(table, AreaLights) else None,
+                sky if isinstance(table, ConstantLights) else None,
+            ],
+        )
+        for k, table in enumerate(lights.tables)
+    ]
+    return Lights(lights.count, lights.kind, tables.table(rows, 3))
