@@ -184,7 +184,7 @@ def _areas(
         prims,
         _row(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
         surfaces,
-        mesh_choice(count, scene.surfaces[kind], on_meshes)
+        mesh_choice(count, scene.surfaces[kind], by_primitive)
         if kind == "triangles"
         else None,
     )
