@@ -79,7 +79,7 @@ def _sample_surface(light: Surface, p: Vector, x: float, y: float, z: float) -> 
 def pdf_light(light: ConstantLight | Surface, p: Vector, hit: Hit | None) -> float:
     """Return the density [1/sr] with which `sample_light` chooses the direction to a hit.
 
-    From density per area to density per solid angle: r^2 / (A cos) [Veach1997, 8.2.2.2].
+    From density per area to density per solid angle: r^2 / (A cos).
     """
     if isinstance(light, ConstantLight) or hit is None:
         return SPHERE_PDF
@@ -91,7 +91,7 @@ def pdf_light(light: ConstantLight | Surface, p: Vector, hit: Hit | None) -> flo
 def power_heuristic(pdf: float, other_pdf: float) -> float:
     """Return the weight of a direction drawn with `pdf` that `other_pdf` could have drawn.
 
-    Two ways lead to the same light; their weights add up to 1 [Veach1997, 9.2.4].
+    Two ways lead to the same light; their weights add up to 1 [Veach1997].
     """
     return pdf**2 / (pdf**2 + other_pdf**2)
 
@@ -113,8 +113,8 @@ def _cone(light: Surface, p: Vector) -> tuple[Vector, float] | None:
     to_center = light.a[0] - p
     distance = float(np.linalg.norm(to_center))
     radius = float(np.linalg.norm(light.A[0, :, 0]))
-    inwards = -1.0 if light.shape.flip_normals else 1.0
-    if distance <= radius * (1.0 - inwards * 1e-9):
+    outwards = -1.0 if light.shape.flip_normals else 1.0
+    if distance <= radius * (1.0 - outwards * 1e-9):
         return None
     sine2 = min(radius**2 / distance**2, 1.0)
     return to_center / distance, sine2 / (1.0 + math.sqrt(1.0 - sine2))

@@ -17,8 +17,9 @@ from renderer.simple.lights import Light
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector
 
-# A ray does not meet the surface that it leaves: t > epsilon, far above the rounding of
-# double precision; a shadow ray ends as early before the light.
+# A ray does not meet the surface that it leaves: t > epsilon, which is far above the
+# rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this
+# fraction before its light.
 EPSILON = 1e-9
 
 
