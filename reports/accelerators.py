@@ -11,12 +11,12 @@ from pathlib import Path
 from rich.console import Console
 
 from mitsuba_ref.results import write_atomically
-from reports.accelerators_reader import read_accelerators
-from reports.accelerators_study import write_study
-from reports.cli import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
-from reports.errors import ReportError
-from reports.page import accelerators_page
-from reports.study_settings import FULL, QUICK
+from reports.accelerator_page.page import accelerators_page
+from reports.accelerator_study.record import read_accelerators
+from reports.accelerator_study.settings import FULL, QUICK
+from reports.accelerator_study.study import write_study
+from reports.records.errors import ReportError
+from reports.site import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 
 FAULTY = 1
 

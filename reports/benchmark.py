@@ -24,13 +24,13 @@ from mitsuba_ref.results import write_atomically
 from mitsuba_ref.timing import TimedMitsuba
 from renderer.errors import SceneError
 from renderer.scene_file import read_file
-from reports import starts, turns
-from reports.benchmark_record import SCHEMA, read_benchmark
-from reports.benchmark_section import REFERENCE
-from reports.cli import DEFAULT_OUT, WRONG_USE, draw
-from reports.errors import ReportError
-from reports.page import benchmark_page
-from reports.turns import Contender, Render
+from reports.records.errors import ReportError
+from reports.site import DEFAULT_OUT, WRONG_USE, draw
+from reports.speed import starts, turns
+from reports.speed.page import benchmark_page
+from reports.speed.record import SCHEMA, read_benchmark
+from reports.speed.section import REFERENCE
+from reports.speed.turns import Contender, Render
 
 OURS = "lightproof"
 PEERS = {"mitsuba scalar_rgb": "scalar_rgb", "mitsuba llvm_ad_rgb": "llvm_ad_rgb"}

@@ -10,23 +10,16 @@ from pathlib import Path
 from rich.console import Console
 
 from mitsuba_ref import cli as harness
-from mitsuba_ref.results import write_atomically
-from mitsuba_ref.verdicts import exit_status, statuses_in_words
-from reports.accelerators_reader import read_accelerators
-from reports.accelerators_study import write_study
-from reports.benchmark_record import read_benchmark
-from reports.errors import ReportError
-from reports.page import accelerators_page, benchmark_page, proof_page, results_page
-from reports.proof_reader import read_proof_record
-from reports.proof_run import QUICK as QUICK_PROOF
-from reports.proof_run import make_proof, results_file
-from reports.results import read_results
-from reports.study_settings import QUICK
+from mitsuba_ref.verdicts import statuses_in_words
+from reports.accelerator_study.settings import QUICK
+from reports.accelerator_study.study import write_study
+from reports.proof_page.run import QUICK as QUICK_PROOF
+from reports.proof_page.run import make_proof, results_file
+from reports.records.errors import ReportError
+from reports.site import ACCELERATORS, DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 
-DEFAULT_OUT = Path("reports/out")
 DEFAULT_SIZE = "demo"
-ACCELERATORS = "accelerators.json"
-WRONG_USE, INTERRUPTED = STOPPED = 2, 130
+STOPPED = WRONG_USE, INTERRUPTED
 
 EPILOG = f"""exit status, that of the most severe verdict:
 {statuses_in_words()}
@@ -79,47 +72,6 @@ def _refused(error: ReportError) -> int:
     sentence = f"lightproof-report: {error}"
     Console(stderr=True).print(sentence, markup=False, soft_wrap=True)
     return WRONG_USE
-
-
-def draw(source: Path, out: Path) -> int:
-    """Draw index.html in `out` from results; say where it is; return the exit status.
-
-    That is the status of the most severe verdict, or 1 if the accelerators disagree or the
-    proof has a fault.
-
-    Parameters
-    ----------
-    source
-        A results.json; its pictures are named relative to it.
-    out
-        Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
-        are shown too, each on a page of its own.
-
-    Raises
-    ------
-    ReportError
-        If the results cannot be shown; an older page stays as it is.
-    """
-    results = read_results(source)
-    timings = out / "data" / "benchmark.json"
-    benchmark = read_benchmark(timings) if timings.exists() else None
-    counted = out / "data" / ACCELERATORS
-    study = read_accelerators(counted) if counted.exists() else None
-    proven = results_file(out / "data")
-    proof = read_proof_record(proven) if proven.exists() else None
-    page = out / "index.html"
-    content = results_page(results, source.parent, benchmark, study, proof)
-    write_atomically(page, content.encode())
-    if benchmark is not None:
-        write_atomically(out / "benchmark.html", benchmark_page(benchmark).encode())
-    if study is not None:
-        write_atomically(out / "accelerators.html", accelerators_page(study).encode())
-    if proof is not None:
-        write_atomically(out / "proof.html", proof_page(proof, proven.parent).encode())
-    Console().print(f"The page: {page}", markup=False, soft_wrap=True)
-    faulty = study is not None and bool(study.faults)
-    faulty = faulty or (proof is not None and bool(proof.faults))
-    return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
 
 
 def _further_pages(given: argparse.Namespace, data: Path) -> None:

@@ -13,11 +13,11 @@ from rich.console import Console
 from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
 from mitsuba_ref.results import write_atomically
 from mitsuba_ref.verdicts import exit_status
-from reports.cli import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
-from reports.errors import ReportError
-from reports.page import proof_page
-from reports.proof_reader import read_proof_record
-from reports.proof_run import QUICK, ProofSettings, make_proof, results_file
+from reports.proof_page.page import proof_page
+from reports.proof_page.record import read_proof_record
+from reports.proof_page.run import QUICK, ProofSettings, make_proof, results_file
+from reports.records.errors import ReportError
+from reports.site import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 
 EPILOG = """Exit status: that of the most severe verdict (python -m mitsuba_ref --help); 1
 also for a hole in the matrix, an alarm of the register or too many false alarms, 2 the

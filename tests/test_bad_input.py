@@ -27,7 +27,7 @@ from mitsuba_ref.mitsuba_process import MitsubaProcess
 from mitsuba_ref.request import RenderRequest
 from mitsuba_ref.verdicts import CURRENT, VERDICTS, exit_status, most_severe
 from mitsuba_ref.worker import MitsubaWorker
-from reports.results import read_results
+from reports.records.results import read_results
 from tests import canned_renderers
 
 CANNED = "tests.canned_renderers"

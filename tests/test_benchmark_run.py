@@ -16,9 +16,10 @@ from mitsuba_ref.errors import MitsubaError
 from mitsuba_ref.ray_count import mean_rays_per_path
 from mitsuba_ref.timing import TimedMitsuba
 from mitsuba_ref.variant_process import find_llvm
-from reports import benchmark, starts, turns
-from reports.errors import ReportError
-from reports.turns import Render
+from reports import benchmark
+from reports.records.errors import ReportError
+from reports.speed import starts, turns
+from reports.speed.turns import Render
 
 CLOSED_ROOM = """<scene version="3.0.0">
 <default name="spp" value="4"/><default name="width" value="8"/>
