@@ -20,6 +20,7 @@ from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
 from mitsuba_ref.options import Options, scene_name
 from mitsuba_ref.ours import RenderOurs, render_ours
 from mitsuba_ref.results import Results, SceneResult, write_atomically, write_results
+from mitsuba_ref.stages import shown_stages
 from mitsuba_ref.table import print_table
 from mitsuba_ref.trace_command import add_trace_options, asks_for_trace, run_trace
 from mitsuba_ref.validation import Validated, validate_scene
@@ -59,15 +60,15 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     results: list[SceneResult] = []
     console = Console(stderr=True)
     try:
-        with MitsubaWorker(options.time_limit) as worker, console.status("") as status:
+        with MitsubaWorker(options.time_limit) as worker, shown_stages() as show:
             references = ReferenceCache(worker.render)
             if len(scenes) > 1 and ours is render_ours:
-                _warm_up(scenes.values(), _options(options), status.update)
+                _warm_up(scenes.values(), _options(options), show)
             for index, (name, path) in enumerate(scenes.items(), start=1):
                 place = f"{name} ({index} of {len(scenes)}): "
 
                 def progress(stage: str, place: str = place) -> None:
-                    status.update(place + stage)
+                    show(place + stage)
 
                 validated = validate_scene(
                     path, _options(options), ours, references, progress

@@ -18,12 +18,12 @@ from PIL import Image
 from report_samples import scene as rendered_scene
 from report_samples import write_results
 
-from reports import accelerators as command
-from reports import cli
 from reports.accelerator_page import page
 from reports.accelerator_page.fits import logarithm_fit, power_fit
 from reports.accelerator_page.section import build_accelerators_section
 from reports.accelerator_study.further_studies import FurtherStudy
+from reports.commands import accelerators as command
+from reports.commands import report as cli
 from reports.page.heat_map import RAMP, heat_map_uri
 from reports.records.errors import ReportError
 

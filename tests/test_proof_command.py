@@ -15,8 +15,8 @@ from mitsuba_ref import false_alarms
 from mitsuba_ref.expected_failures import ExpectedFailure
 from mitsuba_ref.expected_failures import __main__ as register_command
 from mitsuba_ref.mutations import __main__ as mutations_command
-from reports import cli
-from reports import proof as command
+from reports.commands import proof as command
+from reports.commands import report as cli
 from reports.proof_page import run as proof_run
 from reports.proof_page.record import ALARMS, MATRIX, read_register
 from reports.proof_page.run import results_file

@@ -13,7 +13,7 @@ import report_samples
 from report_samples import scene, stopped_scene, write_results
 
 from mitsuba_ref.verdicts import COMPARED, VERDICTS, Verdict
-from reports import cli
+from reports.commands import report as cli
 from reports.page import formatting
 from reports.records.errors import ReportError
 from reports.records.results import read_results

@@ -14,8 +14,8 @@ except ImportError:  # not on Windows: there, nothing watches over the memory
 
 from renderer.accelerators.build import BUILDERS
 from renderer.kernel_scene import TriangleSurfaces
-from reports.accelerator_study.settings import MEMORY_LIMIT, NAIVE, StudySettings
-from reports.accelerator_trials.contenders import Progress, build, reach_of
+from reports.accelerator_study.settings import MEMORY_LIMIT, StudySettings
+from reports.accelerator_trials.contenders import NAIVE, Progress, build, reach_of
 from reports.accelerator_trials.meshes import (
     StudyMesh,
     displaced_icosphere,

@@ -8,8 +8,9 @@ from typing import Any
 
 from renderer.accelerators import tally
 from renderer.accelerators.build import BUILDERS
-from reports.accelerator_study.settings import NAIVE, StudySettings, all_threads
+from reports.accelerator_study.settings import StudySettings, all_threads
 from reports.accelerator_trials.contenders import (
+    NAIVE,
     Contender,
     Progress,
     affordable,

@@ -14,7 +14,6 @@ from reports.accelerator_trials.meshes import (
     teapot_in_a_stadium,
 )
 
-NAIVE = "brute"  # the structure that is none: the truth, and the line to beat
 MEMORY_LIMIT = 8 * 2**30  # [bytes] that growth may take
 
 

@@ -22,14 +22,13 @@ from reports.accelerator_study.lecture_figure import lecture_figure
 from reports.accelerator_study.record import SCHEMA
 from reports.accelerator_study.scene_study import study_scene
 from reports.accelerator_study.settings import (
-    NAIVE,
     QUICK,
     StudySettings,
     all_threads,
     thread_counts,
 )
 from reports.accelerator_study.work_maps import work_maps
-from reports.accelerator_trials.contenders import Contender
+from reports.accelerator_trials.contenders import NAIVE, Contender
 from reports.accelerator_trials.meshes import StudyMesh, triangle_surfaces
 from reports.accelerator_trials.rays import RAY_KINDS
 from reports.accelerator_trials.warm_structures import warm_side_by_side

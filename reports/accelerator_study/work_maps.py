@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators import tally
-from reports.accelerator_study.settings import NAIVE, StudySettings
-from reports.accelerator_trials.contenders import Contender, Progress
+from reports.accelerator_study.settings import StudySettings
+from reports.accelerator_trials.contenders import NAIVE, Contender, Progress
 from reports.accelerator_trials.meshes import BALL_TRIANGLES, StudyMesh
 from reports.accelerator_trials.rays import camera_rays, flat, pixel_order
 from reports.accelerator_trials.tracing import make_query, tallied

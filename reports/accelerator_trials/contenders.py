@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerator
 from renderer.kernel_scene import TriangleSurfaces
-from reports.accelerator_study.settings import NAIVE
 from reports.accelerator_trials.meshes import StudyMesh, triangle_surfaces
 from reports.accelerator_trials.rays import (
     RayBatches,
@@ -31,6 +30,8 @@ from reports.accelerator_trials.tracing import (
     spread,
     trace,
 )
+
+NAIVE = "brute"  # the structure that is none: the truth, and the line to beat
 
 Progress = Callable[[str], None]
 Chosen = NDArray[np.int64]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,6 +12,7 @@ from typing import Literal
 from mitsuba_ref import cli as harness
 from mitsuba_ref.ladder_of_tests import FEWEST_SEEDS
 from mitsuba_ref.machine import usable_cores
+from mitsuba_ref.stages import shown_stages
 from reports.proof_page.record import ALARMS, MATRIX, REGISTER
 from reports.records.errors import ReportError
 
@@ -81,6 +83,9 @@ def make_proof(data: Path, settings: ProofSettings) -> int:
 def _study(module: str, arguments: list[str]) -> None:
     """Run a command of `mitsuba_ref` in a process of its own: Mitsuba runs in it."""
     command = [sys.executable, "-m", f"mitsuba_ref.{module}", *arguments]
-    status = subprocess.run(command).returncode
+    # on a terminal the study shows by itself what it does
+    with nullcontext(str) if sys.stderr.isatty() else shown_stages() as show:
+        show(f"python -m mitsuba_ref.{module}")
+        status = subprocess.run(command).returncode
     if status not in (0, 1):  # 1: something is not as expected, and the file says what
         raise ReportError(f"python -m mitsuba_ref.{module} ended with status {status}")

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from mitsuba_ref.results import write_atomically
 from reports.records.errors import ReportError
 
 Record = TypeVar("Record")
@@ -58,6 +59,13 @@ def read_json(path: Path, kind: type[Record], schema: int | None = None) -> Reco
         ) from None
     except msgspec.DecodeError as error:
         raise ReportError(f"{path}{_no_json(str(error), content)}") from None
+
+
+def write_json(path: Path, record: Any, schema: int) -> None:
+    """Write a record such that `read_json` reads it again; in one step."""
+    content = {"schema": schema, **msgspec.to_builtins(record)}
+    text = msgspec.json.format(msgspec.json.encode(content), indent=1)
+    write_atomically(path, text + b"\n")
 
 
 class _Head(msgspec.Struct):

@@ -15,12 +15,14 @@ from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
+from reports.speed.compile_times import read_compile_times
 from reports.speed.page import benchmark_page
 from reports.speed.record import read_benchmark
 
 DEFAULT_OUT = Path("reports/out")
 ACCELERATORS = "accelerators.json"
 BENCHMARK = "benchmark.json"
+COMPILE_TIMES = "compile_times.json"
 WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 
 
@@ -53,8 +55,7 @@ def draw(source: Path, out: Path) -> int:
     page = out / "index.html"
     content = results_page(results, source.parent, benchmark, study, proof)
     write_atomically(page, content.encode())
-    if benchmark is not None:
-        write_atomically(out / "benchmark.html", benchmark_page(benchmark).encode())
+    draw_benchmark(out)
     if study is not None:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     if proof is not None:
@@ -63,3 +64,25 @@ def draw(source: Path, out: Path) -> int:
     faulty = study is not None and bool(study.faults)
     faulty = faulty or (proof is not None and bool(proof.faults))
     return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
+
+
+def draw_benchmark(out: Path) -> Path | None:
+    """Draw benchmark.html in `out` from the records in its `data`; return its path.
+
+    Returns
+    -------
+    Path or None
+        None if no renderer was timed so far.
+
+    Raises
+    ------
+    ReportError
+        If a record cannot be read; an older page stays as it is.
+    """
+    timings, compiled = out / "data" / BENCHMARK, out / "data" / COMPILE_TIMES
+    if not timings.exists():
+        return None
+    times = read_compile_times(compiled) if compiled.exists() else None
+    page = out / "benchmark.html"
+    write_atomically(page, benchmark_page(read_benchmark(timings), times).encode())
+    return page
