@@ -45,24 +45,29 @@ def structures_with(**changes: Any) -> list[dict[str, Any]]:
 
 
 def test_ratio_beside_a_peer_is_formed_within_each_round(tmp_path: Path) -> None:
-    """75 ns of Mitsuba's over 50 ns of ours in each round: 1.5 times; 1.2 was wanted."""
-    targets = build_accelerators_section(sample.record(tmp_path)).targets
-    camera = next(t for t in targets if "camera rays beside mitsuba" in t.what)
-    assert (camera.measured, camera.met) == ("1.5 times", True)
+    """75 ns of Mitsuba's over 50 ns of ours in each round: 1.5 times; so is the build."""
+    section = build_accelerators_section(sample.record(tmp_path))
+    assert section.judged == "quick-tree"
+    for row in section.beside_embree:
+        if row.peer == "mitsuba llvm_ad_rgb":
+            assert (row.threads, row.build) == (2, pytest.approx(1.5))
+            assert list(row.rays.values()) == [pytest.approx(1.5)] * 4
 
 
 def test_any_hit_is_compared_on_the_same_rays(tmp_path: Path) -> None:
     """Any hit takes 0.7 of the nearest hit's time: 1.43 times as fast."""
-    targets = build_accelerators_section(sample.record(tmp_path)).targets
-    any_hit = next(t for t in targets if "any hit" in t.what)
-    assert (any_hit.measured, any_hit.met) == ("1.43 times", True)
+    section = build_accelerators_section(sample.record(tmp_path))
+    assert section.any_hit == pytest.approx(1.0 / 0.7)
+    assert "1.43 times as fast as when asked" in drawn(tmp_path)
 
 
-def test_absent_peer_leaves_its_targets_unmeasured(tmp_path: Path) -> None:
-    targets = build_accelerators_section(sample.record(tmp_path)).targets
-    beside = [t for t in targets if "embreex" in t.what]
-    assert beside
-    assert all((t.measured, t.met) == ("not measured", None) for t in beside)
+def test_absent_peer_is_not_measured(tmp_path: Path) -> None:
+    rows = build_accelerators_section(sample.record(tmp_path)).beside_embree
+    absent = [row for row in rows if row.peer == "embreex"]
+    assert len(absent) == 2  # on both scenes
+    for row in absent:
+        assert row.build is None
+        assert set(row.rays.values()) == {None}
 
 
 def test_total_time_is_build_and_a_third_of_each_kind(tmp_path: Path) -> None:

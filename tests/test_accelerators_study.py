@@ -19,9 +19,9 @@ from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.build import BUILDERS
 from renderer.batch import CAPACITY
 from reports.accelerator_study import growth_study, scene_study
-from reports.accelerator_study.settings import NAIVE, QUICK
+from reports.accelerator_study.settings import QUICK
 from reports.accelerator_trials import contenders, peers, tracing
-from reports.accelerator_trials.contenders import Contender
+from reports.accelerator_trials.contenders import NAIVE, Contender
 from reports.accelerator_trials.meshes import (
     StudyMesh,
     displaced_icosphere,

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reports.accelerator_page.embree_targets import embree_targets, judged_structure
+from reports.accelerator_page.beside_embree import (
+    Ratios,
+    any_hit_ratio,
+    beside_embree,
+    judged_structure,
+)
 from reports.accelerator_page.growth_section import GrowthSection, growth_section
 from reports.accelerator_page.scene_tables import SceneSection, median_speed, scene_section
 from reports.accelerator_study.record import (
@@ -17,7 +22,6 @@ from reports.accelerator_study.record import (
     WorkMaps,
 )
 from reports.page.heat_map import heat_map_uri
-from reports.speed.section import Target
 
 SCALED = "diffuse"  # the rays of parallel scaling
 STADIUM = "stadium"
@@ -80,8 +84,9 @@ class AcceleratorsSection:
     """The whole page, ready to be drawn."""
 
     record: AcceleratorStudy
-    judged: str  # the structure that the targets speak of
-    targets: tuple[Target, ...]
+    judged: str  # the structure that stands beside Embree
+    beside_embree: tuple[Ratios, ...]
+    any_hit: float | None  # its speed over that of the nearest hit, the same rays
     scenes: tuple[SceneSection, ...]
     growth: GrowthSection
     figure: tuple[FigureLine, ...]
@@ -99,7 +104,8 @@ def build_accelerators_section(study: AcceleratorStudy) -> AcceleratorsSection:
     return AcceleratorsSection(
         record=study,
         judged=judged_structure(study),
-        targets=embree_targets(study, scenes),
+        beside_embree=beside_embree(study),
+        any_hit=any_hit_ratio(study),
         scenes=scenes,
         growth=growth_section(study.growth, study.naive),
         figure=_figure_lines(study.figure, study),

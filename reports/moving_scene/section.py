@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,10 +32,9 @@ def moving_scene_section(study: Record) -> Markup:
     Parameters
     ----------
     study
-        What `reports.moving_scene.study_moving_scene` returned.
+        What `study_moving_scene` returned.
     """
     motions = study["motions"]
-    frames = [frame for motion in motions for frame in motion["frames"]]
     text = fill(
         "moving_scene.html",
         filters={"milliseconds": lambda value: formatting.seconds(value / 1e3)},
@@ -45,7 +43,6 @@ def moving_scene_section(study: Record) -> Markup:
         times=_chart(motions, "time of a ray, refitted / rebuilt", "ns_per_ray"),
         visits=_chart(motions, "nodes of a ray, refitted / rebuilt", "nodes"),
         rows=[_row(motion["name"], f) for motion in motions for f in _shown(motion)],
-        shared_ms=statistics.median(frame["shared_ms"] for frame in frames),
     )
     return Markup(text)
 
