@@ -182,11 +182,6 @@ def test_further_study_gets_its_section(
     shown = drawn(tmp_path, further={"moving": {"number": 42}})
     assert shown.count("<p>42 found</p>") == 1
     assert shown.count(">Moving things</h2>") == 1
-    whole = study._replace(section=lambda measured: '<section id="moving">own</section>')
-    monkeypatch.setattr(page, "FURTHER_STUDIES", {"moving": whole})
-    shown = drawn(tmp_path, further={"moving": {}})
-    assert '<section id="moving">own</section>' in shown
-    assert "Moving things</h2>" not in shown
 
 
 # ------------------------------------------------------------------------ broken records

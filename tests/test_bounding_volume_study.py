@@ -90,7 +90,7 @@ def test_the_command_prints_a_table(capsys):
 
 def test_the_section_has_a_row_for_each_volume_and_object(study):
     text = bounding_volume_section(study)
-    page = ElementTree.fromstring(text)  # well-formed
+    page = ElementTree.fromstring(f"<section>{text}</section>")  # well-formed
     assert len(page.findall(".//tbody/tr")) == 3 * len(VOLUMES)
     assert f"{RAYS:,} random lines" in text
     traces = figure(text)["data"]

@@ -20,8 +20,7 @@ class FurtherStudy(NamedTuple):
 
     title: str
     measure: Callable[[bool], Any]  # whether it is the quick one -> what JSON can hold
-    # what was measured -> the section as HTML: without its title, or a whole <section>
-    # whose title has the study's key as its id
+    # what was measured -> the section as HTML, without its title
     section: Callable[[Any], str]
 
 

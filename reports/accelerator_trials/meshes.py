@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +56,19 @@ class StudyMesh:
 
 def triangle_surfaces(mesh: StudyMesh) -> TriangleSurfaces:
     """Return the mesh as accelerators are built over it; triangle k has the id k."""
+    return surfaces_of(mesh.vertices, mesh.faces)
+
+
+def surfaces_of(
+    vertices: NDArray[np.float32], faces: NDArray[np.integer[Any]]
+) -> TriangleSurfaces:
+    """Return triangles of vertices (V, 3) and faces (F, 3); triangle k has the id k."""
     corner, second, third = (
-        np.ascontiguousarray(mesh.vertices[mesh.faces[:, k]].T) for k in range(3)
+        np.ascontiguousarray(vertices[faces[:, k]].T) for k in range(3)
     )
     edge1, edge2 = second - corner, third - corner
     normal = np.ascontiguousarray(unit_normals(edge1, edge2), np.float32)
-    return TriangleSurfaces(0, mesh.triangles, corner, edge1, edge2, normal, None, None)
+    return TriangleSurfaces(0, len(faces), corner, edge1, edge2, normal, None, None)
 
 
 # ----------------------------------------------------------------------- displaced ball

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.dispatch import closest_hit
 from renderer.accelerators.extents import extents_of
-from renderer.batch import PADDING, make_workspace
+from renderer.batch import PADDING
 from renderer.bounding_volumes.grown_points import points_of_extents
 from renderer.bounding_volumes.volumes import VOLUMES, which_hit
 from renderer.jit import entry_kernel
 from renderer.kernel_scene import TriangleSurfaces
-from renderer.scene import unit_normals
-from renderer.stages.intersect import reset_hits
+from reports.accelerator_trials.meshes import surfaces_of
+from reports.accelerator_trials.rays import flat, in_batches
+from reports.accelerator_trials.tracing import make_query, trace
 from reports.records.errors import ReportError
 
 RAYS = 200_000
@@ -89,18 +89,10 @@ def _surfaces(name: str, detail: int) -> TriangleSurfaces:
     u, v = np.meshgrid(
         np.linspace(0.0, 2.0 * np.pi, detail + 1), np.linspace(0.0, np.pi, detail + 1)
     )
-    points = OBJECTS[name](u.ravel(), v.ravel())[_faces(detail + 1, detail + 1)]
-    corner, edge1, edge2 = (
-        np.ascontiguousarray(rows.T, np.float32)
-        for rows in (points[:, 0], points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    )
-    size = np.linalg.norm(np.cross(edge1.T, edge2.T), axis=1)
-    kept = size > 1e-9
-    corner, edge1, edge2 = (
-        np.ascontiguousarray(a[:, kept]) for a in (corner, edge1, edge2)
-    )
-    normal = unit_normals(edge1, edge2)
-    return TriangleSurfaces(0, int(kept.sum()), corner, edge1, edge2, normal, None, None)
+    points, faces = OBJECTS[name](u.ravel(), v.ravel()), _faces(detail + 1, detail + 1)
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    kept = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9
+    return surfaces_of(points.astype(np.float32), faces[kept])
 
 
 # ----------------------------------------------------------------------------- rays
@@ -125,12 +117,6 @@ def _lines(sphere: Any, count: int, generator: np.random.Generator) -> Lines:
 
 
 @entry_kernel
-def _trace(accel: Any, rays: Any, hits: Any, count: int) -> None:
-    reset_hits(hits, 0, count)
-    closest_hit(accel, rays, hits, 0, count, False, None)
-
-
-@entry_kernel
 def _test_again(
     volume: Any, origin: Any, direction: Any, t_max: Any, found: Any, repeats: int
 ) -> None:
@@ -142,12 +128,12 @@ def _test_again(
 def _hits_object(surfaces: TriangleSurfaces, lines: Lines) -> tuple[Any, Any]:
     """Return (which lines hit the object, where each of them ends), (n,) and padded."""
     accel = build_accelerator("triangles", surfaces, np.arange(surfaces.end), "bvh")
-    work = make_workspace(
-        ray_capacity=lines.number, shadow_capacity=1, channels=3, depths=1
-    )
-    work.rays.origin[:], work.rays.direction[:] = lines.origin, lines.direction
-    _trace(accel, work.rays, work.hits, lines.number)
-    return work.hits.prim[: lines.number] >= 0, work.hits.t
+    origin, direction = (rows[:, : lines.number].T for rows in lines[:2])
+    query = make_query("random", in_batches(origin, direction, np.inf))
+    trace(accel, query, query.batches)
+    ends = np.full(lines.number + PADDING, np.inf, np.float32)
+    ends[: lines.number] = flat(query.hits.t, query.rays)
+    return flat(query.hits.prim, query.rays) >= 0, ends
 
 
 # ---------------------------------------------------------------------------- study
