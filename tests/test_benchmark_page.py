@@ -165,7 +165,9 @@ def test_table_has_ratios_seconds_versions_and_machine(tmp_path: Path) -> None:
     console = Console(file=io.StringIO(), width=120)
     print_benchmark(record(tmp_path), console)
     text = console.file.getvalue()
-    for wanted in ("8 │ 7 to 10", "0.4 s to 0.5 s", "not available: no libLLVM"):
+    for wanted in ("lightproof ", "8 │ 7 to 10", "0.4 s to 0.5 s", "Mrays/s"):
         assert wanted in text
+    assert "mitsuba llvm_ad_rgb: not available: no libLLVM" in text
+    assert "…" not in text  # nothing is cut
     for wanted in ("machine: cpu Example CPU", "versions: python 3.11", "NOT reached"):
         assert wanted in text

@@ -161,6 +161,6 @@ def _chart(
     return dots_chart(
         rows,
         [titles.get(kind, kind) for kind in SHOWN],
-        x_label=f"million rays per second, {threads} (embreex: one)",
-        description=f"Rays per second of every structure on {scene.title}.",
+        x_label="million rays per second",
+        description=f"Rays per second of every structure on {scene.title}, {threads}.",
     )

@@ -92,8 +92,10 @@ def measure(given: BenchmarkSettings, command: str, progress: Progress) -> Bench
             )
         progress("starting the program, warm")
         warm = starts.warm_starts(scene, size, given.rounds)
-        progress("starting the program, cold" if given.cold else "no cold start")
-        cold = starts.cold_starts(scene, size, 1) if given.cold else []
+        cold = []
+        if given.cold:
+            progress("starting the program, cold")
+            cold = starts.cold_starts(scene, size, 1)
         seconds = turns.take_turns(contenders, given.rounds, given.spp, progress)
     progress("counting rays")
     rays = None

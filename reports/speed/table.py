@@ -28,12 +28,11 @@ def print_benchmark(record: Benchmark, console: Console) -> None:
         f"{record.spp} samples, {record.workers} workers each"
     )
     table = Table(title=escape(title), title_justify="left")
-    table.add_column("renderer")
+    table.add_column("renderer", no_wrap=True)
     for name in ("median", "range", "times ours", "range", "Mpaths/s", "Mrays/s"):
         table.add_column(name, justify="right", no_wrap=True)
     for row in section.rows:
         if row.seconds is None:
-            table.add_row(escape(row.name), escape(f"not available: {row.unavailable}"))
             continue
         ratio = ("1", "")
         if row.ratio is not None:
@@ -49,6 +48,9 @@ def print_benchmark(record: Benchmark, console: Console) -> None:
             formatting.number(row.million_rays_per_second),
         )
     console.print(table)
+    for row in section.rows:
+        if row.seconds is None:
+            _line(console, f"{row.name}: not available: {row.unavailable}")
     for target in section.targets:
         met = {True: "reached", False: "NOT reached", None: "not measured"}[target.met]
         _line(console, f"{target.what}: {target.measured}, {target.wanted} wanted: {met}")
