@@ -106,6 +106,8 @@ def _structure_row(row: StructureRow, scene: StudyScene, threads: int) -> SpeedR
 
 
 def _peer_row(row: PeerRow, threads: int) -> SpeedRow:
+    found = (one.same_primitive for one in row.agreement.values())
+    shares = [share for share in found if share is not None]
     return SpeedRow(
         name=row.name,
         is_peer=True,
@@ -115,7 +117,7 @@ def _peer_row(row: PeerRow, threads: int) -> SpeedRow:
         one=_speeds(row.nanoseconds, 1),
         all=_speeds(row.nanoseconds, threads),
         share=None,
-        agreement=min((one.same_primitive for one in row.agreement.values()), default=None),
+        agreement=min(shares, default=None),
     )
 
 

@@ -48,8 +48,8 @@ class StructureRow:
 class Agreement:
     """The shares of a kind of rays for which a peer agrees with us."""
 
-    same_primitive: float
     same_distance: float
+    same_primitive: float | None = None  # not asked for any hit
 
 
 @dataclass(frozen=True)
