@@ -1,7 +1,20 @@
-"""Draws what was measured: results.json in, one self-contained HTML page out.
+"""Draws what was measured: JSON in, self-contained HTML pages out.
 
-`python -m reports` runs the harness on every scene and draws the page;
+`python -m reports` runs the harness on every scene and draws all pages;
 `python -m reports.benchmark` times the renderers in turn, `python -m reports.accelerators`
-everything that finds hits. This package computes no image: it reads the numbers and the
-pictures that `mitsuba_ref` wrote.
+everything that finds hits, `python -m reports.proof` replays and tests. This package
+computes no image: it reads the numbers and the pictures that `mitsuba_ref` wrote.
+
+One room a page or study, from the top down; imports go no other way:
+
+`commands`
+    Measure, write the records, draw the pages.
+`scenes_page`, `proof_page`, `accelerator_page`
+    From records to a page.
+`accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`
+    From measurements to records; small ones draw their section, too.
+`accelerator_trials`
+    One accelerator on one mesh, checked, counted and timed.
+`page`, `charts`, `records`
+    The look of all pages, charts, and JSON files as dataclasses.
 """

@@ -2,77 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-import shlex
-import sys
-from collections.abc import Sequence
-from pathlib import Path
-
-from rich.console import Console
-
-from mitsuba_ref.records.json_files import write_atomically
-from reports.accelerators_reader import read_accelerators
-from reports.accelerators_study import write_study
-from reports.cli import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
-from reports.errors import ReportError
-from reports.page import accelerators_page
-from reports.study_settings import FULL, QUICK
-
-FAULTY = 1
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, or read what was measured, and draw accelerators.html; return the status.
-
-    Parameters
-    ----------
-    arguments
-        Without the program's name; None: those of the process.
-    """
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    given = _parser().parse_args(words)
-    target = given.out / "data" / "accelerators.json"
-    console = Console(stderr=True)
-    try:
-        if given.source is None:
-            command = shlex.join(["python", "-m", "reports.accelerators", *words])
-            with console.status("") as status:
-                write_study(target, FULL if given.full else QUICK, command, status.update)
-        else:
-            read_accelerators(given.source)  # a damaged file must not replace a sound one
-            write_atomically(target, given.source.read_bytes())
-        record = read_accelerators(target)
-        page = given.out / "accelerators.html"
-        write_atomically(page, accelerators_page(record).encode())
-        if (target.parent / "results.json").exists():
-            draw(target.parent / "results.json", given.out)  # now with a link to this page
-    except KeyboardInterrupt:
-        console.print("reports.accelerators: interrupted, nothing was written")
-        return INTERRUPTED
-    except ReportError as error:
-        console.print(f"reports.accelerators: {error}", markup=False, soft_wrap=True)
-        return WRONG_USE
-    Console().print(f"The accelerators: {page}", markup=False, soft_wrap=True)
-    return FAULTY if record.faults else 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m reports.accelerators",
-        description="Build, check, count and time every accelerator on the study scenes, "
-        "with Embree beside them, and draw the page.",
-        epilog=f"Exit status: 0, {FAULTY} a structure found wrong hits or was not built, "
-        f"{WRONG_USE} the command line or the file is wrong.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )
-    add = parser.add_argument
-    add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
-    add("--from", dest="source", type=Path, metavar="ACCELERATORS.json", help="draw only")
-    size = parser.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="about a minute (the default)")
-    size.add_argument("--full", action="store_true", help="the sizes of the page's figures")
-    return parser
-
+from reports.starting import run
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(run("reports.commands.accelerators"))

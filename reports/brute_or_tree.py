@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from renderer.batch import CAPACITY
-from reports.contenders import build, reach_of
-from reports.study_meshes import soup, triangle_surfaces
-from reports.study_rays import TILE, camera_rays, random_rays
-from reports.tracing import Query, answers, make_query, trace
+from reports.accelerator_trials.contenders import build, reach_of
+from reports.accelerator_trials.meshes import soup, triangle_surfaces
+from reports.accelerator_trials.rays import TILE, camera_rays, random_rays
+from reports.accelerator_trials.tracing import Query, answers, make_query, trace
 
 COUNTS = (4, 8, 16, 32, 64, 128, 256, 1024, 16384, 327680)
 PAIRS_OF_TURNS = 5

@@ -202,6 +202,10 @@ class Page:
             mouse("mouseMoved", middle, 1)
         mouse("mouseReleased", end, 0)
 
+    def move(self, x: float, y: float) -> None:
+        """Move the mouse to a place in the window, no button pressed."""
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+
     def press(self, key: str) -> None:
         """Press and release one of `KEYS`."""
         for kind in ("rawKeyDown", "keyUp"):

@@ -18,10 +18,11 @@ from renderer.accelerators import tally
 from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.build import BUILDERS
 from renderer.batch import CAPACITY
-from reports import contenders, growth_study, peers, scene_study, tracing
-from reports.contenders import Contender
-from reports.peers import Peer
-from reports.study_meshes import (
+from reports.accelerator_study import growth_study, scene_study
+from reports.accelerator_study.settings import QUICK
+from reports.accelerator_trials import contenders, peers, tracing
+from reports.accelerator_trials.contenders import NAIVE, Contender
+from reports.accelerator_trials.meshes import (
     StudyMesh,
     displaced_icosphere,
     soup,
@@ -30,7 +31,8 @@ from reports.study_meshes import (
     teapot_in_a_stadium,
     triangle_surfaces,
 )
-from reports.study_rays import (
+from reports.accelerator_trials.peers import Peer
+from reports.accelerator_trials.rays import (
     camera_rays,
     diffuse_rays,
     flat,
@@ -40,7 +42,6 @@ from reports.study_rays import (
     random_rays,
     shadow_rays,
 )
-from reports.study_settings import NAIVE, QUICK
 
 PIXELS = 40  # a side: two batches, the second one not full
 

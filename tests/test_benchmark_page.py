@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from report_samples import benchmark, scene, write_results
+from rich.console import Console
 
-from reports import benchmark as command
-from reports.benchmark_record import Benchmark, read_benchmark
-from reports.benchmark_section import build_benchmark_section
-from reports.errors import ReportError
-from reports.page import benchmark_page
+from reports.commands import benchmark as command
+from reports.records.errors import ReportError
+from reports.records.json_file import write_json
+from reports.speed.compile_times import CompileTimes, SceneTime, read_compile_times
+from reports.speed.page import benchmark_page
+from reports.speed.record import Benchmark, read_benchmark
+from reports.speed.section import build_benchmark_section
+from reports.speed.table import print_benchmark
 
 
 def record(folder: Path, **changes: object) -> Benchmark:
@@ -88,9 +94,13 @@ def test_page_is_drawn_again_from_json_and_linked_from_the_index(tmp_path: Path)
     ("changes", "message"),
     [
         ({"schema": 9}, "schema 9; this version reads schema 1"),
-        ({"renderers": []}, "renderers: the first one needs at least one time"),
-        ({"renderers": [{"name": "a", "seconds": ["1"]}]}, 'expected numbers, found "1"'),
-        ({"width": "wide"}, 'width: expected an integer, found "wide"'),
+        ({"renderers": []}, r"renderers: expected .* length >= 1, found \[\]"),
+        ({"renderers": [{"name": "a"}]}, "the first one needs at least one time"),
+        (
+            {"renderers": [{"name": "a", "seconds": ["1"]}]},
+            r'renderers\[0\].seconds\[0\]: expected `float`, found "1"',
+        ),
+        ({"width": "wide"}, 'width: expected `int`, found "wide"'),
     ],
 )
 def test_malformed_records_are_one_clear_line(
@@ -110,3 +120,54 @@ def test_damaged_record_leaves_the_old_one(
     assert command.main(["--from", str(broken), "--out", str(tmp_path)]) == 2
     assert (tmp_path / "data/benchmark.json").read_text() == "the old record"
     assert "broken.json:1: not JSON" in capsys.readouterr().err
+
+
+def compiled() -> CompileTimes:
+    scenes = (SceneTime("metals", 9.25, 28.3), SceneTime("mine", 0.5))
+    return CompileTimes(command="make bench", commit="0123abc", scenes=scenes)
+
+
+def test_compile_times_stand_on_the_page_and_in_the_record(tmp_path: Path) -> None:
+    """Written, read again, drawn: each scene beside its former time, and the sum."""
+    path = tmp_path / "compile_times.json"
+    write_json(path, compiled(), 1)
+    assert read_compile_times(path) == compiled()
+    page = benchmark_page(record(tmp_path), read_compile_times(path))
+    numbers = re.findall(r'<th scope="row">(\w+)</th><td class="num">([^<]+)</td>', page)
+    assert [("metals", "9.25"), ("mine", "0.5"), ("all", "9.75")] == numbers[-3:]
+    assert "What compiles" not in benchmark_page(record(tmp_path))
+
+
+def test_compile_alone_times_no_renderer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--compile` prints its table and keeps its record; an older benchmark is redrawn."""
+
+    def measured(words: str, progress: Callable[[str], None]) -> CompileTimes:
+        progress("compiling metals")
+        return compiled()
+
+    monkeypatch.setattr(command, "measure_compile_times", measured)
+    monkeypatch.setattr(command, "measure", lambda *_: pytest.fail("timed"))
+    assert command.main(["--compile", "--out", str(tmp_path)]) == 0
+    shown = capsys.readouterr()
+    assert "compiling metals" in shown.err
+    assert re.search(r"metals +│ +9.25 │ +28.3", shown.out)
+    assert "commit 0123abc" in shown.out
+    assert not (tmp_path / "benchmark.html").exists()
+    (tmp_path / "data/benchmark.json").write_text(json.dumps(benchmark()))
+    assert command.main(["--compile", "--out", str(tmp_path)]) == 0
+    assert "What compiles" in (tmp_path / "benchmark.html").read_text()
+
+
+def test_table_has_ratios_seconds_versions_and_machine(tmp_path: Path) -> None:
+    """The numbers of the page, as text; a renderer that is missing says why."""
+    console = Console(file=io.StringIO(), width=120)
+    print_benchmark(record(tmp_path), console)
+    text = console.file.getvalue()
+    for wanted in ("lightproof ", "8 │ 7 to 10", "0.4 s to 0.5 s", "Mrays/s"):
+        assert wanted in text
+    assert "mitsuba llvm_ad_rgb: not available: no libLLVM" in text
+    assert "…" not in text  # nothing is cut
+    for wanted in ("machine: cpu Example CPU", "versions: python 3.11", "NOT reached"):
+        assert wanted in text

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +17,11 @@ from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant_process import find_llvm
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from reports import benchmark, starts, turns
-from reports.errors import ReportError
-from reports.turns import Render
+from reports.commands import benchmark
+from reports.records.errors import ReportError
+from reports.speed import compile_times, measure, starts, turns
+from reports.speed.compile_times import SceneTime
+from reports.speed.turns import Render
 
 CLOSED_ROOM = """<scene version="3.0.0">
 <default name="spp" value="4"/><default name="width" value="8"/>
@@ -178,18 +181,25 @@ def run_small(room: Path, out: Path, monkeypatch: pytest.MonkeyPatch, scale: flo
             red, green, blue = (scale * value for value in timed.mean)
             return Render(timed.seconds, (red, green, blue))
 
-        monkeypatch.setattr(benchmark, "_ours", lambda *_: render)
-        monkeypatch.setattr(benchmark, "PEERS", {"mitsuba scalar_rgb": "scalar_rgb"})
+        monkeypatch.setattr(measure, "_ours", lambda *_: render)
+        monkeypatch.setattr(measure, "PEERS", {"mitsuba scalar_rgb": "scalar_rgb"})
         monkeypatch.setattr(starts, "warm_starts", lambda *_: [1.0])
         size = ["--size", "8", "--spp", "2", "--rounds", "2", "--no-cold"]
         return benchmark.main(["--scene", str(room), "--out", str(out), *size])
 
 
 def test_benchmark_writes_record_and_page(
-    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    room: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The whole command, with Mitsuba in our place: checked, in turn, with its origin."""
     assert run_small(room, tmp_path, monkeypatch, scale=1.0) == 0
+    shown = capsys.readouterr()
+    assert "loading lightproof" in shown.err.splitlines()[0]  # before any of the work
+    for wanted in ("mitsuba scalar_rgb", "times ours", "versions: python", "machine: cpu"):
+        assert wanted in shown.out
     written = json.loads((tmp_path / "data/benchmark.json").read_text())
     assert [len(one["seconds"]) for one in written["renderers"]] == [2, 2]
     assert written["check"]["passed"] is True
@@ -280,3 +290,62 @@ def test_start_that_takes_too_long_is_an_error_of_the_report(
     monkeypatch.setattr(subprocess, "run", endless)
     with pytest.raises(ReportError, match="no picture within 300 s"):
         starts.warm_starts(Path("a.xml"), {}, repeats=1)
+
+
+def test_compile_times_are_of_one_process_whose_cache_is_empty(
+    warm_cache: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two scenes of a stand-in: each time as it says it, in order, beside the former."""
+    program = (
+        "import json, os, sys\n"
+        "cache = os.environ['LIGHTPROOF_CACHE']\n"
+        "for n, scene in enumerate(sys.argv[1:]):\n"
+        "    seconds = len(os.listdir(cache)) + 0.5\n"
+        "    open(os.path.join(cache, scene), 'w').close()\n"
+        "    print(json.dumps({'scene': scene, 'seconds': seconds}), flush=True)\n"
+    )
+    told: list[str] = []
+    stand_in(monkeypatch, program)
+    found = compile_times.measure_compile_times("c", told.append, ["metals", "mine"])
+    assert found.scenes == (SceneTime("metals", 0.5, 28.3), SceneTime("mine", 1.5, None))
+    assert (found.seconds, found.former) == (2.0, 28.3)
+    assert ["metals, 1 of 2" in told[0], "mine, 2 of 2" in told[1]] == [True, True]
+    assert os.listdir(warm_cache) == ["kernel"]
+
+
+def test_process_that_ends_early_is_no_compile_time(
+    warm_cache: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stand_in(monkeypatch, "import sys\nsys.exit('it broke')")
+    with pytest.raises(ReportError, match="metals: no picture: it broke"):
+        compile_times.measure_compile_times("c", lambda stage: None, ["metals"])
+
+
+def stand_in(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
+    """Let the process that compiles be this program, with the same arguments."""
+    popen = subprocess.Popen
+
+    def start(command: list[str], **options: Any) -> Any:
+        if "reports.speed.compile_times" not in command:
+            return popen(command, **options)  # git
+        return popen([sys.executable, "-c", program, *command[3:]], **options)
+
+    monkeypatch.setattr(compile_times.subprocess, "Popen", start)
+
+
+def test_first_picture_is_timed_in_processor_seconds(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """The real program on one scene: a line of JSON with a time above 0."""
+    compile_times.main(["white-furnace"])
+    line = json.loads(capsys.readouterr().out)
+    assert line["scene"] == "white-furnace"
+    assert line["seconds"] > 0.0
+
+
+def test_nine_scenes_are_compiled_by_default() -> None:
+    """The scenes are there, and the former figures are 119 s in all."""
+    assert len(compile_times.FORMER) == 9
+    assert round(sum(compile_times.FORMER.values())) == 119
+    for name in compile_times.FORMER:
+        assert (compile_times.ROOT / "scenes" / name / "scene.xml").is_file()

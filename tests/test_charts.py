@@ -1,136 +1,95 @@
-"""Charts: a mark is where its value belongs, measured on the SVG that is drawn."""
+"""Charts: each value is handed to the library as it was measured, on the axis it needs.
+
+Where a value lies on the screen, and what the mouse finds there, is checked in a browser
+(`test_report_browser`).
+"""
 
 from __future__ import annotations
 
 import math
-import re
-import xml.etree.ElementTree as ET
-from itertools import pairwise
+import statistics
 
 import pytest
+from drawn_charts import curves, figure, figures, guides, points
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.axes import LinearAxis, LogAxis, tick_text
-from reports.charts import log_log_chart
-from reports.svg import Point, Series
-from reports.timings_chart import timings_chart
+from reports.charts.columns import Bin, histogram_chart, volumes_chart
+from reports.charts.curves import log_log_chart, progress_chart
+from reports.charts.figure import COLOURS, Point, Series
+from reports.charts.library import packed_library
+from reports.charts.rows import dots_chart, timings_chart
 
 positive = st.floats(1e-8, 1e8, allow_nan=False)
 
 
-def drawn(*series: Series) -> ET.Element:
-    chart = log_log_chart(series, x_label="seconds", y_label="RMSE", description="A chart")
-    return ET.fromstring(str(chart))
-
-
-def markers(chart: ET.Element) -> list[tuple[float, float]]:
-    """Places of all points; the ones of the legend carry no tooltip."""
-    places = []
-    for path in chart.iter("path"):
-        if path.find("title") is not None:
-            numbers = re.findall(r"-?[\d.]+", path.attrib["transform"])
-            places.append((float(numbers[0]), float(numbers[1])))
-    return places
-
-
-def tick_places(chart: ET.Element, axis: str) -> dict[str, float]:
-    """Label -> place of the labelled grid lines of one axis."""
-    lines = [line.attrib for line in chart.iter("line") if line.attrib["class"] == "grid"]
-    if axis == "x":
-        places = [float(line["x1"]) for line in lines if line["x1"] == line["x2"]]
-    else:
-        places = [float(line["y1"]) for line in lines if line["y1"] == line["y2"]]
-    texts = [text for text in chart.iter("text") if text.attrib["class"] == "tick"]
-    anchor = "middle" if axis == "x" else "end"
-    labels = [str(text.text) for text in texts if text.attrib["text-anchor"] == anchor]
-    return dict(zip(labels, places, strict=True))
-
-
-def test_point_lies_on_the_grid_lines_of_its_values() -> None:
-    """(0.1, 0.01) and (10, 1) are on labelled grid lines, up to the printed digits."""
-    chart = drawn(Series("ours", (Point(0.1, 0.01), Point(10.0, 1.0))))
-    x, y = tick_places(chart, "x"), tick_places(chart, "y")
-    expected = [(x["0.1"], y["0.01"]), (x["10"], y["1"])]
-    for place, wanted in zip(markers(chart), expected, strict=True):
-        assert place == pytest.approx(wanted, abs=0.02)
-
-
-def test_larger_is_right_and_up() -> None:
-    small, large = markers(drawn(Series("ours", (Point(1, 1), Point(100, 100)))))
-    assert large[0] > small[0]
-    assert large[1] < small[1]  # SVG counts y downwards
-
-
-def test_decades_are_equally_wide() -> None:
-    chart = drawn(Series("ours", (Point(0.01, 1.0), Point(100.0, 1e-4))))
-    places = tick_places(chart, "x")
-    decades = [places[label] for label in ("0.01", "0.1", "1", "10", "100")]
-    gaps = [after - before for before, after in pairwise(decades)]
-    assert gaps == pytest.approx([gaps[0]] * 4, abs=0.02)
-
-
-def test_independent_samples_run_parallel_to_the_guide() -> None:
-    """Points with error = c / sqrt(time) have the slope of the guide, in pixels."""
-    points = tuple(Point(spp / 100, 0.3 / math.sqrt(spp)) for spp in (4, 16, 64, 256))
-    chart = drawn(Series("ours", points), Series("theirs", (Point(3.0, 0.2),)))
-    places = markers(chart)[:4]
-    guide = next(
-        line.attrib for line in chart.iter("line") if line.attrib["class"] == "guide"
+def drawn(*series: Series) -> dict:
+    return figure(
+        log_log_chart(series, x_label="seconds", y_label="RMSE", description="A chart")
     )
-    rise = float(guide["y2"]) - float(guide["y1"])
-    run = float(guide["x2"]) - float(guide["x1"])
-    curve = (places[3][1] - places[0][1]) / (places[3][0] - places[0][0])
-    assert curve == pytest.approx(rise / run, rel=1e-3)
 
 
 @given(st.lists(st.tuples(positive, positive), min_size=1, max_size=6))
-def test_everything_stays_inside_the_frame(values: list[tuple[float, float]]) -> None:
-    chart = drawn(Series("ours", tuple(Point(x, y, label="1") for x, y in values)))
-    width, height = map(float, chart.attrib["viewBox"].split()[2:])
-    places = markers(chart)
-    assert len(places) == len(values)
-    for line in chart.iter("line"):
-        ends = line.attrib
-        places += [(float(ends[f"x{end}"]), float(ends[f"y{end}"])) for end in "12"]
-    assert all(0 <= x <= width and 0 <= y <= height for x, y in places)
+def test_points_are_where_they_were_measured(values: list[tuple[float, float]]) -> None:
+    chart = drawn(Series("ours", tuple(Point(x, y) for x, y in values)))
+    (curve,) = curves(chart)
+    assert points(curve) == values
+    assert chart["layout"]["xaxis"]["type"] == chart["layout"]["yaxis"]["type"] == "log"
 
 
-@given(positive, st.floats(1.0, 1e6))
-def test_log_axis_has_a_readable_number_of_ticks(low: float, ratio: float) -> None:
-    """Two labels at least tell the scale; more than a dozen would overlap."""
-    axis = LogAxis.around([low, low * ratio], 0.0, 400.0)
-    ticks = axis.ticks()
-    assert 2 <= len(ticks) <= 12
-    assert all(0.0 <= axis.position(tick) <= 400.0 for tick in ticks)
-    assert not set(ticks) & set(axis.minor_ticks())
+def test_independent_samples_run_parallel_to_the_guide() -> None:
+    """Points with error = c / sqrt(time) have the slope of the guide, and lie on it."""
+    own = tuple(Point(spp / 100, 0.3 / math.sqrt(spp)) for spp in (4, 16, 64, 256))
+    (guide,) = guides(drawn(Series("ours", own)))
+    for x, y in points(guide):
+        assert y == pytest.approx(0.03 / math.sqrt(x))
+    assert guide["x"] == [own[0].x, own[-1].x]
 
 
-@given(st.floats(1e-4, 1e5))
-def test_linear_axis_has_a_readable_number_of_ticks(high: float) -> None:
-    ticks = LinearAxis(high, 0.0, 400.0).ticks()
-    assert ticks[0] == 0.0
-    assert 4 <= len(ticks) <= 9
+def test_labels_and_tooltips_stay_with_their_points() -> None:
+    chart = drawn(
+        Series("ours", (Point(1, 2, "4 spp", "first"), Point(2, 1, "8"))),
+        Series("empty", ()),
+        Series("theirs", (Point(3, 3, tooltip="second"),)),
+    )
+    ours, theirs = curves(chart)
+    assert ours["text"] == ["4 spp", "8"]
+    assert ours["hovertext"] == ["first", "ours"]
+    assert theirs["hovertext"] == ["second"]
+    assert ours["textposition"] != theirs["textposition"]  # labels do not meet
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [
-        (0.02, "0.02"),
-        (10.0, "10"),
-        (3e-5, "3·10⁻⁵"),
-        (1e-7, "10⁻⁷"),
-        (1e6, "10⁶"),
-        (0, "0"),
-    ],
-)
-def test_tick_texts(value: float, text: str) -> None:
-    assert tick_text(value) == text
+def test_series_differ_by_more_than_colour() -> None:
+    """Six series: each pair differs in colour, in marker and in dash."""
+    chart = drawn(*(Series(str(n), (Point(1, n + 1),)) for n in range(6)))
+    looks = [
+        (one["line"]["color"], one["marker"]["symbol"], one["line"]["dash"])
+        for one in curves(chart)
+    ]
+    assert [len(set(kind)) for kind in zip(*looks, strict=True)] == [6, 6, 6]
+
+
+def luminance(colour: str) -> float:
+    """Return the relative luminance of WCAG 2 of a colour such as #0a8a7b."""
+    parts = [int(colour[at : at + 2], 16) / 255.0 for at in (1, 3, 5)]
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
+        for part in parts
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+@pytest.mark.parametrize("background", ["#ffffff", "#1d2024"])
+def test_colours_are_seen_on_light_and_dark_pages(background: str) -> None:
+    """WCAG 2.1, 1.4.11: graphics have a contrast of at least 3 with what is beside them."""
+    for colour in COLOURS:
+        one, other = sorted((luminance(colour), luminance(background)))
+        assert (other + 0.05) / (one + 0.05) >= 3.0, colour
 
 
 def test_tooltip_label_and_names_are_escaped() -> None:
-    """Names come from a file: `<` and quotes must not end an element or an attribute."""
-    bad = '"><script>&'
+    """Names come from a file: neither HTML nor plotly, which knows some, may read them."""
+    bad = '"><script>&<b>'
     chart = log_log_chart(
         [Series(bad, (Point(1, 1, label=bad, tooltip=bad),))],
         x_label=bad,
@@ -138,48 +97,97 @@ def test_tooltip_label_and_names_are_escaped() -> None:
         description=bad,
     )
     assert "<script" not in chart
-    parsed = ET.fromstring(str(chart))
-    assert parsed.attrib["aria-label"] == bad
-    assert [title.text for title in parsed.iter("title")] == [bad]
+    (found,) = figures(chart)
+    (curve,) = curves(found)
+    shown = '"&gt;&lt;script&gt;&amp;&lt;b&gt;'
+    assert curve["name"] == curve["text"][0] == curve["hovertext"][0] == shown
+    assert found["layout"]["xaxis"]["title"]["text"] == shown
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
 def test_values_without_a_logarithm_are_refused(value: float) -> None:
     with pytest.raises(ValueError, match="no place on logarithmic axes"):
         drawn(Series("ours", (Point(1.0, value),)))
+    with pytest.raises(ValueError, match="no place on logarithmic axes"):
+        progress_chart([Series("ours", (Point(1.0, value),))], y_label="y", description="d")
+    with pytest.raises(ValueError, match="above 0"):
+        dots_chart([("tree", {"a": value})], ["a"], x_label="x", description="d")
 
 
 def test_no_points_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one point"):
         drawn(Series("ours", ()))
+    with pytest.raises(ValueError, match="at least one point"):
+        progress_chart([], y_label="y", description="d")
+    with pytest.raises(ValueError, match="at least one time above 0"):
+        timings_chart([Series("ours", ())], x_label="s", description="d")
 
 
-def test_long_legends_wrap_instead_of_leaving_the_picture() -> None:
-    chart = drawn(*(Series("n" * 40, (Point(1, 1),)) for _ in range(3)))
-    rows = {
-        text.attrib["y"] for text in chart.iter("text") if text.get("class") == "legend"
-    }
-    assert len(rows) == 3
+def test_timings_start_at_zero_with_the_median_marked() -> None:
+    """Times 9, 1 and 2 of one renderer: three dots, and the bar at 2."""
+    times = (9.0, 1.0, 2.0)
+    series = [Series("ours", tuple(Point(t, 0) for t in times)), Series("absent", ())]
+    chart = figure(timings_chart(series, x_label="seconds", description="Times"))
+    dots, bar, absent = chart["data"]
+    assert points(dots) == [(time, "ours") for time in times]
+    assert points(bar) == [(statistics.median(times), "ours")]
+    assert points(absent) == []
+    axis = chart["layout"]["xaxis"]
+    assert axis.get("type") != "log"
+    assert axis["range"][0] == 0.0
+    assert axis["range"][1] > 9.0
 
 
-def test_timings_lie_on_a_linear_axis_with_the_median_marked() -> None:
-    """Times 1, 2 and 9 of one renderer: from zero, in proportion, median bar at 2."""
-    chart = ET.fromstring(
-        str(
-            timings_chart(
-                [
-                    Series(
-                        "ours", tuple(Point(t, 0, tooltip=str(t)) for t in (9.0, 1.0, 2.0))
-                    )
-                ],
-                x_label="seconds",
-                description="Times",
-            )
-        )
+def test_dots_have_a_row_for_each_name_in_their_order() -> None:
+    """An absent value gives no dot; the first row is on top."""
+    rows = [("tree", {"a": 1.0, "b": 10.0, "c": 100.0}), ("grid", {"a": 2.0})]
+    chart = figure(dots_chart(rows, ["a", "b", "c"], x_label="x", description="d"))
+    assert [points(one) for one in chart["data"]] == [
+        [(1.0, "tree"), (2.0, "grid")],
+        [(10.0, "tree")],
+        [(100.0, "tree")],
+    ]
+    names = chart["layout"]["yaxis"]
+    assert names["categoryarray"] == ["tree", "grid"]
+    assert names["range"][0] > names["range"][1]
+    assert chart["layout"]["xaxis"]["type"] == "log"
+
+
+def test_bars_and_the_expected_line_share_an_axis() -> None:
+    """10, 20 and 40 counted, 25 expected everywhere, up to both ends."""
+    bins = [Bin(k, k + 1.0, count, 25.0) for k, count in enumerate((10, 20, 40))]
+    chart = figure(histogram_chart(bins, x_ticks=(0.0, 3.0), x_label="x", description="d"))
+    counted, expected = chart["data"]
+    assert points(counted) == [(0.5, 10), (1.5, 20), (2.5, 40)]
+    assert max(counted["width"]) < 1.0
+    assert counted["hovertext"][2] == "2 to 3: 40, expected 25.0"
+    assert expected["x"] == [0.0, 0.5, 1.5, 2.5, 3.0]
+    assert set(expected["y"]) == {25.0}
+    assert chart["layout"]["yaxis"]["rangemode"] == "tozero"
+
+
+def test_volumes_stand_in_their_columns() -> None:
+    series = [Series("ball", (Point(1, 3.0), Point(0, 1.0)))]
+    columns = [("AABB", "2 ns"), ("OBB", "9 ns")]
+    chart = figure(volumes_chart(columns, series, y_label="y", description="d"))
+    assert points(chart["data"][0]) == [("OBB<br>9 ns", 3.0), ("AABB<br>2 ns", 1.0)]
+    assert chart["layout"]["xaxis"]["categoryarray"] == ["AABB<br>2 ns", "OBB<br>9 ns"]
+
+
+@pytest.mark.parametrize("places", [(), (Point(2, 3.0),), (Point(0, 0.5),)])
+def test_volumes_without_a_place_are_refused(places: tuple[Point, ...]) -> None:
+    columns = [("a", "1"), ("b", "2")]
+    with pytest.raises(ValueError, match=r"point|place"):
+        volumes_chart(columns, [Series("x", places)], y_label="", description="")
+
+
+def test_the_same_numbers_give_the_same_page() -> None:
+    """No number drawn at random, no time stamp: pages can be compared byte by byte."""
+    series = [Series("ours", (Point(1, 2), Point(2, 1)))]
+    first, second = (
+        log_log_chart(series, x_label="x", y_label="y", description="d") for _ in "ab"
     )
-    (nine, _), (one, _), (two, _) = markers(chart)
-    assert (nine - one) / (two - one) == pytest.approx(8.0, rel=1e-3)
-    zero = tick_places(chart, "x")["0"]
-    assert (nine - zero) / (one - zero) == pytest.approx(9.0, rel=1e-3)
-    median = next(line for line in chart.iter("line") if line.attrib["class"] == "median")
-    assert float(median.attrib["x1"]) == pytest.approx(two, abs=0.02)
+    assert first == second
+    packed_before = packed_library()
+    packed_library.cache_clear()
+    assert packed_library() == packed_before

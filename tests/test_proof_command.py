@@ -15,11 +15,12 @@ from mitsuba_ref.expected_failures import ExpectedFailure
 from mitsuba_ref.expected_failures import __main__ as register_command
 from mitsuba_ref.false_alarms import __main__ as alarms_command
 from mitsuba_ref.mutations import __main__ as mutations_command
-from reports import cli, proof_run
-from reports import proof as command
-from reports.errors import ReportError
-from reports.proof_reader import ALARMS, MATRIX, read_register
-from reports.proof_run import results_file
+from reports.commands import proof as command
+from reports.commands import report as cli
+from reports.proof_page import run as proof_run
+from reports.proof_page.record import ALARMS, MATRIX, read_register
+from reports.proof_page.run import results_file
+from reports.records.errors import ReportError
 
 HOLE = sample.matrix(sample.mutation("gamma-twice", sample.seen("replay", False)))
 

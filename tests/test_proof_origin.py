@@ -11,10 +11,10 @@ import pytest
 
 from mitsuba_ref.mutations.defects.catalogue import CATALOGUE
 from mitsuba_ref.mutations.rungs import CLIMBED
-from reports.mutation_table import mutation_table
-from reports.page import proof_page
-from reports.proof_origin import left_out
-from reports.proof_sentences import headlines
+from reports.proof_page.mutation_table import mutation_table
+from reports.proof_page.origin import left_out
+from reports.proof_page.page import proof_page
+from reports.proof_page.sentences import headlines
 
 OTHER = "Measured at another commit: fedcba9"
 OLDER = "(measured at another commit)"

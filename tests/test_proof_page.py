@@ -12,12 +12,11 @@ import pytest
 from report_samples import scene as rendered_scene
 from report_samples import stopped_scene
 
-from reports.histogram_chart import Bin, histogram_chart
-from reports.mutation_table import mutation_table
-from reports.page import proof_page
-from reports.proof_pictures import evidence_against
-from reports.proof_reader import read_proof_record
-from reports.proof_sentences import headlines, scene_sentence
+from reports.proof_page.mutation_table import mutation_table
+from reports.proof_page.page import proof_page
+from reports.proof_page.pictures import evidence_against
+from reports.proof_page.record import read_proof_record
+from reports.proof_page.sentences import headlines, scene_sentence
 
 NBSP = "\u00a0"
 
@@ -299,18 +298,6 @@ def test_matrix_orders_rungs_from_cheap_to_dear(tmp_path: Path) -> None:
     assert table.columns == ("runs", "replay", "unit tests", "new")
     texts = [[cell.text for cell in row.cells] for row in table.harmful]
     assert texts == [["·", "·", "✓ first", "no"], ["no", "✓ first", "·", "·"]]
-
-
-def test_histogram_bars_are_as_high_as_their_counts() -> None:
-    """10, 20 and 40 counts: bars of 1 : 2 : 4; the line is level at the expected 25."""
-    bins = [Bin(k, k + 1, count, 25.0) for k, count in enumerate((10, 20, 40))]
-    chart = histogram_chart(bins, x_ticks=(0.0, 3.0), x_label="x", description="d")
-    heights = [float(h) for h in re.findall(r'height="([\d.]+)"><title>', chart)]
-    assert np.divide(heights, heights[0]) == pytest.approx([1, 2, 4], rel=1e-3)
-    points = re.search(r'points="([^"]+)"', chart)
-    assert points
-    assert len({point.split(",")[1] for point in points[1].split()}) == 1
-    assert "2 to 3: 40, expected 25.0" in chart
 
 
 def test_p_map_counts_the_smallest_of_three_thrice() -> None:

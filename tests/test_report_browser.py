@@ -11,11 +11,19 @@ import proof_samples
 import pytest
 from accelerators_sample import record
 from headless_browser import Browser, Page, find_browser
+from markupsafe import Markup
 from report_samples import scene, stopped_scene, write_results
 
-from reports.page import accelerators_page, proof_page, results_page
-from reports.results import read_results
+from reports.accelerator_page.page import accelerators_page
+from reports.charts.curves import log_log_chart
+from reports.charts.figure import Point, Series
+from reports.charts.library import packed_library
+from reports.page.template import fill
+from reports.proof_page.page import proof_page
+from reports.records.results import read_results
+from reports.scenes_page.page import results_page
 
+DRAWN = "[...document.querySelectorAll('[data-figure]')].every(e => e.matches('.drawn'))"
 SLIDER = "#scene-shifted .stage input"
 STAGE = "#scene-shifted .stage"
 OURS = "#scene-shifted .stage img.ours"
@@ -34,13 +42,20 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield running
 
 
+def opened(browser: Browser, file: Path, width: int = 1000) -> Page:
+    """Return the page once its script has drawn every chart."""
+    page = browser.open(file, width)
+    page.wait_for(DRAWN)
+    return page
+
+
 @pytest.fixture
 def page(browser: Browser, tmp_path: Path) -> Page:
     scenes = [scene("sound", "pass"), scene("shifted", "fail"), stopped_scene("broken")]
     results = read_results(write_results(tmp_path, scenes))
     index = tmp_path / "index.html"
     index.write_text(results_page(results, tmp_path), encoding="utf-8")
-    return browser.open(index)
+    return opened(browser, index)
 
 
 def shown_share_of_ours(page: Page) -> float:
@@ -136,6 +151,67 @@ def test_dark_mode_turns_the_page_dark(page: Page) -> None:
     assert max(page.evaluate(colour)) < 60
 
 
+def test_points_of_a_chart_lie_on_the_grid_lines_of_their_values(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """(1, 10) and (10, 1) are where the labels stand, the root of 10 is half way."""
+    values = ((1.0, 10.0), (10.0, 1.0), (10.0**0.5, 10.0**0.5))
+    series = Series("ours", tuple(Point(x, y) for x, y in values))
+    chart = log_log_chart([series], x_label="x", y_label="y", description="A chart")
+    page = opened(browser, chart_page(tmp_path, chart))
+
+    def middles(selector: str) -> list[list]:
+        return page.evaluate(
+            f"[...document.querySelectorAll('{selector}')].map(e => {{"
+            "const b = e.getBoundingClientRect();"
+            "return [b.x + b.width / 2, b.y + b.height / 2, e.textContent]})"
+        )
+
+    across = {label: x for x, _, label in middles(".xtick text")}
+    down = {label: y for _, y, label in middles(".ytick text")}
+    first, second, between = [place[:2] for place in middles(".points path")]
+    # of some 400 pixels; a label has room for an exponent at its right
+    assert first == pytest.approx([across["1"], down["10"]], abs=5)
+    assert second == pytest.approx([across["10"], down["1"]], abs=5)
+    halves = [(a + b) / 2 for a, b in zip(first, second, strict=True)]
+    assert between == pytest.approx(halves, abs=1)
+
+
+def chart_page(folder: Path, chart: Markup) -> Path:
+    """Write a page with one chart alone, under the policy of all pages."""
+    frame = fill("base.html")
+    policy = frame[frame.index("<meta http-equiv") : frame.index("<link")]
+    script = fill("charts.js")
+    file = folder / "chart.html"
+    file.write_text(
+        f"<!DOCTYPE html><meta charset=utf-8>{policy}<body>{chart}"
+        f'<script type="text/plain" id="plotly">{packed_library()}</script>'
+        f"<script>{script}</script>",
+        encoding="utf-8",
+    )
+    return file
+
+
+def test_mouse_over_a_point_tells_its_numbers(page: Page) -> None:
+    """What the tooltip says comes from the record; leaving the chart takes it away."""
+    chart = "#scene-sound .chart"
+    page.evaluate(f"document.querySelector('{chart}').scrollIntoView({{block: 'center'}})")
+    left, top, width, height = page.box(f"{chart} .points path")
+    page.move(left + width / 2, top + height / 2)
+    page.wait_for(f"document.querySelector('{chart} .hovertext') !== null")
+    said = page.evaluate(f"document.querySelector('{chart} .hovertext').textContent")
+    assert "lightproof, 4 samples per pixel: 40 ms, RMSE 0.2" in said
+
+
+def test_chart_without_a_script_says_what_it_shows(page: Page) -> None:
+    """A screen reader hears the sentence that stands where no script runs."""
+    sentences = page.evaluate(
+        "[...document.querySelectorAll('.chart')].map(c => c.getAttribute('aria-label'))"
+    )
+    assert len(sentences) == 2
+    assert all("Seconds against RMSE" in sentence for sentence in sentences)
+
+
 @pytest.mark.parametrize("width", [360, 1000])
 def test_accelerators_fit_the_window_and_load_nothing(
     browser: Browser, tmp_path: Path, width: int
@@ -143,7 +219,7 @@ def test_accelerators_fit_the_window_and_load_nothing(
     """The page of the accelerators, too, is one file that never scrolls sideways."""
     file = tmp_path / "accelerators.html"
     file.write_text(accelerators_page(record(tmp_path)), encoding="utf-8")
-    page = browser.open(file, width)
+    page = opened(browser, file, width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     sizes = page.evaluate("[...document.images].map(i => i.naturalWidth)")
     assert sizes == [6, 6]
@@ -163,7 +239,7 @@ def test_proof_fits_the_window_and_circles_the_pixel(
     file = tmp_path / "proof.html"
     content = proof_page(proof_samples.record(tmp_path, scene), tmp_path)
     file.write_text(content, encoding="utf-8")
-    page = browser.open(file, width)
+    page = opened(browser, file, width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     sizes = page.evaluate(
         "[...document.images].map(i => [i.naturalWidth, i.naturalHeight])"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from report_samples import scene, write_results
 
-from reports import cli
+from reports.commands import report as cli
 
 Harness = Callable[[list[str]], int]
 

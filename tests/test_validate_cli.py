@@ -10,7 +10,7 @@ import pytest
 
 from mitsuba_ref.command.cli import main
 from mitsuba_ref.speed.speed_against_accuracy import rungs
-from reports.results import read_results
+from reports.records.results import read_results
 from tests.mitsuba_stand_in import stand_in, write_scene
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from mitsuba_ref.command.scene_table import print_table
+from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.command.trace_command import add_trace_options, asks_for_trace, run_trace
 from mitsuba_ref.command.validation import Validated, validate_scene
 from mitsuba_ref.ladder.climb import FEWEST_SEEDS
@@ -59,15 +60,15 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     results: list[SceneResult] = []
     console = Console(stderr=True)
     try:
-        with MitsubaWorker(options.time_limit) as worker, console.status("") as status:
+        with MitsubaWorker(options.time_limit) as worker, shown_stages() as show:
             references = ReferenceCache(worker.render)
             if len(scenes) > 1 and ours is render_ours:
-                _warm_up(scenes.values(), _options(options), status.update)
+                _warm_up(scenes.values(), _options(options), show)
             for index, (name, path) in enumerate(scenes.items(), start=1):
                 place = f"{name} ({index} of {len(scenes)}): "
 
                 def progress(stage: str, place: str = place) -> None:
-                    status.update(place + stage)
+                    show(place + stage)
 
                 validated = validate_scene(
                     path, _options(options), ours, references, progress

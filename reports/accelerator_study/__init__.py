@@ -1,0 +1,1 @@
+"""Every accelerator on every study scene, as one record."""

@@ -1,0 +1,1 @@
+"""One accelerator on one mesh: built, checked hit for hit, counted, timed."""

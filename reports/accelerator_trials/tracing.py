@@ -1,0 +1,234 @@
+"""Tracing the rays of the study through one structure: for the answer, the count, the time.
+
+The loops over batches are kernels, as the renderer's are, so that no time of Python's is
+in what is measured; threads share the batches out by a pool.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.lib.array_utils import byte_bounds
+from numpy.typing import NDArray
+
+from renderer.accelerators.dispatch import any_hit, closest_hit
+from renderer.accelerators.tally import ROWS
+from renderer.batch import CAPACITY
+from renderer.jit import entry_kernel
+from renderer.stages.intersect import reset_hits
+from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
+
+JOBS_PER_THREAD = 4  # enough to even out batches of unlike cost
+
+
+class BatchRays(NamedTuple):
+    """What a traversal reads of one batch; the names are those of `renderer.batch.Rays`."""
+
+    origin: Any  # (3, stride)
+    direction: Any  # (3, stride)
+
+
+class BatchHits(NamedTuple):
+    """The nearest hits of one batch, or of all of them in rows."""
+
+    t: Any
+    prim: Any
+    u: Any
+    v: Any
+
+
+class BatchShadowRays(NamedTuple):
+    """What an any-hit traversal works on; named as in `renderer.batch.ShadowRays`."""
+
+    origin: Any  # (3, stride)
+    direction: Any  # (3, stride)
+    t_max: Any  # (stride,)
+    blocked: Any  # (stride,) int32
+
+
+@entry_kernel
+def trace_closest(accel, rays, hits, ends, chosen, first, end, coherent):  # type: ignore[no-untyped-def]
+    """Find the nearest hits of batches chosen[first:end], up to `ends` of each ray."""
+    for k in range(first, end):
+        b = chosen[k]
+        batch = BatchRays(rays.origin[b], rays.direction[b])
+        found = BatchHits(hits.t[b], hits.prim[b], hits.u[b], hits.v[b])
+        count = rays.count[b]
+        reset_hits(found, 0, count)
+        if ends:
+            for i in range(count):
+                found.t[i] = rays.t_max[b, i]
+        closest_hit(accel, batch, found, 0, count, coherent, None)
+
+
+@entry_kernel
+def trace_any(accel, rays, blocked, chosen, first, end, coherent):  # type: ignore[no-untyped-def]
+    """Set `blocked` of the rays of batches chosen[first:end] that meet something."""
+    for k in range(first, end):
+        b = chosen[k]
+        blocked[b, :] = 0
+        batch = BatchShadowRays(
+            rays.origin[b], rays.direction[b], rays.t_max[b], blocked[b]
+        )
+        any_hit(accel, batch, rays.count[b], coherent, None)
+
+
+@entry_kernel
+def count_closest(accel, rays, hits, ends, chosen, coherent, tally):  # type: ignore[no-untyped-def]
+    """Do as `trace_closest`, one thread, and count: tally is (batches, ROWS, stride)."""
+    for b in chosen:
+        batch = BatchRays(rays.origin[b], rays.direction[b])
+        found = BatchHits(hits.t[b], hits.prim[b], hits.u[b], hits.v[b])
+        count = rays.count[b]
+        reset_hits(found, 0, count)
+        if ends:
+            for i in range(count):
+                found.t[i] = rays.t_max[b, i]
+        closest_hit(accel, batch, found, 0, count, coherent, tally[b])
+
+
+@entry_kernel
+def count_any(accel, rays, blocked, chosen, coherent, tally):  # type: ignore[no-untyped-def]
+    """Do as `trace_any`, one thread, and count."""
+    for b in chosen:
+        blocked[b, :] = 0
+        batch = BatchShadowRays(
+            rays.origin[b], rays.direction[b], rays.t_max[b], blocked[b]
+        )
+        any_hit(accel, batch, rays.count[b], coherent, tally[b])
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """Rays of one kind, and where their answers go."""
+
+    kind: str  # one of RAY_KINDS
+    rays: RayBatches
+    hits: BatchHits  # (batches, stride) each
+    blocked: NDArray[np.int32]  # (batches, stride)
+
+    @property
+    def batches(self) -> NDArray[np.int64]:
+        """The numbers of all batches."""
+        return np.arange(len(self.rays.count))
+
+
+def make_query(kind: str, rays: RayBatches) -> Query:
+    """Return a query with room for its answers."""
+    shape = rays.t_max.shape
+    t, u, v = (np.zeros(shape, np.float32) for _ in range(3))
+    prim, blocked = (np.zeros(shape, np.int32) for _ in range(2))
+    return Query(kind, rays, BatchHits(t, prim, u, v), blocked)
+
+
+def spread(batches: int, wanted: int) -> NDArray[np.int64]:
+    """Return up to `wanted` batch numbers, evenly over all; at least one."""
+    count = max(1, min(wanted, batches))
+    return ((np.arange(count) + 0.5) * (batches / count)).astype(np.int64)
+
+
+def trace(accel: Any, query: Query, chosen: NDArray[np.int64], threads: int = 1) -> float:
+    """Trace the chosen batches; return the seconds it took.
+
+    The answers are in `query.blocked` for a kind that asks for any hit, else in
+    `query.hits`.
+    """
+    kind = RAY_KINDS[query.kind]
+    ends = query.kind == "shadow_nearest"
+
+    def run(first: int, end: int) -> None:
+        if kind.any_hit:
+            trace_any(accel, query.rays, query.blocked, chosen, first, end, kind.coherent)
+        else:
+            trace_closest(
+                accel, query.rays, query.hits, ends, chosen, first, end, kind.coherent
+            )
+
+    n = len(chosen)
+    if threads == 1:
+        start = time.perf_counter()
+        run(0, n)
+        return time.perf_counter() - start
+    jobs = min(n, JOBS_PER_THREAD * threads)
+    cuts = [n * k // jobs for k in range(jobs + 1)]
+    pool = _pool(threads)
+    start = time.perf_counter()
+    list(pool.map(run, cuts[:-1], cuts[1:]))
+    return time.perf_counter() - start
+
+
+@functools.cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Return the pool of so many threads, all started, so that no start is timed."""
+    pool = ThreadPoolExecutor(threads)
+    list(pool.map(time.sleep, [0.005] * threads))
+    return pool
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What a structure found for some batches: t, prim, u, v; or blocked."""
+
+    values: tuple[NDArray[Any], ...]  # (batches, CAPACITY) each; 0 beyond the last ray
+
+    def of(self, chosen: NDArray[np.int64]) -> Answers:
+        """Return the answers for some of the batches."""
+        return Answers(tuple(rows[chosen] for rows in self.values))
+
+    def differing(self, other: Answers) -> int:
+        """Return how many rays are not answered alike, bit for bit."""
+        different = np.zeros(self.values[0].shape, bool)
+        for mine, theirs in zip(self.values, other.values, strict=True):
+            different |= mine.view(np.int32) != theirs.view(np.int32)
+        return int(np.count_nonzero(different))
+
+
+def answers(accel: Any, query: Query, chosen: NDArray[np.int64]) -> Answers:
+    """Trace, and return a copy of what was found."""
+    trace(accel, query, chosen)
+    rows = (query.blocked,) if RAY_KINDS[query.kind].any_hit else query.hits[:4]
+    used = np.arange(CAPACITY) < query.rays.count[chosen, None]
+    return Answers(tuple(np.where(used, row[chosen, :CAPACITY], 0) for row in rows))
+
+
+def tallied(
+    accel: Any, query: Query, chosen: NDArray[np.int64], coherent: bool | None = None
+) -> NDArray[np.int32]:
+    """Return what each ray of the chosen batches cost, (ROWS, rays).
+
+    `coherent` None takes the way that the kind is traced.
+    """
+    kind = RAY_KINDS[query.kind]
+    together = kind.coherent if coherent is None else coherent
+    tally = np.zeros((len(query.rays.count), ROWS, query.rays.t_max.shape[1]), np.int32)
+    if kind.any_hit:
+        count_any(accel, query.rays, query.blocked, chosen, together, tally)
+    else:
+        ends = query.kind == "shadow_nearest"
+        count_closest(accel, query.rays, query.hits, ends, chosen, together, tally)
+    part = query.rays._replace(count=query.rays.count[chosen])
+    return np.stack([flat(tally[chosen, row], part) for row in range(ROWS)])
+
+
+def bytes_of(record: Any) -> int:
+    """Return the bytes of all arrays in a structure's record, shared memory once."""
+    total = reached = 0
+    for start, end in sorted(_memory_of(record)):
+        total += max(0, end - max(start, reached))
+        reached = max(reached, end)
+    return total
+
+
+def _memory_of(record: Any) -> Iterator[tuple[int, int]]:
+    """Yield first address and end of each array; several may be views of one memory."""
+    if isinstance(record, np.ndarray):
+        yield byte_bounds(record)
+    elif isinstance(record, tuple):
+        for part in record:
+            yield from _memory_of(part)

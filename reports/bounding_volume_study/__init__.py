@@ -1,0 +1,1 @@
+"""Which bounding volume for which object."""

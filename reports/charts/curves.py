@@ -1,0 +1,121 @@
+"""Curves over two axes: speed against accuracy, growth, the progress of a motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import plotly.graph_objects as go
+from markupsafe import Markup
+
+from reports.charts.figure import (
+    GUIDE,
+    Point,
+    Series,
+    element,
+    linear_axis,
+    log_axis,
+    marks,
+    plain,
+)
+
+HEIGHT = 360  # [px]
+
+
+def log_log_chart(
+    series: Sequence[Series],
+    *,
+    x_label: str,
+    y_label: str,
+    description: str,
+    guide_slope: float | None = -0.5,
+) -> Markup:
+    """Draw series over two logarithmic axes, with a dotted guide of the given slope.
+
+    Parameters
+    ----------
+    series
+        At least one point in all; every coordinate finite and above 0.
+    x_label, y_label
+        What the axes mean.
+    description
+        What the chart shows, for a screen reader.
+    guide_slope
+        Exponent p of the guide y = c x^p; -1/2 is the law of independent samples. None
+        draws no guide.
+
+    Raises
+    ------
+    ValueError
+        If there is no point, or one that has no logarithm.
+    """
+    points = _checked(series)
+    traces = _curves(series)
+    if guide_slope is not None:
+        # through the geometric middle of all points
+        shift = sum(math.log(p.y) - guide_slope * math.log(p.x) for p in points)
+        ends = sorted({min(p.x for p in points), max(p.x for p in points)})
+        heights = [math.exp(shift / len(points)) * x**guide_slope for x in ends]
+        traces.insert(0, _guide(ends, heights))
+    x, y = log_axis(x_label), log_axis(y_label)
+    return element(traces, x=x, y=y, height=HEIGHT, description=description)
+
+
+def progress_chart(series: Sequence[Series], *, y_label: str, description: str) -> Markup:
+    """Draw ratios over the progress of motions, in per cent; the ratio is logarithmic.
+
+    Parameters
+    ----------
+    series
+        One a motion: x from 0 to 100, y finite and above 0.
+    y_label, description
+        What the ratio is of; what the chart shows, for a screen reader.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to draw, or a ratio that has no logarithm.
+    """
+    _checked(series, x_from=-1.0)
+    level = _guide([0.0, 100.0], [1.0, 1.0])  # where both ways cost the same
+    x = linear_axis("per cent of the motion", range=[-2, 102])
+    return element(
+        [level, *_curves(series)],
+        x=x,
+        y=log_axis(y_label),
+        height=HEIGHT,
+        description=description,
+    )
+
+
+def _checked(series: Sequence[Series], x_from: float = 0.0) -> list[Point]:
+    points = [point for one in series for point in one.points]
+    if not points:
+        raise ValueError("a chart needs at least one point")
+    for point in points:
+        if not (x_from < point.x < math.inf and 0.0 < point.y < math.inf):
+            raise ValueError(f"({point.x}, {point.y}) has no place on logarithmic axes")
+    return points
+
+
+def _curves(series: Sequence[Series]) -> list[go.Scatter]:
+    drawn = [one for one in series if one.points]
+    return [
+        marks(
+            index,
+            one.name,
+            mode="lines+markers+text",
+            x=[point.x for point in one.points],
+            y=[point.y for point in one.points],
+            text=[plain(point.label) for point in one.points],
+            # the first series, ours, is mostly the lower one
+            textposition="top right" if index else "bottom left",
+            hovertext=[plain(point.tooltip or one.name) for point in one.points],
+        )
+        for index, one in enumerate(drawn)
+    ]
+
+
+def _guide(x: list[float], y: list[float]) -> go.Scatter:
+    line = {"color": GUIDE, "dash": "dot", "width": 1.2}
+    return go.Scatter(x=x, y=y, mode="lines", line=line, hoverinfo="skip", showlegend=False)

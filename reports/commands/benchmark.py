@@ -1,0 +1,121 @@
+"""`python -m reports.benchmark`: ours and Mitsuba in turn; how long kernels compile."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from mitsuba_ref.command.stages import Show, shown_stages
+from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.reference.errors import MitsubaError
+from renderer.errors import SceneError
+from reports.commands.pages import (
+    BENCHMARK,
+    COMPILE_TIMES,
+    DEFAULT_OUT,
+    INTERRUPTED,
+    WRONG_USE,
+    draw,
+    draw_benchmark,
+)
+from reports.records.errors import ReportError
+from reports.records.json_file import write_json
+from reports.speed.compile_times import SCHEMA as COMPILE_SCHEMA
+from reports.speed.compile_times import measure_compile_times, read_compile_times
+from reports.speed.measure import BenchmarkSettings, measure
+from reports.speed.record import SCHEMA, read_benchmark
+from reports.speed.table import output, print_benchmark, print_compile_times
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, or read what was measured, draw and print it; return the exit status.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; None: those of the process.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = _parser().parse_args(words)
+    # an empty cache is what `--no-cold` spares
+    given.compile = given.compile_only or (given.source is None and given.cold)
+    data = given.out / "data"
+    command = shlex.join(["python", "-m", "reports.benchmark", *words])
+    console = Console(stderr=True)
+    try:
+        with shown_stages() as show:
+            _measure(given, data, command, show)
+        page = draw_benchmark(given.out)
+        if (data / "results.json").exists():
+            draw(data / "results.json", given.out)  # now with a link to this page
+        if not given.compile_only:
+            print_benchmark(read_benchmark(data / BENCHMARK), output())
+        if given.compile:
+            print_compile_times(read_compile_times(data / COMPILE_TIMES), output())
+    except KeyboardInterrupt:
+        console.print("reports.benchmark: interrupted")
+        return INTERRUPTED
+    except (ReportError, SceneError, MitsubaError) as error:
+        console.print(f"reports.benchmark: {error}", markup=False, soft_wrap=True)
+        return WRONG_USE
+    if page is not None:
+        Console().print(f"The benchmark: {page}", markup=False, soft_wrap=True)
+    return 0
+
+
+def _measure(given: argparse.Namespace, data: Path, command: str, show: Show) -> None:
+    """Write benchmark.json and compile_times.json, as far as they are asked for."""
+    if given.source is not None:
+        read_benchmark(given.source)  # a damaged file must not replace a sound one
+        write_atomically(data / BENCHMARK, given.source.read_bytes())
+    elif not given.compile_only:
+        settings = BenchmarkSettings(
+            given.scene, given.size, given.spp, given.threads, given.rounds, given.cold
+        )
+        write_json(data / BENCHMARK, measure(settings, command, show), SCHEMA)
+    if given.compile:
+        times = measure_compile_times(command, show)
+        write_json(data / COMPILE_TIMES, times, COMPILE_SCHEMA)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m reports.benchmark",
+        description="Time lightproof and Mitsuba in turn on one scene, and what nine "
+        "scenes take to compile; print the tables and draw the page.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    add = parser.add_argument
+    sizes = BenchmarkSettings()
+    add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
+    add("--scene", default=sizes.scene, help="name of one of scenes/, or a path")
+    add("--from", dest="source", type=Path, metavar="BENCHMARK.json", help="draw only")
+    add("--size", type=_positive, default=sizes.size, help="pixels a side")
+    add("--spp", type=_positive, default=sizes.spp, help="samples per pixel")
+    add("--threads", type=_positive, default=sizes.threads, help="workers of each renderer")
+    add("--rounds", type=_positive, default=sizes.rounds, help="turns of each renderer")
+    add(
+        "--cold",
+        action=argparse.BooleanOptionalAction,
+        default=sizes.cold,
+        help="also start the program with an empty cache, and time what compiles",
+    )
+    add(
+        "--compile",
+        dest="compile_only",
+        action="store_true",
+        help="time nothing but what compiles",
+    )
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{value}: must be 1 or more")
+    return value

@@ -1,0 +1,88 @@
+"""All pages of one folder, drawn from the records in its `data`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.records.verdicts import exit_status
+from reports.accelerator_page.page import accelerators_page
+from reports.accelerator_study.record import read_accelerators
+from reports.proof_page.page import proof_page
+from reports.proof_page.record import read_proof_record
+from reports.proof_page.run import results_file
+from reports.records.results import read_results
+from reports.scenes_page.page import results_page
+from reports.speed.compile_times import read_compile_times
+from reports.speed.page import benchmark_page
+from reports.speed.record import read_benchmark
+
+DEFAULT_OUT = Path("reports/out")
+ACCELERATORS = "accelerators.json"
+BENCHMARK = "benchmark.json"
+COMPILE_TIMES = "compile_times.json"
+WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
+
+
+def draw(source: Path, out: Path) -> int:
+    """Draw index.html in `out` from results; say where it is; return the exit status.
+
+    That is the status of the most severe verdict, or 1 if the accelerators disagree or the
+    proof has a fault.
+
+    Parameters
+    ----------
+    source
+        A results.json; its pictures are named relative to it.
+    out
+        Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
+        are shown too, each on a page of its own.
+
+    Raises
+    ------
+    ReportError
+        If the results cannot be shown; an older page stays as it is.
+    """
+    results = read_results(source)
+    timings = out / "data" / BENCHMARK
+    benchmark = read_benchmark(timings) if timings.exists() else None
+    counted = out / "data" / ACCELERATORS
+    study = read_accelerators(counted) if counted.exists() else None
+    proven = results_file(out / "data")
+    proof = read_proof_record(proven) if proven.exists() else None
+    page = out / "index.html"
+    content = results_page(results, source.parent, benchmark, study, proof)
+    write_atomically(page, content.encode())
+    draw_benchmark(out)
+    if study is not None:
+        write_atomically(out / "accelerators.html", accelerators_page(study).encode())
+    if proof is not None:
+        write_atomically(out / "proof.html", proof_page(proof, proven.parent).encode())
+    Console().print(f"The page: {page}", markup=False, soft_wrap=True)
+    faulty = study is not None and bool(study.faults)
+    faulty = faulty or (proof is not None and bool(proof.faults))
+    return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
+
+
+def draw_benchmark(out: Path) -> Path | None:
+    """Draw benchmark.html in `out` from the records in its `data`; return its path.
+
+    Returns
+    -------
+    Path or None
+        None if no renderer was timed so far.
+
+    Raises
+    ------
+    ReportError
+        If a record cannot be read; an older page stays as it is.
+    """
+    timings, compiled = out / "data" / BENCHMARK, out / "data" / COMPILE_TIMES
+    if not timings.exists():
+        return None
+    times = read_compile_times(compiled) if compiled.exists() else None
+    page = out / "benchmark.html"
+    write_atomically(page, benchmark_page(read_benchmark(timings), times).encode())
+    return page

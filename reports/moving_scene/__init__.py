@@ -1,0 +1,1 @@
+"""Refit or rebuild: what a moving scene costs either way."""

@@ -1,0 +1,1 @@
+"""The look of every page: its template, pictures, numbers in words."""

@@ -1,0 +1,54 @@
+"""Fills a template: one self-contained page, or a part of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
+from reports.charts.library import packed_library
+from reports.page import formatting, heat_map, pictures
+
+FILTERS: dict[str, Callable[..., str]] = {
+    "number": formatting.number,
+    "seconds": formatting.seconds,
+    "judgement": formatting.judgement,
+    "metric_name": formatting.metric_name,
+}
+
+
+def fill(
+    template: str, filters: Mapping[str, Callable[..., str]] | None = None, **context: Any
+) -> str:
+    """Return the HTML; a name that the template asks for and `context` lacks is an error.
+
+    Parameters
+    ----------
+    template
+        A file in reports/templates.
+    filters
+        Further ways to write a value.
+    **context
+        What the template shows; all of it is escaped but `Markup`.
+    """
+    environment = Environment(
+        loader=PackageLoader("reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update({**FILTERS, **(filters or {})})
+    environment.globals.update(
+        packed_library=packed_library,
+        work_ramp=heat_map.ramp_css(),
+        verdict_signs=formatting.VERDICT_SIGNS,
+        verdict_styles=formatting.VERDICT_STYLES,
+        verdict_facts={name: VERDICTS[name] for name in CURRENT},
+        ramp_colours=", ".join(
+            "rgb({:.0f} {:.0f} {:.0f})".format(*colour) for colour in pictures.DIVERGING
+        ),
+    )
+    return environment.get_template(template).render(**context)

@@ -1,0 +1,1 @@
+"""The page of what the scenes prove, and how far to trust it."""

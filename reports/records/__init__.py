@@ -1,0 +1,1 @@
+"""JSON files read into frozen records, with the place of every mistake."""

@@ -1,0 +1,1 @@
+"""The page of all scenes: both renderers' pictures side by side."""

@@ -1,0 +1,54 @@
+"""The page of all scenes, index.html: summary, how to read it, every scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mitsuba_ref.records.results import Results
+from reports.accelerator_study.record import AcceleratorStudy
+from reports.page.template import fill
+from reports.proof_page.record import ProofRecord
+from reports.proof_page.sentences import headlines
+from reports.records.results import worst_first
+from reports.scenes_page.sections import build_sections
+from reports.speed.record import Benchmark
+from reports.speed.section import build_benchmark_section
+
+
+def results_page(
+    results: Results,
+    folder: Path,
+    benchmark: Benchmark | None = None,
+    accelerators: AcceleratorStudy | None = None,
+    proof: ProofRecord | None = None,
+) -> str:
+    """Return the whole page as HTML.
+
+    Parameters
+    ----------
+    results
+        What was measured.
+    folder
+        Where results.json is; its pictures are named from there.
+    benchmark
+        Shown in a few words, with a link to benchmark.html.
+    accelerators
+        Likewise, with a link to accelerators.html.
+    proof
+        Likewise, with a link to proof.html.
+
+    Raises
+    ------
+    ReportError
+        If a picture is missing or unusable.
+    """
+    return fill(
+        "index.html",
+        results=results,
+        verdicts=[scene.verdict for scene in results.scenes],
+        sections=build_sections(worst_first(results), folder),
+        benchmark=None if benchmark is None else build_benchmark_section(benchmark),
+        accelerators=accelerators,
+        proof=None if proof is None else headlines(proof),
+        proof_faults=[] if proof is None else proof.faults,
+    )

@@ -1,0 +1,1 @@
+"""Seconds of both renderers, measured in turn, and their page."""
