@@ -12,14 +12,11 @@ from typing import TYPE_CHECKING
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
 from renderer.bsdfs.registry import BSDFS
+from renderer.lights.registry import LIGHTS, plugin_of
 from renderer.scene import KINDS, Scene
 from renderer.scene_file.description import (
-    ConstantLight,
-    DirectionalLight,
     Integrator,
-    PointLight,
     Sampler,
-    SpotLight,
 )
 
 if TYPE_CHECKING:
@@ -27,12 +24,6 @@ if TYPE_CHECKING:
 
 TOPIC_WIDTH = 14  # columns before the text
 
-_LIGHTS: dict[type, str] = {
-    PointLight: "point",
-    SpotLight: "spot",
-    DirectionalLight: "directional",
-    ConstantLight: "constant",
-}
 _PATTERNS = {
     "stratified": "a square number",
     "multijitter": "the cells of a grid",
@@ -233,9 +224,9 @@ def _leave_out(kinds: list[str], reason: str, why: Explanation) -> None:
 
 def _lights(scene: Scene) -> dict[str, int]:
     """Return how many there are of each kind, 0 for those that the scene lacks."""
-    lights = dict.fromkeys(_LIGHTS.values(), 0)
+    lights = dict.fromkeys(LIGHTS, 0)
     for emitter in scene.description.emitters:
-        lights[_LIGHTS[type(emitter)]] += 1
+        lights[plugin_of(emitter).name] += 1
     area = sum(shape.radiance is not None for shape in scene.description.shapes)
     return lights | {"area": area}
 

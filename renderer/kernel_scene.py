@@ -8,7 +8,7 @@ scene lacks has no row: it is neither compiled nor run.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,70 +145,6 @@ class Bsdfs(NamedTuple):
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
     texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
     texture_methods: Methods
-
-
-class PointLights(NamedTuple):
-    """Columns by light id (those of other kinds are unused)."""
-
-    position: NDArray[np.float32]  # (3, n)
-    intensity: NDArray[np.float32]  # (3, n)
-
-
-class SpotLights(NamedTuple):
-    """Columns by light id."""
-
-    position: NDArray[np.float32]  # (3, n)
-    axis: NDArray[np.float32]  # (3, n) unit
-    intensity: NDArray[np.float32]  # (3, n)
-    cos_cutoff: NDArray[np.float32]  # (n,)
-    cos_beam: NDArray[np.float32]  # (n,)
-    cutoff: NDArray[np.float32]  # (n,) [rad]
-    inverse_transition: NDArray[np.float32]  # (n,) 1 / (cutoff - beam width) [1/rad]
-
-
-class DirectionalLights(NamedTuple):
-    """Columns by light id."""
-
-    to_light: NDArray[np.float32]  # (3, n) unit
-    irradiance: NDArray[np.float32]  # (3, n)
-    distance: float  # beyond the whole scene
-
-
-class ConstantLights(NamedTuple):
-    """The environment; at most one."""
-
-    radiance: NDArray[np.float32]  # (3, n)
-    distance: float  # beyond the whole scene
-
-
-class TriangleLights(NamedTuple):
-    """Alias tables [Walker1977] that choose a triangle of a mesh light by its area."""
-
-    first: NDArray[np.int32]  # (n,) of each light, into the columns below
-    count: NDArray[np.int32]  # (n,)
-    keep: NDArray[np.float32]  # (total,) probability to stay with the column drawn
-    alias: NDArray[np.int32]  # (total,) where to go otherwise
-    prim: NDArray[np.int32]  # (total,) primitive id
-
-
-class AreaLights(NamedTuple):
-    """Area lights on shapes of one kind; columns by light id."""
-
-    radiance: NDArray[np.float32]  # (3, n)
-    inverse_area: NDArray[np.float32]  # (n,)
-    prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
-    orientation: NDArray[np.float32]  # (n,)
-    surfaces: Any  # the record of the shapes
-    choice: Any  # of meshes: TriangleLights or another way to choose; else None
-
-
-class LightKind(NamedTuple):
-    """What the kernels of one kind of light are given."""
-
-    lights: Any  # its table
-    index: int  # its row of `Lights.methods`
-    kind: NDArray[np.int32]  # that of every light
-    arithmetic: Any
 
 
 class Lights(NamedTuple):

@@ -9,23 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernel_scene import (
-    AreaLights,
-    ConstantLights,
-    DirectionalLights,
-    PointLights,
-    SpotLights,
-    TriangleLights,
-)
 from renderer.light_order import light_order
+from renderer.lights.area import AreaLights
+from renderer.lights.columns import number_column, vector_columns
+from renderer.lights.registry import LIGHTS, plugin_of
 from renderer.scene import Scene
-from renderer.scene_file.description import (
-    ConstantLight,
-    DirectionalLight,
-    Emitter,
-    PointLight,
-    SpotLight,
-)
+from renderer.shapes.triangle import TriangleLights
 
 # (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
 MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
@@ -37,7 +26,8 @@ class LightTables:
 
     count: int
     kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
-    tables: list[Any]  # records of renderer.kernel_scene, columns by light id
+    tables: list[Any]  # records, columns by light id
+    plugins: list[str]  # of each table
 
 
 def light_tables(
@@ -62,19 +52,23 @@ def light_tables(
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
     kind = np.zeros(max(count, 1), np.int32)
     tables: list[Any] = []
+    plugins: list[str] = []
 
-    def add(lights: dict[int, Any], make: Callable[[dict[int, Any]], Any]) -> None:
+    def add(
+        plugin: str, lights: dict[int, Any], make: Callable[[dict[int, Any]], Any]
+    ) -> None:
         if lights:
             kind[list(lights)] = len(tables)
             tables.append(make(lights))
+            plugins.append(plugin)
 
-    add(_of(others, PointLight), lambda lights: _points(count, lights))
-    add(_of(others, SpotLight), lambda lights: _spots(count, lights))
-    add(_of(others, DirectionalLight), lambda lights: _directionals(count, lights, beyond))
-    add(_of(others, ConstantLight), lambda lights: _constants(count, lights, beyond))
+    for plugin in LIGHTS.values():
+        of_kind = {i: e for i, e in others.items() if plugin_of(e) is plugin}
+        add(plugin.name, of_kind, lambda lights, k=plugin: k.table(count, lights, beyond))
     primitives = _primitives_of_lights(scene, shining)
     for shapes, of_kind in scene.surfaces.items():
         add(
+            "area",
             {
                 light: ids
                 for light, ids in primitives.items()
@@ -84,69 +78,7 @@ def light_tables(
                 count, scene, k, surfaces[k], shining, lights, mesh_choice
             ),
         )
-    return LightTables(count, kind, tables)
-
-
-def _of(emitters: dict[int, Emitter], kind: type) -> dict[int, Any]:
-    return {i: e for i, e in emitters.items() if isinstance(e, kind)}
-
-
-def _columns(count: int, rows: dict[int, Any]) -> NDArray[np.float32]:
-    """Return (3, count) with the given columns, zero elsewhere."""
-    table = np.zeros((3, count), np.float32)
-    for i, row in rows.items():
-        table[:, i] = row
-    return table
-
-
-def _row(count: int, values: dict[int, float]) -> NDArray[np.float32]:
-    table = np.zeros(count, np.float32)
-    for i, value in values.items():
-        table[i] = value
-    return table
-
-
-def _points(count: int, lights: dict[int, PointLight]) -> PointLights:
-    return PointLights(
-        _columns(count, {i: e.position for i, e in lights.items()}),
-        _columns(count, {i: e.intensity for i, e in lights.items()}),
-    )
-
-
-def _spots(count: int, lights: dict[int, SpotLight]) -> SpotLights:
-    cutoff = {i: np.radians(e.cutoff_angle) for i, e in lights.items()}
-    beam = {i: np.radians(e.beam_width) for i, e in lights.items()}
-    axes = {
-        i: e.to_world[:3, 2] / np.linalg.norm(e.to_world[:3, 2]) for i, e in lights.items()
-    }
-    widths = {i: cutoff[i] - beam[i] for i in lights}
-    return SpotLights(
-        _columns(count, {i: e.to_world[:3, 3] for i, e in lights.items()}),
-        _columns(count, axes),
-        _columns(count, {i: e.intensity for i, e in lights.items()}),
-        _row(count, {i: np.cos(a) for i, a in cutoff.items()}),
-        _row(count, {i: np.cos(a) for i, a in beam.items()}),
-        _row(count, cutoff),
-        _row(count, {i: 1.0 / w if w > 0 else 0.0 for i, w in widths.items()}),
-    )
-
-
-def _directionals(
-    count: int, lights: dict[int, DirectionalLight], beyond: float
-) -> DirectionalLights:
-    to_light = {
-        i: -np.array(e.direction) / np.linalg.norm(e.direction) for i, e in lights.items()
-    }
-    irradiance = {i: e.irradiance for i, e in lights.items()}
-    return DirectionalLights(_columns(count, to_light), _columns(count, irradiance), beyond)
-
-
-def _constants(
-    count: int, lights: dict[int, ConstantLight], beyond: float
-) -> ConstantLights:
-    return ConstantLights(
-        _columns(count, {i: e.radiance for i, e in lights.items()}), beyond
-    )
+    return LightTables(count, kind, tables, plugins)
 
 
 def _primitives_of_lights(
@@ -179,10 +111,10 @@ def _areas(
         prims[light] = ids[0]
     by_primitive = {i: (ids, sizes[i]) for i, ids in lights.items()}
     return AreaLights(
-        _columns(count, {i: shapes[shining[i]].radiance for i in lights}),
-        _row(count, {i: 1.0 / sizes[i].sum() for i in lights}),
+        vector_columns(count, {i: shapes[shining[i]].radiance for i in lights}),
+        number_column(count, {i: 1.0 / sizes[i].sum() for i in lights}),
         prims,
-        _row(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
+        number_column(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
         surfaces,
         mesh_choice(count, scene.surfaces[kind], by_primitive)
         if kind == "triangles"

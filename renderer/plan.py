@@ -22,10 +22,10 @@ from renderer.explanation import (
     explain_samples,
     explain_weights,
 )
+from renderer.lights.registry import plugin_of
 from renderer.replay.pixel_seeds import BLOCK_SIZE
 from renderer.scene import Scene
 from renderer.scene_file.description import (
-    ConstantLight,
     Integrator,
     Sampler,
 )
@@ -96,7 +96,9 @@ class Plan:
 
 def _has_extended_lights(scene: Scene) -> bool:
     shapes = any(shape.radiance is not None for shape in scene.description.shapes)
-    environment = any(isinstance(e, ConstantLight) for e in scene.description.emitters)
+    environment = any(
+        plugin_of(emitter).environment for emitter in scene.description.emitters
+    )
     return shapes or environment
 
 

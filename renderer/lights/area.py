@@ -6,15 +6,30 @@ chosen is a matter of the shape (`renderer.shapes`).
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from renderer.arithmetic import seen_from
 from renderer.jit import kernel, method_kernel
-from renderer.kernel_scene import AreaLights
 from renderer.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
 from renderer.lanes.memory import gather_row, load_row
 from renderer.lights.kind import LightSample, sample_light
 from renderer.lights.weights import add_lanes, bsdf_sample_weight, light_probability
 from renderer.shapes.surface import pdf_shape, sample_shape
 from renderer.vectors import dot, gather3, length, load3
+
+
+class AreaLights(NamedTuple):
+    """Area lights on shapes of one kind; columns by light id."""
+
+    radiance: NDArray[np.float32]  # (3, n)
+    inverse_area: NDArray[np.float32]  # (n,)
+    prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
+    orientation: NDArray[np.float32]  # (n,)
+    surfaces: Any  # the record of the shapes
+    choice: Any  # of meshes: TriangleLights or another way to choose; else None
 
 
 @sample_light.by(AreaLights)

@@ -2,19 +2,45 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.jit import kernel, method_kernel
-from renderer.kernel_scene import ConstantLights
 from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.lanes.memory import load_row
-from renderer.lights.kind import LightSample, sample_light
+from renderer.lights.columns import vector_columns
+from renderer.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.lights.weights import add_lanes, bsdf_sample_weight, light_probability
 from renderer.sampling import square_to_sphere
+from renderer.scene_file.colors import Use, read_color
+from renderer.scene_file.description import ConstantLight
 from renderer.vectors import column, gather3, load3
 
 SPHERE_PDF = np.float32(1.0 / (4.0 * np.pi))
 _FOUR_PI = np.float32(4.0 * np.pi)
+
+
+class ConstantLights(NamedTuple):
+    """The environment; at most one."""
+
+    radiance: NDArray[np.float32]  # (3, n)
+    distance: float  # beyond the whole scene
+
+
+def read(properties: Any) -> ConstantLight:
+    """Read the properties of a file."""
+    # It looks the same from everywhere; Mitsuba takes and ignores a transform.
+    properties.transform("to_world")
+    return ConstantLight(read_color(properties, "radiance", 1.0, Use.EMISSION))
+
+
+def table(count: int, lights: dict[int, ConstantLight], beyond: float) -> ConstantLights:
+    """Return the lights as columns."""
+    return ConstantLights(
+        vector_columns(count, {i: e.radiance for i, e in lights.items()}), beyond
+    )
 
 
 @sample_light.by(ConstantLights)
@@ -46,3 +72,13 @@ def add_constant(kind, settings, lights, rays, hits, first, count, radiance):
         weight = bsdf_sample_weight(settings, pdf, splat_f32(SPHERE_PDF * probability))
         carried = load3(rays.throughput, i) * weight * color
         add_lanes(radiance, load_row(rays.slot, 0, i), carried, missed)
+
+
+CONSTANT = LightPlugin(
+    "constant",
+    ConstantLight,
+    read,
+    table,
+    at_infinity=True,
+    environment=add_constant,
+)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from renderer.jit import interface, method_kernel
 from renderer.lanes.functions import first_lanes, mask_bits
@@ -17,6 +22,44 @@ class LightSample(NamedTuple):
     distance: Any  # to the light
     radiance: Any  # arriving, over the density: I / r^2 for a point, L / pdf for an area
     pdf: Any  # [1/sr] of wi given the light; 0: the light is a point or a direction
+
+
+class LightKind(NamedTuple):
+    """What the kernels of one kind of light are given."""
+
+    lights: Any  # its table
+    index: int  # its row of `Lights.methods`
+    kind: NDArray[np.int32]  # that of every light
+    arithmetic: Any
+
+
+@dataclass(frozen=True)
+class LightPlugin:
+    """One kind of emitter that stands alone in a scene.
+
+    Parameters
+    ----------
+    name
+        Of the plugin in scene files.
+    description
+        The class that `read` returns.
+    read
+        Makes the description from the properties of a file.
+    table
+        (lights in all, {light id: description}, a distance beyond the scene) -> the record
+        of the kind, columns by light id.
+    at_infinity
+        Whether it is infinitely far away.
+    environment
+        The kernel that adds it to the rays that have hit nothing; None: it has no extent.
+    """
+
+    name: str
+    description: type
+    read: Callable[[Any], Any]
+    table: Callable[[int, dict[int, Any], float], Any]
+    at_infinity: bool = False
+    environment: Any = None
 
 
 @interface

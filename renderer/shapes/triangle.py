@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.arithmetic import density_normal
 from renderer.jit import interface, kernel
-from renderer.kernel_scene import TriangleLights, TriangleSurfaces
+from renderer.kernel_scene import TriangleSurfaces
 from renderer.lanes.functions import any_of, minimum, select, to_f32, to_i32
 from renderer.lanes.memory import gather_row
 from renderer.sampling import square_to_triangle
@@ -135,6 +135,16 @@ def _point_on_triangle(triangles, index, mask, u, v, hit_point, with_uv):
 @kernel
 def _tangent_of_triangle(triangles, index, mask, u, v, normal):
     return gather3(triangles.tangents, index, mask)
+
+
+class TriangleLights(NamedTuple):
+    """Alias tables [Walker1977] that choose a triangle of a mesh light by its area."""
+
+    first: NDArray[np.int32]  # (n,) of each light, into the columns below
+    count: NDArray[np.int32]  # (n,)
+    keep: NDArray[np.float32]  # (total,) probability to stay with the column drawn
+    alias: NDArray[np.int32]  # (total,) where to go otherwise
+    prim: NDArray[np.int32]  # (total,) primitive id
 
 
 @interface

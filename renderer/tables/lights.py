@@ -6,23 +6,13 @@ from typing import Any
 
 import numpy as np
 
-import renderer.lights.directional
-import renderer.lights.point
-import renderer.lights.spheres
-import renderer.lights.spot  # noqa: F401  (they make their kernels known)
+import renderer.shapes.registry  # noqa: F401  (shapes make their kernels known)
 from renderer.jit import record_type
-from renderer.kernel_scene import (
-    AreaLights,
-    ConstantLights,
-    LightKind,
-    Lights,
-    Settings,
-    Shapes,
-)
+from renderer.kernel_scene import Lights, Settings, Shapes
 from renderer.light_tables import LightTables
-from renderer.lights.area import add_emission
-from renderer.lights.constant import add_constant
-from renderer.lights.kind import sample_lights_of
+from renderer.lights.area import AreaLights, add_emission
+from renderer.lights.kind import LightKind, sample_lights_of
+from renderer.lights.registry import LIGHTS
 from renderer.tables.methods import INT, NOTHING, ROWS, MethodTables, work_types
 
 NO_LIGHTS = Lights(0, np.zeros(1, np.int32), np.zeros((0, 4), np.int64))
@@ -45,17 +35,14 @@ def light_methods(
     sample = (sample_lights_of, (work.points, ROWS, work.light_samples, INT), NOTHING)
     arriving = (*given, record_type(shapes), work.points, INT, ROWS)
     emission = (add_emission, arriving, NOTHING)
-    beyond = (*given, work.rays, work.hits, INT, INT, ROWS)
-    sky = (add_constant, beyond, NOTHING)
-    rows = [
-        (
-            tables.pack(LightKind(table, k, lights.kind, arithmetic)),
-            [
-                sample if lit else None,
-                emission if isinstance(table, AreaLights) else None,
-                sky if isinstance(table, ConstantLights) else None,
-            ],
-        )
-        for k, table in enumerate(lights.tables)
-    ]
+    sky = (*given, work.rays, work.hits, INT, INT, ROWS)
+    rows = []
+    for k, (plugin, table) in enumerate(zip(lights.plugins, lights.tables, strict=True)):
+        environment = LIGHTS[plugin].environment if plugin in LIGHTS else None
+        methods = [
+            sample if lit else None,
+            emission if isinstance(table, AreaLights) else None,
+            (environment, sky, NOTHING) if environment is not None else None,
+        ]
+        rows.append((tables.pack(LightKind(table, k, lights.kind, arithmetic)), methods))
     return Lights(lights.count, lights.kind, tables.table(rows, 3))
