@@ -40,10 +40,6 @@ AFTER_CAMERA_RAYS, AFTER_SURFACE_POINTS, AFTER_SCATTERING = 0, 1, 2
 Methods = NDArray[np.int64]  # (kinds, columns) addresses; 0 where there is no such method
 
 
-def _none(rows: int) -> NDArray[np.float32]:
-    return np.zeros((rows, 0), np.float32)
-
-
 class Placements(NamedTuple):
     """Where the instances are: x_world = A x_object + a, by instance id."""
 
@@ -52,64 +48,6 @@ class Placements(NamedTuple):
     to_object: NDArray[np.float32]  # (12 n,) the rows of the inverse of A, then a again
     group: NDArray[np.int32]  # (n,)
     number: NDArray[np.int32]  # (n,) in the file, with the shapes, the first is 1
-
-
-class TriangleSurfaces(NamedTuple):
-    """Triangles first .. end - 1 by primitive id; columns are relative to `first`."""
-
-    first: int
-    end: int
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
-    # each of the following has no column where no mesh has it or nobody asks for it
-    normals: NDArray[np.float32] = _none(9)  # (9, n) unit, of the three vertices in turn
-    uvs: NDArray[np.float32] = _none(6)  # (6, n) of the three vertices in turn
-    tangents: NDArray[np.float32] = _none(3)  # (3, n) dp/du
-
-
-class RectangleSurfaces(NamedTuple):
-    """Parallelograms first .. end - 1 by primitive id."""
-
-    first: int
-    end: int
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
-
-
-class DiskSurfaces(NamedTuple):
-    """Disks first .. end - 1 by primitive id; corner is the centre."""
-
-    first: int
-    end: int
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
-
-
-class SphereSurfaces(NamedTuple):
-    """Spheres first .. end - 1 by primitive id."""
-
-    first: int
-    end: int
-    center: NDArray[np.float32]  # (3, n)
-    radius: NDArray[np.float32]  # (n,)
-    frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
-
-
-class CylinderSurfaces(NamedTuple):
-    """Cylinders first .. end - 1 by primitive id."""
-
-    first: int
-    end: int
-    base: NDArray[np.float32]  # (3, n)
-    radius: NDArray[np.float32]  # (n,)
-    height: NDArray[np.float32]  # (n,)
-    frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
 
 
 class Shapes(NamedTuple):

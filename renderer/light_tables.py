@@ -14,6 +14,7 @@ from renderer.lights.area import AreaLights
 from renderer.lights.columns import number_column, vector_columns
 from renderer.lights.registry import LIGHTS, plugin_of
 from renderer.scene import Scene
+from renderer.shapes.registry import SHAPES
 from renderer.shapes.triangle import TriangleLights
 
 # (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
@@ -105,7 +106,10 @@ def _areas(
 ) -> AreaLights:
     """Return the area lights on one kind of shape."""
     shapes = scene.description.shapes
-    sizes = {i: primitive_areas(scene, kind, ids) for i, ids in lights.items()}
+    sizes = {
+        i: SHAPES[kind].areas(scene.surfaces[kind], ids - scene.surfaces[kind].first)
+        for i, ids in lights.items()
+    }
     prims = np.zeros(count, np.int32)
     for light, ids in lights.items():
         prims[light] = ids[0]
@@ -120,19 +124,6 @@ def _areas(
         if kind == "triangles"
         else None,
     )
-
-
-def primitive_areas(scene: Scene, kind: str, ids: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the areas of those primitives among `ids` that are of a kind."""
-    s = scene.surfaces[kind]
-    k = ids[(ids >= s.first) & (ids < s.end)] - s.first
-    if kind == "spheres":
-        return 4.0 * np.pi * s.radius[k].astype(np.float64) ** 2
-    if kind == "cylinders":
-        return 2.0 * np.pi * s.radius[k].astype(np.float64) * s.height[k]
-    cross = np.cross(s.edge1[:, k].T.astype(np.float64), s.edge2[:, k].T.astype(np.float64))
-    factor = {"triangles": 0.5, "rectangles": 1.0, "disks": np.pi}[kind]
-    return factor * np.linalg.norm(cross, axis=1)
 
 
 def alias_tables(count: int, surfaces: Any, tables: dict[int, Any]) -> TriangleLights:

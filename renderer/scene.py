@@ -29,19 +29,16 @@ from renderer.placed_groups import (
     shape_numbers,
 )
 from renderer.scene_file.description import (
-    Cylinder,
-    Disk,
     Mesh,
     Rectangle,
     SceneDescription,
-    Shape,
-    Sphere,
 )
 from renderer.scene_file.reach import FARTHEST
-from renderer.surface_records import float32, surface_record
-from renderer.surface_records import unit_normals as unit_normals
+from renderer.shapes.arrays import float32
+from renderer.shapes.arrays import unit_normals as unit_normals
+from renderer.shapes.registry import SHAPES, kind_of_shape
 
-KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
+KINDS = tuple(SHAPES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,38 +86,9 @@ class Scene:
         return placed_boxes(self.placements, group_boxes(primitives))
 
 
-def _orientation(shape: Shape) -> float:
-    """Return -1 where the shape's normal is opposite to the one the kernels compute.
-
-    The normal of a flat shape is the transformed +z, which is not edge1 x edge2 when the
-    transform mirrors; that of curved ones points away from the centre or axis.
-    """
-    if isinstance(shape, Mesh | Sphere | Cylinder):
-        return -1.0 if shape.flip_normals else 1.0
-    if isinstance(shape, Rectangle | Disk):
-        mirrored = np.linalg.det(shape.to_world[:3, :3]) < 0
-        return -1.0 if mirrored != shape.flip_normals else 1.0
-    raise AssertionError(f"unknown shape {type(shape).__name__}")
-
-
 def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return lower and upper corners, (3, n) each, of a kind's primitives."""
-    if kind == "triangles":
-        points = [s.corner, s.corner + s.edge1, s.corner + s.edge2]
-    elif kind == "rectangles":
-        points = [s.corner, s.corner + s.edge1, s.corner + s.edge2]
-        points.append(s.corner + s.edge1 + s.edge2)
-    elif kind == "disks":
-        reach = np.hypot(s.edge1, s.edge2)
-        points = [s.corner - reach, s.corner + reach]
-    elif kind == "spheres":
-        points = [s.center - s.radius, s.center + s.radius]
-    else:
-        axis = s.frame[6:9]
-        x, y, z = axis  # not sqrt(1 - axis^2), which is 0 for a slightly tilted axis
-        reach = s.radius * np.hypot([y, z, x], [z, x, y])
-        top = s.base + axis * s.height
-        points = [s.base - reach, s.base + reach, top - reach, top + reach]
+    points = SHAPES[kind].corners(s)
     lower = np.minimum.reduce(points)
     upper = np.maximum.reduce(points)
     # the sums above are rounded, and the hit test rounds in another way: pad by that
@@ -142,18 +110,12 @@ def build_scene(description: SceneDescription) -> Scene:
 
 
 def _build_scene(description: SceneDescription) -> Scene:
-    members: dict[str, list[tuple[int, Any]]] = {kind: [] for kind in KINDS}
-    kind_of = {
-        Mesh: "triangles",
-        Rectangle: "rectangles",
-        Disk: "disks",
-        Sphere: "spheres",
-        Cylinder: "cylinders",
-    }
     every_shape = description.every_shape
-    for index, shape in enumerate(every_shape):
-        members[kind_of[type(shape)]].append((index, shape))
-
+    kinds = [kind_of_shape(shape).name for shape in every_shape]
+    members = {
+        kind: [(k, shape) for k, shape in enumerate(every_shape) if kinds[k] == kind]
+        for kind in SHAPES
+    }
     materials = MaterialTables.of(description)
     surfaces: dict[str, Any] = {}
     starts: dict[str, NDArray[np.int64]] = {}
@@ -164,7 +126,7 @@ def _build_scene(description: SceneDescription) -> Scene:
         if not entries:
             continue
         shapes = [shape for _, shape in entries]
-        record = surfaces[kind] = surface_record(kind, shapes, first)
+        record = surfaces[kind] = SHAPES[kind].surfaces(shapes, first)
         for index, shape in entries:
             if isinstance(shape, Mesh):
                 count = len(shape.faces)
@@ -181,7 +143,7 @@ def _build_scene(description: SceneDescription) -> Scene:
 
     shape = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
     stages = materials.stages(every_shape)
-    orientation = [_orientation(s) for s in every_shape] or [1.0]
+    orientation = [kind_of_shape(s).orientation(s) for s in every_shape] or [1.0]
     scene = Scene(
         description,
         surfaces,

@@ -15,15 +15,12 @@ from renderer.accelerators.dispatch import any_hit, closest_hit
 from renderer.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
 from renderer.jit import entry_kernel
 from renderer.kernel_inputs import kernel_scene
-from renderer.kernel_scene import (
-    ANY,
-    CylinderSurfaces,
-    DiskSurfaces,
-    KernelScene,
-    RectangleSurfaces,
-    SphereSurfaces,
-    TriangleSurfaces,
-)
+from renderer.shapes.cylinder import CylinderSurfaces
+from renderer.shapes.disk import DiskSurfaces
+from renderer.shapes.rectangle import RectangleSurfaces
+from renderer.shapes.sphere import SphereSurfaces
+from renderer.shapes.triangle import TriangleSurfaces
+from renderer.kernel_scene import ANY, KernelScene
 from renderer.plan import RAY_OFFSETS, make_plan
 from renderer.scene import Scene, unit_normals
 from renderer.stages.intersect import collect, intersect

@@ -40,10 +40,7 @@ from renderer.accelerators.wide_bvh import build_wide
 from renderer.errors import SceneError
 from renderer.kernel_scene import EMIT
 from renderer.scene import KINDS, Scene, emits
-from renderer.shapes.cylinder import Cylinders
-from renderer.shapes.disk import Disks
-from renderer.shapes.rectangle import Rectangles
-from renderer.shapes.sphere import Spheres
+from renderer.shapes.registry import SHAPES
 from renderer.shapes.triangle import Triangles
 
 # name -> how it is built
@@ -65,8 +62,6 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
 }
 NAMES = ("auto", *BUILDERS)
 
-_FLAT = {"triangles": Triangles, "rectangles": Rectangles, "disks": Disks}
-
 
 def _padded(rows: NDArray[Any]) -> NDArray[Any]:
     """Append 16 columns of zeros, so that 16 primitives can be loaded from any column."""
@@ -77,29 +72,7 @@ def _padded(rows: NDArray[Any]) -> NDArray[Any]:
 def primitive_group(kind: str, surfaces: Any, order: NDArray[np.int64]) -> Any:
     """Return the group of a kind's primitives in the given order (column numbers)."""
     ids = _padded((order + surfaces.first).astype(np.int32))
-    count = len(order)
-    if kind == "spheres":
-        center, radius = surfaces.center[:, order], surfaces.radius[order]
-        return Spheres(_padded(center), _padded(radius), ids, count)
-    if kind == "cylinders":
-        return Cylinders(
-            _padded(surfaces.base[:, order]),
-            _padded(surfaces.frame[6:9, order]),
-            _padded(surfaces.radius[order]),
-            _padded(surfaces.height[order]),
-            ids,
-            count,
-        )
-    edge1, edge2 = surfaces.edge1[:, order], surfaces.edge2[:, order]
-    normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
-    return _FLAT[kind](
-        _padded(surfaces.corner[:, order]),
-        _padded(edge1),
-        _padded(edge2),
-        _padded(normal.astype(np.float32)),
-        ids,
-        count,
-    )
+    return SHAPES[kind].group(surfaces, order, ids, _padded)
 
 
 def build_accelerator(

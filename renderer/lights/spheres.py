@@ -8,7 +8,6 @@ import numpy as np
 
 from renderer.arithmetic import Plain
 from renderer.jit import interface, kernel
-from renderer.kernel_scene import SphereSurfaces
 from renderer.lanes.functions import (
     maximum,
     minimum,
@@ -19,6 +18,7 @@ from renderer.lanes.functions import (
 from renderer.lanes.mathematics import sincos
 from renderer.lanes.memory import gather_row
 from renderer.sampling import TWO_PI, square_to_sphere
+from renderer.shapes.sphere import SphereSurfaces
 from renderer.shapes.surface import LightPoint, pdf_shape, sample_shape
 from renderer.vectors import dot, gather3, normalize, orthonormal_basis, select3
 

@@ -8,13 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernel_scene import (
-    CylinderSurfaces,
-    DiskSurfaces,
-    RectangleSurfaces,
-    SphereSurfaces,
-    TriangleSurfaces,
-)
 from renderer.replay.instance_matrices import instance_matrices
 from renderer.replay.triangle_arithmetic import face_normals, uv_tangents
 from renderer.scene_file.description import (
@@ -25,6 +18,11 @@ from renderer.scene_file.description import (
     SceneDescription,
 )
 from renderer.scene_file.transforms import place_normals, place_points
+from renderer.shapes.cylinder import CylinderSurfaces
+from renderer.shapes.disk import DiskSurfaces
+from renderer.shapes.rectangle import RectangleSurfaces
+from renderer.shapes.sphere import SphereSurfaces
+from renderer.shapes.triangle import TriangleSurfaces
 
 
 class HitPoint(NamedTuple):

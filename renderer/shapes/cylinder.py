@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.kernel_scene import CylinderSurfaces
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import sincos
-from renderer.lanes.memory import gather_row, load_row
+from renderer.lanes.memory import gather_row, load_eight, load_one, load_row
 from renderer.sampling import TWO_PI
+from renderer.scene_file.description import Cylinder as Description
+from renderer.shapes.arrays import float32
+from renderer.shapes.blocks import BLOCKS_OF, column_in, primitives_in, three_in
+from renderer.shapes.kind import ShapeKind, flipped
 from renderer.shapes.patch import ZERO, Intersection
+from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.shapes.sphere import ordered_roots
 from renderer.shapes.surface import (
     ROUNDING,
@@ -106,6 +110,17 @@ def hit_cylinder(cylinder, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
+class CylinderSurfaces(NamedTuple):
+    """Cylinders first .. end - 1 by primitive id."""
+
+    first: int
+    end: int
+    base: NDArray[np.float32]  # (3, n)
+    radius: NDArray[np.float32]  # (n,)
+    height: NDArray[np.float32]  # (n,)
+    frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
+
+
 @surface_point.by(CylinderSurfaces)
 @kernel
 def _point_on_cylinder(cylinders, index, mask, u, height, hit_point, with_uv):
@@ -150,3 +165,96 @@ def _sample_cylinder(cylinders, kind, light, mask, position, x, y, z):
 
 
 pdf_shape.by(CylinderSurfaces)(pdf_by_area)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class CylinderBlocks(NamedTuple):
+    """Base, axis, radius and height of eight cylinders a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 8 * 8)
+    id: NDArray[np.int32]
+    count: int
+
+
+@kernel
+def cylinders_in(blocks, block):
+    """Return the eight cylinders of a block as lanes."""
+    return Cylinder(
+        three_in(blocks.rows, block, 0),
+        three_in(blocks.rows, block, 3),
+        load_eight(blocks.rows, block, 48),
+        load_eight(blocks.rows, block, 56),
+    )
+
+
+@kernel
+def cylinder_in(blocks, k):
+    """Return cylinder k as scalars."""
+    block, j = k >> 3, k & 7
+    rows = blocks.rows
+    return Cylinder(
+        column_in(rows, block, 0, j),
+        column_in(rows, block, 3, j),
+        load_one(rows, block, 48 + j),
+        load_one(rows, block, 56 + j),
+    )
+
+
+BLOCKS_OF[Cylinders] = CylinderBlocks
+primitive_at.by(Cylinders)(cylinder_at)
+primitives_from.by(Cylinders)(cylinders_from)
+primitive_at.by(CylinderBlocks)(cylinder_in)
+primitives_in.by(CylinderBlocks)(cylinders_in)
+hit_primitive.by(Cylinders, CylinderBlocks, drop_first=True)(hit_cylinder)
+
+
+def surfaces(shapes: list[Description], first: int) -> CylinderSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    matrices = np.array([shape.to_world for shape in shapes])
+    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)  # of the three columns
+    frame = matrices[:, :3, :3] / lengths[:, None, :]
+    return CylinderSurfaces(
+        first,
+        first + len(shapes),
+        float32(matrices[:, :3, 3].T),
+        float32(lengths[:, 0]),
+        float32(lengths[:, 2]),
+        float32(frame.transpose(0, 2, 1).reshape(-1, 9).T),
+    )
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    axis = s.frame[6:9]
+    x, y, z = axis  # not sqrt(1 - axis^2), which is 0 for a slightly tilted axis
+    reach = s.radius * np.hypot([y, z, x], [z, x, y])
+    top = s.base + axis * s.height
+    return [s.base - reach, s.base + reach, top - reach, top + reach]
+
+
+def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
+    base, axis = s.base[:, order], s.frame[6:9, order]
+    top = base + axis * s.height[order]
+    points = np.stack([base, top, base, top], 1)
+    return points, s.radius[order], np.zeros((3, len(order)), np.float32)
+
+
+def _areas(s: Any, k: Any) -> NDArray[np.float64]:
+    return 2.0 * np.pi * s.radius[k].astype(np.float64) * s.height[k]
+
+
+def _group(s: Any, order: Any, ids: Any, padded: Any) -> Cylinders:
+    return Cylinders(
+        padded(s.base[:, order]),
+        padded(s.frame[6:9, order]),
+        padded(s.radius[order]),
+        padded(s.height[order]),
+        ids,
+        len(order),
+    )
+
+
+CYLINDERS = ShapeKind(
+    "cylinders", Description, surfaces, flipped, _corners, _hull, _areas, _group
+)

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.kernel_scene import DiskSurfaces
 from renderer.lanes.functions import any_of, fabs, select, splat_f32, sqrt
 from renderer.lanes.memory import gather_row
 from renderer.sampling import square_to_disk
+from renderer.scene_file.description import Disk
+from renderer.shapes import flat
+from renderer.shapes.blocks import BLOCKS_OF, primitives_in
+from renderer.shapes.kind import ShapeKind
 from renderer.shapes.patch import (
     Intersection,
     divided,
     grazing,
     meet_plane,
     meet_plane_in_double,
+    patch_at,
+    patch_in,
+    patches_from,
+    patches_in,
 )
+from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -71,6 +79,17 @@ def hit_disk(disk, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
+class DiskSurfaces(NamedTuple):
+    """Disks first .. end - 1 by primitive id; corner is the centre."""
+
+    first: int
+    end: int
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+
+
 @surface_point.by(DiskSurfaces)
 @kernel
 def _point_on_disk(disks, index, mask, u, v, hit_point, with_uv):
@@ -109,3 +128,45 @@ def _sample_disk(disks, kind, light, mask, position, x, y, z):
 
 
 pdf_shape.by(DiskSurfaces)(pdf_by_area)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class DiskBlocks(NamedTuple):
+    """Centre, edges and normal of eight disks a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 12 * 8)
+    id: NDArray[np.int32]
+    count: int
+
+
+BLOCKS_OF[Disks] = DiskBlocks
+primitive_at.by(Disks)(patch_at)
+primitives_from.by(Disks)(patches_from)
+primitive_at.by(DiskBlocks)(patch_in)
+primitives_in.by(DiskBlocks)(patches_in)
+hit_primitive.by(Disks, DiskBlocks, drop_first=True)(hit_disk)
+
+
+def surfaces(shapes: list[Disk], first: int) -> DiskSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    x, y, center = flat.placed_axes(shapes)
+    return flat.flat_surfaces(DiskSurfaces, first, center, x, y)
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    reach = np.hypot(s.edge1, s.edge2)
+    return [s.corner - reach, s.corner + reach]
+
+
+DISKS = ShapeKind(
+    "disks",
+    Disk,
+    surfaces,
+    flat.orientation,
+    _corners,
+    flat.hull(((-1, -1), (1, -1), (-1, 1), (1, 1))),
+    flat.areas(float(np.pi)),
+    flat.group(Disks),
+)

@@ -12,6 +12,7 @@ import numpy as np
 
 from renderer.jit import kernel, never_inline
 from renderer.lanes.functions import fabs, select, to_double, to_single
+from renderer.shapes.blocks import column_in, three_in
 from renderer.vectors import column, cross, dot, load3, vec3
 
 # A Python literal would make scalars float64, and round differently from the lanes.
@@ -170,3 +171,28 @@ def divided(plane_hit, inside, t_max):
     t = plane_hit.t * inverse
     hit = inside & (t > 0.0) & (t <= t_max) & (plane_hit.scale > 0.0)
     return Intersection(hit, t, plane_hit.u * inverse, plane_hit.v * inverse)
+
+
+@kernel
+def patches_in(blocks, block):
+    """Return the eight flat primitives of a block as lanes."""
+    rows = blocks.rows
+    return Patch(
+        three_in(rows, block, 0),
+        three_in(rows, block, 3),
+        three_in(rows, block, 6),
+        three_in(rows, block, 9),
+    )
+
+
+@kernel
+def patch_in(blocks, k):
+    """Return flat primitive k as scalars."""
+    block, j = k >> 3, k & 7
+    rows = blocks.rows
+    return Patch(
+        column_in(rows, block, 0, j),
+        column_in(rows, block, 3, j),
+        column_in(rows, block, 6, j),
+        column_in(rows, block, 9, j),
+    )

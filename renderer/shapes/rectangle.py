@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.kernel_scene import RectangleSurfaces
 from renderer.lanes.functions import any_of
 from renderer.lanes.memory import gather_row
+from renderer.scene_file.description import Rectangle
+from renderer.shapes import flat
+from renderer.shapes.blocks import BLOCKS_OF, primitives_in
+from renderer.shapes.kind import ShapeKind
 from renderer.shapes.patch import (
     MARGIN,
     divided,
@@ -19,7 +22,12 @@ from renderer.shapes.patch import (
     lesser,
     meet_plane,
     meet_plane_in_double,
+    patch_at,
+    patch_in,
+    patches_from,
+    patches_in,
 )
+from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -64,6 +72,17 @@ def hit_rectangle(rectangle, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
+class RectangleSurfaces(NamedTuple):
+    """Parallelograms first .. end - 1 by primitive id."""
+
+    first: int
+    end: int
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+
+
 @surface_point.by(RectangleSurfaces)
 @kernel
 def _point_on_rectangle(rectangles, index, mask, u, v, hit_point, with_uv):
@@ -92,3 +111,45 @@ def _sample_rectangle(rectangles, kind, light, mask, position, x, y, z):
 
 
 pdf_shape.by(RectangleSurfaces)(pdf_by_area)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class RectangleBlocks(NamedTuple):
+    """Corner, edges and normal of eight rectangles a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 12 * 8)
+    id: NDArray[np.int32]
+    count: int
+
+
+BLOCKS_OF[Rectangles] = RectangleBlocks
+primitive_at.by(Rectangles)(patch_at)
+primitives_from.by(Rectangles)(patches_from)
+primitive_at.by(RectangleBlocks)(patch_in)
+primitives_in.by(RectangleBlocks)(patches_in)
+hit_primitive.by(Rectangles, RectangleBlocks, drop_first=True)(hit_rectangle)
+
+
+def surfaces(shapes: list[Rectangle], first: int) -> RectangleSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    x, y, center = flat.placed_axes(shapes)
+    return flat.flat_surfaces(RectangleSurfaces, first, center - x - y, 2 * x, 2 * y)
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    points = [s.corner, s.corner + s.edge1, s.corner + s.edge2]
+    return [*points, s.corner + s.edge1 + s.edge2]
+
+
+RECTANGLES = ShapeKind(
+    "rectangles",
+    Rectangle,
+    surfaces,
+    flat.orientation,
+    _corners,
+    flat.hull(((0, 0), (1, 0), (0, 1), (1, 1))),
+    flat.areas(1.0),
+    flat.group(Rectangles),
+)

@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
-from renderer.kernel_scene import SphereSurfaces
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import arccos
-from renderer.lanes.memory import gather_row, load_row
+from renderer.lanes.memory import gather_row, load_eight, load_one, load_row
+from renderer.scene_file.description import Sphere as Description
+from renderer.shapes.arrays import float32
+from renderer.shapes.blocks import BLOCKS_OF, column_in, primitives_in, three_in
+from renderer.shapes.kind import ShapeKind, flipped
 from renderer.shapes.patch import ZERO, Intersection
+from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.shapes.surface import (
     ROUNDING,
     SurfacePoint,
@@ -90,6 +94,17 @@ def hit_sphere(sphere, origin, direction, t_max):
 
 # ---------------------------------------- surface; sampled as a lamp in `lights.spheres`
 
+
+class SphereSurfaces(NamedTuple):
+    """Spheres first .. end - 1 by primitive id."""
+
+    first: int
+    end: int
+    center: NDArray[np.float32]  # (3, n)
+    radius: NDArray[np.float32]  # (n,)
+    frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
+
+
 _INV_PI = np.float32(1.0 / np.pi)
 
 
@@ -117,3 +132,71 @@ def _point_on_sphere(spheres, index, mask, u, v, hit_point, with_uv):
 
 
 tangent_at.by(SphereSurfaces)(around_axis)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class SphereBlocks(NamedTuple):
+    """Centre and radius of eight spheres a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 4 * 8)
+    id: NDArray[np.int32]
+    count: int
+
+
+@kernel
+def spheres_in(blocks, block):
+    """Return the eight spheres of a block as lanes."""
+    return Sphere(three_in(blocks.rows, block, 0), load_eight(blocks.rows, block, 24))
+
+
+@kernel
+def sphere_in(blocks, k):
+    """Return sphere k as scalars."""
+    block, j = k >> 3, k & 7
+    return Sphere(column_in(blocks.rows, block, 0, j), load_one(blocks.rows, block, 24 + j))
+
+
+BLOCKS_OF[Spheres] = SphereBlocks
+primitive_at.by(Spheres)(sphere_at)
+primitives_from.by(Spheres)(spheres_from)
+primitive_at.by(SphereBlocks)(sphere_in)
+primitives_in.by(SphereBlocks)(spheres_in)
+hit_primitive.by(Spheres, SphereBlocks, drop_first=True)(hit_sphere)
+
+
+def surfaces(shapes: list[Description], first: int) -> SphereSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    matrices = np.array([shape.to_world for shape in shapes])
+    scale = np.linalg.norm(matrices[:, :3, 0], axis=1)
+    frame = matrices[:, :3, :3] / scale[:, None, None]  # columns are the local axes
+    return SphereSurfaces(
+        first,
+        first + len(shapes),
+        float32(matrices[:, :3, 3].T),
+        float32(scale),
+        float32(frame.transpose(0, 2, 1).reshape(-1, 9).T),
+    )
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    return [s.center - s.radius, s.center + s.radius]
+
+
+def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
+    points = np.repeat(s.center[:, None, order], 4, axis=1)
+    return points, s.radius[order], np.zeros((3, len(order)), np.float32)
+
+
+def _areas(s: Any, k: Any) -> NDArray[np.float64]:
+    return 4.0 * np.pi * s.radius[k].astype(np.float64) ** 2
+
+
+def _group(s: Any, order: Any, ids: Any, padded: Any) -> Spheres:
+    return Spheres(padded(s.center[:, order]), padded(s.radius[order]), ids, len(order))
+
+
+SPHERES = ShapeKind(
+    "spheres", Description, surfaces, flipped, _corners, _hull, _areas, _group
+)

@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 
 from renderer.arithmetic import density_normal
 from renderer.jit import interface, kernel
-from renderer.kernel_scene import TriangleSurfaces
 from renderer.lanes.functions import any_of, minimum, select, to_f32, to_i32
 from renderer.lanes.memory import gather_row
 from renderer.sampling import square_to_triangle
+from renderer.scene_file.description import Mesh
+from renderer.shapes import flat
+from renderer.shapes.arrays import empty_rows, float32, unit_normals
+from renderer.shapes.blocks import BLOCKS_OF, primitives_in
+from renderer.shapes.kind import ShapeKind, flipped
 from renderer.shapes.patch import (
     MARGIN,
     ONE,
@@ -26,7 +30,12 @@ from renderer.shapes.patch import (
     lesser,
     meet_plane,
     meet_plane_in_double,
+    patch_at,
+    patch_in,
+    patches_from,
+    patches_in,
 )
+from renderer.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.shapes.surface import (
     LightPoint,
     SurfacePoint,
@@ -89,6 +98,23 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
 
 
 # ------------------------------------------------------------------ surface and light
+
+
+class TriangleSurfaces(NamedTuple):
+    """Triangles first .. end - 1 by primitive id; columns are relative to `first`."""
+
+    first: int
+    end: int
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+    # each of the following has no column where no mesh has it or nobody asks for it
+    normals: NDArray[np.float32] = empty_rows(
+        9
+    )  # (9, n) unit, of the three vertices in turn
+    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the three vertices in turn
+    tangents: NDArray[np.float32] = empty_rows(3)  # (3, n) dp/du
 
 
 @kernel
@@ -186,3 +212,80 @@ def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
 
 
 pdf_shape.by(TriangleSurfaces)(pdf_by_area)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class TriangleBlocks(NamedTuple):
+    """Corner, edges and normal of eight triangles a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 12 * 8)
+    id: NDArray[np.int32]  # (blocks * 8,) primitive id in the scene, -1 in the padding
+    count: int  # blocks * 8
+
+
+BLOCKS_OF[Triangles] = TriangleBlocks
+primitive_at.by(Triangles)(patch_at)
+primitives_from.by(Triangles)(patches_from)
+primitive_at.by(TriangleBlocks)(patch_in)
+primitives_in.by(TriangleBlocks)(patches_in)
+hit_primitive.by(Triangles, TriangleBlocks, drop_first=True)(hit_triangle)
+
+
+def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
+    """Concatenate meshes; normals are kept if any mesh has them."""
+    corners, edges1, edges2, normals, uvs = [], [], [], [], []
+    smooth = any(mesh.normals is not None for mesh in meshes)
+    for mesh in meshes:
+        p = mesh.vertices[mesh.faces].astype(np.float32)  # (F, 3 vertices, 3)
+        corners.append(p[:, 0].T)
+        edges1.append((p[:, 1] - p[:, 0]).T)
+        edges2.append((p[:, 2] - p[:, 0]).T)
+        if smooth:
+            normals.append(_vertex_normals(mesh, p))
+        corner_uvs = (
+            np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]]), (len(p), 3, 2))
+            if mesh.uvs is None
+            else mesh.uvs[mesh.faces]
+        )
+        uvs.append(corner_uvs.reshape(len(p), 6).T)
+    count = sum(mesh.faces.shape[0] for mesh in meshes)
+    edge1, edge2 = np.concatenate(edges1, axis=1), np.concatenate(edges2, axis=1)
+    return TriangleSurfaces(
+        first,
+        first + count,
+        float32(np.concatenate(corners, axis=1)),
+        float32(edge1),
+        float32(edge2),
+        unit_normals(edge1, edge2),
+        float32(np.concatenate(normals, axis=1) if smooth else np.zeros((9, 0))),
+        float32(np.concatenate(uvs, axis=1)),
+        float32(np.zeros((3, 0))),
+    )
+
+
+def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return (9, F) vertex normals; a faceted mesh beside a smooth one repeats its own."""
+    if mesh.normals is not None:
+        return mesh.normals[mesh.faces].reshape(len(p), 9).T.astype(np.float64)
+    q = p.astype(np.float64)
+    n = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    return np.tile(-n if mesh.flip_normals else n, 3).T
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    return [s.corner, s.corner + s.edge1, s.corner + s.edge2]
+
+
+TRIANGLES = ShapeKind(
+    "triangles",
+    Mesh,
+    surfaces,
+    flipped,
+    _corners,
+    flat.hull(((0, 0), (1, 0), (0, 1), (0, 0))),
+    flat.areas(0.5),
+    flat.group(Triangles),
+)

@@ -22,7 +22,7 @@ from renderer.batch import PADDING
 from renderer.bounding_volumes.grown_points import points_of_extents
 from renderer.bounding_volumes.volumes import VOLUMES, which_hit
 from renderer.jit import entry_kernel
-from renderer.kernel_scene import TriangleSurfaces
+from renderer.shapes.triangle import TriangleSurfaces
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import flat, in_batches
 from reports.accelerator_trials.tracing import make_query, trace
