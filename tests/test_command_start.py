@@ -18,7 +18,7 @@ from renderer import __main__ as process
 from renderer import names
 from renderer.accelerators.build import NAMES
 from renderer.integrators.render_tile import RENDER_TILE
-from renderer.plan import INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
+from renderer.rendering.planning.plan import INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
 ROOT = Path(__file__).parent.parent
 SLOW = {"numba", "llvmlite", "scipy", "OpenEXR", "PIL", "rich"}

@@ -27,11 +27,11 @@ from mitsuba_ref.our_renderer.traced_path import (
     Vector,
 )
 from renderer.jit import pack
-from renderer.light_order import light_order
-from renderer.lights.registry import plugin_of
-from renderer.plan import NO_LIMIT
-from renderer.rendering import Rendering
-from renderer.stages.tile import Tile
+from renderer.kinds.lights.registry import plugin_of
+from renderer.records.tile import Tile
+from renderer.rendering.planning.plan import NO_LIMIT
+from renderer.rendering.rendering import Rendering
+from renderer.scene.light_order import light_order
 
 NAME = "lightproof"
 

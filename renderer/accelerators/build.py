@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.brute_force import build_brute_force
-from renderer.accelerators.bsp import build_bsp
-from renderer.accelerators.bvh import build_bvh
-from renderer.accelerators.bvh_build import build_tree
+from renderer.accelerators.bvh.bvh import build_bvh
+from renderer.accelerators.bvh.bvh_build import build_tree
+from renderer.accelerators.bvh.wide_bvh import build_wide
 from renderer.accelerators.choice import choose_structure, choose_structures
-from renderer.accelerators.clustered_grids import build_clustered_grids
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.accelerators.extents import (
     Extents,
@@ -23,25 +21,27 @@ from renderer.accelerators.extents import (
     PrimitiveGroup,
     extents_of,
 )
-from renderer.accelerators.groups import Accelerators
-from renderer.accelerators.instances_build import build_instances
-from renderer.accelerators.kd_tree import (
+from renderer.accelerators.grids.clustered_grids import build_clustered_grids
+from renderer.accelerators.grids.nested_grids import build_nested_grids
+from renderer.accelerators.grids.uniform_grid import (
+    build_uniform_grid,
+    build_uniform_grid_without_mailboxes,
+)
+from renderer.accelerators.groups.accelerators import Accelerators
+from renderer.accelerators.groups.instances_build import build_instances
+from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_median,
     build_kd_middle,
     build_kd_sah,
 )
-from renderer.accelerators.nested_grids import build_nested_grids
-from renderer.accelerators.octree import build_octree
-from renderer.accelerators.uniform_grid import (
-    build_uniform_grid,
-    build_uniform_grid_without_mailboxes,
-)
-from renderer.accelerators.wide_bvh import build_wide
+from renderer.accelerators.octree_and_bsp.bsp import build_bsp
+from renderer.accelerators.octree_and_bsp.octree import build_octree
+from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
-from renderer.kernel_scene import EMIT
-from renderer.scene import KINDS, Scene, emits
-from renderer.shapes.registry import SHAPES
-from renderer.shapes.triangle import Triangles
+from renderer.kinds.shapes.registry import SHAPES
+from renderer.kinds.shapes.triangle import Triangles
+from renderer.records.kernel_scene import EMIT
+from renderer.scene.scene import KINDS, Scene, emits
 
 # name -> how it is built
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.scene import primitive_bounds
-from renderer.shapes.registry import SHAPES
+from renderer.kinds.shapes.registry import SHAPES
+from renderer.scene.scene import primitive_bounds
 
 # The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
 # that went into it (32 units in the last place of single precision).
@@ -74,7 +74,7 @@ def extents_of(
     Parameters
     ----------
     kind
-        One of `renderer.scene.KINDS`.
+        One of `renderer.scene.scene.KINDS`.
     surfaces
         The record of that kind.
     order

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel, method_kernel, never_inline
+from renderer.lanes.vectors import column, vec3
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.rounded_once import fused_sum, times_vector, unit
 from renderer.scene_file.description import PerspectiveCamera
-from renderer.vectors import column, vec3
 
 _ONE = np.float32(1.0)
 _SAME = 1e-6  # relative difference of a matrix entry that rounding explains

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import kernel
+from renderer.lanes.vectors import column, dot, vec3
 from renderer.replay.flat_hits import column3
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.rounded_once import (
@@ -25,7 +26,6 @@ from renderer.replay.rounded_once import (
     unit,
 )
 from renderer.replay.surfaces import HitPoint
-from renderer.vectors import column, dot, vec3
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)

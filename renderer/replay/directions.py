@@ -13,14 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arithmetic import (
+from renderer.jit import kernel
+from renderer.kinds.lights.spheres import cone_of_density, near_surface
+from renderer.kinds.sampling.arithmetic import (
     cosine_direction,
     density_normal,
     seen_from,
     tangents_of,
     to_world,
 )
-from renderer.jit import kernel
 from renderer.lanes.functions import (
     as_f32,
     as_i32,
@@ -32,9 +33,8 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.fused import fused
-from renderer.lights.spheres import cone_of_density, near_surface
-from renderer.vectors import dot, length, load3, orthonormal_basis, select3, vec3
+from renderer.lanes.vectors import dot, length, load3, orthonormal_basis, select3, vec3
+from renderer.replay.fused_lanes import fused
 
 _QUARTER_PI = np.float32(0.25) * np.float32(np.pi)
 _HALF_PI = np.float32(0.5) * np.float32(np.pi)

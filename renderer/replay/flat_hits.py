@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import kernel
+from renderer.lanes.vectors import column, vec3
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.reciprocal import reciprocal
 from renderer.replay.rounded_once import fused_cross, fused_dot, fused_sum, unit
 from renderer.replay.surfaces import HitPoint
-from renderer.vectors import column, vec3
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import kernel, method_kernel
+from renderer.lanes.vectors import column, dot
 from renderer.replay.curved_hits import on_cylinder, on_disk, on_sphere
 from renderer.replay.flat_hits import on_rectangle, on_triangle
 from renderer.replay.instance_space import (
@@ -22,7 +23,6 @@ from renderer.replay.instance_space import (
     placed_vector,
 )
 from renderer.replay.surfaces import HitPoint
-from renderer.vectors import column, dot
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

@@ -1,6 +1,6 @@
 """The matrices by which Embree and Mitsuba go into the space of an instance.
 
-Those of ours (`renderer.placed_groups`) undo the translation first, which is better, and
+Those of ours (`renderer.scene.placed_groups`) undo the translation first, which is better, and
 not the same.
 """
 

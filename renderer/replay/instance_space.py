@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.affine import affine_at
 from renderer.jit import kernel
+from renderer.lanes.affine import affine_at
+from renderer.lanes.vectors import vec3
 from renderer.replay.flat_hits import column3, column9
 from renderer.replay.rounded_once import fused_affine, fused_sum, fused_times, unit
-from renderer.vectors import vec3
 
 
 class ObjectRay(NamedTuple):

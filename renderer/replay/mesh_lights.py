@@ -1,7 +1,7 @@
 """The triangle of a mesh light, chosen as Mitsuba does it: a search in cumulated areas.
 
 It uses up a part of the point's own number and returns the rest; our own way
-(`renderer.shapes.triangle`) takes another number, and constant time.
+(`renderer.kinds.shapes.triangle`) takes another number, and constant time.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel
+from renderer.kinds.shapes.triangle import choose_triangle
 from renderer.lanes.functions import mask_bits, select
 from renderer.lanes.memory import gather_row
 from renderer.replay.triangle_arithmetic import triangle_areas
-from renderer.shapes.triangle import choose_triangle
 
 
 class TriangleShares(NamedTuple):

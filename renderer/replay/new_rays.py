@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel, method_kernel
+from renderer.lanes.vectors import column, dot, vec3
 from renderer.replay.fused import fused_multiply_add
 from renderer.replay.hit_points import ROUNDING
 from renderer.replay.rounded_once import fused_cross, fused_sum, unit
-from renderer.vectors import column, dot, vec3
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)

@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.batch import CAPACITY
 from renderer.jit import kernel, method_kernel
 from renderer.lanes.functions import (
     as_i32,
@@ -30,8 +29,9 @@ from renderer.lanes.functions import (
     to_i32,
 )
 from renderer.lanes.memory import gather_row, load_row, store_row
+from renderer.records.batch import CAPACITY
+from renderer.records.tile import pixel_key, slot_pixel
 from renderer.replay.sequences import begin_sample, next_1d, next_2d
-from renderer.stages.tile import pixel_key, slot_pixel
 
 # rows of `Replay.numbers`
 FILM = 0  # x, y in the pixel

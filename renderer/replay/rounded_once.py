@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import kernel
+from renderer.lanes.vectors import vec3
 from renderer.replay.fused import fused_multiply_add
-from renderer.vectors import vec3
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)

@@ -8,6 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kinds.shapes.cylinder import CylinderSurfaces
+from renderer.kinds.shapes.disk import DiskSurfaces
+from renderer.kinds.shapes.rectangle import RectangleSurfaces
+from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.replay.instance_matrices import instance_matrices
 from renderer.replay.triangle_arithmetic import face_normals, uv_tangents
 from renderer.scene_file.description import (
@@ -18,11 +23,6 @@ from renderer.scene_file.description import (
     SceneDescription,
 )
 from renderer.scene_file.transforms import place_normals, place_points
-from renderer.shapes.cylinder import CylinderSurfaces
-from renderer.shapes.disk import DiskSurfaces
-from renderer.shapes.rectangle import RectangleSurfaces
-from renderer.shapes.sphere import SphereSurfaces
-from renderer.shapes.triangle import TriangleSurfaces
 
 
 class HitPoint(NamedTuple):

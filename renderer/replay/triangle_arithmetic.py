@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.shapes.triangle import TriangleSurfaces
+from renderer.kinds.shapes.triangle import TriangleSurfaces
 
 Columns = NDArray[np.float32]  # (3, n)
 

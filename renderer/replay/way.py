@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from renderer.jit import pack
-from renderer.materials import kind_of, sides
-from renderer.plan import Plan
+from renderer.rendering.planning.plan import Plan
+from renderer.rendering.tables.variant import Sampling
 from renderer.replay.camera import replay_camera, round_camera_rays
 from renderer.replay.directions import AsMitsuba
 from renderer.replay.hit_points import round_surface_points
@@ -27,12 +27,12 @@ from renderer.replay.pixel_seeds import pixel_seeds
 from renderer.replay.sequences import make_sequence
 from renderer.replay.surfaces import rounding_of
 from renderer.replay.triangle_arithmetic import face_normals, triangle_tangents
-from renderer.scene import Scene
-from renderer.tables.variant import Sampling
+from renderer.scene.materials import kind_of, sides
+from renderer.scene.scene import Scene
 
 
 class Replayed:
-    """The way of a replay; see `renderer.tables.variant.Variant`.
+    """The way of a replay; see `renderer.rendering.tables.variant.Variant`.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def _two_sided(properties: Properties) -> TwoSided:
 
 def reflecting_bsdfs() -> list[str]:
     """Return the names of the BSDFs that light does not go through."""
-    from renderer.bsdfs.registry import BSDFS
+    from renderer.kinds.bsdfs.registry import BSDFS
 
     return [name for name, kind in BSDFS.items() if not kind.transmits]
 

@@ -38,14 +38,14 @@ def bsdf_readers() -> Mapping[str, Callable[[Any], Any]]:
     Imported here: the file of a kind holds how it is read, and what it needs for that is
     in this package.
     """
-    from renderer.bsdfs.registry import BSDFS
+    from renderer.kinds.bsdfs.registry import BSDFS
 
     return {name: kind.read for name, kind in BSDFS.items()}
 
 
 def light_kinds() -> Mapping[str, Any]:
     """Return the kinds of emitter that stand alone, by the plugin's name."""
-    from renderer.lights.registry import LIGHTS
+    from renderer.kinds.lights.registry import LIGHTS
 
     return LIGHTS
 

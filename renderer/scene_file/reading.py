@@ -46,7 +46,7 @@ class Reading:
         """Build the record of an element, or return the one of the first time.
 
         Many references to one bitmap must load it once; the records are then the same
-        object, by which `renderer.scene` recognizes them.
+        object, by which `renderer.scene.scene` recognizes them.
         """
         if id(element) not in self._built:
             self._built[id(element)] = (element, build())
