@@ -40,6 +40,7 @@ from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
 from renderer.kinds.shapes.registry import SHAPES
 from renderer.kinds.shapes.triangle import Triangles
+from renderer.names import ACCELERATORS
 from renderer.records.kernel_scene import EMIT
 from renderer.scene.scene import KINDS, Scene, emits
 
@@ -60,7 +61,6 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "kd-sah": build_kd_sah,
     "octree": build_octree,
 }
-NAMES = ("auto", *BUILDERS)
 
 
 def _padded(rows: NDArray[Any]) -> NDArray[Any]:
@@ -126,7 +126,7 @@ def build_accelerators(
     scene : Scene
         The primitives.
     name : str
-        One of `NAMES`; `auto` takes what the cost model expects to be the fastest.
+        One of `renderer.names.ACCELERATORS`; `auto` takes what the cost model expects to be the fastest.
         Instances and the groups that they show always have BVHs, but under `brute`.
     rays : RayCounts
         That will be traced; for `auto`.
@@ -139,8 +139,10 @@ def build_accelerators(
     SceneError
         If there is no accelerator of that name.
     """
-    if name not in NAMES:
-        raise SceneError(f"accelerator {name!r} is unknown; there are: {', '.join(NAMES)}")
+    if name not in ACCELERATORS:
+        raise SceneError(
+            f"accelerator {name!r} is unknown; there are: {', '.join(ACCELERATORS)}"
+        )
     built: dict[str, Any] = dict.fromkeys(KINDS)
     reach = _reach(scene)
     choices = choose_structures(scene, name, rays)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,30 +55,25 @@ def light_tables(
     tables: list[Any] = []
     plugins: list[str] = []
 
-    def add(
-        plugin: str, lights: dict[int, Any], make: Callable[[dict[int, Any]], Any]
-    ) -> None:
-        if lights:
-            kind[list(lights)] = len(tables)
-            tables.append(make(lights))
-            plugins.append(plugin)
+    def add(plugin: str, ids: Iterable[int], table: Any) -> None:
+        kind[list(ids)] = len(tables)
+        tables.append(table)
+        plugins.append(plugin)
 
     for plugin in LIGHTS.values():
-        of_kind = {i: e for i, e in others.items() if plugin_of(e) is plugin}
-        add(plugin.name, of_kind, lambda lights, k=plugin: k.table(count, lights, beyond))
+        mine = {i: e for i, e in others.items() if plugin_of(e) is plugin}
+        if mine:
+            add(plugin.name, mine, plugin.table(count, mine, beyond))
     primitives = _primitives_of_lights(scene, shining)
     for shapes, of_kind in scene.surfaces.items():
-        add(
-            "area",
-            {
-                light: ids
-                for light, ids in primitives.items()
-                if of_kind.first <= ids[0] < of_kind.end
-            },
-            lambda lights, k=shapes: _areas(
-                count, scene, k, surfaces[k], shining, lights, mesh_choice
-            ),
-        )
+        lamps = {
+            light: ids
+            for light, ids in primitives.items()
+            if of_kind.first <= ids[0] < of_kind.end
+        }
+        if lamps:
+            args = (count, scene, shapes, surfaces[shapes], shining, lamps, mesh_choice)
+            add("area", lamps, _areas(*args))
     return LightTables(count, kind, tables, plugins)
 
 

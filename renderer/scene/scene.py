@@ -143,15 +143,15 @@ def _build_scene(description: SceneDescription) -> Scene:
         starts[kind] = np.cumsum(sizes).astype(np.int64)
         first = record.end
 
-    shape = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
+    shape_of = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
     stages = materials.stages(every_shape)
     orientation = [kind_of_shape(s).orientation(s) for s in every_shape] or [1.0]
     scene = Scene(
         description,
         surfaces,
-        shape,
+        shape_of,
         np.concatenate([*faces, np.zeros(0)]).astype(np.int32),
-        (stages[shape] | ANY).astype(np.int32),
+        (stages[shape_of] | ANY).astype(np.int32),
         Shapes(
             materials.front,
             materials.back,

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
+from renderer.scene_file.document.tree import Element
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.tree import Element
 
 T = TypeVar("T")
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.scene.scene import unit_normals
-from renderer.scene_file.ply_file import read_ply
+from renderer.scene_file.meshes.ply_file import read_ply
 
 Vector = tuple[float, float, float]
 

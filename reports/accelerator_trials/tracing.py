@@ -28,7 +28,7 @@ JOBS_PER_THREAD = 4  # enough to even out batches of unlike cost
 
 
 class BatchRays(NamedTuple):
-    """What a traversal reads of one batch; the names are those of `renderer.records.batch.Rays`."""
+    """What a traversal reads of one batch; named as in `renderer.records.batch.Rays`."""
 
     origin: Any  # (3, stride)
     direction: Any  # (3, stride)
@@ -44,7 +44,7 @@ class BatchHits(NamedTuple):
 
 
 class BatchShadowRays(NamedTuple):
-    """What an any-hit traversal works on; named as in `renderer.records.batch.ShadowRays`."""
+    """What an any-hit traversal works on; named as in `records.batch.ShadowRays`."""
 
     origin: Any  # (3, stride)
     direction: Any  # (3, stride)

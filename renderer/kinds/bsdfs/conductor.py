@@ -9,8 +9,8 @@ from renderer.kinds.bsdfs.fresnel import fresnel_conductor
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.vectors import vec3
-from renderer.scene_file.colors import Use, read_color
-from renderer.scene_file.conductor_materials import MATERIALS
+from renderer.scene_file.colors.colors import Use, read_color
+from renderer.scene_file.colors.conductor_materials import MATERIALS
 from renderer.scene_file.description import Conductor as Description
 from renderer.scene_file.numbers import quoted
 

@@ -9,10 +9,10 @@ from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
 from renderer.lanes.functions import select, splat_f32
 from renderer.lanes.vectors import select3, vec3
-from renderer.scene_file.colors import Use, read_color
+from renderer.scene_file.colors.colors import Use, read_color
+from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.refractive_indices import INDICES
 
 
 class Dielectric(NamedTuple):

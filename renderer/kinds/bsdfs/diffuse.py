@@ -10,7 +10,7 @@ from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
 from renderer.lanes.functions import select, splat_f32
 from renderer.scene_file.description import Diffuse as Description
-from renderer.scene_file.textures import read_texture
+from renderer.scene_file.objects.textures import read_texture
 
 
 class Diffuse(NamedTuple):

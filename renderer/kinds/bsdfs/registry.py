@@ -13,7 +13,7 @@ from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
 from renderer.scene_file.description import OtherBsdf
-from renderer.scene_file.textures import read_texture
+from renderer.scene_file.objects.textures import read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
 

@@ -15,7 +15,7 @@ from renderer.kinds.sampling.numbers_and_warps import square_to_sphere
 from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.lanes.memory import load_row
 from renderer.lanes.vectors import column, gather3, load3
-from renderer.scene_file.colors import Use, read_color
+from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import ConstantLight
 
 SPHERE_PDF = np.float32(1.0 / (4.0 * np.pi))

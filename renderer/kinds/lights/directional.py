@@ -13,7 +13,7 @@ from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH, one_of
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.vectors import gather3
-from renderer.scene_file.colors import Use, read_color
+from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import DirectionalLight
 
 

@@ -16,7 +16,7 @@ from renderer.lanes.mathematics import arccos
 from renderer.lanes.memory import gather_row
 from renderer.lanes.vectors import dot, gather3, length
 from renderer.scene_file import transforms
-from renderer.scene_file.colors import Use, read_color
+from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import SpotLight
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.errors import NotReplayable, SceneError
 from renderer.kinds.lights.registry import plugin_of
+from renderer.names import INTEGRATORS, REPLAY, SAMPLERS
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
@@ -23,19 +24,16 @@ from renderer.rendering.planning.explanation import (
     explain_samples,
     explain_weights,
 )
-from renderer.replay.pixel_seeds import BLOCK_SIZE
+from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
     Sampler,
 )
-from renderer.scene_file.samplers import round_sample_count
+from renderer.scene_file.objects.samplers import round_sample_count
 from renderer.threads import default_threads
 
-INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
-SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
-REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
 # A new ray starts off its surface, so as not to meet it again: so many rounding errors of
 # the position, plus this times (1 + its largest coordinate). `tight` is right for scenes of
 # millimetres and of kilometres alike. `mitsuba` is the rule of Mitsuba 3.9.1 (1500 units in
