@@ -28,12 +28,12 @@ from kernel_probes import (
     fill,
     rectangles,
     soup,
+    trace,
     triangles,
     unit,
     workspace,
 )
 
-from renderer.accelerators.dispatch import closest_hit
 from renderer.accelerators.grid_walk import LEVELS
 from renderer.accelerators.tally import (
     BOXES,
@@ -44,12 +44,6 @@ from renderer.accelerators.tally import (
     make_tally,
 )
 from renderer.accelerators.uniform_grid import build_uniform_grid
-from renderer.jit import entry_kernel
-
-
-@entry_kernel
-def run_counted(accel, rays, hits, count, tally):
-    closest_hit(accel, rays, hits, 0, count, False, tally)
 
 
 def counts(accel, origin, direction):
@@ -58,7 +52,7 @@ def counts(accel, origin, direction):
     n = fill(work.rays, origin, direction)
     work.hits.t[:n], work.hits.prim[:] = np.inf, -1
     tally = make_tally(n)
-    run_counted(accel, work.rays, work.hits, n, tally)
+    trace(accel, work, 0, n, False, tally)
     return tally[:, :n]
 
 
