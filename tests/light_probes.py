@@ -72,12 +72,11 @@ def sample_lights(
     return LightSamples(*(np.concatenate(p, axis=-1) for p in zip(*parts, strict=True)))
 
 
-def light_kind(inputs: Inputs, light: int) -> Packed:
-    """Return the record of a light's kind, as its kernels are given it."""
-    index = inputs.record.lights.kind[light]
+def light_kinds(inputs: Inputs) -> list[Packed]:
+    """Return the records of all kinds of lights, as their kernels are given them."""
     kinds = [p for p in inputs.tables.kept if isinstance(p.record, LightKind)]
-    (kind,) = [packed for packed in kinds if packed.record.index == index]
-    return kind
+    assert [packed.record.index for packed in kinds] == list(range(len(kinds)))
+    return kinds
 
 
 class Sampled(NamedTuple):
@@ -148,7 +147,8 @@ class LightProbe:
         pdf = np.empty(n + -n % 16, np.float32)
         met = np.pad(np.broadcast_to(np.int32(prim), n), pad, "edge")
         light = self._light(name, pdf.size)
-        run_pdf_shape(light_kind(self.inputs, light[0]), light, met, where, r, cos, pdf)
+        kind = light_kinds(self.inputs)[self.inputs.record.lights.kind[light[0]]]
+        run_pdf_shape(kind, light, met, where, r, cos, pdf)
         return pdf[:n].astype(float)
 
     def choices(self, number: Any) -> NDArray[np.int32]:

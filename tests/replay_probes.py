@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from kernel_probes import Inputs, fill, float32, run_surface_points
-from light_probes import sample_lights
+from light_probes import light_kinds, sample_lights
 
 from renderer.arithmetic import seen_from, to_local
 from renderer.batch import CAPACITY, Workspace
@@ -23,7 +23,7 @@ from renderer.bsdfs.kind import (
     sample_bsdf,
 )
 from renderer.jit import entry_kernel, pack
-from renderer.kernel_scene import AreaLights, LightKind
+from renderer.kernel_scene import AreaLights
 from renderer.lanes.functions import first_lanes
 from renderer.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.plan import make_plan
@@ -107,13 +107,12 @@ def run_density(kind, shapes, points, count, density):
 
 def density_towards(inputs: Inputs, origin: Any, direction: Any) -> np.ndarray:
     """Densities [1/sr] of light samples in directions (n, 3) that all hit a light."""
-    kinds = [p for p in inputs.tables.kept if isinstance(p.record, LightKind)]
     shapes, parts = pack(inputs.scene.shapes), []
     for first in range(0, len(origin), CAPACITY):
         part = slice(first, first + CAPACITY)
         work, n = _points_at(inputs, origin[part], direction[part])
         density = np.full(CAPACITY, np.nan, np.float32)
-        for kind in kinds:
+        for kind in light_kinds(inputs):
             if isinstance(kind.record.lights, AreaLights):
                 run_density(kind, shapes, pack(work.points), n, density)
         parts.append(density[:n].astype(float))
