@@ -1,28 +1,34 @@
 """Kernels made callable from Python, one entry for each question, shared by the tests.
 
 A kernel compiles once for each kind of record it is given, and that is where the time of
-these tests goes; so the tests ask through the few functions here.
+these tests goes; so the tests ask through the few functions here, with packed records, as
+the renderer does.
 """
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from renderer.kernel_inputs import kernel_scene
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.jit import entry_kernel
-from renderer.kinds.shapes.cylinder import CylinderSurfaces
-from renderer.kinds.shapes.disk import DiskSurfaces
-from renderer.kinds.shapes.rectangle import RectangleSurfaces
-from renderer.kinds.shapes.sphere import SphereSurfaces
-from renderer.kinds.shapes.triangle import TriangleSurfaces
+from renderer.jit import entry_kernel, pack
 from renderer.lanes.vectors import load3, store3
 from renderer.records.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
-from renderer.records.kernel_scene import ANY, KernelScene
-from renderer.rendering.planning.plan import RAY_OFFSETS, make_plan
+from renderer.records.kernel_scene import (
+    ANY,
+    CylinderSurfaces,
+    DiskSurfaces,
+    RectangleSurfaces,
+    SphereSurfaces,
+    TriangleSurfaces,
+)
+from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
+from renderer.rendering.tables.kernel_record import KernelInputs
+from renderer.rendering.tables.variant import OwnWay, Variant
 from renderer.scene.scene import Scene, unit_normals
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.shading_frame import leave_surface
@@ -45,7 +51,7 @@ def triangles(points: Any) -> TriangleSurfaces:
     end = FIRST_ID + len(p)
     edges = [float32((p[:, k] - p[:, 0]).T) for k in (1, 2)]
     normal = unit_normals(*edges)
-    return TriangleSurfaces(FIRST_ID, end, float32(p[:, 0].T), *edges, normal, None, None)
+    return TriangleSurfaces(FIRST_ID, end, float32(p[:, 0].T), *edges, normal)
 
 
 def rectangles(corner: Any, edge1: Any, edge2: Any) -> RectangleSurfaces:
@@ -116,14 +122,16 @@ def run_any_hit(accel, shadow_rays, count, coherent, tally):
     any_hit(accel, shadow_rays, count, coherent, tally)
 
 
-def workspace(count: int, channels: int = 3, instances: bool = False) -> Workspace:
-    return make_workspace(
-        ray_capacity=count,
-        shadow_capacity=count,
-        channels=channels,
-        depths=1,
-        instances=instances,
-    )
+def trace(
+    accel: Any, work: Workspace, first: int, count: int, coherent: bool, tally: Any
+) -> None:
+    """Update the hits of `count` rays of a workspace with those in an accelerator."""
+    packed = pack(accel), pack(work.rays), pack(work.hits)
+    run_closest_hit(*packed, first, count, coherent, tally)
+
+
+def workspace(count: int, channels: int = 3) -> Workspace:
+    return make_workspace(ray_capacity=count, capacity=count, channels=channels)
 
 
 def fill(record: Rays | ShadowRays, origin: Any, direction: Any) -> int:
@@ -156,7 +164,7 @@ def closest(
     n = fill(work.rays, origin, direction)
     work.hits.t[:n] = t_max
     work.hits.prim[:] = -1
-    run_closest_hit(accel, work.rays, work.hits, 0, n, coherent, tally)
+    trace(accel, work, 0, n, coherent, tally)
     return Found(*(row[:n] for row in work.hits[:4]))
 
 
@@ -175,7 +183,7 @@ def blocked(
     n = fill(work.shadow_rays, origin, direction)
     work.shadow_rays.blocked[:n] = before
     work.shadow_rays.t_max[:n] = t_max
-    run_any_hit(accel, work.shadow_rays, n, coherent, tally)
+    run_any_hit(pack(accel), pack(work.shadow_rays), n, coherent, tally)
     return work.shadow_rays.blocked[:n] != 0
 
 
@@ -197,24 +205,72 @@ class Seen(NamedTuple):
     leaving: np.ndarray  # where a ray starts that leaves along `outgoing`
 
 
-def kernel_inputs(scene: Scene, ray_offset: str = "tight") -> KernelScene:
+class Inputs:
+    """What the kernels get of a scene; addresses hold as long as this lives.
+
+    Parameters
+    ----------
+    scene, plan, accel, seed, way
+        As `KernelInputs` takes them.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        plan: Plan,
+        accel: str = "brute",
+        seed: int = 0,
+        way: Variant | None = None,
+    ) -> None:
+        self.scene, self.plan, self.way = scene, plan, way or OwnWay()
+        self.tables = KernelInputs(scene, plan, accel, seed, self.way)
+        self.record = self.tables.record
+        self.packed = pack(self.record)
+
+    def changed(self, **fields: Any) -> Inputs:
+        """Return the same with other fields of the record."""
+        other = copy.copy(self)
+        other.record = self.record._replace(**fields)
+        other.packed = pack(other.record)
+        return other
+
+    def with_settings(self, **settings: Any) -> Inputs:
+        return self.changed(settings=self.record.settings._replace(**settings))
+
+    def workspace(self, capacity: int = CAPACITY, rays: int | None = None) -> Workspace:
+        bsdfs = self.record.bsdfs
+        return make_workspace(
+            ray_capacity=rays or capacity,
+            capacity=capacity,
+            kinds=len(bsdfs.methods),
+            parameters=len(bsdfs.values),
+            previous_points=self.way.previous_points,
+        )
+
+
+def first_hit_plan(scene: Scene) -> Plan:
+    """A plan for first hits, but with rays that are traced one by one as well."""
+    return dataclasses.replace(make_plan(scene, integrator="aov"), max_depth=2)
+
+
+def kernel_inputs(scene: Scene, ray_offset: str = "tight", accel: str = "brute") -> Inputs:
     """What the kernels get for first hits; the kinds of shapes decide what compiles."""
-    inputs = kernel_scene(scene, make_plan(scene, integrator="aov"), "brute", 0)
     rounding, fixed = RAY_OFFSETS[ray_offset]
-    settings = inputs.settings._replace(rounding_offset=rounding, fixed_offset=fixed)
-    return inputs._replace(settings=settings)
+    inputs = Inputs(scene, first_hit_plan(scene), accel)
+    return inputs.with_settings(rounding_offset=rounding, fixed_offset=fixed)
 
 
 @entry_kernel
-def run_intersect(accelerators, rays, hits, count):
-    intersect(accelerators, rays, hits, 0, count, False, None)
+def run_intersect(groups, rays, hits, count):
+    intersect(groups, rays, hits, np.int64(0), count, False, None)
 
 
 @entry_kernel
 def run_surface_points(scene, work, count):
     """Points of all hits among the first `count` rays; their number."""
-    intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
+    none = np.int64(0)
+    intersect(scene.groups, work.rays, work.hits, none, count, False, None)
+    found = collect(scene.primitives.stages, work.hits, none, count, ANY, work.order, none)
     surface_points(scene, work.rays, work.hits, work.order, found, work.points)
     return found
 
@@ -225,17 +281,17 @@ def run_leave_surface(points, count, direction, origin):
         store3(origin, i, leave_surface(points, i, load3(direction, i)))
 
 
-def nearest(inputs: KernelScene, origin: Any, direction: Any, t_max: Any = np.inf) -> Found:
+def nearest(inputs: Inputs, origin: Any, direction: Any, t_max: Any = np.inf) -> Found:
     """The nearest hit among all kinds of primitives of rays (n, 3)."""
     work = workspace(ray_count(origin, direction))
     n = fill(work.rays, origin, direction)
     work.hits.t[:n] = t_max
     work.hits.prim[:] = -1
-    run_intersect(inputs.accelerators, work.rays, work.hits, n)
+    run_intersect(inputs.record.groups, pack(work.rays), pack(work.hits), n)
     return Found(*(row[:n] for row in work.hits[:4]))
 
 
-def look(inputs: KernelScene, origin: Any, direction: Any, outgoing: Any = None) -> Seen:
+def look(inputs: Inputs, origin: Any, direction: Any, outgoing: Any = None) -> Seen:
     """Surface points of rays (n, 3) that must all hit something.
 
     New rays leave in the directions `outgoing` (n, 3); None goes straight on.
@@ -243,16 +299,16 @@ def look(inputs: KernelScene, origin: Any, direction: Any, outgoing: Any = None)
     parts = []
     for first in range(0, len(origin), CAPACITY):
         part = slice(first, first + CAPACITY)
-        work = workspace(CAPACITY, instances=inputs.accelerators.instances is not None)
+        work = inputs.workspace()
         n = fill(work.rays, origin[part], direction[part])
         work.hits.t[:n] = np.inf
         work.hits.prim[:] = -1
-        assert run_surface_points(inputs, work, n) == n, "a ray missed"
+        assert run_surface_points(inputs.packed, pack(work), n) == n, "a ray missed"
         p = work.points
         going = np.zeros_like(p.wo)
         going[:, :n] = float32(direction[part] if outgoing is None else outgoing[part]).T
         leaving = np.zeros_like(p.wo)
-        run_leave_surface(p, n, going, leaving)
+        run_leave_surface(pack(p), n, going, leaving)
         rows = (p.t, p.shape, p.prim, p.position, p.normal, p.shading_normal)
         rows = (*rows, p.uv, p.offset, p.wo, leaving)
         parts.append([row[..., :n].T for row in rows])

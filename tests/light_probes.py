@@ -6,49 +6,77 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from kernel_probes import float32
+from kernel_probes import Inputs, float32
 from numpy.typing import NDArray
-from renderer.kernel_inputs import kernel_scene
-from renderer.kinds.lights.choose import choose_light, sample_light
+from renderer.ways import way_of
 
 import renderer
-from renderer.jit import entry_kernel
-from renderer.kinds.lights.area import pdf_area_light
+from renderer.jit import Packed, call, entry_kernel, pack
+from renderer.kinds.sampling.numbers_and_warps import choose_one
+from renderer.kinds.shapes.surface import pdf_shape
 from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3, store3
+from renderer.lanes.vectors import load3
+from renderer.records.batch import LightSamples, make_workspace
+from renderer.records.kernel_scene import RECORD, SAMPLE_LIGHT, LightKind
 from renderer.rendering.planning.plan import make_plan
 
 Array = NDArray[np.float64]
+AT_ONCE = 1 << 15  # points
 
 
 @entry_kernel
-def run_sample_light(lights, surfaces, light, position, random, vectors, scalars):
-    """Rows of `vectors`: wi, radiance; of `scalars`: distance, pdf."""
-    for i in range(0, light.size, 16):
-        which = load_row(light, 0, i)
-        x, y, z = load_row(random, 0, i), load_row(random, 1, i), load_row(random, 2, i)
-        s = sample_light(lights, surfaces, which, load3(position, i), x, y, z)
-        store3(vectors[:3], i, s.wi)
-        store3(vectors[3:], i, s.radiance)
-        store_row(scalars, 0, i, s.distance)
-        store_row(scalars, 1, i, s.pdf)
+def run_sample_lights(lights, work, count):
+    """Sample the lights that `work.light_samples` names, with `work.numbers`."""
+    for kind in range(lights.methods.shape[0]):
+        call(
+            lights.methods[kind, SAMPLE_LIGHT],
+            lights.methods[kind, RECORD],
+            (work.points, work.numbers, work.light_samples, count),
+        )
 
 
 @entry_kernel
-def run_pdf_area_light(areas, surfaces, light, prim, position, distance, cosine, pdf):
+def run_pdf_shape(kind, light, prim, position, distance, cosine, pdf):
     for i in range(0, light.size, 16):
         which, met = load_row(light, 0, i), load_row(prim, 0, i)
         r, cos = load_row(distance, 0, i), load_row(cosine, 0, i)
-        where = load3(position, i)
-        density = pdf_area_light(areas, surfaces, which, met, which >= 0, where, r, cos)
+        where, surfaces = load3(position, i), kind.lights.surfaces
+        density = pdf_shape(surfaces, kind, which, met, which >= 0, where, r, cos)
         store_row(pdf, 0, i, density)
 
 
 @entry_kernel
-def run_choose_light(lights, number, light):
+def run_choose_one(number, count, chosen):
     for i in range(0, number.size, 16):
-        x = load_row(number, 0, i)
-        store_row(light, 0, i, choose_light(lights, None, None, 0, x, x)[0])
+        which, _ = choose_one(load_row(number, 0, i), count)
+        store_row(chosen, 0, i, which)
+
+
+def sample_lights(
+    inputs: Inputs, light: NDArray[np.int32], position: Any, random: Any
+) -> LightSamples:
+    """Sample the lights (n,) from positions (n, 3), or one, with numbers (3, n)."""
+    n = len(light)
+    where = np.broadcast_to(position, (n, 3))
+    work = make_workspace(capacity=AT_ONCE)
+    lights, packed = pack(inputs.record.lights), pack(work)
+    parts = []
+    for first in range(0, n, AT_ONCE):
+        part = slice(first, min(n, first + AT_ONCE))
+        count = part.stop - first
+        work.points.position[:, :count] = where[part].T
+        work.numbers[:3, :count] = random[:, part]
+        work.light_samples.light[:count] = light[part]
+        run_sample_lights(lights, packed, count)
+        parts.append([row[..., :count].copy() for row in work.light_samples])
+    return LightSamples(*(np.concatenate(p, axis=-1) for p in zip(*parts, strict=True)))
+
+
+def light_kinds(inputs: Inputs) -> list[Packed]:
+    """Return the records of all kinds of lights, as their kernels are given them."""
+    kinds = [p for p in inputs.tables.kept if isinstance(p.record, LightKind)]
+    assert [packed.record.index for packed in kinds] == list(range(len(kinds)))
+    return kinds
 
 
 class Sampled(NamedTuple):
@@ -88,8 +116,8 @@ class LightProbe:
         self.scene = renderer.load_dict(content)
         plan = make_plan(self.scene, integrator="path")
         plan = dataclasses.replace(plan, replay=replay)
-        inputs = kernel_scene(self.scene, plan, "brute", 0)
-        self.lights, self.surfaces = inputs.lights, inputs.surfaces
+        self.inputs = Inputs(self.scene, plan, way=way_of(plan, None))
+        self.surfaces = self.inputs.tables.surfaces
         self.names = [*shapes, *emitters]
 
     def prims(self, name: str) -> NDArray[np.int64]:
@@ -101,38 +129,30 @@ class LightProbe:
 
     def sample(self, name: str, position: Any, random: Any) -> Sampled:
         """Sample a light from one position or n of them with numbers (3, n)."""
-        n = np.shape(random)[1]
-        pad = ((0, 0), (0, -n % 16))
-        where = np.pad(float32(np.broadcast_to(position, (n, 3)).T), pad, "edge")
-        numbers = np.pad(float32(random), pad, "edge")
-        padded = numbers.shape[1]
-        vectors, scalars = (np.empty((k, padded), np.float32) for k in (6, 2))
-        light = self._light(name, padded)
-        run_sample_light(
-            self.lights, self.surfaces, light, where, numbers, vectors, scalars
-        )
-        wi, radiance = vectors[:3, :n].T, vectors[3:, :n].T
-        return Sampled(*(a.astype(float) for a in (wi, radiance, *scalars[:, :n])))
+        light = self._light(name, np.shape(random)[1])
+        s = sample_lights(self.inputs, light, position, random)
+        return Sampled(*(a.T.astype(float) for a in (s.wi, s.radiance, s.distance, s.pdf)))
 
     def density(
-        self, name: str, position: Any, prim: int, distance: Any, cosine: Any
+        self, name: str, position: Any, prim: Any, distance: Any, cosine: Any
     ) -> Array:
-        """Return `pdf_area_light` [1/sr] of directions that meet a light.
+        """Return `pdf_shape` [1/sr] of directions that meet a light.
 
-        Given are the distances and |cosines| there, (n,) each.
+        Given are the primitive, the distances and |cosines| there, (n,) each.
         """
         n = len(distance)
         pad = (0, -n % 16)
         where = np.pad(float32(np.broadcast_to(position, (n, 3)).T), ((0, 0), pad), "edge")
         r, cos = (np.pad(float32(a), pad, "edge") for a in (distance, cosine))
         pdf = np.empty(n + -n % 16, np.float32)
-        met = np.full(pdf.size, prim, np.int32)
+        met = np.pad(np.broadcast_to(np.int32(prim), n), pad, "edge")
         light = self._light(name, pdf.size)
-        run_pdf_area_light(self.lights.areas, self.surfaces, light, met, where, r, cos, pdf)
+        kind = light_kinds(self.inputs)[self.inputs.record.lights.kind[light[0]]]
+        run_pdf_shape(kind, light, met, where, r, cos, pdf)
         return pdf[:n].astype(float)
 
     def choices(self, number: Any) -> NDArray[np.int32]:
         """Return the light that each of 16 k numbers chooses."""
         light = np.empty(len(number), np.int32)
-        run_choose_light(self.lights, float32(number), light)
+        run_choose_one(float32(number), self.inputs.record.lights.count, light)
         return light

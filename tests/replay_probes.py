@@ -9,45 +9,47 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from kernel_probes import fill, float32
-from renderer.kernel_inputs import kernel_scene
-from renderer.kinds.lights.choose import choose_light, light_probability, sample_light
-from renderer.kinds.lights.triangles import density_normal
+from kernel_probes import Inputs, fill, float32, run_surface_points
+from light_probes import light_kinds, sample_lights
+from renderer.ways import way_of
 
-from renderer.jit import entry_kernel
-from renderer.kinds.bsdfs.diffuse import sample_diffuse
-from renderer.kinds.lights.area import pdf_area_light
-from renderer.lanes.functions import fabs, first_lanes
-from renderer.lanes.memory import gather_row, load_row, store_row
-from renderer.lanes.vectors import dot, load3, select3, store3
-from renderer.records.batch import CAPACITY, Workspace, make_workspace
-from renderer.records.kernel_scene import ANY, KernelScene
+from renderer.jit import entry_kernel, pack
+from renderer.kinds.bsdfs.diffuse import DIFFUSE
+from renderer.kinds.bsdfs.kind import (
+    BsdfMethods,
+    Numbers,
+    outgoing,
+    parameters_at,
+    sample_bsdf,
+)
+from renderer.kinds.sampling.arithmetic import seen_from, to_local
+from renderer.kinds.sampling.numbers_and_warps import choose_one
+from renderer.kinds.shapes.surface import pdf_shape
+from renderer.lanes.functions import first_lanes
+from renderer.lanes.memory import gather_row, load_row, store_row, store_where
+from renderer.lanes.vectors import load3, store3
+from renderer.records.batch import CAPACITY, Workspace
+from renderer.records.kernel_scene import AreaLights
 from renderer.rendering.planning.plan import make_plan
+from renderer.replay.rounding.directions import AsMitsuba
 from renderer.scene.scene import Scene
-from renderer.stages.intersect import collect, intersect
-from renderer.stages.shading_frame import tangents_of
-from renderer.stages.surface import surface_points
+from renderer.stages.shading_frame import frame_at
 
 
-def replay_inputs(scene: Scene) -> KernelScene:
+def replay_inputs(scene: Scene) -> Inputs:
     """What the kernels get for a replay of Mitsuba's path integrator."""
     plan = dataclasses.replace(make_plan(scene, integrator="path"), replay=True)
-    return kernel_scene(scene, plan, "brute", 0)
+    return Inputs(scene, plan, way=way_of(plan, None))
 
 
-def _at_rays(inputs: KernelScene, origin: Any, direction: Any) -> tuple[Workspace, int]:
-    """A workspace with rays (n, 3) that wait to be traced, and n."""
-    work = make_workspace(
-        ray_capacity=CAPACITY,
-        shadow_capacity=16,
-        channels=3,
-        depths=1,
-        instances=inputs.accelerators.instances is not None,
-        replay=True,
-    )
+def _points_at(inputs: Inputs, origin: Any, direction: Any) -> tuple[Workspace, int]:
+    """A workspace with the points that rays (n, 3) meet, and n; all must hit."""
+    work = inputs.workspace()
     n = fill(work.rays, origin, direction)
+    work.rays.previous[:] = work.rays.origin
     work.hits.t[:n] = np.inf
     work.hits.prim[:] = -1
+    assert run_surface_points(inputs.packed, pack(work), n) == n, "a ray missed"
     return work, n
 
 
@@ -65,78 +67,54 @@ class Asked(NamedTuple):
 
 
 @entry_kernel
-def run_ask(lights, surfaces, position, x, y, light, wi, distance, pdf, radiance):
-    probability = light_probability(lights, None)
-    for i in range(0, x.size, 16):
-        u, v = load_row(x, 0, i), load_row(y, 0, i)
-        which, u = choose_light(lights, None, 1, 0, u, u)
-        s = sample_light(lights, surfaces, which, load3(position, i), u, v, v)
-        store_row(light, 0, i, which)
-        store3(wi, i, s.wi)
-        store_row(distance, 0, i, s.distance)
-        store_row(pdf, 0, i, s.pdf * probability)
-        store3(radiance, i, s.radiance * (1.0 / probability))
+def run_choose(number, count, light, rest):
+    for i in range(0, number.size, 16):
+        chosen, left = choose_one(load_row(number, 0, i), count)
+        store_row(light, 0, i, chosen)
+        store_row(rest, 0, i, left)
 
 
-def ask(inputs: KernelScene, position: Any, x: Any, y: Any) -> Asked:
-    """Ask one light of all from points (n, 3) with numbers x and y (n,)."""
+def ask(inputs: Inputs, position: Any, x: Any, y: Any) -> Asked:
+    """Ask one light of all from points (n, 3) with numbers x and y (n,).
+
+    As in a replay x chooses the light, and what is left of it is the sample's own.
+    """
     n = len(x)
-    room = n + -n % 16
-    p = np.zeros((3, room), np.float32)
-    p[:, :n] = float32(position).T
-    numbers = [np.pad(float32(a), (0, room - n), "edge") for a in (x, y)]
-    light = np.empty(room, np.int32)
-    wi, radiance = (np.empty((3, room), np.float32) for _ in range(2))
-    distance, pdf = (np.empty(room, np.float32) for _ in range(2))
-    run_ask(
-        inputs.lights,
-        inputs.surfaces,
-        p,
-        *numbers,
-        light,
-        wi,
-        distance,
-        pdf,
-        radiance,
-    )
-    rows = (light, wi.T, distance, pdf, radiance.T)
-    return Asked(light[:n], *(a[:n].astype(float) for a in rows[1:]))
+    number = np.pad(float32(x), (0, -n % 16), "edge")
+    light, rest = np.empty(number.size, np.int32), np.empty(number.size, np.float32)
+    count = inputs.record.lights.count
+    run_choose(number, count, light, rest)
+    random = np.stack((rest[:n], float32(y), float32(y)))
+    s = sample_lights(inputs, light[:n], float32(position), random)
+    probability = np.float32(1.0 / count)
+    rows = (s.wi.T, s.distance, s.pdf * probability, s.radiance.T / probability)
+    return Asked(light[:n], *(a.astype(float) for a in rows))
 
 
 @entry_kernel
-def run_density(scene, areas, work, count, density):
-    intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
-    points = work.points
-    surface_points(scene, work.rays, work.hits, work.order, found, points)
-    for i in range(0, found, 16):
-        valid = first_lanes(found - i)
-        light = gather_row(scene.shapes.light, 0, load_row(points.shape, 0, i), valid)
-        wo, t = load3(points.wo, i), load_row(points.t, 0, i)
-        flat, smooth = load3(points.normal, i), load3(points.shading_normal, i)
-        light_pdf = pdf_area_light(
-            areas,
-            scene.surfaces,
-            light,
-            load_row(points.prim, 0, i),
-            valid & (light >= 0),
-            load3(points.position, i) + wo * t,
-            t,
-            fabs(dot(wo, density_normal(areas.replay, flat, smooth))),
-        )
-        store_row(density, 0, i, light_pdf)
-    return found
+def run_density(kind, shapes, points, count, density):
+    """Write the density of those points that are on lights of a kind."""
+    for i in range(0, count, 16):
+        valid = first_lanes(count - i)
+        light = gather_row(shapes.light, 0, load_row(points.shape, 0, i), valid)
+        lamp = valid & (light >= 0)
+        mine = lamp & (gather_row(kind.kind, 0, light, lamp) == kind.index)
+        position, distance, cosine = seen_from(kind.arithmetic, points, i)
+        prim, surfaces = load_row(points.prim, 0, i), kind.lights.surfaces
+        pdf = pdf_shape(surfaces, kind, light, prim, mine, position, distance, cosine)
+        store_where(density, 0, i, pdf, mine)
 
 
-def density_towards(inputs: KernelScene, origin: Any, direction: Any) -> np.ndarray:
+def density_towards(inputs: Inputs, origin: Any, direction: Any) -> np.ndarray:
     """Densities [1/sr] of light samples in directions (n, 3) that all hit a light."""
-    parts = []
+    shapes, parts = pack(inputs.scene.shapes), []
     for first in range(0, len(origin), CAPACITY):
         part = slice(first, first + CAPACITY)
-        work, n = _at_rays(inputs, origin[part], direction[part])
-        density = np.empty(CAPACITY, np.float32)
-        found = run_density(inputs, inputs.lights.areas, work, n, density)
-        assert found == n, "a ray missed"
+        work, n = _points_at(inputs, origin[part], direction[part])
+        density = np.full(CAPACITY, np.nan, np.float32)
+        for kind in light_kinds(inputs):
+            if isinstance(kind.record.lights, AreaLights):
+                run_density(kind, shapes, pack(work.points), n, density)
         parts.append(density[:n].astype(float))
     return np.concatenate(parts)
 
@@ -145,25 +123,19 @@ def density_towards(inputs: KernelScene, origin: Any, direction: Any) -> np.ndar
 
 
 @entry_kernel
-def run_scatter(scene, work, count, x, y, direction):
-    """Directions that diffuse hits go on in, x and y by hit; the number of hits."""
-    intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
-    points = work.points
-    surface_points(scene, work.rays, work.hits, work.order, found, points)
-    for i in range(0, found, 16):
-        normal = load3(points.shading_normal, i)
-        s, t = tangents_of(points.tangent, i, normal)
-        front = dot(load3(points.wo, i), normal) > 0.0
-        normal = select3(front, normal, -normal)
-        wi, _ = sample_diffuse(
-            scene.settings.replay, s, t, normal, load_row(x, 0, i), load_row(y, 0, i)
-        )
+def run_directions(bsdf, points, count, x, y, direction):
+    """Directions that diffuse hits go on in, x and y by hit."""
+    for i in range(0, count, 16):
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wo, u, v = load3(points.wo, i), load_row(x, 0, i), load_row(y, 0, i)
+        parameters = parameters_at(bsdf.form, points, i)
+        numbers = Numbers(u, v, v, bsdf.arithmetic)
+        chosen = sample_bsdf(parameters, to_local(frame, wo), numbers)
+        wi = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
         store3(direction, i, wi)
-    return found
 
 
-def scattered(inputs: KernelScene, origin: Any, direction: Any, x: Any, y: Any) -> Any:
+def scattered(inputs: Inputs, origin: Any, direction: Any, x: Any, y: Any) -> Any:
     """Directions (n, 3) in which rays (n, 3) go on from what they hit; all must hit."""
     parts = []
     for first in range(0, len(origin), CAPACITY):
@@ -183,12 +155,12 @@ class Seen(NamedTuple):
     direction: np.ndarray
 
 
-def seen(inputs: KernelScene, origin: Any, direction: Any, x: Any, y: Any) -> Seen:
+def seen(inputs: Inputs, origin: Any, direction: Any, x: Any, y: Any) -> Seen:
     """What up to `CAPACITY` rays (n, 3) hit, and where they go on; all must hit."""
-    work, n = _at_rays(inputs, origin, direction)
+    work, n = _points_at(inputs, origin, direction)
     numbers = [np.pad(float32(a), (0, -n % 16), "edge") for a in (x, y)]
     out = np.empty((3, n + -n % 16), np.float32)
-    assert run_scatter(inputs, work, n, *numbers, out) == n, "a ray missed"
-    points = work.points
+    points, bsdf = work.points, pack(BsdfMethods(DIFFUSE.form(), AsMitsuba()))
+    run_directions(bsdf, pack(points), n, *numbers, out)
     rows = (points.position, points.normal, points.shading_normal, points.uv, out)
     return Seen(*(row[:, :n].T.copy() for row in rows))

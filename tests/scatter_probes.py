@@ -5,27 +5,23 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from kernel_probes import workspace
+from kernel_probes import Inputs
 from numpy.typing import NDArray
-from renderer.kernel_inputs import kernel_scene
 
 import renderer
-from renderer.jit import entry_kernel
-from renderer.kinds.bsdfs.diffuse import eval_diffuse
-from renderer.lanes.functions import lane_index
+from renderer.jit import entry_kernel, pack
+from renderer.kinds.bsdfs.diffuse import Diffuse, eval_pdf
+from renderer.kinds.sampling.numbers_and_warps import Independent
 from renderer.lanes.memory import load_row, store_row
 from renderer.lanes.vectors import store3, vec3
 from renderer.records.batch import CAPACITY, Rays, Workspace
-from renderer.records.kernel_scene import KernelScene
-from renderer.rendering.planning.plan import make_plan
-from renderer.stages.camera_rays import film_position
-from renderer.stages.film import Tile
-from renderer.stages.scatter import (
-    scatter_conductor,
-    scatter_dielectric,
-    scatter_diffuse,
-    split_dielectric,
-)
+from renderer.records.kernel_scene import RECORD
+from renderer.records.tile import Tile
+from renderer.rendering.planning.plan import NO_LIMIT, make_plan
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.materials import load_parameters
+from renderer.stages.scatter import scatter
+from renderer.stages.split import split
 
 Array = NDArray[np.float64]
 TILE = Tile(0, 0, 32, 32, 32)
@@ -33,54 +29,24 @@ UP = (0.0, 0.0, 1.0)
 
 
 @entry_kernel
-def run_diffuse(scene, tile, sample, points, count, rays):
-    bsdfs, settings = scene.bsdfs, scene.settings
-    return scatter_diffuse(
-        bsdfs.diffuse, scene.sampler, settings, scene.shapes, bsdfs.kind, tile, sample,
-        0, points, 0, count, rays, 0,
-    )  # fmt: skip
+def run_scatter(scene, tile, sample, work):
+    """Scatter at the points of the only kind of BSDF; return how many paths go on."""
+    bsdfs, ends, none = scene.bsdfs, work.ends, np.int64(0)
+    load_parameters(scene.shapes, bsdfs, none, work.points, ends[0], ends[1])
+    return scatter(scene, tile, sample, none, work)
 
 
 @entry_kernel
-def run_conductor(scene, tile, sample, points, count, rays):
-    bsdfs, settings = scene.bsdfs, scene.settings
-    return scatter_conductor(
-        bsdfs.conductor, scene.sampler, settings, scene.shapes, bsdfs.kind, tile, sample,
-        0, points, 0, count, rays, 0,
-    )  # fmt: skip
+def run_split(scene, work):
+    """Follow all branches at the points; return how many there are."""
+    bsdfs, ends, none = scene.bsdfs, work.ends, np.int64(0)
+    load_parameters(scene.shapes, bsdfs, none, work.points, ends[0], ends[1])
+    return split(scene, work, none)
 
 
 @entry_kernel
-def run_dielectric(scene, tile, sample, points, count, rays):
-    bsdfs, settings = scene.bsdfs, scene.settings
-    return scatter_dielectric(
-        bsdfs.dielectric, scene.sampler, settings, scene.shapes, bsdfs.kind, tile, sample,
-        0, points, 0, count, rays, 0,
-    )  # fmt: skip
-
-
-@entry_kernel
-def run_split(scene, tile, sample, points, count, rays):
-    bsdfs = scene.bsdfs
-    return split_dielectric(
-        bsdfs.dielectric,
-        scene.settings,
-        scene.shapes,
-        bsdfs.kind,
-        points,
-        0,
-        count,
-        rays,
-        0,
-    )
-
-
-@entry_kernel
-def run_film_position(sampler, tile, sample, x, y):
-    for i in range(0, x.size, 16):
-        px, py = film_position(sampler, tile, lane_index() + i, sample)
-        store_row(x, 0, i, px)
-        store_row(y, 0, i, py)
+def run_camera_rays(scene, tile, sample, work):
+    return camera_rays(scene, tile, sample, work)
 
 
 class Scattered(NamedTuple):
@@ -116,56 +82,63 @@ class ScatterProbe:
         plate = {"type": "rectangle", "bsdf": bsdf}
         content = {"type": "scene", "camera": {"type": "perspective"}, "plate": plate}
         scene = renderer.load_dict(content)
-        inputs = kernel_scene(scene, make_plan(scene, integrator="path"), "brute", 0)
-        settings = inputs.settings._replace(roulette_depth=1 if roulette else None)
-        self.inputs: KernelScene = inputs._replace(settings=settings)
+        depth = 1 if roulette else NO_LIMIT
+        inputs = Inputs(scene, make_plan(scene, integrator="path"))
+        self.inputs = inputs.with_settings(roulette_depth=depth)
 
-    def _fill(self, work: Workspace, wo: Array, normal: Any) -> None:
-        p, n = work.points, len(wo)
+    def _filled(self, inputs: Inputs, wo: Array, normal: Any) -> Workspace:
+        """Return a workspace with points seen from `wo`, on shape 0."""
+        work, n = inputs.workspace(), len(wo)
+        p = work.points
         p.wo[:, :n] = wo.T
         for row in (p.normal, p.shading_normal):
             row[:, :n] = np.broadcast_to(normal, (n, 3)).T
         p.throughput[:], p.eta[:] = 1, 1
         p.slot[:n] = np.arange(n)
+        work.ends[:] = 0, n
+        return work
 
     def scatter(
-        self, run: Any, wo: Any, *, normal: Any = UP, samples: int = 1, seed: float = 0
+        self, wo: Any, *, normal: Any = UP, samples: int = 1, seed: float = 0
     ) -> Scattered:
-        """Scatter paths seen from `wo` (n, 3), n <= 1024, by one of the `run_*`.
+        """Scatter paths seen from `wo` (n, 3), n <= 1024.
 
         The normal is a unit vector; other seeds are other random numbers.
         """
         wo = np.atleast_2d(np.asarray(wo, float))
         n = len(wo)
-        work = workspace(2 * CAPACITY)
-        self._fill(work, wo, normal)
-        rays = work.rays
-        sampler = self.inputs.sampler._replace(seed=int(1000 * seed))
-        inputs = self.inputs._replace(sampler=sampler)
+        numbers = pack(Independent(int(1000 * seed)))
+        sampler = self.inputs.record.sampler.copy()
+        sampler[0, RECORD] = numbers.address
+        inputs = self.inputs.changed(sampler=sampler)
+        work = self._filled(inputs, wo, normal)
+        packed, rays = pack(work), work.rays
         out = np.full((samples, n, 8), np.nan, np.float32)
         for sample in range(samples):
-            end = run(inputs, TILE, sample, work.points, n, rays)
+            end = run_scatter(inputs.packed, TILE, sample, packed)
             out[sample, rays.slot[:end]] = _columns(rays, end)
         return _named(out)
 
     def split(self, wo: Any) -> tuple[Scattered, Scattered]:
         """Return the reflected and the refracted rays of a glass (Whitted's two)."""
         wo = np.atleast_2d(np.asarray(wo, float))
-        work = workspace(2 * CAPACITY)
+        scene = self.inputs.scene
+        inputs = Inputs(scene, make_plan(scene, integrator="whitted"))
+        inputs = inputs.with_settings(cutoff=0.0)
         out = np.full((2, 1, len(wo), 8), np.nan, np.float32)
         for k, one in enumerate(wo):
-            self._fill(work, one[None], UP)
-            end = run_split(self.inputs, TILE, 0, work.points, 1, work.rays)
+            work = self._filled(inputs, one[None], UP)
+            end = run_split(inputs.packed, pack(work))
             out[:end, 0, k] = _columns(work.rays, end)  # the reflected one comes first
         return _named(out[0]), _named(out[1])
 
     def film_positions(self, samples: int) -> Array:
         """Return positions on the film (2, samples, 1024), in pixels."""
         out = np.empty((2, samples, CAPACITY), np.float32)
+        work = self.inputs.workspace()
         for sample in range(samples):
-            run_film_position(
-                self.inputs.sampler, TILE, sample, out[0, sample], out[1, sample]
-            )
+            run_camera_rays(self.inputs.packed, TILE, sample, pack(work))
+            out[:, sample] = work.film[:, :CAPACITY]
         return out.astype(float)
 
 
@@ -192,17 +165,29 @@ def undone(out: Scattered) -> Array:
 
 
 @entry_kernel
-def run_eval_diffuse(albedo, cosine, f_cos):
+def run_eval_diffuse(albedo, cosine, f_cos, pdf):
     for i in range(0, cosine.size, 16):
         c = load_row(cosine, 0, i)
-        one = c * 0.0 + 1.0
-        color = vec3(one * albedo[0], one * albedo[1], one * albedo[2])
-        store3(f_cos, i, eval_diffuse(color, c))
+        none = c * 0.0
+        color = vec3(none + albedo[0], none + albedo[1], none + albedo[2])
+        f, density = eval_pdf(Diffuse(color), vec3(none, none, c), vec3(none, none, c))
+        store3(f_cos, i, f)
+        store_row(pdf, 0, i, density)
 
 
 def diffuse_f_cos(albedo: Any, cosine: Any) -> Array:
-    """Return what `eval_diffuse` states for n cosines, (3, n)."""
+    """Return what the diffuse BSDF states for n cosines, (3, n)."""
+    return _stated(albedo, cosine)[0]
+
+
+def diffuse_pdf(cosine: Any) -> Array:
+    """Return the density [1/sr] that the diffuse BSDF states for n cosines."""
+    return _stated((1.0, 1.0, 1.0), cosine)[1]
+
+
+def _stated(albedo: Any, cosine: Any) -> tuple[Array, Array]:
     padded = np.pad(np.float32(cosine), (0, -len(cosine) % 16))
-    f_cos = np.empty((3, padded.size), np.float32)
-    run_eval_diffuse(np.float32(albedo), padded, f_cos)
-    return f_cos[:, : len(cosine)].astype(float)
+    f_cos, pdf = np.empty((3, padded.size), np.float32), np.empty_like(padded)
+    run_eval_diffuse(np.float32(albedo), padded, f_cos, pdf)
+    n = len(cosine)
+    return f_cos[:, :n].astype(float), pdf[:n].astype(float)

@@ -1,7 +1,7 @@
-"""What a scene lacks is None in the kernels' record, and compiling it in changes nothing.
+"""What a scene lacks has no row in the kernels' tables, and having it changes nothing.
 
-A None is a type of its own to Numba: the code that would read it is left out when the
-kernels are compiled (`renderer.records.kernel_scene`). So a None is what "not compiled" means.
+A row of a table holds the addresses of a kind's kernels (`renderer.records.kernel_scene`): where
+there is no row, or a 0 in it, nothing was compiled and nothing is called.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiled_kernels import compiled_by
+from kernel_probes import Inputs
+from light_probes import light_kinds
 from metamorphic_scenes import unseen
-from renderer.kernel_inputs import kernel_scene
 from small_scenes import (
     box,
     diffuse,
@@ -28,7 +30,28 @@ from small_scenes import (
 )
 
 import renderer
-from renderer.rendering.planning.plan import make_plan
+from renderer.jit.linking import SEPARATE
+from renderer.records.kernel_scene import (
+    ANY_COHERENT,
+    ANY_SINGLE,
+    CHOOSE_LIGHT,
+    CLOSEST,
+    CLOSEST_COHERENT,
+    DRAW,
+    DRAW_FILM,
+    EMISSION,
+    ENVIRONMENT,
+    LOCATE,
+    REFLECT_LIGHT,
+    SAMPLE_LIGHT,
+    SCATTER,
+    AreaLights,
+    ConstantLights,
+    DirectionalLights,
+    PointLights,
+    SpotLights,
+)
+from renderer.rendering.planning.plan import NO_LIMIT, make_plan
 from renderer.rendering.rendering import Rendering
 
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
@@ -39,48 +62,66 @@ CHECKERBOARD = {
 }
 
 
-def kernels_of(integrator: str, *parts: dict[str, Any], **settings: Any):
+def kernels_of(integrator: str, *parts: dict[str, Any], **settings: Any) -> Inputs:
     loaded = renderer.load_dict(scene(CAMERA, integrator, *parts, **settings))
-    return kernel_scene(loaded, make_plan(loaded), "auto", 0)
+    return Inputs(loaded, make_plan(loaded), "auto")
 
 
-def absent(record: Any) -> set[str]:
-    return {name for name, value in record._asdict().items() if value is None}
+def lights_of(inputs: Inputs) -> list[type]:
+    """The kinds of lights, as rows of the table."""
+    return [type(kind.record.lights) for kind in light_kinds(inputs)]
+
+
+def rows(methods: np.ndarray) -> list[list[int]]:
+    """Which columns of a table of methods hold an address, row by row."""
+    return [np.flatnonzero(row[1:]).tolist() for row in methods]
+
+
+def columns(*names: int) -> list[int]:
+    return [name - 1 for name in names]
 
 
 # --------------------------------------------------------------------------- records
 
-SHAPES = {"triangles", "disks", "spheres", "cylinders"}
+FOUR_TRAVERSALS = columns(CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE)
 
 
 def test_a_box_has_rectangles_and_nothing_else():
-    """Six diffuse walls and a lamp: every other kind of anything is None."""
-    kernels = kernels_of("path", *box(0.7), LAMP, max_depth=5, rr_depth=5)
-    assert absent(kernels.accelerators) == SHAPES | {"instances"}
-    assert kernels.camera_accelerators is None
-    assert absent(kernels.surfaces) == SHAPES | {"with_uv"}
-    assert absent(kernels.bsdfs) == {"conductor", "dielectric"}
-    assert absent(kernels.bsdfs.diffuse) == {"textures"}
-    assert absent(kernels.lights) == {"points", "spots", "directionals", "constants"}
-    assert absent(kernels.lights.areas) == SHAPES | {"replay"}
-    assert absent(kernels.settings) == {"roulette_depth", "every_light", "replay"}
-    assert kernels.replayed is None
+    """Six diffuse walls and a lamp: every other kind of anything has no row."""
+    inputs = kernels_of("path", *box(0.7), LAMP, max_depth=5, rr_depth=5)
+    kernels = inputs.record
+    assert rows(kernels.groups) == [FOUR_TRAVERSALS]
+    assert np.array_equal(kernels.camera_groups, kernels.groups)
+    assert list(inputs.tables.surfaces) == ["rectangles"]
+    assert rows(kernels.surfaces) == [columns(LOCATE)]
+    assert kernels.placements.group.size == 0
+    assert rows(kernels.bsdfs.methods) == [columns(REFLECT_LIGHT, SCATTER)]
+    assert kernels.bsdfs.look_ups.size == kernels.bsdfs.texture_methods.size == 0
+    assert lights_of(inputs) == [AreaLights]
+    assert light_kinds(inputs)[0].record.lights.choice is None
+    assert rows(kernels.lights.methods) == [columns(SAMPLE_LIGHT, EMISSION)]
+    assert rows(kernels.sampler) == [columns(DRAW_FILM, DRAW, CHOOSE_LIGHT)]
+    assert rows(kernels.hooks) == [[], [], []]
+    settings = kernels.settings
+    assert settings.roulette_depth == NO_LIMIT
+    assert settings.every_light == settings.with_uv == settings.with_tangents == 0
+    assert settings.weigh == 1
 
 
 @pytest.mark.parametrize(
-    ("light", "kind"),
+    ("light", "kind", "methods"),
     [
-        (point_light((0, 0, 0.5)), "points"),
-        ({"type": "spot"}, "spots"),
-        (sun((0, 0, -1)), "directionals"),
-        ({"type": "constant"}, "constants"),
-        (LAMP, "areas"),
+        (point_light((0, 0, 0.5)), PointLights, columns(SAMPLE_LIGHT)),
+        ({"type": "spot"}, SpotLights, columns(SAMPLE_LIGHT)),
+        (sun((0, 0, -1)), DirectionalLights, columns(SAMPLE_LIGHT)),
+        ({"type": "constant"}, ConstantLights, columns(SAMPLE_LIGHT, ENVIRONMENT)),
+        (LAMP, AreaLights, columns(SAMPLE_LIGHT, EMISSION)),
     ],
 )
-def test_one_kind_of_light_leaves_the_others_out(light, kind):
-    lights = kernels_of("direct", *box(0.7), light).lights
-    kinds = {"points", "spots", "directionals", "constants", "areas"}
-    assert absent(lights) == kinds - {kind}
+def test_one_kind_of_light_leaves_the_others_out(light, kind, methods):
+    inputs = kernels_of("direct", *box(0.7), light)
+    assert lights_of(inputs) == [kind]
+    assert rows(inputs.record.lights.methods) == [methods]
 
 
 @pytest.mark.parametrize(
@@ -93,18 +134,84 @@ def test_one_kind_of_light_leaves_the_others_out(light, kind):
     ],
 )
 def test_one_kind_of_shape_leaves_the_others_out(shape, kind):
-    kernels = kernels_of("direct", shape, point_light((0, 0, 3)))
-    left_out = (SHAPES | {"rectangles"}) - {kind}
-    assert absent(kernels.accelerators) == left_out | {"instances"}
-    assert absent(kernels.surfaces) == left_out | {"with_uv"}
+    inputs = kernels_of("direct", shape, point_light((0, 0, 3)))
+    assert list(inputs.tables.surfaces) == [kind]
+    assert rows(inputs.record.surfaces) == [columns(LOCATE)]
+    # no ray goes on from a diffuse surface that only a point light shines on
+    assert len(inputs.record.groups) == 1
+    assert inputs.record.settings.with_uv == 0
+
+
+@pytest.mark.parametrize(
+    ("bsdf", "kind", "methods"),
+    [
+        (diffuse(0.5), "diffuse", columns(REFLECT_LIGHT, SCATTER)),
+        (mirror(), "conductor", columns(SCATTER)),
+        (glass(), "dielectric", columns(SCATTER)),
+    ],
+)
+def test_one_kind_of_bsdf_leaves_the_others_out(bsdf, kind, methods):
+    inputs = kernels_of("path", sphere(bsdf), LAMP | {"bsdf": bsdf}, max_depth=9)
+    assert [k.name for k in inputs.scene.materials.kinds] == [kind]
+    assert rows(inputs.record.bsdfs.methods) == [methods]
 
 
 def test_without_lights_or_materials_asked_for_there_are_none():
     """Depth looks at shapes alone; a scene without lights has no table of them."""
-    assert kernels_of("depth", *box(0.7), LAMP).lights is None
-    assert kernels_of("path", *box(0.7)).lights is None
-    direct = kernels_of("direct", *box(0.7), point_light((0, 0, 0.5)))
-    assert {"weigh", "follow", "roulette_depth"} <= absent(direct.settings)
+    depth = kernels_of("depth", *box(0.7), LAMP).record
+    assert depth.lights.count == depth.lights.methods.size == 0
+    assert rows(depth.groups) == [columns(CLOSEST_COHERENT)]
+    dark = kernels_of("path", *box(0.7)).record
+    assert dark.lights.count == dark.lights.methods.size == 0
+    assert rows(dark.groups) == [columns(CLOSEST_COHERENT)]
+    direct = kernels_of("direct", *box(0.7), point_light((0, 0, 0.5))).record
+    assert rows(direct.bsdfs.methods) == [columns(REFLECT_LIGHT)]
+    assert direct.settings.weigh == 0
+    assert direct.settings.roulette_depth == NO_LIMIT
+
+
+# ----------------------------------------------------------------------- compilations
+
+
+BSDFS = {"diffuse": diffuse(0.2), "conductor": mirror(), "dielectric": glass()}
+
+
+def render_box_with(kind: str) -> None:
+    """Render a box with a lamp and, in it, a ball of a kind of BSDF: a few pixels."""
+    view = sensor((0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(4, 4))
+    ball = sphere(BSDFS[kind], radius=0.1)
+    content = scene(view, "path", *box(0.7), LAMP, ball, max_depth=5)
+    renderer.render(renderer.load_dict(content), accel="brute", threads=1)
+
+
+def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(tmp_path):
+    """Where the box has been rendered before; each time by a new process.
+
+    What is compiled belongs to the folder of BSDFs, or is made for the record of the kind:
+    no stage, light, shape or accelerator. The path tracer around it is found in the cache.
+    Functions without a module are single calls that `renderer.jit.interface` has written.
+    """
+    around = compiled_by('test_absent_kinds.render_box_with("diffuse")', tmp_path)
+    assert {"render_paths", "reflect_light", "scatter_kind"} <= {k.name for k in around}
+    assert compiled_by('test_absent_kinds.render_box_with("diffuse")', tmp_path) == []
+    for name in ("conductor", "dielectric"):
+        statement = f'test_absent_kinds.render_box_with("{name}")'
+        added = compiled_by(statement, tmp_path)
+        assert f"renderer.kinds.bsdfs.{name}" in {kernel.module for kernel in added}
+        record = name.capitalize()
+        own = (f"Record.{record}.", f"{record}(", "Record.BsdfMethods.")
+        others = [
+            kernel
+            for kernel in added
+            if kernel.module is not None
+            and not kernel.module.startswith("renderer.kinds.bsdfs.")
+            and not kernel.arguments[0].startswith(own)
+        ]
+        assert others == []
+        # the only one that becomes machine code
+        methods = [kernel.name for kernel in added if kernel.name in SEPARATE]
+        assert methods == ["scatter_kind"]
+        assert len(added) <= 20
 
 
 # -------------------------------------------------------------------------- pictures

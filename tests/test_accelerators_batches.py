@@ -10,8 +10,8 @@ from kernel_probes import (
     closest,
     directions,
     fill,
-    run_closest_hit,
     soup,
+    trace,
     workspace,
 )
 
@@ -40,7 +40,7 @@ def test_a_part_of_a_batch(name, surfaces):
             fill(work.rays, origin, direction)
             work.hits.t[:] = np.inf
             work.hits.prim[:] = -1
-            run_closest_hit(accel, work.rays, work.hits, first, count, coherent, None)
+            trace(accel, work, first, count, coherent, None)
             part = slice(first, first + count)
             np.testing.assert_array_equal(work.hits.prim[part], whole.prim[part])
             np.testing.assert_array_equal(work.hits.t[part], whole.t[part])
@@ -60,7 +60,7 @@ def test_a_nearer_hit_of_another_kind_stays(name, surfaces):
         work = workspace(RAYS)
         fill(work.rays, origin, direction)
         work.hits.t[:RAYS], work.hits.prim[:] = before, 9999
-        run_closest_hit(accel, work.rays, work.hits, 0, RAYS, coherent, None)
+        trace(accel, work, 0, RAYS, coherent, None)
         found = work.hits.prim[:RAYS], work.hits.t[:RAYS]
         np.testing.assert_array_equal(found[0], np.where(beaten, alone.prim, 9999))
         np.testing.assert_array_equal(found[1], np.minimum(alone.t, before))
@@ -78,7 +78,7 @@ def test_at_equal_distance_the_smaller_id_of_two_kinds_wins(name, surfaces):
             work = workspace(RAYS)
             fill(work.rays, origin, direction)
             work.hits.t[:RAYS], work.hits.prim[:] = alone.t, before
-            run_closest_hit(accel, work.rays, work.hits, 0, RAYS, coherent, None)
+            trace(accel, work, 0, RAYS, coherent, None)
             expected = np.where(hit, after, before)
             np.testing.assert_array_equal(work.hits.prim[:RAYS], expected)
 

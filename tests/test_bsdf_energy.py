@@ -14,9 +14,6 @@ from scatter_probes import (
     ScatterProbe,
     clear_glass,
     diffuse_f_cos,
-    run_conductor,
-    run_dielectric,
-    run_diffuse,
     seen_at,
     two_sided,
     undone,
@@ -45,7 +42,7 @@ both_sides = pytest.mark.parametrize("side", [1, -1], ids=["front", "back"])
 def test_a_diffuse_surface_keeps_its_albedo(albedo, side):
     """Each single weight is the albedo, at every angle: no noise, and 1 for white."""
     probe = two_sided(type="diffuse", reflectance=rgb(albedo))
-    out = probe.scatter(run_diffuse, seen_at(ANGLES, side), samples=256)
+    out = probe.scatter(seen_at(ANGLES, side), samples=256)
     alive = np.isfinite(out.pdf)
     assert alive.all()
     np.testing.assert_array_equal(
@@ -55,7 +52,7 @@ def test_a_diffuse_surface_keeps_its_albedo(albedo, side):
 
 
 def test_the_sampled_weight_of_a_diffuse_surface_is_the_integral_of_f_cos():
-    """The integral of `eval_diffuse` over the hemisphere is the same albedo."""
+    """The integral of f cos over the hemisphere is the same albedo."""
     for k, albedo in enumerate(ALBEDO):
         mass = cell_masses(
             lambda c, _, k=k: diffuse_f_cos(ALBEDO, c)[k],
@@ -69,7 +66,7 @@ def test_the_sampled_weight_of_a_diffuse_surface_is_the_integral_of_f_cos():
 def test_a_perfect_mirror_absorbs_nothing(side):
     """Material `none` at every angle: 1 exactly, in the mirrored direction."""
     wo = seen_at(ANGLES, side)
-    out = two_sided(type="conductor", material="none").scatter(run_conductor, wo)
+    out = two_sided(type="conductor", material="none").scatter(wo)
     np.testing.assert_array_equal(out.weight, 1)
     np.testing.assert_allclose(out.direction[0], wo * [-1, -1, 1], atol=4 * ROUNDING)
 
@@ -82,7 +79,7 @@ def test_a_metal_reflects_by_fresnel(side):
         type="conductor", eta=rgb(eta), k=rgb(k), specular_reflectance=rgb((1, 0.5, 1))
     )
     cosine = np.cos(np.radians(ANGLES))[:, None]
-    weight = metal.scatter(run_conductor, seen_at(ANGLES, side)).weight[0]
+    weight = metal.scatter(seen_at(ANGLES, side)).weight[0]
     expected = dielectric64(cosine, eta + 1j * k) * [1, 0.5, 1]
     np.testing.assert_allclose(weight, expected, atol=64 * ROUNDING)
     assert (weight < 1).all()
@@ -92,7 +89,7 @@ def test_a_metal_reflects_by_fresnel(side):
 def test_clear_glass_absorbs_nothing(side):
     """Each weight is 1, reflected or refracted, once eta^2 is undone; R + T = 1."""
     probe, wo = clear_glass(), seen_at(ANGLES, side)
-    out = probe.scatter(run_dielectric, wo, samples=256)
+    out = probe.scatter(wo, samples=256)
     np.testing.assert_allclose(undone(out), 1, rtol=6 * ROUNDING)
     reflected, refracted = probe.split(wo)
     total = undone(reflected) + np.nan_to_num(undone(refracted))
@@ -111,7 +108,7 @@ def test_tinted_glass_weighs_by_what_it_reflects_and_transmits(side):
     r, t = np.array([0.9, 0.5, 0.1]), np.array([0.3, 0.6, 1.0])
     tinted = clear_glass(specular_reflectance=rgb(r), specular_transmittance=rgb(t))
     wo = seen_at(ANGLES, side)
-    mean = undone(tinted.scatter(run_dielectric, wo, samples=2048)).mean(axis=0)
+    mean = undone(tinted.scatter(wo, samples=2048)).mean(axis=0)
     cosine = np.abs(wo[:, 2])
     reflectance = dielectric64(cosine, 1.5 if side > 0 else 1 / 1.5)
     reflected = (mean - t) / (r - t)  # of each colour the same share
@@ -137,7 +134,7 @@ def test_roulette_keeps_the_mean():
         bsdf = {"type": "conductor", "material": "none"}
         bsdf["specular_reflectance"] = rgb([value] * 3)
         probe = ScatterProbe({"type": "twosided", "bsdf": bsdf}, roulette=True)
-        out = probe.scatter(run_conductor, np.tile(seen_at(60), (1024, 1)), samples=256)
+        out = probe.scatter(np.tile(seen_at(60), (1024, 1)), samples=256)
         alive = np.isfinite(out.eta)
         np.testing.assert_allclose(out.weight[alive], value / survive, rtol=4 * ROUNDING)
         assert binomial_found(survive, alive.size) < finds

@@ -12,7 +12,6 @@ from kernel_probes import directions
 from scatter_probes import (
     clear_glass,
     diffuse_f_cos,
-    run_conductor,
     seen_at,
     two_sided,
     undone,
@@ -46,8 +45,8 @@ def test_a_mirror_is_reciprocal(side):
     """From the mirrored direction the same share goes back to where it came from."""
     metal = two_sided(type="conductor", eta=rgb((0.2, 1.1, 3.2)), k=rgb((3.9, 2.6, 3.3)))
     wo = seen_at(np.linspace(0, 89.9, 1000), side)
-    there = metal.scatter(run_conductor, wo)
-    back = metal.scatter(run_conductor, there.direction[0])
+    there = metal.scatter(wo)
+    back = metal.scatter(there.direction[0])
     np.testing.assert_allclose(back.direction[0], wo, atol=8 * ROUNDING)
     np.testing.assert_allclose(back.weight, there.weight, rtol=8 * ROUNDING)
 

@@ -1,6 +1,6 @@
 """Chi-square tests of the warps and of the BSDFs: directions against their density.
 
-A warp gets 2^20 random points; a BSDF is asked at the stage that renders (`scatter_*`),
+A warp gets 2^20 random points; a BSDF is asked at the stage that renders (`scatter`),
 with the renderer's own random numbers, 1024 times at each of 1024 points. Each comparison
 has a false alarm rate of 1e-5 and asserts that it finds a density tilted by 3 % from one
 end to the other with a power of 99 % (tests/chi_square.py). All 14 comparisons here fail
@@ -20,18 +20,17 @@ from chi_square import (
     histogram,
 )
 from kernel_probes import unit
-from scatter_probes import clear_glass, run_dielectric, run_diffuse, two_sided
+from scatter_probes import clear_glass, diffuse_pdf, two_sided
 from test_bsdfs import dielectric64
 
 from renderer.jit import entry_kernel
-from renderer.kinds.bsdfs.diffuse import pdf_diffuse
 from renderer.kinds.lights.constant import SPHERE_PDF
 from renderer.kinds.sampling.numbers_and_warps import (
     square_to_cosine_hemisphere,
     square_to_disk,
     square_to_sphere,
 )
-from renderer.lanes.memory import load_row, store_row
+from renderer.lanes.memory import load_row
 from renderer.lanes.vectors import store3, vec3
 
 N = 1 << 20
@@ -50,18 +49,9 @@ def run_warps(x, y, disk, hemisphere, sphere):
         store3(sphere, i, square_to_sphere(a, b))
 
 
-@entry_kernel
-def run_pdf_diffuse(cosine, pdf):
-    for i in range(0, cosine.size, 16):
-        store_row(pdf, 0, i, pdf_diffuse(load_row(cosine, 0, i)))
-
-
 def stated_pdf(cosine, _angle):
-    """`pdf_diffuse` [1/sr] at any number of cosines; per unit of cosine and of angle."""
-    padded = np.pad(np.asarray(cosine, np.float32), (0, -len(cosine) % 16))
-    pdf = np.empty_like(padded)
-    run_pdf_diffuse(padded, pdf)
-    return pdf[: len(cosine)].astype(float)
+    """The diffuse BSDF's density [1/sr]; per unit of cosine and of angle."""
+    return diffuse_pdf(cosine)
 
 
 def angle(y, x):
@@ -90,7 +80,7 @@ def test_square_to_disk(warps):
 
 
 def test_square_to_cosine_hemisphere(warps):
-    """The density that the diffuse BSDF states, `pdf_diffuse`."""
+    """The density that the diffuse BSDF states."""
     x, y, z = warps[1]
     masses = cell_masses(stated_pdf, SIXTEEN, TURN)
     assert_follows(histogram(z, angle(y, x), SIXTEEN, TURN), masses, N, finds=FINDS)
@@ -147,7 +137,7 @@ def test_diffuse_reflection(white, normal, degrees):
     of the 23 rows; 20 % too many or too few there are found.
     """
     wo = around(normal, degrees)
-    out = white.scatter(run_diffuse, wo, normal=unit(normal), samples=1024, seed=degrees)
+    out = white.scatter(wo, normal=unit(normal), samples=1024, seed=degrees)
     s, t, n = frame(normal) if degrees < 90 else frame(np.negative(normal))
     wi = unit(out.direction.reshape(-1, 3))
     edges = np.append(np.linspace(0, 0.1, 9), SIXTEEN[2:])
@@ -181,7 +171,7 @@ def test_glass_chooses_by_fresnel_s_reflectance(inside):
     theta = np.radians(np.repeat(ANGLES, 1024 // len(ANGLES)))
     cosine = np.cos(theta) * (-1 if inside else 1)
     wo = np.stack((np.sin(theta), 0 * theta, cosine), axis=1)
-    out = glass.scatter(run_dielectric, wo, samples=2048)
+    out = glass.scatter(wo, samples=2048)
     same_side = np.sign(out.direction[..., 2]) == np.sign(cosine)
     reflected = same_side.reshape(2048, len(ANGLES), -1).sum(axis=(0, 2))
     samples = same_side.size // len(ANGLES)

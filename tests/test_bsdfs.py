@@ -7,10 +7,12 @@ import pytest
 from kernel_probes import chi_square_z, directions, float32, mean_z, unit
 from scene_file_samples import mi
 
-from renderer.jit import entry_kernel
-from renderer.kinds.bsdfs.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
+from renderer.jit import entry_kernel, pack
+from renderer.kinds.bsdfs.diffuse import DIFFUSE, Diffuse, eval_pdf, sample
 from renderer.kinds.bsdfs.fresnel import fresnel_conductor, fresnel_dielectric
+from renderer.kinds.bsdfs.kind import BsdfMethods, Numbers
 from renderer.kinds.bsdfs.mirror import reflect, refract
+from renderer.kinds.sampling.arithmetic import Frame, Plain, to_world
 from renderer.lanes.memory import load_row, store_row
 from renderer.lanes.vectors import dot, load3, orthonormal_basis, store3, vec3
 
@@ -37,18 +39,19 @@ def run_mirror(wo, normal, eta, reflected, refracted):
 
 
 @entry_kernel
-def run_diffuse(normal, x, y, wi, cosines, f):
+def run_diffuse(bsdf, normal, x, y, wi, cosines, f):
     """Directions around normals; rows of cosines: of the sample, its pdf."""
     for i in range(0, x.size, 16):
         n = load3(normal, i)
         s, t = orthonormal_basis(n)
-        direction, cosine = sample_diffuse(
-            None, s, t, n, load_row(x, 0, i), load_row(y, 0, i)
-        )
-        store3(wi, i, direction)
-        store_row(cosines, 0, i, cosine)
-        store_row(cosines, 1, i, pdf_diffuse(cosine))
-        store3(f, i, eval_diffuse(vec3(0.25, 0.5, 1.0) + 0.0 * direction, cosine))
+        u, v = load_row(x, 0, i), load_row(y, 0, i)
+        diffuse = Diffuse(vec3(0.25, 0.5, 1.0) + 0.0 * n)
+        chosen = sample(diffuse, n, Numbers(u, v, u, bsdf.arithmetic))
+        store3(wi, i, to_world(bsdf.arithmetic, Frame(s, t, n), chosen.wi))
+        f_cos, pdf = eval_pdf(diffuse, n, chosen.wi)
+        store_row(cosines, 0, i, chosen.wi.z)
+        store_row(cosines, 1, i, pdf)
+        store3(f, i, f_cos)
 
 
 def fresnel(cos_i, eta, k=0.0):
@@ -273,7 +276,8 @@ def diffuse_samples(normal, n=1 << 16, seed=4):
     wi, f = np.empty((3, n), np.float32), np.empty((3, n), np.float32)
     cosines = np.empty((2, n), np.float32)
     normals = float32(np.repeat(np.reshape(normal, (3, 1)), n, axis=1))
-    run_diffuse(normals, x, y, wi, cosines, f)
+    bsdf = pack(BsdfMethods(DIFFUSE.form(), Plain()))
+    run_diffuse(bsdf, normals, x, y, wi, cosines, f)
     return wi.T.astype(float), cosines.astype(float), f.T.astype(float)
 
 

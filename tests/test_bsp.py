@@ -16,18 +16,17 @@ from kernel_probes import (
     fill,
     rectangles,
     soup,
+    trace,
     triangles,
     unit,
     workspace,
 )
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.dispatch import closest_hit
 from renderer.accelerators.extents import extents_of
 from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
 from renderer.accelerators.octree_and_bsp.bsp_build import EXTRA, LEAF, MAX_DEPTH
 from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
-from renderer.jit import entry_kernel
 
 RAYS = 2000
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -228,11 +227,6 @@ def test_what_is_no_ray_takes_no_step():
 # -------------------------------------------------------------------------------- planes
 
 
-@entry_kernel
-def run_counted(accel, rays, hits, count, tally):
-    closest_hit(accel, rays, hits, 0, count, False, tally)
-
-
 def counted(tree, origin, direction):
     """Return what is hit and the tally."""
     work = workspace(len(origin))
@@ -240,7 +234,7 @@ def counted(tree, origin, direction):
     work.hits.t[:] = np.inf
     work.hits.prim[:] = -1
     tally = make_tally(n)
-    run_counted(tree, work.rays, work.hits, n, tally)
+    trace(tree, work, 0, n, False, tally)
     return work.hits.prim[:n], tally[:, :n]
 
 

@@ -5,29 +5,31 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.jit import entry_kernel
+from renderer.jit import entry_kernel, pack
 from renderer.kinds.sampling.numbers_and_warps import Independent
-from renderer.lanes.functions import lane_index
-from renderer.lanes.memory import store_row
 from renderer.records.batch import CAPACITY
 from renderer.records.tile import TILE_SIZE, Tile
 from renderer.scene.reconstruction import lookup_weight, pixels_touched
 from renderer.scene_file.description import ReconstructionFilter
-from renderer.stages.camera_rays import film_position
-from renderer.stages.film import Film, add_to_tile, filter_border, filter_table, tile_sums
+from renderer.stages.draws import draw_film
+from renderer.stages.film import (
+    BOX,
+    Film,
+    add_to_tile,
+    filter_border,
+    filter_table,
+    tile_sums,
+)
 
 
 @entry_kernel
-def run_add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border):
-    add_to_tile(rfilter, sampler, tile, sample, radiance, sums, border)
+def run_add_to_tile(rfilter, tile, film, radiance, sums, border):
+    add_to_tile(rfilter, tile, film, radiance, sums, border)
 
 
 @entry_kernel
-def run_positions(sampler, tile, sample, out):
-    for first in range(0, CAPACITY, 16):
-        x, y = film_position(sampler, tile, lane_index() + first, sample)
-        store_row(out, 0, first, x)
-        store_row(out, 1, first, y)
+def run_draw_film(sampler, tile, sample, film):
+    draw_film(sampler, tile, sample, film)
 
 
 FILTERS = [
@@ -47,7 +49,7 @@ CHANNELS = 2
 FILM_WIDTH = 200
 # The renderer's own record: classes of a test in the types of kernels would be in the index
 # of the kernel cache, which other programs then cannot read.
-SAMPLER = Independent(5)
+SAMPLER = pack(Independent(5))
 
 
 def slots():
@@ -58,12 +60,13 @@ def slots():
 
 def samples(tile, sample, seed=0):
     """Film positions (2, slots), radiance (2, slots), and the slots inside the tile."""
-    positions = np.empty((2, CAPACITY), np.float32)
-    run_positions(SAMPLER, tile, sample, positions)
+    positions = np.zeros((2, CAPACITY), np.float32)
+    run_draw_film(SAMPLER, tile, sample, positions)
+    x, y = slots()
+    positions += np.float32([x + tile.x, y + tile.y])
     radiance = np.random.default_rng([seed, tile.x, tile.y, sample]).random(
         (CHANNELS, CAPACITY)
     )
-    x, y = slots()
     return positions, radiance.astype(np.float32), (x < tile.width) & (y < tile.height)
 
 
@@ -78,7 +81,7 @@ def by_hand(rfilter, tiles, window, sample_count):
             positions, radiance, inside = samples(tile, sample)
             for s in np.flatnonzero(inside):
                 value = np.append(radiance[:, s].astype(float), 1.0)
-                if table is None:
+                if table.weights.size == 0:  # the box
                     row, column = slot_y[s] + tile.y - y0, slot_x[s] + tile.x - x0
                     sums[:, row, column] += value
                     continue
@@ -96,14 +99,14 @@ def by_hand(rfilter, tiles, window, sample_count):
 
 
 def by_kernel(rfilter, film, sample_count, constant=None):
-    table, border = filter_table(rfilter), film.border
+    table, border = pack(filter_table(rfilter)), film.border
     for tile in film.tiles(FILM_WIDTH):
         sums = tile_sums(CHANNELS, border)
         for sample in range(sample_count):
-            _, radiance, _ = samples(tile, sample)
+            positions, radiance, _ = samples(tile, sample)
             if constant is not None:
                 radiance[:] = constant
-            run_add_to_tile(table, SAMPLER, tile, sample, radiance, sums, border)
+            run_add_to_tile(table, tile, positions, radiance, sums, border)
         film.add(tile, sums)
     return film
 
@@ -172,8 +175,9 @@ def test_sums_are_double():
     sums = tile_sums(CHANNELS, 0)
     sums[:] = 2.0**24
     radiance = np.full((CHANNELS, CAPACITY), 0.1, np.float32)
-    for sample in range(1000):
-        run_add_to_tile(None, SAMPLER, tile, sample, radiance, sums, 0)
+    positions = np.zeros((2, CAPACITY), np.float32)
+    for _ in range(1000):
+        run_add_to_tile(pack(BOX), tile, positions, radiance, sums, 0)
     np.testing.assert_allclose(sums[-1] - 2.0**24, 1000, rtol=0)
     tenth = float(np.float32(0.1))
     np.testing.assert_allclose(sums[0] - 2.0**24, 1000 * tenth, rtol=1e-6)

@@ -10,22 +10,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kernel_probes import directions, fill, kernel_inputs, unit, workspace
-from renderer.kernel_inputs import kernel_scene
+from kernel_probes import (
+    blocked,
+    directions,
+    fill,
+    first_hit_plan,
+    kernel_inputs,
+    run_surface_points,
+    unit,
+)
 from scene_file_samples import mi, scene_text
 from test_surface_points import write_meshes
 
 import renderer
-from renderer.accelerators.dispatch import any_hit
+from renderer.accelerators.build import build_accelerators
 from renderer.accelerators.groups.instances import Instances
 from renderer.accelerators.groups.instances_build import validate_instances
 from renderer.errors import SceneError
-from renderer.jit import entry_kernel
-from renderer.records.kernel_scene import ANY
+from renderer.jit import pack
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene.scene import Scene
-from renderer.stages.intersect import collect, intersect
-from renderer.stages.surface import surface_points
 
 SPACING = 7.0
 RAYS = 16_000
@@ -120,19 +124,18 @@ class Hit:
 
     def __init__(self, inputs, origin, direction):
         n = len(origin)
-        work = workspace(1024, instances=inputs.accelerators.instances is not None)
+        work = inputs.workspace(1024)
         parts = []
         for first in range(0, n, 1024):
             part = slice(first, first + 1024)
             count = fill(work.rays, origin[part], direction[part])
             work.hits.t[:count] = np.inf
             work.hits.prim[:] = -1
-            found = run_points(inputs, work, count)
+            found = run_surface_points(inputs.packed, pack(work), count)
             where, p = work.order[:found], work.points
-            rows = [*work.hits[:4], work.hits.instance]
-            if rows[4] is None:
-                rows[4] = np.full(1024, -1, np.int32)
-            rows = [row[:count].copy() for row in rows]
+            rows = [row[:count].copy() for row in work.hits]
+            if inputs.scene.placements is None:
+                rows[4][:] = -1
             for row in (p.position, p.normal, p.shading_normal, p.uv, p.offset[None]):
                 whole = np.zeros((count, len(row)))
                 whole[where] = row[:, :found].T
@@ -144,21 +147,12 @@ class Hit:
         self.hit = self.prim >= 0
 
 
-@entry_kernel
-def run_points(scene, work, count):
-    intersect(scene.accelerators, work.rays, work.hits, 0, count, False, None)
-    found = collect(scene.stages, work.hits, 0, count, ANY, work.order, 0)
-    surface_points(scene, work.rays, work.hits, work.order, found, work.points)
-    return found
-
-
-@entry_kernel
-def run_blocked(instances, shadow_rays, count):
-    any_hit(instances, shadow_rays, count, False, None)
-
-
 def inputs_of(scene, accel="auto"):
-    return kernel_scene(scene, make_plan(scene, integrator="aov"), accel, 0)
+    return kernel_inputs(scene, accel=accel)
+
+
+def accelerators_of(scene, accel="auto"):
+    return build_accelerators(scene, accel, first_hit_plan(scene).rays)
 
 
 # ------------------------------------------------------------------------ brute force
@@ -200,15 +194,11 @@ def test_trees_return_what_brute_force_does(scene, way):
     assert_same(found, truth)
     assert set(truth.instance[truth.hit]) == set(range(-1, len(INSTANCES)))
 
-    for inputs in (tree, brute):
-        work = workspace(RAYS)
-        n = fill(work.shadow_rays, origin, direction)
+    for accel in ("auto", "brute"):
+        instances = accelerators_of(scene, accel).instances
         for share, expected in ((1.0, truth.instance >= 0), (0.99, False)):
-            work.shadow_rays.t_max[:n] = truth.t * share
-            work.shadow_rays.blocked[:] = 0
-            run_blocked(inputs.accelerators.instances, work.shadow_rays, n)
-            blocked = work.shadow_rays.blocked[:n] != 0
-            np.testing.assert_array_equal(blocked, np.broadcast_to(expected, n))
+            shut = blocked(instances, origin, direction, t_max=truth.t * share)
+            np.testing.assert_array_equal(shut, np.broadcast_to(expected, len(shut)))
 
 
 SQUARE = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0
@@ -255,10 +245,10 @@ def test_boxes_hold_what_rounding_finds_outside_of_them(folder, distance):
 
 def test_trees_are_sound(scene):
     """And the check notices a box that is too small and a lost primitive."""
-    instances = inputs_of(scene).accelerators.instances
+    instances = accelerators_of(scene).instances
     assert isinstance(instances, Instances)
     validate_instances(instances, scene)
-    validate_instances(inputs_of(scene, "brute").accelerators.instances, scene)
+    validate_instances(accelerators_of(scene, "brute").instances, scene)
     bounds = instances.bounds.copy()
     bounds[0, 3] -= 1.0
     with pytest.raises(ValueError, match=r"node 0 .* does not hold"):
@@ -507,9 +497,9 @@ def copies_of_a_mesh(folder, count):
     return renderer.load_file(path)
 
 
-def bytes_of(record):
-    """The bytes of all arrays in a record, each counted once."""
-    arrays, records = {}, [record]
+def bytes_of(inputs):
+    """The bytes of all arrays in the records that kernels see, each counted once."""
+    arrays, records = {}, [inputs.record, *(packed.record for packed in inputs.tables.kept)]
     while records:
         for field in records.pop():
             if isinstance(field, np.ndarray):
@@ -521,9 +511,10 @@ def bytes_of(record):
 
 def test_ten_thousand_copies_cost_two_hundred_bytes_each(folder):
     """Arrays grow with the mesh, and by transforms and tree nodes for each copy."""
-    few, many = (inputs_of(copies_of_a_mesh(folder, n)) for n in (10, 10_000))
-    assert many.accelerators.triangles is None
-    assert many.surfaces.triangles.end == 32
+    scenes = [copies_of_a_mesh(folder, n) for n in (10, 10_000)]
+    few, many = (inputs_of(scene) for scene in scenes)
+    assert accelerators_of(scenes[1]).triangles is None
+    assert many.tables.surfaces["triangles"].end == 32
     assert bytes_of(many) - bytes_of(few) <= 9_990 * 170
     assert bytes_of(few) < 20_000
 

@@ -2,7 +2,7 @@
 
 Setup: a light, a point that sees it, 2^20 directions of `sample_light`. Each is put back on
 the light in float64; the histogram there is compared with the integrals of
-`pdf_area_light` (density per solid angle) over the cells. Samples that carry no light, on
+`pdf_shape` (density per solid angle) over the cells. Samples that carry no light, on
 the far side of closed shapes, are a cell of their own.
 
 Each comparison has a false alarm rate of 1e-5 and asserts that it finds a density tilted by
@@ -179,7 +179,7 @@ def test_flat_lights(lights, name, where):
     position = float32_point(CENTER[name], where)
     kind = SHAPES[name]["type"]
     (prim,) = lights.prims(name)
-    surfaces = getattr(lights.surfaces, kind + "s")
+    surfaces = lights.surfaces[kind + "s"]
     chart = flat_chart(kind, position, *columns(surfaces, prim))
     compare(lights, name, position, [(chart, prim)])
 
@@ -191,7 +191,7 @@ def mesh_charts(lights, name, position):
     """The triangles that face the point, with the share of their area."""
     charts, areas = [], []
     for prim in lights.prims(name):
-        corner, e1, e2 = columns(lights.surfaces.triangles, prim)
+        corner, e1, e2 = columns(lights.surfaces["triangles"], prim)
         normal = np.cross(e1, e2)
         if (position - corner) @ normal > 0:
             charts.append((flat_chart("triangle", position, corner, e1, e2), prim))

@@ -24,66 +24,14 @@ from kernel_probes import (
     nearest,
     unit,
 )
-from renderer.kernel_inputs import kernel_scene
-from renderer.kinds.lights.choose import choose_light, sample_light
+from light_probes import LightProbe
 from scene_file_samples import mi
 
-import renderer
-from renderer.jit import entry_kernel
-from renderer.kinds.lights.area import pdf_area_light
-from renderer.lanes.functions import fabs
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3, store3
-from renderer.rendering.planning.plan import make_plan
 from renderer.scene.light_tables import alias_table
 
 N = 1 << 16
 SIGMA = 4.5
 L = np.array([2.0, 1.0, 0.5])
-
-
-@entry_kernel
-def run_sample_light(
-    lights, surfaces, light, position, random, wi, radiance, distance, pdf
-):
-    for i in range(0, light.size, 16):
-        s = sample_light(
-            lights,
-            surfaces,
-            load_row(light, 0, i),
-            load3(position, i),
-            load_row(random, 0, i),
-            load_row(random, 1, i),
-            load_row(random, 2, i),
-        )
-        store3(wi, i, s.wi)
-        store3(radiance, i, s.radiance)
-        store_row(distance, 0, i, s.distance)
-        store_row(pdf, 0, i, s.pdf)
-
-
-@entry_kernel
-def run_pdf_area_light(areas, surfaces, light, prim, position, distance, cosine, pdf):
-    for i in range(0, light.size, 16):
-        which = load_row(light, 0, i)
-        density = pdf_area_light(
-            areas,
-            surfaces,
-            which,
-            load_row(prim, 0, i),
-            which >= 0,
-            load3(position, i),
-            load_row(distance, 0, i),
-            fabs(load_row(cosine, 0, i)),
-        )
-        store_row(pdf, 0, i, density)
-
-
-@entry_kernel
-def run_choose_light(lights, number, light):
-    for i in range(0, number.size, 16):
-        x = load_row(number, 0, i)
-        store_row(light, 0, i, choose_light(lights, None, None, 0, x, x)[0])
 
 
 # ------------------------------------------------------------------------ the scene
@@ -134,53 +82,22 @@ def others():
     return {k: {**e, VALUE.get(k, "radiance"): rgb()} for k, e in OTHERS.items()}
 
 
-class Setup:
-    """The lights' tables, and a scene to trace rays in."""
+class Setup(LightProbe):
+    """The lights, and a scene to trace rays in."""
 
     def __init__(self):
-        shapes = {
-            name: {**shape, "emitter": {"type": "area", "radiance": rgb()}}
-            for name, shape in AREA_SHAPES.items()
-        }
-        whole = {"type": "scene", "camera": {"type": "perspective"}, **shapes, **others()}
-        scene = renderer.load_dict(whole)
-        inputs = kernel_scene(scene, make_plan(scene, integrator="path"), "brute", 0)
-        self.lights, self.surfaces = inputs.lights, inputs.surfaces
-        self.tracing = kernel_inputs(scene)
+        super().__init__(AREA_SHAPES, others(), tuple(L))
+        self.tracing = kernel_inputs(self.scene)
 
     def sample(self, name, position, random=None):
         """(wi, radiance, distance, pdf) for one position or N of them."""
         if random is None:
             random = np.random.default_rng(NAMES.index(name)).random((3, N))
-        n = random.shape[1]
-        padded = n + -n % 16
-        where = np.broadcast_to(position, (n, 3)).T
-        where, random = (
-            np.pad(float32(a), ((0, 0), (0, padded - n)), "edge") for a in (where, random)
-        )
-        wi, radiance = np.empty((3, padded), np.float32), np.empty((3, padded), np.float32)
-        distance, pdf = np.empty(padded, np.float32), np.empty(padded, np.float32)
-        light = np.full(padded, NAMES.index(name), np.int32)
-        run_sample_light(
-            self.lights, self.surfaces, light, where, random, wi, radiance, distance, pdf
-        )
-        rows = (wi.T, radiance.T, distance, pdf)
-        return [a[:n].astype(float) for a in rows]
+        return super().sample(name, position, random)
 
-    def density(self, name, position, found, cosine):
-        """`pdf_area_light` of directions that hit the light."""
-        n = len(cosine)
-        padded = n + -n % 16
-        pad = [(0, padded - n)]
-        where = float32(np.broadcast_to(position, (n, 3))).T
-        where = np.pad(where, [(0, 0), *pad], "edge").copy()
-        rows = [np.pad(float32(a), pad, "edge") for a in (found.t, cosine)]
-        prim = np.pad(found.prim, pad, "edge")
-        light = np.full(padded, NAMES.index(name), np.int32)
-        pdf = np.empty(padded, np.float32)
-        areas = self.lights.areas
-        run_pdf_area_light(areas, self.surfaces, light, prim, where, *rows, pdf)
-        return pdf[:n].astype(float)
+    def density_at(self, name, position, found, cosine):
+        """The density of directions that hit the light."""
+        return self.density(name, position, found.prim, found.t, np.abs(cosine))
 
     def irradiance_z(self, name, position, normal, expected):
         """Sigma between the estimate of E / L and the expected value."""
@@ -480,7 +397,7 @@ def seen_by_chance(setup, name, position, n=N):
     wi = float32(directions(n, np.random.default_rng(5)))
     found = nearest(setup.tracing, position, wi)
     shape = NAMES.index(name)
-    hit = (found.prim >= 0) & (setup.tracing.shape[found.prim] == shape)
+    hit = (found.prim >= 0) & (setup.scene.shape[found.prim] == shape)
     points = position + wi * np.where(hit, found.t, 1)[:, None]
     return wi, found, hit, points
 
@@ -518,7 +435,7 @@ def test_the_density_is_that_of_the_samples(setup, name, where):
     front = hit & (cosine > 0)
     part = type(found)(*(a[front] for a in found))
     density = np.zeros(len(wi))
-    density[front] = setup.density(name, position, part, cosine[front])
+    density[front] = setup.density_at(name, position, part, cosine[front])
     error = 4 * np.pi * density.std() / np.sqrt(N) + np.sqrt(share * (1 - share) / N)
     assert abs(4 * np.pi * density.mean() - share) < SIGMA * error
     assert front.mean() > 0.01
@@ -535,7 +452,7 @@ def test_samples_are_where_they_say(setup, name, where):
         (radiance * pdf[:, None])[lit], np.tile(L, (lit.sum(), 1)), rtol=1e-6
     )
     found = nearest(setup.tracing, position, wi)
-    own = (found.prim >= 0) & (setup.tracing.shape[found.prim] == NAMES.index(name))
+    own = (found.prim >= 0) & (setup.scene.shape[found.prim] == NAMES.index(name))
     assert np.mean(own[lit]) > 0.999  # silhouettes and borders
     same = own & lit
     # a ray that grazes a curved light is uncertain by the root of the rounding
@@ -545,7 +462,7 @@ def test_samples_are_where_they_say(setup, name, where):
     cosine = front_cosine(setup, name, points, wi)
     steep = same & (cosine > 0.05)
     part = type(found)(*(a[steep] for a in found))._replace(t=distance[steep])
-    again = setup.density(name, position, part, cosine[steep])
+    again = setup.density_at(name, position, part, cosine[steep])
     np.testing.assert_allclose(again, pdf[steep], rtol=2e-3)
 
 
@@ -614,7 +531,6 @@ def test_lights_are_chosen_evenly(setup):
     """Also for the largest number below 1."""
     number = np.float32(np.random.default_rng(6).random(N))
     number[0], number[1] = 1 - 2.0**-24, 0
-    light = np.empty(N, np.int32)
-    run_choose_light(setup.lights, number, light)
+    light = setup.choices(number)
     assert light[0] == len(NAMES) - 1 and light[1] == 0
     assert chi_square_z(np.bincount(light, minlength=len(NAMES))) < SIGMA

@@ -67,9 +67,9 @@ def hits_from_outside(inputs, k, offset, scale, seed=0):
     return again, outgoing[:HITS], normal[:HITS]
 
 
-def own_hits(inputs, shape_of, k, origin, direction, t_max=np.inf):
+def own_hits(inputs, k, origin, direction, t_max=np.inf):
     found = nearest(inputs, origin, direction, t_max)
-    return np.sum((found.prim >= 0) & (shape_of[found.prim] == k))
+    return np.sum((found.prim >= 0) & (inputs.scene.shape[found.prim] == k))
 
 
 @everywhere
@@ -82,7 +82,7 @@ def test_rays_into_the_hemisphere_never_hit_their_own_surface(
     k = SHAPES.index(name)
     inputs = kernel_inputs(scene(offset, scale, axis_parallel))
     seen, outgoing, _ = hits_from_outside(inputs, k, offset, scale)
-    assert own_hits(inputs, inputs.shape, k, seen.leaving, outgoing) == 0
+    assert own_hits(inputs, k, seen.leaving, outgoing) == 0
 
 
 @every_shape
@@ -90,9 +90,9 @@ def test_without_an_offset_there_is_acne(name):
     """The check itself can fail: rays that start on the surface hit it, some percent."""
     k = SHAPES.index(name)
     inputs = kernel_inputs(scene(1e3, 1.0))
-    inputs = inputs._replace(settings=inputs.settings._replace(rounding_offset=0.0))
+    inputs = inputs.with_settings(rounding_offset=0.0)
     seen, outgoing, _ = hits_from_outside(inputs, k, 1e3, 1.0)
-    assert own_hits(inputs, inputs.shape, k, seen.leaving, outgoing) > 0.01 * len(outgoing)
+    assert own_hits(inputs, k, seen.leaving, outgoing) > 0.01 * len(outgoing)
 
 
 @everywhere
@@ -110,10 +110,8 @@ def test_shadow_rays_to_visible_lights_are_free(name, offset, scale):
     to_light = light - seen.leaving
     length = np.linalg.norm(to_light, axis=1)
     free = length * (1 - 1e-3)
-    assert (
-        own_hits(inputs, inputs.shape, k, seen.leaving, to_light / length[:, None], free)
-        == 0
-    )
+    towards = to_light / length[:, None]
+    assert own_hits(inputs, k, seen.leaving, towards, free) == 0
 
 
 @everywhere
@@ -161,7 +159,7 @@ def test_inside_a_sphere_rays_cross_to_the_other_side(offset, scale):
     inward, cosine = inward * np.sign(cosine)[:, None], np.abs(cosine)
     again = look(inputs, start, towards, inward)
     found = nearest(inputs, again.leaving, inward)
-    assert (inputs.shape[found.prim] == k).all()
+    assert (inputs.scene.shape[found.prim] == k).all()
     # the offset shortens the chord by offset / cos, rounding of the centre by as much
     error = np.abs(found.t - 2 * scale * cosine)
     assert (error * cosine < 2 * again.offset).all()
@@ -237,5 +235,5 @@ def test_a_sphere_in_a_shell_of_four_hundred_thousandths(ray_offset, resolved):
     seen = look(inputs, [8.0, 0, 0] + 3 * away, -away, -away)
     assert (seen.shape == 2).all()
     found = nearest(inputs, seen.leaving, -away)
-    assert (inputs.shape[found.prim] == 3).all()
+    assert (inputs.scene.shape[found.prim] == 3).all()
     assert (np.mean(found.t < 0.5) == 1) == resolved

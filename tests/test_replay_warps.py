@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_probes import directions, unit
+from kernel_probes import Inputs, directions, unit
+from light_probes import light_kinds
 from replay_probes import Asked, ask, density_towards, replay_inputs, scattered
 from replay_shapes import (
     BOTH_SIDES,
@@ -29,7 +30,7 @@ from replay_shapes import (
 from scene_file_samples import mi
 
 import renderer
-from renderer.records.kernel_scene import AREA
+from renderer.records.kernel_scene import AreaLights
 
 LAST = np.float32(1 - 2.0**-23)  # the largest that Mitsuba draws
 
@@ -41,6 +42,11 @@ def numbers(n: int, seed: int) -> np.ndarray:
     special = np.array([0.0, 0.5, LAST, 2.0**-23], np.float32)
     xy[:, :16] = np.array(np.meshgrid(special, special)).reshape(2, 16)
     return xy
+
+
+def tables(inputs: Inputs) -> list[Any]:
+    """The table of each kind of light."""
+    return [kind.record.lights for kind in light_kinds(inputs)]
 
 
 # -------------------------------------------------------------------- diffuse directions
@@ -199,9 +205,9 @@ def check_samples(ours: Any, theirs: Any, position: np.ndarray, xy: np.ndarray) 
     assert not differ[xy[0] < LAST].any()
     carries &= ~differ
     found, expected = (Asked(*(a[carries] for a in asked)) for asked in (found, expected))
-    near = (
-        ours.lights.kind[found.light] == AREA
-    )  # how far the environment is is ours to say
+    # how far the environment is is ours to say
+    near = np.array([isinstance(table, AreaLights) for table in tables(ours)])
+    near = near[ours.record.lights.kind[found.light]]
     pairs = zip(found, expected, strict=True)
     _, wi, distance, pdf, weight = ((a - b, np.maximum(np.abs(b), 1e-30)) for a, b in pairs)
     errors = {
@@ -219,9 +225,9 @@ def check_samples(ours: Any, theirs: Any, position: np.ndarray, xy: np.ndarray) 
 def test_light_samples(lit):
     """Lights of all kinds on all shapes: the same light, point, density and weight."""
     ours, theirs = lit
-    n = 250 * ours.lights.count
+    n = 250 * ours.record.lights.count
     found = check_samples(ours, theirs, points_asking(n, 4), numbers(n, 3))
-    assert np.bincount(found.light, minlength=ours.lights.count).min() >= 1
+    assert np.bincount(found.light, minlength=ours.record.lights.count).min() >= 1
 
 
 def test_on_the_surface_of_a_lamp(lit):
@@ -233,13 +239,14 @@ def test_on_the_surface_of_a_lamp(lit):
     """
     ours, theirs = lit
     k = SHINING.index("sphere, flipped")
-    light = int(np.flatnonzero(ours.lights.areas.radiance[0] == np.float32(0.5 + k))[0])
+    radiance = np.array([colour(ours, i)[0] for i in range(ours.record.lights.count)])
+    light = int(np.flatnonzero(radiance == np.float32(0.5 + k))[0])
     n = 128
     rng = np.random.default_rng(11)
     for height in (-1e-3, -9.3e-5, -8.6e-5, 0.0, 8.6e-5):
         position = (place(k) + (1 + height) * directions(n, rng)).astype(np.float32)
         xy = rng.random((2, n), np.float32)
-        xy[0] = (light + 0.01 + 0.98 * xy[0]) / ours.lights.count
+        xy[0] = (light + 0.01 + 0.98 * xy[0]) / ours.record.lights.count
         found = check_samples(ours, theirs, position, xy)
         assert set(found.light) == {light}
         assert len(found.light) == n
@@ -314,7 +321,7 @@ def test_vertices_are_the_same_bits(lit):
     """Meshes under transforms: what decides which triangle, and frames, has no rounding."""
     ours, theirs = lit
     meshes = [mesh for mesh in theirs.shapes() if mesh.is_mesh()]
-    triangles = ours.surfaces.triangles
+    triangles = ours.tables.surfaces["triangles"]
     corners = []
     for mesh in meshes:
         parameters = mi.traverse(mesh)
@@ -330,13 +337,12 @@ def test_vertices_are_the_same_bits(lit):
 VALUES = ("intensity.value", "irradiance.value", "radiance.value")
 
 
-def colour(lights: Any, i: int) -> np.ndarray:
-    """What light i sends out, whichever of the tables it is in."""
-    areas, rows = lights.areas, []
-    rows += [table.intensity for table in (lights.points, lights.spots) if table]
-    rows += [lights.directionals.irradiance] if lights.directionals else []
-    rows += [table.radiance for table in (lights.constants, areas) if table]
-    return np.sum([row[:, i] for row in rows], axis=0)
+def colour(inputs: Inputs, i: int) -> np.ndarray:
+    """What light i sends out, from the table that it is in."""
+    table = tables(inputs)[inputs.record.lights.kind[i]]
+    names = ("intensity", "irradiance", "radiance")
+    (row,) = [getattr(table, name) for name in names if name in table._fields]
+    return row[:, i]
 
 
 def from_dictionary() -> tuple[Any, Any]:
@@ -354,8 +360,8 @@ def test_lights_are_in_the_order_of_the_file(lit):
     """Area lights stand at their shapes, among the others; also in a dictionary."""
     for ours, theirs in (lit, from_dictionary()):
         emitters = theirs.emitters()
-        assert ours.lights.count == len(emitters)
+        assert ours.record.lights.count == len(emitters)
         for i, emitter in enumerate(emitters):
             parameters = mi.traverse(emitter)
             name = next(key for key in parameters.keys() if key.endswith(VALUES))
-            np.testing.assert_allclose(parameters[name], colour(ours.lights, i), rtol=1e-6)
+            np.testing.assert_allclose(parameters[name], colour(ours, i), rtol=1e-6)

@@ -2,52 +2,61 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
 import pytest
+from kernel_probes import Inputs
 from PIL import Image
 from scene_file_samples import mi
 
-from renderer.jit import entry_kernel
-from renderer.kinds.textures import eval_texture
+import renderer
+from renderer.jit import entry_kernel, pack
 from renderer.lanes.functions import first_lanes
-from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import store3, vec3
-from renderer.scene.materials import texture_rows
-from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
+from renderer.rendering.planning.plan import make_plan
+from renderer.scene.materials import MaterialTables
+from renderer.scene_file.description import (
+    BitmapTexture,
+    CheckerboardTexture,
+    ConstantTexture,
+    Diffuse,
+)
+from renderer.stages.materials import look_up_textures
+from renderer.stages.shading_frame import load_constants
 
 POINTS = 600
 
 
+PLATE = {
+    "type": "scene",
+    "camera": {"type": "perspective"},
+    "plate": {"type": "rectangle"},
+}
+
+
 @entry_kernel
-def run_eval_texture(textures, texture_of, material, uv, constant, out):
-    for i in range(0, material.size, 16):
-        plain = load_row(constant, 0, i)
-        color = eval_texture(
-            textures,
-            texture_of,
-            load_row(material, 0, i),
-            load_row(uv, 0, i),
-            load_row(uv, 1, i),
-            vec3(plain, plain, plain),
-            first_lanes(16),
-        )
-        store3(out, i, color)
+def run_parameters(bsdfs, points, count):
+    """Load the parameters of the BSDFs that `points.bsdf` names."""
+    none = np.int64(0)
+    for i in range(0, count, 16):
+        load_constants(bsdfs, none, points, i, first_lanes(count - i))
+    look_up_textures(bsdfs, none, points, none, count)
 
 
 def evaluate(textures, texture_of, material, uv, constant=0.25):
-    """Colours (n, 3) of materials (n,) at uv (n, 2)."""
-    n = len(material)
-    pad = -n % 16
-    material = np.pad(np.asarray(material, np.int32), (0, pad))
-    uv = np.pad(np.asarray(uv, np.float32), ((0, pad), (0, 0))).T.copy()
-    out = np.empty((3, n + pad), np.float32)
-    plain = np.full(n + pad, constant, np.float32)
-    run_eval_texture(
-        texture_rows(textures), np.asarray(texture_of, np.int32), material, uv, plain, out
+    """Colours (n, 3) of materials (n,) at uv (n, 2): diffuse ones with these textures."""
+    n, plain = len(material), ConstantTexture((constant,) * 3)
+    materials = [Diffuse(textures[k] if k >= 0 else plain) for k in texture_of]
+    scene = dataclasses.replace(
+        renderer.load_dict(PLATE), materials=MaterialTables(materials)
     )
-    return out[:, :n].T
+    inputs = Inputs(scene, make_plan(scene, integrator="path"))
+    points = inputs.workspace(n).points
+    points.bsdf[:n] = material
+    points.uv[:, :n] = np.asarray(uv, np.float32).T
+    run_parameters(pack(inputs.record.bsdfs), pack(points), n)
+    return points.parameters[:3, :n].T
 
 
 def colors(width, height):

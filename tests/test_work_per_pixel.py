@@ -10,8 +10,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from agreement import one_of_each_family
-from kernel_probes import workspace
-from renderer.kernel_inputs import kernel_scene
+from kernel_probes import Inputs, workspace
 from scene_file_samples import error_of
 from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, sphere
 
@@ -26,8 +25,7 @@ from renderer.accelerators.rays.tally import (
 )
 from renderer.command.cli import main
 from renderer.errors import SceneError
-from renderer.jit import entry_kernel
-from renderer.names import INTEGRATORS
+from renderer.jit import entry_kernel, pack
 from renderer.picture.heat_map import (
     _ROOTS_FROM_OKLAB,
     _SRGB_FROM_CONES,
@@ -35,7 +33,7 @@ from renderer.picture.heat_map import (
     heat_colours,
 )
 from renderer.records.tile import Tile
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan import INTEGRATORS, make_plan
 from renderer.rendering.planning.plan_text import plan_text
 from renderer.rendering.rendering import Rendering
 from renderer.stages.camera_rays import camera_rays
@@ -60,9 +58,9 @@ def many_squares():
 
 
 @entry_kernel
-def run_tally(inputs, tile, work, tally):
-    count = camera_rays(inputs.camera, inputs.sampler, None, tile, 0, work.rays, work.hits)
-    intersect(inputs.accelerators, work.rays, work.hits, 0, count, True, tally)
+def run_tally(scene, tile, work, tally):
+    count = camera_rays(scene, tile, 0, work)
+    intersect(scene.groups, work.rays, work.hits, np.int64(0), count, True, tally)
     return count
 
 
@@ -97,11 +95,12 @@ def test_pixels_are_the_tally_of_the_same_rays():
     """Pixel by pixel what the kernel counted for its ray, so the sums agree too."""
     loaded = view(*many_squares())
     image = renderer.render(loaded, integrator="work", accel="bvh", seed=3, threads=2)
-    inputs = kernel_scene(loaded, make_plan(loaded, integrator="work"), "bvh", 3)
+    inputs = Inputs(loaded, make_plan(loaded, integrator="work"), "bvh", 3)
     truth = np.full((HEIGHT, WIDTH, len(NAMES)), -1)
     for x, width in ((0, 32), (32, 8)):
         work, tally = workspace(1024), make_tally(1024)
-        found = run_tally(inputs, Tile(x, 0, width, HEIGHT, WIDTH), work, tally)
+        tile = Tile(x, 0, width, HEIGHT, WIDTH)
+        found = run_tally(inputs.packed, tile, pack(work), tally)
         slot = work.rays.slot[:found]
         column = (slot & 3) | (((slot >> 4) & 7) << 2)
         row = ((slot >> 2) & 3) | ((slot >> 7) << 2)
@@ -126,7 +125,7 @@ def test_nobody_else_counts():
     for name in INTEGRATORS:
         plan = make_plan(loaded, integrator=name)
         rendering = Rendering(loaded, plan, accel="brute", seed=0, threads=1)
-        tally = rendering._make_workspace().tally
+        tally = rendering.make_workspace(rendering.channels).tally
         assert (tally is not None) == (name == "work")
 
 

@@ -13,15 +13,14 @@ from kernel_probes import (
     directions,
     rectangles,
     spheres,
+    trace,
     triangles,
     workspace,
 )
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.dispatch import closest_hit
 from renderer.accelerators.extents import Extents, extents_of
 from renderer.accelerators.rays.tally import make_tally
-from renderer.jit import entry_kernel
 
 REACH = 20.0  # of rays that take the fast way
 RAYS = 2000
@@ -57,11 +56,6 @@ def assert_same_hits(
     return truth
 
 
-@entry_kernel
-def run_counted(accel, rays, hits, first, count, tally):
-    closest_hit(accel, rays, hits, first, count, False, tally)
-
-
 def counts(accel: Any, origin: Any, direction: Any) -> np.ndarray:
     """The tally of rays (n, 3): rows of `tally.NAMES`, one column a ray."""
     n = len(origin)
@@ -70,7 +64,7 @@ def counts(accel: Any, origin: Any, direction: Any) -> np.ndarray:
     work.rays.direction[:, :n] = np.asarray(direction).T
     work.hits.t[:n] = np.inf
     work.hits.prim[:] = -1
-    run_counted(accel, work.rays, work.hits, 0, n, tally)
+    trace(accel, work, 0, n, False, tally)
     return tally[:, :n]
 
 

@@ -6,18 +6,9 @@ surface point, and the light that each point samples.
 
 from __future__ import annotations
 
-import numpy as np
-
 from renderer.jit import method_kernel
-from renderer.kinds.sampling.numbers_and_warps import FILM_BLOCK, draw4
-from renderer.lanes.functions import (
-    lane_index,
-    mask_bits,
-    minimum,
-    splat_f32,
-    splat_i32,
-    to_i32,
-)
+from renderer.kinds.sampling.numbers_and_warps import FILM_BLOCK, choose_one, draw4
+from renderer.lanes.functions import lane_index, mask_bits, splat_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.records.batch import CAPACITY
 from renderer.records.tile import pixel_key, slot_pixel
@@ -63,5 +54,5 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
         if turn >= 0:
             store_row(light, 0, i, splat_i32(turn))
         else:
-            last = splat_f32(np.float32(lights - 1))
-            store_row(light, 0, i, to_i32(minimum(w * np.float32(lights), last)))
+            chosen, _ = choose_one(w, lights)
+            store_row(light, 0, i, chosen)

@@ -72,8 +72,13 @@ DEFECTS = (
         (
             Edit(
                 "stages/camera_rays.py",
-                "return to_f32(x + tile.x) + dx, to_f32(y + tile.y) + dy",
-                "return to_f32(x + tile.x) + 0.5, to_f32(y + tile.y) + 0.5",
+                "px = to_f32(x + tile.x) + load_row(film, 0, first)",
+                "px = to_f32(x + tile.x) + 0.5",
+            ),
+            Edit(
+                "stages/camera_rays.py",
+                "py = to_f32(y + tile.y) + load_row(film, 1, first)",
+                "py = to_f32(y + tile.y) + 0.5",
             ),
         ),
         scene="cornell-box",

@@ -62,9 +62,10 @@ DEFECTS = (
         "vertex normals are read and not used",
         (
             Edit(
-                "stages/surface.py",
-                "n = interpolated_normal(normals, index, mask, u, v, surface.normal)",
-                "n = surface.normal",
+                "shapes/triangle.py",
+                "shading_normal = interpolated_normal("
+                "triangles.normals, index, mask, u, v, normal)",
+                "shading_normal = normal",
             ),
         ),
         scene="smooth-mesh",
@@ -76,8 +77,22 @@ DEFECTS = (
         (
             Edit(
                 "stages/direct_light.py",
-                "normal = load3(points.shading_normal, i)",
-                "normal = load3(points.normal, i)",
+                "frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)",
+                "frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)\n"
+                "        seen = dot(load3(points.wo, i), load3(points.shading_normal, i))\n"
+                "        flat = load3(points.normal, i)\n"
+                "        flat = select3(seen > 0.0, flat, -flat)\n"
+                "        frame = Frame(frame.s, frame.t, flat)",
+            ),
+            Edit(
+                "stages/direct_light.py",
+                "from renderer.kinds.sampling.arithmetic import to_local",
+                "from renderer.kinds.sampling.arithmetic import Frame, to_local",
+            ),
+            Edit(
+                "stages/direct_light.py",
+                "from renderer.lanes.vectors import append3, length, load3",
+                "from renderer.lanes.vectors import append3, dot, length, load3, select3",
             ),
         ),
         scene="smooth-mesh",

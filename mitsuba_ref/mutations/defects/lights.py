@@ -10,9 +10,9 @@ DEFECTS = (
         "a light is weighed as if there were one light more",
         (
             Edit(
-                "lights/choose.py",
-                "np.float32(1.0 / lights.count) if every_light is None",
-                "np.float32(1.0 / (lights.count + 1)) if every_light is None",
+                "lights/weights.py",
+                "return np.float32(1.0 / lights.count)",
+                "return np.float32(1.0 / (lights.count + 1))",
             ),
         ),
         scene="analytic-shapes",
@@ -22,9 +22,9 @@ DEFECTS = (
         "the choice among n lights is made among the first n - 1",
         (
             Edit(
-                "lights/choose.py",
-                "last = np.float32(lights.count - 1)",
-                "last = np.float32(lights.count - 2)",
+                "sampling.py",
+                "splat_f32(np.float32(count - 1))",
+                "splat_f32(np.float32(count - 2))",
             ),
         ),
         scene="analytic-shapes",
@@ -35,11 +35,9 @@ DEFECTS = (
         "the density of a point on a light is 1 / A, without r^2 / cos",
         (
             Edit(
-                "lights/area.py",
-                "    inverse_area = gather_row(areas.inverse_area, 0, light, mask)\n"
-                "    pdf = distance * distance * inverse_area / cosine\n",
-                "    inverse_area = gather_row(areas.inverse_area, 0, light, mask)\n"
-                "    pdf = inverse_area + 0.0 * cosine\n",
+                "shapes/surface.py",
+                "return distance * distance * inverse_area / cosine",
+                "return inverse_area + 0.0 * cosine",
             ),
         ),
         scene="cornell-box",
@@ -51,13 +49,14 @@ DEFECTS = (
         (
             Edit(
                 "lights/area.py",
-                "usable = (dot(wi, side) < 0.0) & (pdf > 0.0)",
+                "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
             Edit(
-                "stages/emission.py",
-                "(light >= 0) & (dot(wo, load3(points.shading_normal, i)) > 0.0)",
-                "(light >= 0)",
+                "lights/area.py",
+                "shining = mine & "
+                "(dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)",
+                "shining = mine",
             ),
         ),
         scene="smooth-lamp",
@@ -69,7 +68,7 @@ DEFECTS = (
         (
             Edit(
                 "lights/area.py",
-                "usable = (dot(wi, side) < 0.0) & (pdf > 0.0)",
+                "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
         ),
@@ -120,9 +119,16 @@ DEFECTS = (
         "shadow rays do not ask the spheres",
         (
             Edit(
+                "kernel_inputs.py",
+                "if self.lit else []",
+                "if self.lit and accelerator is not accelerators.spheres else []",
+            ),
+            Edit(
                 "stages/intersect.py",
-                "    any_hit(accelerators.spheres, shadow_rays, count, coherent, None)\n",
-                "",
+                "call(groups[k, way], groups[k, RECORD], (shadow_rays, count, None))",
+                "if groups[k, way] != 0:\n"
+                "            method = groups[k, way]\n"
+                "            call(method, groups[k, RECORD], (shadow_rays, count, None))",
             ),
         ),
         scene="kaleidoscope",

@@ -53,7 +53,7 @@ DEFECTS = (
         "radiance that enters glass is not scaled by eta^2",
         (
             Edit(
-                "stages/scatter.py",
+                "bsdfs/dielectric.py",
                 "squeeze = 1.0 / (crossing * crossing)",
                 "squeeze = 1.0",
             ),
@@ -77,11 +77,9 @@ DEFECTS = (
         "absorption-ignored",
         "the imaginary part k of a metal's index counts as a tenth less",
         (
-            Edit(
-                "stages/scatter.py",
-                "k = gather3(conductor.k, bsdf, mask)",
-                "k = gather3(conductor.k, bsdf, mask) * 0.9",
-            ),
+            Edit("bsdfs/conductor.py", "metal.k.x)", "metal.k.x * 0.9)"),
+            Edit("bsdfs/conductor.py", "metal.k.y)", "metal.k.y * 0.9)"),
+            Edit("bsdfs/conductor.py", "metal.k.z)", "metal.k.z * 0.9)"),
         ),
         scene="metals",
     ),
@@ -90,8 +88,8 @@ DEFECTS = (
         "specular_reflectance of a metal has no effect",
         (
             Edit(
-                "stages/scatter.py",
-                "return gather3(conductor.reflectance, bsdf, mask) * fresnel",
+                "bsdfs/conductor.py",
+                "return metal.specular_reflectance * fresnel",
                 "return fresnel",
             ),
         ),
@@ -114,7 +112,7 @@ DEFECTS = (
         "a mirrored texture repeats one texel off at each period",
         (
             Edit(
-                "textures.py",
+                "textures/bitmap.py",
                 "mirrored = select(odd, n - 1.0 - repeated, repeated)",
                 "mirrored = select(odd, n - repeated, repeated)",
             ),
@@ -127,7 +125,7 @@ DEFECTS = (
         "bilinear filtering takes the corner of a texel for its centre",
         (
             Edit(
-                "textures.py",
+                "textures/bitmap.py",
                 "half = select(nearest, splat_f32(0.0), splat_f32(0.5))",
                 "half = select(nearest, splat_f32(0.0), splat_f32(0.0))",
             ),
@@ -140,7 +138,7 @@ DEFECTS = (
         "row 0 of an image is at v = 0",
         (
             Edit(
-                "textures.py",
+                "textures/bitmap.py",
                 "y = (1.0 - v) * to_f32(height) - half",
                 "y = v * to_f32(height) - half",
             ),

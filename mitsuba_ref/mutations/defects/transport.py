@@ -11,8 +11,9 @@ DEFECTS = (
         (
             Edit(
                 "bsdfs/diffuse.py",
-                "albedo * (INV_PI * select(cos_i > 0.0, cos_i, 0.0))",
-                "albedo * (INV_PI * select(cos_i > 0.0, cos_i * 0.0 + 1.0, 0.0))",
+                "return diffuse.reflectance * (INV_PI * cos_i), INV_PI * cos_i",
+                "one = select(wi.z > 0.0, cos_i * 0.0 + 1.0, 0.0)\n"
+                "    return diffuse.reflectance * (INV_PI * one), INV_PI * cos_i",
             ),
         ),
         scene="appel-teapot",
@@ -26,8 +27,8 @@ DEFECTS = (
         (
             Edit(
                 "bsdfs/diffuse.py",
-                "return albedo * (INV_PI * select(",
-                "return albedo * (select(",
+                "return diffuse.reflectance * (INV_PI * cos_i), ",
+                "return diffuse.reflectance * cos_i, ",
             ),
         ),
         scene="appel-teapot",
@@ -40,7 +41,7 @@ DEFECTS = (
         "light found by a BSDF sample is added in full, light samples as well",
         (
             Edit(
-                "stages/emission.py",
+                "lights/weights.py",
                 "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
                 "return select(pdf > 0.0, light_pdf * 0.0 + 1.0, 1.0)",
             ),
@@ -61,7 +62,7 @@ DEFECTS = (
         "a path that no light sample could have found is weighed as if one had",
         (
             Edit(
-                "stages/emission.py",
+                "lights/weights.py",
                 "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
                 "return power_heuristic(pdf, light_pdf)",
             ),
@@ -74,9 +75,9 @@ DEFECTS = (
         "the weight of a BSDF sample forgets that one light of several is sampled",
         (
             Edit(
-                "stages/emission.py",
-                "settings.weigh, load_row(points.pdf, 0, i), light_pdf * probability",
-                "settings.weigh, load_row(points.pdf, 0, i), light_pdf",
+                "lights/area.py",
+                "settings, load_row(points.pdf, 0, i), light_pdf * probability",
+                "settings, load_row(points.pdf, 0, i), light_pdf",
             ),
         ),
         scene="analytic-shapes",
@@ -100,8 +101,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/scatter.py",
-                "_largest(throughput) * eta * eta",
-                "_largest(throughput)",
+                "minimum(largest(throughput) * eta * eta, ",
+                "minimum(largest(throughput), ",
             ),
         ),
         scene="lamp-in-glass",
@@ -113,8 +114,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/scatter.py",
-                "if depth < roulette_depth:",
-                "if depth + 1 < roulette_depth:",
+                "if depth < settings.roulette_depth:",
+                "if depth + 1 < settings.roulette_depth:",
             ),
         ),
         scene="cornell-box",

@@ -221,6 +221,14 @@ def _draw4(sampler, pixel, sample, block):
 
 
 @kernel
+def choose_one(number, count):
+    """Return one of `count` things, all equally likely, and what is left of the number."""
+    scaled = number * np.float32(count)
+    chosen = to_i32(minimum(scaled, splat_f32(np.float32(count - 1))))
+    return chosen, scaled - to_f32(chosen)
+
+
+@kernel
 def square_to_disk(x, y):
     """Map [0, 1)^2 to the unit disk, keeping areas and neighbours [Shirley1997]."""
     a = 2.0 * x - 1.0

@@ -41,6 +41,8 @@ class KernelInputs:
         Its addresses point to what this object keeps alive.
     sampler : Packed
         The record of the source of random numbers.
+    surfaces : dict
+        Kind of shape -> its record.
     """
 
     def __init__(
@@ -48,7 +50,7 @@ class KernelInputs:
     ) -> None:
         self._tables = tables = MethodTables()
         settings = _settings(scene, plan, variant)
-        surfaces = _surfaces(scene, settings, variant)
+        self.surfaces = surfaces = _surfaces(scene, settings, variant)
         placements = scene.placements or _NO_PLACEMENTS
         primitives = Primitives(scene.stages, scene.shape, scene.face)
         lit = plan.asks_lights and scene.materials.smooth and has_lights(scene)
@@ -85,6 +87,11 @@ class KernelInputs:
             _hooks(tables, variant.hooks(scene, surfaces), settings, placements),
             settings,
         )
+
+    @property
+    def kept(self) -> list[Packed]:
+        """The records that the methods work on."""
+        return self._tables.kept
 
 
 def has_lights(scene: Scene) -> bool:

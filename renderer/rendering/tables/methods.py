@@ -37,12 +37,12 @@ class MethodTables:
     """Makes tables of methods, and keeps alive what their addresses point to."""
 
     def __init__(self) -> None:
-        self._kept: list[Packed] = []
+        self.kept: list[Packed] = []
 
     def pack(self, record: Any, source: str = "") -> Packed:
         """Pack a record that kernels will be given the address of."""
         packed = pack(record, source)
-        self._kept.append(packed)
+        self.kept.append(packed)
         return packed
 
     def table(

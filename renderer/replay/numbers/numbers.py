@@ -20,14 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel, method_kernel
-from renderer.lanes.functions import (
-    as_i32,
-    minimum,
-    splat_f32,
-    splat_i32,
-    to_f32,
-    to_i32,
-)
+from renderer.kinds.sampling.numbers_and_warps import choose_one
+from renderer.lanes.functions import as_i32, splat_f32, splat_i32
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.records.batch import CAPACITY
 from renderer.records.tile import pixel_key, slot_pixel
@@ -127,10 +121,7 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
         x = gather_row(drawn, LIGHT, pixel, inside)
         chosen = splat_i32(turn)
         if turn < 0:
-            last = splat_f32(np.float32(lights - 1))
-            scaled = x * np.float32(lights)
-            chosen = to_i32(minimum(scaled, last))
-            x = scaled - to_f32(chosen)
+            chosen, x = choose_one(x, lights)
         store_row(light, 0, i, chosen)
         store_row(numbers, 0, i, x)
         store_row(numbers, 1, i, gather_row(drawn, LIGHT + 1, pixel, inside))
