@@ -15,7 +15,8 @@ from numba.core.errors import TypingError
 from numba.extending import overload
 
 import renderer
-from renderer.jit import decorators, entry_kernel, kernel
+from renderer.jit import decorators, entry_kernel, kernel, with_neighbours
+from renderer.jit.cache import file_digest
 
 
 @kernel
@@ -201,3 +202,36 @@ def test_no_kernel_module_is_left_out_of_the_hash() -> None:
         if left_out and name != "scene_file/png_filters.py":
             text = source.read_text()
             assert "@kernel" not in text and "@entry_kernel" not in text, name
+
+
+def test_a_kernels_neighbours_are_part_of_its_source(tmp_path: Path) -> None:
+    """What it calls in files beside it is compiled into it: an edit there counts as well.
+
+    Imports in functions and of whole folders, and of a neighbour's neighbours; a circle
+    ends, and a file with a mistake is left to whoever imports it.
+    """
+    texts = {
+        "mine.py": "import numpy\ndef f():\n    from first.part import g",
+        "first/part.py": "",
+        "first/deep/part.py": "",
+        "second.py": "import mine",
+        "first/__init__.py": "",
+        "broken.py": "def",
+        "alone.py": "",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    mine = tmp_path / "mine.py"
+    names = ["first/__init__.py", "first/deep/part.py", "first/part.py", "mine.py"]
+    assert sorted(with_neighbours(mine)) == [tmp_path / name for name in names]
+    mine.write_text("import second, broken")
+    assert {file.name for file in with_neighbours(mine)} == {
+        "mine.py",
+        "second.py",
+        "broken.py",
+    }
+    first = file_digest(str(mine))
+    file_digest.cache_clear()
+    (tmp_path / "second.py").write_text("import mine  # edited")
+    assert file_digest(str(mine)) != first

@@ -9,6 +9,7 @@ wherever they lie.
 
 from __future__ import annotations
 
+import ast
 import functools
 import hashlib
 import os
@@ -84,8 +85,41 @@ KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 
 @functools.cache
 def file_digest(path: str) -> str:
-    """Return a short hash of a source file's content."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+    """Return a short hash of a source file's content, and of what it imports beside it."""
+    contents = b"\0".join(file.read_bytes() for file in with_neighbours(path))
+    return hashlib.sha256(contents).hexdigest()[:16]
+
+
+def with_neighbours(path: str | Path) -> list[Path]:
+    """Return a source file, and the files in its folder that it imports, at any depth.
+
+    A user's kernels may call others of his, in another file: its edit counts as well. The
+    renderer's own files are in the hash of all sources.
+    """
+    found: list[Path] = []
+    waiting = [Path(path).resolve()]
+    while waiting:
+        file = waiting.pop()
+        if file in found or file.is_relative_to(_PACKAGE):
+            continue
+        found.append(file)
+        for name in _imported_by(file):
+            beside = [file.with_name(f"{name}.py"), *file.with_name(name).rglob("*.py")]
+            waiting += sorted(module for module in beside if module.is_file())
+    return found
+
+
+def _imported_by(file: Path) -> Iterator[str]:
+    """Yield the first name of all modules that a file imports, inside functions too."""
+    try:
+        tree = ast.parse(file.read_bytes())
+    except SyntaxError:
+        return  # whoever imports it will say so
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module.partition(".")[0]
 
 
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
