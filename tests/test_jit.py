@@ -16,7 +16,7 @@ from numba.extending import overload
 
 import renderer
 from renderer.jit import decorators, entry_kernel, kernel, with_neighbours
-from renderer.jit.cache import file_digest
+from renderer.jit.cache import _WITHOUT_KERNELS, file_digest
 
 
 @kernel
@@ -134,7 +134,8 @@ def check():
 def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) -> None:
     """An index names the classes of arguments; who cannot import them compiles anew.
 
-    It must not write the index over: the other program still finds its kernel.
+    It must not write the index over: the other program still finds its kernel. Nor does it
+    import the other program's modules, with all that they do, where it could.
     """
     (tmp_path / "shared.py").write_text(SHARED)
     environment = os.environ | {
@@ -150,6 +151,8 @@ def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) ->
     own = tmp_path / "own.py"
     own.write_text(OWN_CLASS.format(hits=0))
     assert run("import own; own.check()") == 0
+    apart = "import shared, sys; shared.first((3.0,)); assert 'own' not in sys.modules"
+    assert run(apart) == 0
     own.rename(tmp_path / "hidden.py")
     assert run("import shared; assert shared.first((3,)) == 3") == 0
     own.write_text(OWN_CLASS.format(hits=1))
@@ -195,10 +198,10 @@ def test_no_kernel_module_is_left_out_of_the_hash() -> None:
 
     The exception stands alone: its kernel calls no other file, so Numba's check suffices.
     """
-    package = Path(jit.__file__).parent
+    package = Path(renderer.__file__).parent
     for source in package.rglob("*.py"):
         name = source.relative_to(package).as_posix()
-        left_out = name.startswith(jit._WITHOUT_KERNELS)
+        left_out = name.startswith(_WITHOUT_KERNELS)
         if left_out and name != "scene_file/png_filters.py":
             text = source.read_text()
             assert "@kernel" not in text and "@entry_kernel" not in text, name

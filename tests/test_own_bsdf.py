@@ -399,6 +399,15 @@ def test_a_second_process_compiles_nothing():
     np.testing.assert_array_equal(picture, here.pixels)
 
 
+def test_the_file_renders_under_another_name(tmp_path):
+    """Kept kernels name their module: those of one that is not there are not taken."""
+    another = tmp_path / "another.py"
+    another.write_text(FILE.read_text())
+    picture, _ = rendered_elsewhere(another)
+    here = renderer.render(renderer.load_file(SCENE), spp=1, threads=1)
+    np.testing.assert_array_equal(picture, here.pixels)
+
+
 def test_an_edit_of_the_formula_is_seen(tmp_path):
     """The same names in a file of the same name: only its text tells it apart."""
     edited = tmp_path / FILE.name

@@ -131,8 +131,8 @@ def _feed(
 def _stamp(request: RenderRequest) -> Path:
     digest = hashlib.sha256(json.dumps(asdict(request), sort_keys=True).encode())
     plugins = with_neighbours(request.plugins) if request.plugins else []
-    for file in (request.path, *plugins):
-        digest.update(Path(file).read_bytes())
+    for file in (Path(request.path), *plugins):
+        digest.update(file.read_bytes())
     digest.update(Path(__file__).with_name("picture.py").read_bytes())
     return KERNEL_CACHE / "warm" / digest.hexdigest()[:32]
 

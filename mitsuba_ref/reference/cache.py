@@ -100,8 +100,8 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     for made_by in (mitsuba_version(), drjit_version(), *contents):
         digest.update(f"\0{made_by}\0".encode())
     here = Path(__file__).parent
-    own = [request.path, *(with_neighbours(request.plugins) if request.plugins else [])]
-    named = sorted({Path(file).resolve() for file in [*own, *files]})
+    plugins = with_neighbours(request.plugins) if request.plugins else []
+    named = sorted({Path(file).resolve() for file in (request.path, *files)} | {*plugins})
     for file in [here / source for source in SOURCES] + named:
         digest.update(f"\0{file.name}\0".encode())
         try:

@@ -22,6 +22,7 @@ from typing import Any
 
 import llvmlite
 import numba
+from numba.core import types
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -166,7 +167,27 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
     processes at once would give one name to two kernels, and a later run would call the
     wrong one. An index that cannot be read is taken as empty, but never written over: it
     is in use by the program that can read it.
+
+    To read an index is to import the modules of all classes in it. So kernels that work on
+    classes of a user's have an index for his modules alone: nobody else's run would want
+    to import them, with all that they do.
     """
+
+    def __init__(self, folder: str, base: str, stamp: str) -> None:
+        super().__init__(folder, base, stamp)
+        self._base = base
+
+    def _of_the_same_modules(self, key: Any) -> _Index:
+        """Return the index for the classes of a key's signature."""
+        modules = {m for numba_type in key[0] for m in _modules_of(numba_type)}
+        foreign = sorted(m for m in modules if not m.startswith(f"{_PACKAGE.name}."))
+        if not foreign:
+            return self
+        digest = hashlib.sha256(" ".join(foreign).encode()).hexdigest()[:12]
+        return _Index(self._cache_path, f"{self._base}-{digest}", self._source_stamp)
+
+    def load(self, key: Any) -> Any:
+        return super(_Index, self._of_the_same_modules(key)).load(key)
 
     def _load_index(self) -> Any:
         try:
@@ -175,12 +196,23 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
             return {}
 
     def save(self, key: Any, data: Any) -> None:
+        index = super(_Index, self._of_the_same_modules(key))
         with _turn(self._cache_path):
             try:
-                super()._load_index()
+                index._load_index()
             except _UNREADABLE:
                 return
-            super().save(key, data)
+            index.save(key, data)
+
+
+def _modules_of(numba_type: Any) -> Iterator[str]:
+    """Yield the modules of the named tuples in a type, through records as well."""
+    inside = getattr(numba_type, "record", numba_type)
+    if isinstance(inside, types.BaseNamedTuple):
+        yield inside.instance_class.__module__
+    if isinstance(inside, types.BaseTuple):
+        for part in inside:
+            yield from _modules_of(part)
 
 
 class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]
