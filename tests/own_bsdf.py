@@ -3,8 +3,6 @@
 f = albedo / (4 pi (cos_i + cos_o)): light that was scattered once by the grains of a layer.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +36,20 @@ def sample(lunar, wo, numbers):
     return BsdfSample(wi, weight, INV_PI * wi.z, splat_f32(1.0))
 
 
+@renderer.kernel
+def albedo(lunar):
+    """Return what the AOV `albedo` shows."""
+    return lunar.albedo
+
+
 renderer.register_bsdf(
-    "lunar", Lunar, eval_pdf=eval_pdf, sample=sample, about="dust as on the Moon"
+    "lunar", Lunar, sample=sample, eval_pdf=eval_pdf, albedo=albedo, about="Moon dust"
 )
+
+
+def register_mitsuba():
+    """Register the same formula with Mitsuba: called in Mitsuba's process, which has it."""
+    import mitsuba
+    from own_bsdf_in_mitsuba import LunarInMitsuba
+
+    mitsuba.register_bsdf("lunar", LunarInMitsuba)

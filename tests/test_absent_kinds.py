@@ -1,7 +1,7 @@
 """What a scene lacks has no row in the kernels' tables, and having it changes nothing.
 
-A row of a table holds the addresses of a kind's kernels (`renderer.records.kernel_scene`): where
-there is no row, or a 0 in it, nothing was compiled and nothing is called.
+A row of a table holds the addresses of a kind's kernels (`records.kernel_scene`): where there
+is no row, or a 0 in it, nothing was compiled and nothing is called.
 """
 
 from __future__ import annotations

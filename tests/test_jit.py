@@ -15,7 +15,8 @@ from numba.core.errors import TypingError
 from numba.extending import overload
 
 import renderer
-from renderer.jit import decorators, entry_kernel, kernel
+from renderer.jit import decorators, entry_kernel, kernel, with_neighbours
+from renderer.jit.cache import _WITHOUT_KERNELS, file_digest
 
 
 @kernel
@@ -133,7 +134,8 @@ def check():
 def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) -> None:
     """An index names the classes of arguments; who cannot import them compiles anew.
 
-    It must not write the index over: the other program still finds its kernel.
+    It must not write the index over: the other program still finds its kernel. Nor does it
+    import the other program's modules, with all that they do, where it could.
     """
     (tmp_path / "shared.py").write_text(SHARED)
     environment = os.environ | {
@@ -149,6 +151,8 @@ def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) ->
     own = tmp_path / "own.py"
     own.write_text(OWN_CLASS.format(hits=0))
     assert run("import own; own.check()") == 0
+    apart = "import shared, sys; shared.first((3.0,)); assert 'own' not in sys.modules"
+    assert run(apart) == 0
     own.rename(tmp_path / "hidden.py")
     assert run("import shared; assert shared.first((3,)) == 3") == 0
     own.write_text(OWN_CLASS.format(hits=1))
@@ -194,10 +198,43 @@ def test_no_kernel_module_is_left_out_of_the_hash() -> None:
 
     The exception stands alone: its kernel calls no other file, so Numba's check suffices.
     """
-    package = Path(jit.__file__).parent
+    package = Path(renderer.__file__).parent
     for source in package.rglob("*.py"):
         name = source.relative_to(package).as_posix()
-        left_out = name.startswith(jit._WITHOUT_KERNELS)
+        left_out = name.startswith(_WITHOUT_KERNELS)
         if left_out and name != "scene_file/png_filters.py":
             text = source.read_text()
             assert "@kernel" not in text and "@entry_kernel" not in text, name
+
+
+def test_a_kernels_neighbours_are_part_of_its_source(tmp_path: Path) -> None:
+    """What it calls in files beside it is compiled into it: an edit there counts as well.
+
+    Imports in functions and of whole folders, and of a neighbour's neighbours; a circle
+    ends, and a file with a mistake is left to whoever imports it.
+    """
+    texts = {
+        "mine.py": "import numpy\ndef f():\n    from first.part import g",
+        "first/part.py": "",
+        "first/deep/part.py": "",
+        "second.py": "import mine",
+        "first/__init__.py": "",
+        "broken.py": "def",
+        "alone.py": "",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    mine = tmp_path / "mine.py"
+    names = ["first/__init__.py", "first/deep/part.py", "first/part.py", "mine.py"]
+    assert sorted(with_neighbours(mine)) == [tmp_path / name for name in names]
+    mine.write_text("import second, broken")
+    assert {file.name for file in with_neighbours(mine)} == {
+        "mine.py",
+        "second.py",
+        "broken.py",
+    }
+    first = file_digest(str(mine))
+    file_digest.cache_clear()
+    (tmp_path / "second.py").write_text("import mine  # edited")
+    assert file_digest(str(mine)) != first

@@ -16,6 +16,7 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import renderer
+from renderer.scene_file.plugins import supported_plugins, supported_tags
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -174,3 +175,29 @@ def test_links_in_the_documents_lead_somewhere():
         if "://" not in target and not (document.parent / target).exists()
     ]
     assert not dead
+
+
+def test_the_readme_names_every_plugin_that_is_supported():
+    """Its table is the list of the scene reader, by tag; `work` is no plugin of a file."""
+    table = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = table.partition("## What it reads")[2].partition("\n\n`--accel`")[0]
+    tags = {
+        "shapes": ["shape"],
+        "BSDFs": ["bsdf"],
+        "textures": ["texture"],
+        "emitters": ["emitter"],
+        "sensor, film": ["sensor", "film", "rfilter"],
+        "samplers": ["sampler"],
+        "integrators": ["integrator"],
+    }
+    named = {
+        row: sorted(re.findall(r"`(\w+)`", text))
+        for row, text in re.findall(r"^\| (\w.*?) \| (.*) \|$", table, flags=re.MULTILINE)
+    }
+    named["integrators"].remove("work")
+    assert named == {
+        row: sorted(plugin for tag in of for plugin in supported_plugins(tag))
+        for row, of in tags.items()
+    }
+    named_tags = {tag for of in tags.values() for tag in of}
+    assert {"scene", *named_tags} == set(supported_tags())

@@ -6,6 +6,7 @@ picture must be that of Mitsuba's own, path by path.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from mitsuba_ref.command.cli import main
 from mitsuba_ref.our_renderer.picture import read_scene
 from mitsuba_ref.records.options import Options, scene_request
+from mitsuba_ref.records.plugin_file import import_plugin_file
 from mitsuba_ref.records.proof_file import NO_PROOF
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache, entry_name
@@ -151,6 +153,27 @@ def test_an_edit_of_the_file_is_another_picture(tmp_path, plugins):
     assert entry_name(request_of(tmp_path, "plain_diffuse", elsewhere), []) == first
     assert entry_name(request_of(tmp_path, "plain_diffuse"), []) != first
     plugins.write_text(PLUGINS + "# another one\n")
+    assert entry_name(scene, []) != first
+
+
+def test_the_file_may_import_a_neighbour_whose_edit_counts(tmp_path, plugins):
+    """In both processes, when it is imported as well as when Mitsuba's side registers."""
+    beside = plugins.with_name("beside.py")
+    plugins.rename(beside)
+    plugins.write_text(
+        "import beside\ndef register_mitsuba():\n"
+        "    from beside import register_mitsuba\n    register_mitsuba()\n"
+    )
+    scene = request_of(tmp_path, "plain_diffuse", plugins)
+    with MitsubaWorker(120.0) as worker:
+        references = ReferenceCache(worker.render, tmp_path / "references")
+        assert np.ptp(references.get(scene, []).pixels) > 0.1
+    folders = list(sys.path)
+    import_plugin_file(str(plugins))
+    assert sys.path == folders
+    del sys.modules["beside"]
+    first = entry_name(scene, [])
+    beside.write_text(PLUGINS + "# another one\n")
     assert entry_name(scene, []) != first
 
 

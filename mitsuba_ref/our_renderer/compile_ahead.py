@@ -24,7 +24,7 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from renderer.errors import SceneError
-from renderer.jit import KERNEL_CACHE
+from renderer.jit import KERNEL_CACHE, with_neighbours
 
 MOST_WORKERS = 4  # each compiler takes half a gigabyte
 
@@ -130,8 +130,9 @@ def _feed(
 
 def _stamp(request: RenderRequest) -> Path:
     digest = hashlib.sha256(json.dumps(asdict(request), sort_keys=True).encode())
-    for file in filter(None, (request.path, request.plugins)):
-        digest.update(Path(file).read_bytes())
+    plugins = with_neighbours(request.plugins) if request.plugins else []
+    for file in (Path(request.path), *plugins):
+        digest.update(file.read_bytes())
     digest.update(Path(__file__).with_name("picture.py").read_bytes())
     return KERNEL_CACHE / "warm" / digest.hexdigest()[:32]
 

@@ -10,10 +10,23 @@ from __future__ import annotations
 import functools
 import importlib.util
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
 from renderer.errors import SceneError
+
+
+@contextmanager
+def neighbours_importable(path: str) -> Iterator[None]:
+    """Let a plugin file import modules beside it, as when Python runs it as a script."""
+    folder = str(Path(path).resolve().parent)
+    sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
 
 
 @functools.cache
@@ -33,7 +46,8 @@ def import_plugin_file(path: str) -> ModuleType:
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module  # dataclasses look up the module that they are in
     try:
-        specification.loader.exec_module(module)
+        with neighbours_importable(path):
+            specification.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
         raise SceneError(f"{path}: {type(error).__name__}: {error}") from error

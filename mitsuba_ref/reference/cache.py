@@ -24,7 +24,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
-from renderer.jit import cache_root
+from renderer.jit import cache_root, with_neighbours
 from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
@@ -100,8 +100,8 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     for made_by in (mitsuba_version(), drjit_version(), *contents):
         digest.update(f"\0{made_by}\0".encode())
     here = Path(__file__).parent
-    own = [request.path, *([request.plugins] if request.plugins else [])]
-    named = sorted({Path(file).resolve() for file in [*own, *files]})
+    plugins = with_neighbours(request.plugins) if request.plugins else []
+    named = sorted({Path(file).resolve() for file in (request.path, *files)} | {*plugins})
     for file in [here / source for source in SOURCES] + named:
         digest.update(f"\0{file.name}\0".encode())
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 
-from mitsuba_ref.records.plugin_file import import_plugin_file
+from mitsuba_ref.records.plugin_file import import_plugin_file, neighbours_importable
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.variant import load_mitsuba
 from renderer.errors import SceneError
@@ -27,7 +27,8 @@ def register_user_plugins(path: str) -> None:
     if register is None:
         return
     try:
-        register()
+        with neighbours_importable(path):
+            register()
     except Exception as error:
         what = f"register_mitsuba(): {type(error).__name__}: {error}"
         raise MitsubaRefused(f"{path}: {what}") from error

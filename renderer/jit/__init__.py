@@ -7,7 +7,7 @@ are called by their address, as methods of an object are (`methods`), and functi
 are chosen by the record they work on (`interfaces`).
 """
 
-from renderer.jit.cache import KERNEL_CACHE, cache_root
+from renderer.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
 from renderer.jit.decorators import (
     builder_kernel,
     entry_kernel,
@@ -37,4 +37,5 @@ __all__ = [
     "pack",
     "record_class",
     "record_type",
+    "with_neighbours",
 ]

@@ -9,6 +9,7 @@ wherever they lie.
 
 from __future__ import annotations
 
+import ast
 import functools
 import hashlib
 import os
@@ -21,6 +22,7 @@ from typing import Any
 
 import llvmlite
 import numba
+from numba.core import types
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -34,7 +36,7 @@ except ImportError:  # not on Windows: there, render one scene at a time for the
     fcntl = None  # type: ignore[assignment]
 
 _PACKAGE = Path(__file__).parents[1]
-# The folders whose files kernels are made of: all that is in them counts, whatever its name.
+# The folders whose files kernels are made of: all that is in them counts.
 KERNEL_FOLDERS = (
     "accelerators",
     "integrators",
@@ -71,8 +73,41 @@ KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 
 @functools.cache
 def file_digest(path: str) -> str:
-    """Return a short hash of a source file's content."""
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+    """Return a short hash of a source file's content, and of what it imports beside it."""
+    contents = b"\0".join(file.read_bytes() for file in with_neighbours(path))
+    return hashlib.sha256(contents).hexdigest()[:16]
+
+
+def with_neighbours(path: str | Path) -> list[Path]:
+    """Return a source file, and the files in its folder that it imports, at any depth.
+
+    A user's kernels may call others of his, in another file: its edit counts as well. The
+    renderer's own files are in the hash of all sources.
+    """
+    found: list[Path] = []
+    waiting = [Path(path).resolve()]
+    while waiting:
+        file = waiting.pop()
+        if file in found or file.is_relative_to(_PACKAGE):
+            continue
+        found.append(file)
+        for name in _imported_by(file):
+            beside = [file.with_name(f"{name}.py"), *file.with_name(name).rglob("*.py")]
+            waiting += sorted(module for module in beside if module.is_file())
+    return found
+
+
+def _imported_by(file: Path) -> Iterator[str]:
+    """Yield the first name of all modules that a file imports, inside functions too."""
+    try:
+        tree = ast.parse(file.read_bytes())
+    except SyntaxError:
+        return  # whoever imports it will say so
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module.partition(".")[0]
 
 
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
@@ -121,7 +156,27 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
     processes at once would give one name to two kernels, and a later run would call the
     wrong one. An index that cannot be read is taken as empty, but never written over: it
     is in use by the program that can read it.
+
+    To read an index is to import the modules of all classes in it. So kernels that work on
+    classes of a user's have an index for his modules alone: nobody else's run would want
+    to import them, with all that they do.
     """
+
+    def __init__(self, folder: str, base: str, stamp: str) -> None:
+        super().__init__(folder, base, stamp)
+        self._base = base
+
+    def _of_the_same_modules(self, key: Any) -> _Index:
+        """Return the index for the classes of a key's signature."""
+        modules = {m for numba_type in key[0] for m in _modules_of(numba_type)}
+        foreign = sorted(m for m in modules if not m.startswith(f"{_PACKAGE.name}."))
+        if not foreign:
+            return self
+        digest = hashlib.sha256(" ".join(foreign).encode()).hexdigest()[:12]
+        return _Index(self._cache_path, f"{self._base}-{digest}", self._source_stamp)
+
+    def load(self, key: Any) -> Any:
+        return super(_Index, self._of_the_same_modules(key)).load(key)
 
     def _load_index(self) -> Any:
         try:
@@ -130,12 +185,23 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
             return {}
 
     def save(self, key: Any, data: Any) -> None:
+        index = super(_Index, self._of_the_same_modules(key))
         with _turn(self._cache_path):
             try:
-                super()._load_index()
+                index._load_index()
             except _UNREADABLE:
                 return
-            super().save(key, data)
+            index.save(key, data)
+
+
+def _modules_of(numba_type: Any) -> Iterator[str]:
+    """Yield the modules of the named tuples in a type, through records as well."""
+    inside = getattr(numba_type, "record", numba_type)
+    if isinstance(inside, types.BaseNamedTuple):
+        yield inside.instance_class.__module__
+    if isinstance(inside, types.BaseTuple):
+        for part in inside:
+            yield from _modules_of(part)
 
 
 class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]

@@ -1,8 +1,8 @@
 """Stage 3, the surface at a hit: position, normals, uv, and how uncertain the position is.
 
-What a point on a sphere is, the sphere knows (`renderer.kinds.shapes`). Here its kernels are
-called for those hits of a batch that are on spheres, and so on for each kind of shape. Then
-all points are put in their place in the world, beside the state of their paths.
+What a point on a sphere is, the sphere knows (`kinds.shapes`). Here its kernels are called
+for those hits of a batch that are on spheres, and so on for each kind of shape. Then all
+points are put in their place in the world, beside the state of their paths.
 """
 
 from __future__ import annotations

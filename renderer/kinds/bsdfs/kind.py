@@ -92,7 +92,7 @@ class BsdfKind:
     transmits
         Whether light goes through, so that the back of a surface shows the same BSDF.
     source
-        Hash of the file that holds the kernels, empty for the renderer's own.
+        Module and hash of the file that holds the kernels; empty for the renderer's own.
     """
 
     name: str
