@@ -16,16 +16,14 @@ import numpy as np
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import any_hit, closest_hit
 from renderer.jit import entry_kernel, pack
+from renderer.kinds.shapes.cylinder import CylinderSurfaces
+from renderer.kinds.shapes.disk import DiskSurfaces
+from renderer.kinds.shapes.rectangle import RectangleSurfaces
+from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.lanes.vectors import load3, store3
 from renderer.records.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
-from renderer.records.kernel_scene import (
-    ANY,
-    CylinderSurfaces,
-    DiskSurfaces,
-    RectangleSurfaces,
-    SphereSurfaces,
-    TriangleSurfaces,
-)
+from renderer.records.kernel_scene import ANY
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay, Variant

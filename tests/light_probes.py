@@ -8,17 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from kernel_probes import Inputs, float32
 from numpy.typing import NDArray
-from renderer.ways import way_of
 
 import renderer
 from renderer.jit import Packed, call, entry_kernel, pack
+from renderer.kinds.lights.kind import LightKind
 from renderer.kinds.sampling.numbers_and_warps import choose_one
 from renderer.kinds.shapes.surface import pdf_shape
 from renderer.lanes.memory import load_row, store_row
 from renderer.lanes.vectors import load3
 from renderer.records.batch import LightSamples, make_workspace
-from renderer.records.kernel_scene import RECORD, SAMPLE_LIGHT, LightKind
+from renderer.records.kernel_scene import RECORD, SAMPLE_LIGHT
 from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.tables.variant import way_of
 
 Array = NDArray[np.float64]
 AT_ONCE = 1 << 15  # points

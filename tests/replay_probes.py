@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from kernel_probes import Inputs, fill, float32, run_surface_points
 from light_probes import light_kinds, sample_lights
-from renderer.ways import way_of
 
 from renderer.jit import entry_kernel, pack
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
@@ -22,6 +21,7 @@ from renderer.kinds.bsdfs.kind import (
     parameters_at,
     sample_bsdf,
 )
+from renderer.kinds.lights.area import AreaLights
 from renderer.kinds.sampling.arithmetic import seen_from, to_local
 from renderer.kinds.sampling.numbers_and_warps import choose_one
 from renderer.kinds.shapes.surface import pdf_shape
@@ -29,8 +29,8 @@ from renderer.lanes.functions import first_lanes
 from renderer.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.lanes.vectors import load3, store3
 from renderer.records.batch import CAPACITY, Workspace
-from renderer.records.kernel_scene import AreaLights
 from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.tables.variant import way_of
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.scene.scene import Scene
 from renderer.stages.shading_frame import frame_at

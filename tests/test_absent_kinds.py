@@ -1,7 +1,7 @@
 """What a scene lacks has no row in the kernels' tables, and having it changes nothing.
 
-A row of a table holds the addresses of a kind's kernels (`records.kernel_scene`): where there
-is no row, or a 0 in it, nothing was compiled and nothing is called.
+A row of a table holds the addresses of a kind's kernels (`records.kernel_scene`). Where
+there is no row, or a 0 in it, nothing was compiled and nothing is called.
 """
 
 from __future__ import annotations
@@ -31,6 +31,11 @@ from small_scenes import (
 
 import renderer
 from renderer.jit.linking import SEPARATE
+from renderer.kinds.lights.area import AreaLights
+from renderer.kinds.lights.constant import ConstantLights
+from renderer.kinds.lights.directional import DirectionalLights
+from renderer.kinds.lights.point import PointLights
+from renderer.kinds.lights.spot import SpotLights
 from renderer.records.kernel_scene import (
     ANY_COHERENT,
     ANY_SINGLE,
@@ -45,11 +50,6 @@ from renderer.records.kernel_scene import (
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
     SCATTER,
-    AreaLights,
-    ConstantLights,
-    DirectionalLights,
-    PointLights,
-    SpotLights,
 )
 from renderer.rendering.planning.plan import NO_LIMIT, make_plan
 from renderer.rendering.rendering import Rendering

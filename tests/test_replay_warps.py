@@ -30,7 +30,7 @@ from replay_shapes import (
 from scene_file_samples import mi
 
 import renderer
-from renderer.records.kernel_scene import AreaLights
+from renderer.kinds.lights.area import AreaLights
 
 LAST = np.float32(1 - 2.0**-23)  # the largest that Mitsuba draws
 
