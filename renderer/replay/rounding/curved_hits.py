@@ -17,6 +17,7 @@ from renderer.jit import kernel
 from renderer.lanes.vectors import column, dot, vec3
 from renderer.replay.rounding.flat_hits import column3
 from renderer.replay.rounding.fused import fused_multiply_add
+from renderer.replay.rounding.reciprocal import reciprocal_in_matrices
 from renderer.replay.rounding.rounded_once import (
     fused_affine,
     fused_cross,
@@ -77,7 +78,7 @@ def _sphere_distance(center, radius, origin, direction):
 def _sphere_tangent(spheres, k, center, radius, p):
     """Return dp/du on a sphere, which turns about its local z axis."""
     x_axis, y_axis = column3(spheres.frame, 0, k), column3(spheres.frame, 3, k)
-    inverse = _ONE / radius
+    inverse = reciprocal_in_matrices(radius)
     x = fused_affine(x_axis * inverse, -dot(x_axis * inverse, center), p)
     y = fused_affine(y_axis * inverse, -dot(y_axis * inverse, center), p)
     return fused_sum(y_axis * radius, x, x_axis * (radius * -y)) * _TWO_PI
