@@ -58,13 +58,19 @@ _WITHOUT_KERNELS = (
 )
 
 
+def _is_hashed(source: Path) -> bool:
+    """Return whether an edit of a file moves all kernels to another folder."""
+    if not source.is_relative_to(_PACKAGE):
+        return False
+    return not source.relative_to(_PACKAGE).as_posix().startswith(_WITHOUT_KERNELS)
+
+
 def _sources_hash() -> str:
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.rglob("*.py")):
-        name = source.relative_to(_PACKAGE).as_posix()
-        if name.startswith(_WITHOUT_KERNELS):
+        if not _is_hashed(source):
             continue
-        digest.update(name.encode())
+        digest.update(source.relative_to(_PACKAGE).as_posix().encode())
         digest.update(source.read_bytes())
     digest.update(f"{numba.__version__} {llvmlite.__version__} {sys.version}".encode())
     return digest.hexdigest()[:16]
@@ -95,7 +101,7 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
         self._py_file = source
         self._line = function.__code__.co_firstlineno
         module = function.__module__.replace(".", "_")
-        if not Path(source).is_relative_to(_PACKAGE):  # a user's or a test's own kernels
+        if not _is_hashed(Path(source)):  # a user's or a test's own, or one left out
             module = f"{module}-{file_digest(source)}"
         self._folder = KERNEL_CACHE / module
 
