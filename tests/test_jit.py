@@ -9,14 +9,19 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+from compiled_kernels import ROOT, compiled_by
 from numba.core.errors import TypingError
 from numba.extending import overload
+from small_scenes import diffuse, scene, sensor, sphere
 
 import renderer
-from renderer.jit import decorators, entry_kernel, kernel, with_neighbours
+import renderer.stages.film
+from renderer.jit import cache, decorators, entry_kernel, kernel, linking, with_neighbours
 from renderer.jit.cache import KERNEL_FOLDERS, file_digest
+from renderer.scene_file.images.images import png_filters
 
 
 @kernel
@@ -184,11 +189,11 @@ def test_cache_moves_when_a_kernel_source_changes(tmp_path: Path) -> None:
     shutil.copytree(Path(renderer.__file__).parent, package, ignore=quiet)
     (package / "__init__.py").write_text("")
     before = _hash_of(package)
-    for left_out in ("scene_file/colors.py", "plan.py"):
+    for left_out in ("scene_file/plugins.py", "rendering/rendering.py"):
         with (package / left_out).open("a") as source:
             source.write("# an edit\n")
     assert _hash_of(package) == before
-    with (package / "bsdfs" / "diffuse.py").open("a") as source:
+    with (package / "kinds" / "bsdfs" / "diffuse.py").open("a") as source:
         source.write("# an edit\n")
     assert _hash_of(package) != before
 
@@ -240,3 +245,109 @@ def test_a_kernels_neighbours_are_part_of_its_source(tmp_path: Path) -> None:
     file_digest.cache_clear()
     (tmp_path / "second.py").write_text("import mine  # edited")
     assert file_digest(str(mine)) != first
+
+
+def test_a_kernel_left_out_of_the_hash_is_known_by_its_own_file() -> None:
+    """As a user's kernel is: an edit moves it to another folder, another path does not."""
+    function = png_filters._undo_filters.py_func
+    kept = Path(cache.KernelCache(function)._cache_path)
+    assert kept.name.endswith("-" + cache.file_digest(png_filters.__file__))
+    inside = Path(cache.KernelCache(_doubled.py_func)._cache_path)
+    assert inside.name.endswith("-" + cache.file_digest(__file__))
+    plain = Path(cache.KernelCache(renderer.stages.film.add_to_tile.py_func)._cache_path)
+    assert plain.name == "renderer_stages_film"
+
+
+# ------------------------------------------------------------------------ other folders
+
+
+def render_depths(root: str) -> None:
+    """Render one small picture of depths with the sources in a folder."""
+    assert Path(renderer.__file__).parents[1] == Path(root)
+    view = sensor((0, -3, 0), (0, 0, 0), fov=40, size=(4, 4))
+    content = scene(view, "depth", sphere(diffuse(0.5)))
+    renderer.render(renderer.load_dict(content), threads=1)
+
+
+def test_a_second_copy_of_the_sources_compiles_nothing(tmp_path: Path) -> None:
+    """Kernels are known by what they are made of, not by where that lies."""
+    kernels = tmp_path / "cache"
+    copy = tmp_path / "copy"
+    quiet = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(renderer.__file__).parent, copy / "renderer", ignore=quiet)
+    first = compiled_by(f'test_jit.render_depths("{ROOT}")', kernels)
+    assert "render_first_hits" in {kernel.name for kernel in first}
+    assert compiled_by(f'test_jit.render_depths("{copy}")', kernels, copy) == []
+
+
+# ------------------------------------------------------------------ versions of Numba
+
+
+def test_this_version_of_numba_has_been_tried() -> None:
+    """`renderer.jit.linking` replaces private parts of Numba, on versions it knows.
+
+    On another version all works, but compiles longer. To add one to `TRIED`, run the whole
+    suite with it.
+    """
+    assert numba.__version__ in linking.TRIED, (
+        f"Numba {numba.__version__} has not been tried with renderer.jit.linking"
+    )
+
+
+PAIR = """
+import numba
+{patch}
+import sys
+from typing import NamedTuple
+import numpy as np
+from numba.core import codegen, types
+from renderer.jit import compile_method, count_of, entry_kernel, kernel, method_kernel, pack
+
+class Numbers(NamedTuple):
+    values: np.ndarray
+
+@kernel
+def thrice(x):
+    return 3 * x
+
+@method_kernel
+def total(numbers, factor):
+    found = np.int64(0)
+    for value in numbers.values:
+        found += thrice(value) * factor
+    return found
+
+@entry_kernel
+def run(address, record, factor):
+    return count_of(address, record, (factor,)) + thrice(np.int64(1))
+
+replaced = codegen.CPUCodeLibrary.finalize.__module__ != "numba.core.codegen"
+packed = pack(Numbers(np.arange(5)))
+method = compile_method(total, packed, types.int64, returns=types.int64)
+print(replaced, run(*method, 10))
+"""
+
+
+@pytest.mark.parametrize(
+    ("patch", "replaced"), [("", True), ('numba.__version__ = "0.0.1"', False)]
+)
+def test_kernels_are_the_same_on_a_version_that_nobody_has_tried(
+    tmp_path: Path, patch: str, replaced: bool
+) -> None:
+    """There Numba compiles in its own way: kernels, methods and entries work as here.
+
+    Twice, as the second time they come from the cache.
+    """
+    (tmp_path / "pair.py").write_text(PAIR.format(patch=patch))
+    paths = os.pathsep.join([str(tmp_path), str(ROOT)])
+    environment = os.environ | {"PYTHONPATH": paths}
+    environment["LIGHTPROOF_CACHE"] = str(tmp_path / "cache")
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", "import pair"],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.split() == [str(replaced), "303"]

@@ -1,0 +1,195 @@
+"""Records behind a pointer: kernels read what Python has packed, of the same types."""
+
+from __future__ import annotations
+
+import gc
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numba.core import types
+from numba.core.errors import TypingError
+
+from renderer.jit import Packed, entry_kernel, kernel, pack, record_class, record_type
+
+
+class Inner(NamedTuple):
+    weight: Any
+    nothing: Any
+    values: Any
+
+
+class Outer(NamedTuple):
+    count: Any
+    inner: Any
+    nothing: Any
+    last: Any
+
+
+class One(NamedTuple):
+    value: Any
+
+
+@kernel
+def is_there(value):
+    return 0 if value is None else 1
+
+
+@entry_kernel
+def read(record, out):
+    """Look at every field, through both levels."""
+    out[0] = record.count
+    out[1] = record.inner.weight
+    out[2] = is_there(record.inner.nothing)
+    out[3] = record.inner.values[1]
+    out[4] = is_there(record.nothing)
+    out[5] = record.last
+
+
+@entry_kernel
+def value_of(record):
+    return record.value
+
+
+@entry_kernel
+def three_dimensions(record, out):
+    for k in range(3):
+        out[k] = record.value.shape[k]
+    out[3] = record.value[1, 2, 3]
+    out[4] = record.value.size
+
+
+@entry_kernel
+def two_dimensions(record, out):
+    for k in range(2):
+        out[k] = record.value.shape[k]
+    out[2] = record.value[1, 2]
+    row = record.value[1]
+    out[3] = row[0]
+    out[4] = record.value.size
+    record.value[0, 0] = 77
+
+
+@entry_kernel
+def missing(record):
+    return record.valu
+
+
+def test_records_in_records_with_numbers_and_nothing() -> None:
+    """A None takes no room: what stands behind it is read from the right place."""
+    out = np.zeros(6)
+    inner = Inner(0.1, None, np.array([3.0, 4.0]))
+    read(pack(Outer(2**40, inner, None, -1.5)), out)
+    np.testing.assert_array_equal(out, [2**40, 0.1, 0, 4, 0, -1.5])
+    read(pack(Outer(7, inner._replace(nothing=5), 6, 2.5)), out)
+    np.testing.assert_array_equal(out, [7, 0.1, 1, 4, 1, 2.5])
+
+
+@pytest.mark.parametrize(
+    ("value", "numba_type"),
+    [
+        (3, types.int64),
+        (True, types.int64),
+        (0.1, types.float64),
+        (np.float64(0.1), types.float64),
+        (np.float32(0.1), types.float32),
+        (np.int32(-(2**31)), types.int32),
+        (np.uint8(255), types.uint8),
+        (np.uint64(2**64 - 1), types.uint64),
+        (np.int64(-(2**63)), types.int64),
+        (np.bool_(True), types.boolean),
+    ],
+)
+def test_numbers_keep_their_type(value, numba_type) -> None:
+    packed = pack(One(value))
+    assert packed.numba_type.record.types[0] == numba_type
+    assert value_of(packed) == value
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32, np.uint8])
+def test_arrays_of_two_and_three_dimensions(dtype) -> None:
+    """Any shape is of one type; a change by a kernel is one of the array."""
+    cube = np.arange(2 * 5 * 7).reshape(2, 5, 7).astype(dtype)
+    out = np.zeros(5)
+    three_dimensions(pack(One(cube)), out)
+    np.testing.assert_array_equal(out, [2, 5, 7, cube[1, 2, 3], cube.size])
+    table = np.arange(12).reshape(3, 4).astype(dtype)
+    two_dimensions(pack(One(table)), out)
+    np.testing.assert_array_equal(out, [3, 4, 6, 4, 12])
+    assert table[0, 0] == 77
+    other = np.zeros((9, 5), dtype)
+    assert record_type(One(table)) == record_type(One(other)) != record_type(One(cube))
+    two_dimensions(pack(One(other)), out)
+    np.testing.assert_array_equal(out, [9, 5, 0, 0, 45])
+    assert sum(args[0] == record_type(One(table)) for args in two_dimensions.overloads) == 1
+
+
+def test_arrays_are_shared_and_numbers_are_copied() -> None:
+    values, out = np.array([1.0, 2.0]), np.zeros(6)
+    packed = pack(Outer(1, Inner(1.0, None, values), None, 2.0))
+    values[1] = 9.0
+    read(packed, out)
+    assert out[3] == 9.0
+
+
+def test_a_packed_record_keeps_its_arrays_alive() -> None:
+    def packed_cube() -> Packed:
+        return pack(One(np.full((2, 3, 4), 5.0)))
+
+    packed, out = packed_cube(), np.zeros(5)
+    gc.collect()
+    _other = [np.ones((2, 3, 4)) for _ in range(100)]
+    three_dimensions(packed, out)
+    assert out[3] == 5.0
+
+
+@entry_kernel
+def weight_behind(record):
+    return record.value.weight + record.value.values[0]
+
+
+def test_a_record_may_hold_the_address_of_another() -> None:
+    inner = pack(Inner(0.5, None, np.array([2.0])))
+    assert weight_behind(pack(One(inner))) == 2.5
+
+
+def test_what_is_not_c_ordered_is_refused() -> None:
+    """Strides are computed from the shape, so a transposed array would be misread."""
+    for array in (np.zeros((3, 4)).T, np.zeros((3, 8))[:, ::2], np.zeros(8)[::-1]):
+        with pytest.raises(TypeError, match=r"an array of shape \(.*\) is not C-ordered"):
+            pack(One(array))
+
+
+@pytest.mark.parametrize("value", ["text", [1, 2], {"a": 1}, object()])
+def test_what_kernels_cannot_read_is_refused(value) -> None:
+    expected = f"record cannot hold a {type(value).__name__}"
+    with pytest.raises(TypeError, match=expected):
+        pack(One(value))
+
+
+def test_a_field_that_is_not_there() -> None:
+    with pytest.raises(TypingError, match="Unknown attribute 'valu'"):
+        missing(pack(One(1)))
+
+
+def test_types_tell_records_apart() -> None:
+    """By class, by the types of the fields, and by the source of a user's own kind."""
+    assert record_type(One(1)) == pack(One(2)).numba_type
+    different = [
+        record_type(One(1)),
+        record_type(One(1.0)),
+        record_type(One(None)),
+        record_type(One(np.zeros(1))),
+        record_type(One(np.zeros((1, 1)))),
+        record_type(One(One(1))),
+        record_type(One(1), source="an edit"),
+        record_type(Inner(1, 1, 1)),
+    ]
+    assert len({str(one) for one in different}) == len(set(different)) == len(different)
+
+
+def test_the_class_behind_a_type() -> None:
+    assert record_class(record_type(One(1))) is One
+    assert record_class(record_type(One(1)).record) is One
+    assert record_class(types.float32) is None
+    assert record_class(types.none) is None
