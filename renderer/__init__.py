@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from renderer.bsdfs.registry import register_bsdf
     from renderer.errors import SceneError
-    from renderer.image import Image
     from renderer.jit import kernel
-    from renderer.render_scene import render
-    from renderer.rendering import Progress
-    from renderer.scene import Scene
+    from renderer.kinds.bsdfs.registry import register_bsdf
+    from renderer.picture.image import Image
+    from renderer.rendering.render_scene import render
+    from renderer.rendering.rendering import Progress
+    from renderer.scene.scene import Scene
     from renderer.scene_file import SceneDescription
 
 __version__ = "0.1.0"
@@ -40,13 +40,13 @@ __all__ = [
 # Imported when they are first asked for: Numba takes half a second, which whoever wants
 # the version, the command's help or a scene's description need not wait for.
 _MODULES = {
-    "Image": "renderer.image",
-    "Progress": "renderer.rendering",
-    "Scene": "renderer.scene",
+    "Image": "renderer.picture.image",
+    "Progress": "renderer.rendering.rendering",
+    "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.jit",
-    "register_bsdf": "renderer.bsdfs.registry",
-    "render": "renderer.render_scene",
+    "register_bsdf": "renderer.kinds.bsdfs.registry",
+    "render": "renderer.rendering.render_scene",
 }
 
 
@@ -101,7 +101,7 @@ def _logged(description: SceneDescription) -> Scene:
 
     Not in the reader: the command line prints the same lines in a form of its own.
     """
-    from renderer.scene import build_scene
+    from renderer.scene.scene import build_scene
 
     scene = build_scene(description)
     for warning in description.warnings:

@@ -12,7 +12,7 @@ import os
 import sys
 from typing import NoReturn
 
-from renderer.cli import main
+from renderer.command.cli import main
 
 # Numba and the kernels make 200,000 objects on their way in, among which Python's collector
 # of cycles, which looks after every 700, finds nothing to free.

@@ -7,9 +7,9 @@ from kernel_probes import soup, triangles
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.extents import Extents, extents_of
-from renderer.accelerators.grid_cells import Grids
-from renderer.accelerators.hierarchical_grid import validate_hierarchical_grid
-from renderer.accelerators.uniform_grid import UniformGrid, validate_uniform_grid
+from renderer.accelerators.grids.grid_cells import Grids
+from renderer.accelerators.grids.hierarchical_grid import validate_hierarchical_grid
+from renderer.accelerators.grids.uniform_grid import UniformGrid, validate_uniform_grid
 
 NAMES = ("grid", "grid-without-mailboxes", "grid-nested", "grid-clusters")
 HIERARCHIES = ("grid-nested", "grid-clusters")

@@ -9,27 +9,24 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from renderer.kernel_inputs import kernel_scene
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
 from renderer.jit import entry_kernel
-from renderer.kernel_inputs import kernel_scene
-from renderer.kernel_scene import (
-    ANY,
-    CylinderSurfaces,
-    DiskSurfaces,
-    KernelScene,
-    RectangleSurfaces,
-    SphereSurfaces,
-    TriangleSurfaces,
-)
-from renderer.plan import RAY_OFFSETS, make_plan
-from renderer.scene import Scene, unit_normals
+from renderer.kinds.shapes.cylinder import CylinderSurfaces
+from renderer.kinds.shapes.disk import DiskSurfaces
+from renderer.kinds.shapes.rectangle import RectangleSurfaces
+from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.kinds.shapes.triangle import TriangleSurfaces
+from renderer.lanes.vectors import load3, store3
+from renderer.records.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
+from renderer.records.kernel_scene import ANY, KernelScene
+from renderer.rendering.planning.plan import RAY_OFFSETS, make_plan
+from renderer.scene.scene import Scene, unit_normals
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.shading_frame import leave_surface
 from renderer.stages.surface import surface_points
-from renderer.vectors import load3, store3
 
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 FIRST_ID = 5  # not 0, so that a column number taken for a primitive id shows
@@ -153,7 +150,7 @@ def closest(
 ) -> Found:
     """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one.
 
-    Given a tally (`renderer.accelerators.tally`), the twin that counts runs.
+    Given a tally (`renderer.accelerators.rays.tally`), the twin that counts runs.
     """
     work = workspace(ray_count(origin, direction))
     n = fill(work.rays, origin, direction)

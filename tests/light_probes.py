@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from kernel_probes import float32
 from numpy.typing import NDArray
-from renderer.lights.choose import choose_light, sample_light
+from renderer.kernel_inputs import kernel_scene
+from renderer.kinds.lights.choose import choose_light, sample_light
 
 import renderer
 from renderer.jit import entry_kernel
-from renderer.kernel_inputs import kernel_scene
+from renderer.kinds.lights.area import pdf_area_light
 from renderer.lanes.memory import load_row, store_row
-from renderer.lights.area import pdf_area_light
-from renderer.plan import make_plan
-from renderer.vectors import load3, store3
+from renderer.lanes.vectors import load3, store3
+from renderer.rendering.planning.plan import make_plan
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import renderer
-from renderer.bsdfs.kind import BsdfSample, Color, cosine_direction
+from renderer.kinds.bsdfs.kind import BsdfSample, Color, cosine_direction
 from renderer.lanes.functions import select, splat_f32
 
 INV_PI = np.float32(1.0 / np.pi)

@@ -10,23 +10,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from kernel_probes import fill, float32
-from renderer.lights.choose import choose_light, light_probability, sample_light
-from renderer.lights.triangles import density_normal
-
-from renderer.batch import CAPACITY, Workspace, make_workspace
-from renderer.bsdfs.diffuse import sample_diffuse
-from renderer.jit import entry_kernel
 from renderer.kernel_inputs import kernel_scene
-from renderer.kernel_scene import ANY, KernelScene
+from renderer.kinds.lights.choose import choose_light, light_probability, sample_light
+from renderer.kinds.lights.triangles import density_normal
+
+from renderer.jit import entry_kernel
+from renderer.kinds.bsdfs.diffuse import sample_diffuse
+from renderer.kinds.lights.area import pdf_area_light
 from renderer.lanes.functions import fabs, first_lanes
 from renderer.lanes.memory import gather_row, load_row, store_row
-from renderer.lights.area import pdf_area_light
-from renderer.plan import make_plan
-from renderer.scene import Scene
+from renderer.lanes.vectors import dot, load3, select3, store3
+from renderer.records.batch import CAPACITY, Workspace, make_workspace
+from renderer.records.kernel_scene import ANY, KernelScene
+from renderer.rendering.planning.plan import make_plan
+from renderer.scene.scene import Scene
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.shading_frame import tangents_of
 from renderer.stages.surface import surface_points
-from renderer.vectors import dot, load3, select3, store3
 
 
 def replay_inputs(scene: Scene) -> KernelScene:

@@ -7,25 +7,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from kernel_probes import workspace
 from numpy.typing import NDArray
+from renderer.kernel_inputs import kernel_scene
 
 import renderer
-from renderer.batch import CAPACITY, Rays, Workspace
-from renderer.bsdfs.diffuse import eval_diffuse
-from renderer.film import Tile
 from renderer.jit import entry_kernel
-from renderer.kernel_inputs import kernel_scene
-from renderer.kernel_scene import KernelScene
+from renderer.kinds.bsdfs.diffuse import eval_diffuse
 from renderer.lanes.functions import lane_index
 from renderer.lanes.memory import load_row, store_row
-from renderer.plan import make_plan
+from renderer.lanes.vectors import store3, vec3
+from renderer.records.batch import CAPACITY, Rays, Workspace
+from renderer.records.kernel_scene import KernelScene
+from renderer.rendering.planning.plan import make_plan
 from renderer.stages.camera_rays import film_position
+from renderer.stages.film import Tile
 from renderer.stages.scatter import (
     scatter_conductor,
     scatter_dielectric,
     scatter_diffuse,
     split_dielectric,
 )
-from renderer.vectors import store3, vec3
 
 Array = NDArray[np.float64]
 TILE = Tile(0, 0, 32, 32, 32)

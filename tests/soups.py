@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from kernel_probes import directions, float32, triangles, unit
 
 from renderer.accelerators.extents import Extents
-from renderer.scene_file.mesh import _degenerate
+from renderer.scene_file.meshes.mesh import _degenerate
 
 # The same examples in every run: a failure of one run is a failure of the next.
 SAME_EXAMPLES = settings(

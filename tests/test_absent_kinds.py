@@ -1,7 +1,7 @@
 """What a scene lacks is None in the kernels' record, and compiling it in changes nothing.
 
 A None is a type of its own to Numba: the code that would read it is left out when the
-kernels are compiled (`renderer.kernel_scene`). So a None is what "not compiled" means.
+kernels are compiled (`renderer.records.kernel_scene`). So a None is what "not compiled" means.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from metamorphic_scenes import unseen
+from renderer.kernel_inputs import kernel_scene
 from small_scenes import (
     box,
     diffuse,
@@ -27,9 +28,8 @@ from small_scenes import (
 )
 
 import renderer
-from renderer.kernel_inputs import kernel_scene
-from renderer.plan import make_plan
-from renderer.rendering import Rendering
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
 
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
 CAMERA = sensor((0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(24, 20), spp=4, jitter=True)

@@ -21,7 +21,7 @@ from soups import awkward_rays
 
 import renderer
 from renderer import SceneError
-from renderer.cli import main
+from renderer.command.cli import main
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*/scene.xml"))
 SIDE = 24  # camera rays a side

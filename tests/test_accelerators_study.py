@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from mitsuba_ref.reference.errors import MitsubaError
-from renderer.accelerators import tally
-from renderer.accelerators.brute_force import build_brute_force
 from renderer.accelerators.build import BUILDERS
-from renderer.batch import CAPACITY
+from renderer.accelerators.rays import tally
+from renderer.accelerators.rays.brute_force import build_brute_force
+from renderer.records.batch import CAPACITY
 from reports.accelerator_study import growth_study, scene_study
 from reports.accelerator_study.settings import QUICK
 from reports.accelerator_trials import contenders, peers, tracing

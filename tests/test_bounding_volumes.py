@@ -15,19 +15,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_probes import KINDS, accelerator, closest, directions, float32, soup, unit
 
-from renderer.accelerators.extents import extents_of
-from renderer.bounding_volumes.aabb import Aabb
-from renderer.bounding_volumes.grown_points import (
+from renderer.accelerators.bounding_volumes.aabb import Aabb
+from renderer.accelerators.bounding_volumes.grown_points import (
     points_of_extents,
     rounded_down,
     rounded_up,
 )
-from renderer.bounding_volumes.k_dop import KDop, fit_k_dop
-from renderer.bounding_volumes.obb import Obb, fit_obb
-from renderer.bounding_volumes.sphere import fit_sphere
-from renderer.bounding_volumes.volumes import VOLUMES, hits_volume, which_hit
+from renderer.accelerators.bounding_volumes.k_dop import KDop, fit_k_dop
+from renderer.accelerators.bounding_volumes.obb import Obb, fit_obb
+from renderer.accelerators.bounding_volumes.sphere import fit_sphere
+from renderer.accelerators.bounding_volumes.volumes import VOLUMES, hits_volume, which_hit
+from renderer.accelerators.extents import extents_of
 from renderer.jit import entry_kernel
-from renderer.vectors import column
+from renderer.lanes.vectors import column
 
 every_volume = pytest.mark.parametrize("name", VOLUMES)
 CUBE = np.array(list(itertools.product((0.0, 1.0), repeat=3))).T

@@ -23,16 +23,16 @@ from kernel_probes import unit
 from scatter_probes import clear_glass, run_dielectric, run_diffuse, two_sided
 from test_bsdfs import dielectric64
 
-from renderer.bsdfs.diffuse import pdf_diffuse
 from renderer.jit import entry_kernel
-from renderer.lanes.memory import load_row, store_row
-from renderer.lights.constant import SPHERE_PDF
-from renderer.sampling import (
+from renderer.kinds.bsdfs.diffuse import pdf_diffuse
+from renderer.kinds.lights.constant import SPHERE_PDF
+from renderer.kinds.sampling.numbers_and_warps import (
     square_to_cosine_hemisphere,
     square_to_disk,
     square_to_sphere,
 )
-from renderer.vectors import store3, vec3
+from renderer.lanes.memory import load_row, store_row
+from renderer.lanes.vectors import store3, vec3
 
 N = 1 << 20
 FINDS = 0.03

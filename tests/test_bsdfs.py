@@ -7,12 +7,12 @@ import pytest
 from kernel_probes import chi_square_z, directions, float32, mean_z, unit
 from scene_file_samples import mi
 
-from renderer.bsdfs.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
-from renderer.bsdfs.fresnel import fresnel_conductor, fresnel_dielectric
-from renderer.bsdfs.mirror import reflect, refract
 from renderer.jit import entry_kernel
+from renderer.kinds.bsdfs.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
+from renderer.kinds.bsdfs.fresnel import fresnel_conductor, fresnel_dielectric
+from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.lanes.memory import load_row, store_row
-from renderer.vectors import dot, load3, orthonormal_basis, store3, vec3
+from renderer.lanes.vectors import dot, load3, orthonormal_basis, store3, vec3
 
 
 @entry_kernel

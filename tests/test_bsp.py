@@ -21,12 +21,12 @@ from kernel_probes import (
     workspace,
 )
 
-from renderer.accelerators.bsp import Bsp, validate_bsp
-from renderer.accelerators.bsp_build import EXTRA, LEAF, MAX_DEPTH
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import closest_hit
 from renderer.accelerators.extents import extents_of
-from renderer.accelerators.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
+from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
+from renderer.accelerators.octree_and_bsp.bsp_build import EXTRA, LEAF, MAX_DEPTH
+from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
 from renderer.jit import entry_kernel
 
 RAYS = 2000

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from renderer.accelerators import bvh_build, bvh_split
-from renderer.accelerators.bvh_build import (
+from renderer.accelerators.bvh.bvh import bvh_build, bvh_split
+from renderer.accelerators.bvh.bvh_build import (
     MAX_DEPTH,
     BvhTree,
     build_tree,

@@ -7,9 +7,9 @@ import pytest
 from kernel_probes import FIRST_ID, KINDS, accelerator, closest, directions, soup
 
 from renderer.accelerators.build import primitive_group
-from renderer.accelerators.bvh import build_bvh
-from renderer.accelerators.bvh_refit import leaf_order, refit_bvh
-from renderer.accelerators.bvh_tree import BvhTree, bvh_cost, validate_bvh
+from renderer.accelerators.bvh.bvh import build_bvh
+from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bvh
+from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, validate_bvh
 from renderer.accelerators.extents import extents_of
 
 RAYS = 2000

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.batch import CAPACITY
-from renderer.film import Film, add_to_tile, filter_border, filter_table, tile_sums
 from renderer.jit import entry_kernel
+from renderer.kinds.sampling.numbers_and_warps import Independent
 from renderer.lanes.functions import lane_index
 from renderer.lanes.memory import store_row
-from renderer.reconstruction import lookup_weight, pixels_touched
-from renderer.sampling import Independent
+from renderer.records.batch import CAPACITY
+from renderer.records.tile import TILE_SIZE, Tile
+from renderer.scene.reconstruction import lookup_weight, pixels_touched
 from renderer.scene_file.description import ReconstructionFilter
 from renderer.stages.camera_rays import film_position
-from renderer.stages.tile import TILE_SIZE, Tile
+from renderer.stages.film import Film, add_to_tile, filter_border, filter_table, tile_sums
 
 
 @entry_kernel
@@ -68,7 +68,7 @@ def samples(tile, sample, seed=0):
 
 
 def by_hand(rfilter, tiles, window, sample_count):
-    """The window's sums, sample by sample, with `renderer.reconstruction`."""
+    """The window's sums, sample by sample, with `renderer.scene.reconstruction`."""
     x0, y0, width, height = window
     sums = np.zeros((CHANNELS + 1, height, width))
     table = filter_table(rfilter)

@@ -34,8 +34,9 @@ from kernel_probes import (
 )
 
 from renderer.accelerators.dispatch import closest_hit
-from renderer.accelerators.grid_walk import LEVELS
-from renderer.accelerators.tally import (
+from renderer.accelerators.grids.grid_walk import LEVELS
+from renderer.accelerators.grids.uniform_grid import build_uniform_grid
+from renderer.accelerators.rays.tally import (
     BOXES,
     NODES,
     PRIMITIVES,
@@ -43,7 +44,6 @@ from renderer.accelerators.tally import (
     STACK,
     make_tally,
 )
-from renderer.accelerators.uniform_grid import build_uniform_grid
 from renderer.jit import entry_kernel
 
 

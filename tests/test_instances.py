@@ -11,19 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kernel_probes import directions, fill, kernel_inputs, unit, workspace
+from renderer.kernel_inputs import kernel_scene
 from scene_file_samples import mi, scene_text
 from test_surface_points import write_meshes
 
 import renderer
 from renderer.accelerators.dispatch import any_hit
-from renderer.accelerators.instances import Instances
-from renderer.accelerators.instances_build import validate_instances
+from renderer.accelerators.groups.instances import Instances
+from renderer.accelerators.groups.instances_build import validate_instances
 from renderer.errors import SceneError
 from renderer.jit import entry_kernel
-from renderer.kernel_inputs import kernel_scene
-from renderer.kernel_scene import ANY
-from renderer.plan import make_plan
-from renderer.scene import Scene
+from renderer.records.kernel_scene import ANY
+from renderer.rendering.planning.plan import make_plan
+from renderer.scene.scene import Scene
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.surface import surface_points
 

@@ -16,7 +16,7 @@ from numba.extending import overload
 
 import renderer
 from renderer.jit import decorators, entry_kernel, kernel, with_neighbours
-from renderer.jit.cache import _WITHOUT_KERNELS, file_digest
+from renderer.jit.cache import KERNEL_FOLDERS, file_digest
 
 
 @kernel
@@ -184,11 +184,11 @@ def test_cache_moves_when_a_kernel_source_changes(tmp_path: Path) -> None:
     shutil.copytree(Path(renderer.__file__).parent, package, ignore=quiet)
     (package / "__init__.py").write_text("")
     before = _hash_of(package)
-    for left_out in ("scene_file/colors.py", "plan.py"):
+    for left_out in ("scene_file/colors/colors.py", "rendering/planning/plan.py"):
         with (package / left_out).open("a") as source:
             source.write("# an edit\n")
     assert _hash_of(package) == before
-    with (package / "bsdfs" / "diffuse.py").open("a") as source:
+    with (package / "kinds" / "bsdfs" / "diffuse.py").open("a") as source:
         source.write("# an edit\n")
     assert _hash_of(package) != before
 
@@ -201,8 +201,8 @@ def test_no_kernel_module_is_left_out_of_the_hash() -> None:
     package = Path(renderer.__file__).parent
     for source in package.rglob("*.py"):
         name = source.relative_to(package).as_posix()
-        left_out = name.startswith(_WITHOUT_KERNELS)
-        if left_out and name != "scene_file/png_filters.py":
+        left_out = name.partition("/")[0] not in KERNEL_FOLDERS
+        if left_out and name != "scene_file/images/png_filters.py":
             text = source.read_text()
             assert "@kernel" not in text and "@entry_kernel" not in text, name
 

@@ -25,11 +25,11 @@ from tree_cases import (
     walls,
 )
 
-from renderer.accelerators.kd_tree import KdTree, validate_kd_tree
-from renderer.accelerators.kd_tree_build import ROOM, depth_limit
-from renderer.accelerators.kd_tree_checks import kd_cells, kd_cost
-from renderer.accelerators.kd_tree_nodes import LEAF, MAX_DEPTH
-from renderer.accelerators.kd_tree_split import (
+from renderer.accelerators.kd_tree.kd_tree import KdTree, validate_kd_tree
+from renderer.accelerators.kd_tree.kd_tree_build import ROOM, depth_limit
+from renderer.accelerators.kd_tree.kd_tree_checks import kd_cells, kd_cost
+from renderer.accelerators.kd_tree.kd_tree_nodes import LEAF, MAX_DEPTH
+from renderer.accelerators.kd_tree.kd_tree_split import (
     BINS,
     CHEAPEST,
     EXACT_UP_TO,
@@ -38,8 +38,8 @@ from renderer.accelerators.kd_tree_split import (
     cheapest_split,
     split_cost,
 )
+from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, STACK
 from renderer.accelerators.references import Hulls, fits, hulls_of
-from renderer.accelerators.tally import BOXES, NODES, PRIMITIVES, STACK
 from renderer.jit import entry_kernel
 
 RULES = {"kd-middle": MIDDLE, "kd-median": MEDIAN, "kd-sah": CHEAPEST}

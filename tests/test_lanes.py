@@ -527,7 +527,7 @@ import numpy as np
 from renderer.jit import entry_kernel
 from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import sincos
-from renderer.vectors import load3, normalize, store3
+from renderer.lanes.vectors import load3, normalize, store3
 
 @entry_kernel
 def run(a):

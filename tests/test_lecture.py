@@ -37,5 +37,5 @@ def test_a_link_follows_its_symbol():
     assert re.fullmatch(
         r"\[`sphere\.py::hit_sphere`\]\(\.\./renderer/shapes/sphere\.py#L\d+\)", page
     )
-    gone = "[`x.py::no_such_symbol`](../renderer/camera.py)"
-    assert on_their_lines(gone) == (gone, ["../renderer/camera.py::no_such_symbol"])
+    gone = "[`x.py::no_such_symbol`](../renderer/scene/camera.py)"
+    assert on_their_lines(gone) == (gone, ["../renderer/scene/camera.py::no_such_symbol"])

@@ -24,18 +24,18 @@ from kernel_probes import (
     nearest,
     unit,
 )
-from renderer.lights.choose import choose_light, sample_light
+from renderer.kernel_inputs import kernel_scene
+from renderer.kinds.lights.choose import choose_light, sample_light
 from scene_file_samples import mi
 
 import renderer
 from renderer.jit import entry_kernel
-from renderer.kernel_inputs import kernel_scene
+from renderer.kinds.lights.area import pdf_area_light
 from renderer.lanes.functions import fabs
 from renderer.lanes.memory import load_row, store_row
-from renderer.light_tables import alias_table
-from renderer.lights.area import pdf_area_light
-from renderer.plan import make_plan
-from renderer.vectors import load3, store3
+from renderer.lanes.vectors import load3, store3
+from renderer.rendering.planning.plan import make_plan
+from renderer.scene.light_tables import alias_table
 
 N = 1 << 16
 SIGMA = 4.5

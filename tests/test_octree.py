@@ -24,11 +24,16 @@ from tree_cases import (
     walls,
 )
 
-from renderer.accelerators.octree import STACK, validate_octree
-from renderer.accelerators.octree_build import EMPTY, LEAF_SIZE, MAX_DEPTH, ROOM
-from renderer.accelerators.octree_checks import octree_cells
-from renderer.accelerators.tally import BOXES, NODES, PRIMITIVES
-from renderer.accelerators.tally import STACK as WAITING
+from renderer.accelerators.octree_and_bsp.octree import STACK, validate_octree
+from renderer.accelerators.octree_and_bsp.octree_build import (
+    EMPTY,
+    LEAF_SIZE,
+    MAX_DEPTH,
+    ROOM,
+)
+from renderer.accelerators.octree_and_bsp.octree_checks import octree_cells
+from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES
+from renderer.accelerators.rays.tally import STACK as WAITING
 
 
 def check(kind, surfaces):

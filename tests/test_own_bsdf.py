@@ -42,13 +42,13 @@ from mitsuba_ref.records.options import Options
 from mitsuba_ref.records.plugin_file import import_plugin_file
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
-from renderer.arithmetic import Plain
-from renderer.bsdfs.kind import Branch, BsdfMethods, BsdfSample, Color, Float, Numbers
-from renderer.bsdfs.registry import BSDFS
 from renderer.jit import entry_kernel, pack
+from renderer.kinds.bsdfs.kind import Branch, BsdfMethods, BsdfSample, Color, Float, Numbers
+from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.sampling.arithmetic import Plain
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.memory import load_row, store_row
-from renderer.vectors import load3, store3, vec3
+from renderer.lanes.vectors import load3, store3, vec3
 
 TESTS = Path(__file__).parent
 FILE, SCENE = TESTS / "own_bsdf.py", TESTS / "own_bsdf.xml"
@@ -79,7 +79,7 @@ def test_the_file_is_short_and_names_nothing_private():
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.ImportFrom) and node.module.startswith("renderer")
     }
-    assert imported == {"renderer.bsdfs.kind", "renderer.lanes.functions"}
+    assert imported == {"renderer.kinds.bsdfs.kind", "renderer.lanes.functions"}
 
 
 # ------------------------------------------------------------------------- closed forms

@@ -26,8 +26,8 @@ from small_scenes import (
 )
 
 import renderer
-from renderer.plan import WHITTED_DEPTH, Plan, make_plan
-from renderer.rendering import Rendering
+from renderer.rendering.planning.plan import WHITTED_DEPTH, Plan, make_plan
+from renderer.rendering.rendering import Rendering
 
 CAMERA = sensor((0, -3, 2), (0, 0, 0))
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)

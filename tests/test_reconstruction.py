@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
-from renderer.reconstruction import (
+from renderer.scene.reconstruction import (
     FILTER_NAMES,
     TABLE_STEPS,
     evaluate,

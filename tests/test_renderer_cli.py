@@ -19,13 +19,14 @@ import OpenEXR
 import pytest
 
 import renderer
-from renderer import cli, image_files
-from renderer.cli import main
-from renderer.film import tile_sums
-from renderer.image import Image
-from renderer.plan import make_plan
-from renderer.progress_display import ProgressDisplay
-from renderer.rendering import SAMPLES_PER_JOB, Progress, Rendering
+from renderer.command import cli
+from renderer.command.cli import main
+from renderer.command.progress_display import ProgressDisplay
+from renderer.picture import image_files
+from renderer.picture.image import Image
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import SAMPLES_PER_JOB, Progress, Rendering
+from renderer.stages.film import tile_sums
 
 ROOT = Path(__file__).parent.parent
 SCENES = ROOT / "scenes"

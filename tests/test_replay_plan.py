@@ -21,10 +21,10 @@ from small_scenes import (
 )
 
 import renderer
-from renderer.cli import main
+from renderer.command.cli import main
 from renderer.errors import NotReplayable
-from renderer.plan import make_plan
-from renderer.plan_text import plan_text
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan_text import plan_text
 
 CORNELL_BOX = Path(__file__).parent.parent / "scenes" / "cornell-box" / "scene.xml"
 CAMERA = sensor((0, -3, 2), (0, 0, 0), fov=40, size=(70, 40), spp=4, jitter=True)

@@ -29,7 +29,7 @@ from replay_shapes import (
 from scene_file_samples import mi
 
 import renderer
-from renderer.kernel_scene import AREA
+from renderer.records.kernel_scene import AREA
 
 LAST = np.float32(1 - 2.0**-23)  # the largest that Mitsuba draws
 

@@ -21,7 +21,7 @@ from test_furnaces import white_furnace
 from test_sampling import draw, label, samplers
 
 import renderer
-from renderer.sampling import Independent
+from renderer.kinds.sampling.numbers_and_warps import Independent
 
 SIDE = 512
 N = SIDE**2

@@ -14,9 +14,7 @@ import pytest
 from kernel_probes import chi_square_z, mean_z
 
 from renderer.jit import entry_kernel
-from renderer.lanes.functions import as_i32, splat_u32
-from renderer.lanes.memory import load_row, store_row
-from renderer.sampling import (
+from renderer.kinds.sampling.numbers_and_warps import (
     Independent,
     Stratified,
     draw4,
@@ -26,7 +24,9 @@ from renderer.sampling import (
     square_to_disk,
     square_to_sphere,
 )
-from renderer.vectors import store3, vec3
+from renderer.lanes.functions import as_i32, splat_u32
+from renderer.lanes.memory import load_row, store_row
+from renderer.lanes.vectors import store3, vec3
 
 PIXELS = 1 << 16
 GRIDS = [(8, 8), (4, 2), (5, 3), (3, 3), (7, 1), (1, 1)]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
 
+from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Bsdf, Conductor, Dielectric, Diffuse
-from renderer.scene_file.refractive_indices import INDICES
 
 SHAPE = '<shape type="sphere">\n<bsdf type="{}">{}</bsdf></shape>'
 

@@ -11,7 +11,7 @@ import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 
 from renderer.scene_file.description import Film, PerspectiveCamera, Sampler
-from renderer.scene_file.samplers import round_sample_count
+from renderer.scene_file.objects.samplers import round_sample_count
 
 SENSOR = '<sensor type="perspective">\n{}</sensor>'
 FILM = '<film type="hdrfilm">\n{}</film>'

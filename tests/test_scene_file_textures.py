@@ -15,7 +15,7 @@ from PIL import Image
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 
 from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
-from renderer.scene_file.images import read_image
+from renderer.scene_file.images.images import read_image
 
 SHAPE = (
     '<shape type="rectangle"><bsdf type="diffuse">\n'

@@ -18,10 +18,10 @@ from small_scenes import rgb
 
 import renderer
 from renderer.jit import entry_kernel
+from renderer.kinds.sampling.numbers_and_warps import Independent, draw4
 from renderer.lanes.memory import load_row, store_row
-from renderer.light_tables import alias_table
-from renderer.sampling import Independent, draw4
-from renderer.scene import build_scene
+from renderer.scene.light_tables import alias_table
+from renderer.scene.scene import build_scene
 from renderer.scene_file import read_dict, read_file
 from renderer.scene_file.description import ReconstructionFilter
 from renderer.simple import lights

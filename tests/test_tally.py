@@ -16,8 +16,8 @@ from kernel_probes import (
 from numba.core.errors import TypingError
 from soups import awkward_rays
 
-from renderer.accelerators import tally as counting
-from renderer.accelerators.tally import (
+from renderer.accelerators.rays import tally as counting
+from renderer.accelerators.rays.tally import (
     BOXES,
     NODES,
     PRIMITIVES,

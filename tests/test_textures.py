@@ -10,12 +10,12 @@ from PIL import Image
 from scene_file_samples import mi
 
 from renderer.jit import entry_kernel
+from renderer.kinds.textures import eval_texture
 from renderer.lanes.functions import first_lanes
 from renderer.lanes.memory import load_row
-from renderer.materials import texture_rows
+from renderer.lanes.vectors import store3, vec3
+from renderer.scene.materials import texture_rows
 from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
-from renderer.textures import eval_texture
-from renderer.vectors import store3, vec3
 
 POINTS = 600
 

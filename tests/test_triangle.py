@@ -7,11 +7,11 @@ import pytest
 from kernel_probes import directions, float32, unit
 
 from renderer.jit import entry_kernel
+from renderer.kinds.shapes.patch import Patch
+from renderer.kinds.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
 from renderer.lanes.functions import select, splat_f32
 from renderer.lanes.memory import load_row, store_row
-from renderer.shapes.patch import Patch
-from renderer.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
-from renderer.vectors import load3
+from renderer.lanes.vectors import load3
 
 N = 16_384
 

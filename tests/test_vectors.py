@@ -1,4 +1,4 @@
-"""`renderer.vectors`: vectors of lanes and of scalars against NumPy."""
+"""`renderer.lanes.vectors`: vectors of lanes and of scalars against NumPy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numba.core.errors import TypingError
 from renderer.jit import entry_kernel
 from renderer.lanes.functions import first_lanes, lane
 from renderer.lanes.memory import load_row, store_row
-from renderer.vectors import (
+from renderer.lanes.vectors import (
     append3,
     column,
     cross,

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from kernel_probes import accelerator, closest, directions, soup, triangles
 
-from renderer.accelerators.extents import extents_of
-from renderer.accelerators.wide_bvh_build import (
+from renderer.accelerators.bvh.wide_bvh_build import (
     BOX_BYTES,
     CHILD,
     PAIR_COUNT,
@@ -19,7 +18,8 @@ from renderer.accelerators.wide_bvh_build import (
     WIDE_WORDS,
     validate_wide,
 )
-from renderer.shapes.blocks import WIDTH
+from renderer.accelerators.extents import extents_of
+from renderer.kinds.shapes.blocks import WIDTH
 
 
 def built(surfaces, kind="triangles"):

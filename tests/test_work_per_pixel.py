@@ -11,27 +11,35 @@ import OpenEXR
 import pytest
 from agreement import one_of_each_family
 from kernel_probes import workspace
+from renderer.kernel_inputs import kernel_scene
 from scene_file_samples import error_of
 from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, sphere
 
 import renderer
-from renderer.accelerators.tally import BOXES, NAMES, NODES, PRIMITIVES, SAVED, make_tally
-from renderer.cli import main
+from renderer.accelerators.rays.tally import (
+    BOXES,
+    NAMES,
+    NODES,
+    PRIMITIVES,
+    SAVED,
+    make_tally,
+)
+from renderer.command.cli import main
 from renderer.errors import SceneError
-from renderer.heat_map import (
+from renderer.jit import entry_kernel
+from renderer.names import INTEGRATORS
+from renderer.picture.heat_map import (
     _ROOTS_FROM_OKLAB,
     _SRGB_FROM_CONES,
     CONTROL_POINTS,
     heat_colours,
 )
-from renderer.jit import entry_kernel
-from renderer.kernel_inputs import kernel_scene
-from renderer.plan import INTEGRATORS, make_plan
-from renderer.plan_text import plan_text
-from renderer.rendering import Rendering
+from renderer.records.tile import Tile
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan_text import plan_text
+from renderer.rendering.rendering import Rendering
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import intersect
-from renderer.stages.tile import Tile
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow
 AOVS = tuple(f"work.{name.replace(' ', '_')}" for name in NAMES)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
-from renderer.plan import RAY_OFFSETS, make_plan
-from renderer.rendering import Rendering
+from renderer.rendering.planning.plan import RAY_OFFSETS, make_plan
+from renderer.rendering.rendering import Rendering
 
 FIXED = (0.0, 1e-3)  # a distance for all, as in many first renderers
 TIGHT, MITSUBA = RAY_OFFSETS["tight"], RAY_OFFSETS["mitsuba"]

@@ -49,7 +49,7 @@ def by_mitsuba(
 def by_ours(path: Path, parameters: Mapping[str, str], independent: bool = False) -> Render:
     """Return what renders a scene with our renderer; as `by_mitsuba`."""
     import renderer
-    from renderer.scene import build_scene
+    from renderer.scene.scene import build_scene
     from renderer.scene_file import read_file
 
     description = edit_description(

@@ -34,7 +34,8 @@ SEED_STEP = 61
 """How far apart the seeds of Mitsuba's pictures are.
 
 Mitsuba gives each pixel a random stream of its own, numbered from the render's seed times
-the pixels of the film on, as though all blocks were full (`renderer.replay.pixel_seeds`).
+the pixels of the film on, as though all blocks were full
+(`renderer.replay.numbers.pixel_seeds`).
 Pictures of neighbouring seeds therefore have streams in common, at other pixels: 22 % of
 them at 48 x 48. A step of 61 is enough for films that fill a sixtieth of their blocks. It
 is prime, since seeds count modulo 2^32 / pixels only.

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
-from renderer.rendering import Rendering
-from renderer.replay.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
-from renderer.stages.tile import Tile
+from renderer.records.tile import Tile
+from renderer.rendering.rendering import Rendering
+from renderer.replay.numbers.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
 
 
 class NumbersDrawn:

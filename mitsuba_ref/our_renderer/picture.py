@@ -56,7 +56,7 @@ def render_ours(request: RenderRequest) -> OurPicture:
         When the scene is not one that we can render.
     """
     import renderer
-    from renderer.scene import build_scene
+    from renderer.scene.scene import build_scene
 
     wants_aovs = request.kind == "aovs"
     description = read_scene(request)

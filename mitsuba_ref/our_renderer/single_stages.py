@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.integrators.path import begin_bounce
 from renderer.jit import entry_kernel
-from renderer.kernel_scene import ANY
+from renderer.records.kernel_scene import ANY
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import (
     cast_shadow_rays,

@@ -27,11 +27,11 @@ from mitsuba_ref.our_renderer.traced_path import (
     Vector,
 )
 from renderer.jit import pack
-from renderer.light_order import light_order
-from renderer.plan import NO_LIMIT
-from renderer.rendering import Rendering
-from renderer.scene_file.description import ConstantLight, DirectionalLight
-from renderer.stages.tile import Tile
+from renderer.kinds.lights.registry import plugin_of
+from renderer.records.tile import Tile
+from renderer.rendering.planning.plan import NO_LIMIT
+from renderer.rendering.rendering import Rendering
+from renderer.scene.light_order import light_order
 
 NAME = "lightproof"
 
@@ -225,7 +225,7 @@ def _light_names(rendering: Rendering) -> list[str]:
     }
     numbered = zip(order.of_emitters, description.emitters, strict=True)
     for number, (light, emitter) in enumerate(numbered, start=1):
-        far = isinstance(emitter, ConstantLight | DirectionalLight)
+        far = plugin_of(emitter).at_infinity
         names[light] = f"{'far ' if far else ''}emitter {number}"
     return [names[light] for light in sorted(names)]
 

@@ -25,7 +25,7 @@ from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
 from renderer.jit import cache_root, with_neighbours
-from renderer.replay.camera import ENTRIES
+from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.

@@ -14,7 +14,7 @@ from typing import Any
 
 from mitsuba_ref.reference.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
-from renderer.replay.pixel_seeds import BLOCK_SIZE
+from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 
 BOX_INSTEAD = "reconstruction filter replaced by box"
 

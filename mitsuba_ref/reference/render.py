@@ -14,7 +14,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
-from renderer.replay.camera import ENTRIES
+from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 Array = NDArray[np.float32]

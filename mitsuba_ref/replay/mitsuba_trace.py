@@ -26,7 +26,7 @@ from mitsuba_ref.reference.variant import load_mitsuba
 from mitsuba_ref.reference.variant_process import Answerer, answer_requests
 from mitsuba_ref.replay.integrator_method import read_method
 from mitsuba_ref.replay.mitsuba_path import NumbersDrawn, PathState, film_place, vector
-from renderer.replay.pixel_seeds import pixel_seeds
+from renderer.replay.numbers.pixel_seeds import pixel_seeds
 
 NAME = "Mitsuba"
 

@@ -22,9 +22,9 @@ from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.replay.edge_causes import first_hit_causes
 from mitsuba_ref.replay.traced_pair import METHODS, TracedPair
 from renderer.errors import NotReplayable
-from renderer.plan import make_plan
+from renderer.rendering.planning.plan import make_plan
 from renderer.replay.way import Replayed
-from renderer.scene import build_scene
+from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
 
 Array = NDArray[np.float32]

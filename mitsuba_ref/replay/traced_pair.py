@@ -21,9 +21,9 @@ from mitsuba_ref.replay.path_comparison import (
 )
 from mitsuba_ref.replay.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
-from renderer.plan import make_plan
-from renderer.rendering import Rendering
-from renderer.scene import build_scene
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
+from renderer.scene.scene import build_scene
 
 METHODS = ("path", "direct")
 

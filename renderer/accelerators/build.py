@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.brute_force import build_brute_force
-from renderer.accelerators.bsp import build_bsp
-from renderer.accelerators.bvh import build_bvh
-from renderer.accelerators.bvh_build import build_tree
+from renderer.accelerators.bvh.bvh import build_bvh
+from renderer.accelerators.bvh.bvh_build import build_tree
+from renderer.accelerators.bvh.wide_bvh import build_wide
 from renderer.accelerators.choice import choose_structure, choose_structures
-from renderer.accelerators.clustered_grids import build_clustered_grids
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.accelerators.extents import (
     Extents,
@@ -23,28 +21,28 @@ from renderer.accelerators.extents import (
     PrimitiveGroup,
     extents_of,
 )
-from renderer.accelerators.groups import Accelerators
-from renderer.accelerators.instances_build import build_instances
-from renderer.accelerators.kd_tree import (
+from renderer.accelerators.grids.clustered_grids import build_clustered_grids
+from renderer.accelerators.grids.nested_grids import build_nested_grids
+from renderer.accelerators.grids.uniform_grid import (
+    build_uniform_grid,
+    build_uniform_grid_without_mailboxes,
+)
+from renderer.accelerators.groups.accelerators import Accelerators
+from renderer.accelerators.groups.instances_build import build_instances
+from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_median,
     build_kd_middle,
     build_kd_sah,
 )
-from renderer.accelerators.nested_grids import build_nested_grids
-from renderer.accelerators.octree import build_octree
-from renderer.accelerators.uniform_grid import (
-    build_uniform_grid,
-    build_uniform_grid_without_mailboxes,
-)
-from renderer.accelerators.wide_bvh import build_wide
+from renderer.accelerators.octree_and_bsp.bsp import build_bsp
+from renderer.accelerators.octree_and_bsp.octree import build_octree
+from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
-from renderer.kernel_scene import EMIT
-from renderer.scene import KINDS, Scene, emits
-from renderer.shapes.cylinder import Cylinders
-from renderer.shapes.disk import Disks
-from renderer.shapes.rectangle import Rectangles
-from renderer.shapes.sphere import Spheres
-from renderer.shapes.triangle import Triangles
+from renderer.kinds.shapes.registry import SHAPES
+from renderer.kinds.shapes.triangle import Triangles
+from renderer.names import ACCELERATORS
+from renderer.records.kernel_scene import EMIT
+from renderer.scene.scene import KINDS, Scene, emits
 
 # name -> how it is built
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
@@ -63,9 +61,6 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "kd-sah": build_kd_sah,
     "octree": build_octree,
 }
-NAMES = ("auto", *BUILDERS)
-
-_FLAT = {"triangles": Triangles, "rectangles": Rectangles, "disks": Disks}
 
 
 def _padded(rows: NDArray[Any]) -> NDArray[Any]:
@@ -77,29 +72,7 @@ def _padded(rows: NDArray[Any]) -> NDArray[Any]:
 def primitive_group(kind: str, surfaces: Any, order: NDArray[np.int64]) -> Any:
     """Return the group of a kind's primitives in the given order (column numbers)."""
     ids = _padded((order + surfaces.first).astype(np.int32))
-    count = len(order)
-    if kind == "spheres":
-        center, radius = surfaces.center[:, order], surfaces.radius[order]
-        return Spheres(_padded(center), _padded(radius), ids, count)
-    if kind == "cylinders":
-        return Cylinders(
-            _padded(surfaces.base[:, order]),
-            _padded(surfaces.frame[6:9, order]),
-            _padded(surfaces.radius[order]),
-            _padded(surfaces.height[order]),
-            ids,
-            count,
-        )
-    edge1, edge2 = surfaces.edge1[:, order], surfaces.edge2[:, order]
-    normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
-    return _FLAT[kind](
-        _padded(surfaces.corner[:, order]),
-        _padded(edge1),
-        _padded(edge2),
-        _padded(normal.astype(np.float32)),
-        ids,
-        count,
-    )
+    return SHAPES[kind].group(surfaces, order, ids, _padded)
 
 
 def build_accelerator(
@@ -153,7 +126,7 @@ def build_accelerators(
     scene : Scene
         The primitives.
     name : str
-        One of `NAMES`; `auto` takes what the cost model expects to be the fastest.
+        One of `renderer.names.ACCELERATORS`; `auto` takes what the cost model expects to be the fastest.
         Instances and the groups that they show always have BVHs, but under `brute`.
     rays : RayCounts
         That will be traced; for `auto`.
@@ -166,8 +139,10 @@ def build_accelerators(
     SceneError
         If there is no accelerator of that name.
     """
-    if name not in NAMES:
-        raise SceneError(f"accelerator {name!r} is unknown; there are: {', '.join(NAMES)}")
+    if name not in ACCELERATORS:
+        raise SceneError(
+            f"accelerator {name!r} is unknown; there are: {', '.join(ACCELERATORS)}"
+        )
     built: dict[str, Any] = dict.fromkeys(KINDS)
     reach = _reach(scene)
     choices = choose_structures(scene, name, rays)

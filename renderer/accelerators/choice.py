@@ -13,7 +13,7 @@ from renderer.accelerators.cost_model import (
     box_dimension,
     estimate_all,
 )
-from renderer.scene import Scene, primitive_bounds
+from renderer.scene.scene import Scene, primitive_bounds
 
 
 class Choice(NamedTuple):

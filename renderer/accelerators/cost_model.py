@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh_build import JOB
+from renderer.accelerators.bvh.bvh_build import JOB
 
 SAMPLE = 4096  # primitives that the distribution is judged by
 _COARSE, _FINE = 4, 8  # cells along the longest side

@@ -11,42 +11,50 @@ from typing import Any, NamedTuple
 from numba.core import types
 from numba.extending import overload
 
-from renderer.accelerators.brute_force import (
-    BruteForce,
-    any_hit_brute_force,
-    closest_hit_brute_force,
-)
-from renderer.accelerators.bsp import Bsp, any_hit_bsp, closest_hit_bsp
-from renderer.accelerators.bvh import (
+from renderer.accelerators.bvh.bvh import (
     Bvh,
     any_hit_bvh,
     any_hit_bvh_packets,
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
-from renderer.accelerators.hierarchical_grid import (
-    HierarchicalGrid,
-    any_hit_hierarchical_grid,
-    closest_hit_hierarchical_grid,
-)
-from renderer.accelerators.instances import (
-    Instances,
-    any_hit_instances,
-    closest_hit_instances,
-)
-from renderer.accelerators.kd_tree import KdTree, any_hit_kd_tree, closest_hit_kd_tree
-from renderer.accelerators.octree import Octree, any_hit_octree, closest_hit_octree
-from renderer.accelerators.uniform_grid import (
-    UniformGrid,
-    any_hit_uniform_grid,
-    closest_hit_uniform_grid,
-)
-from renderer.accelerators.wide_bvh import (
+from renderer.accelerators.bvh.wide_bvh import (
     WideBvh,
     any_hit_wide,
     any_hit_wide_bundles,
     closest_hit_wide,
     closest_hit_wide_bundles,
+)
+from renderer.accelerators.grids.hierarchical_grid import (
+    HierarchicalGrid,
+    any_hit_hierarchical_grid,
+    closest_hit_hierarchical_grid,
+)
+from renderer.accelerators.grids.uniform_grid import (
+    UniformGrid,
+    any_hit_uniform_grid,
+    closest_hit_uniform_grid,
+)
+from renderer.accelerators.groups.instances import (
+    Instances,
+    any_hit_instances,
+    closest_hit_instances,
+)
+from renderer.accelerators.kd_tree.kd_tree import (
+    KdTree,
+    any_hit_kd_tree,
+    closest_hit_kd_tree,
+)
+from renderer.accelerators.octree_and_bsp.bsp import Bsp, any_hit_bsp, closest_hit_bsp
+from renderer.accelerators.octree_and_bsp.octree import (
+    Octree,
+    any_hit_octree,
+    closest_hit_octree,
+)
+from renderer.accelerators.rays.brute_force import (
+    BruteForce,
+    any_hit_brute_force,
+    closest_hit_brute_force,
 )
 from renderer.jit import record_class
 

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.scene import primitive_bounds, unit_normals
+from renderer.kinds.shapes.registry import SHAPES
+from renderer.scene.scene import primitive_bounds
 
 # The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
 # that went into it (32 units in the last place of single precision).
@@ -73,7 +74,7 @@ def extents_of(
     Parameters
     ----------
     kind
-        One of `renderer.scene.KINDS`.
+        One of `renderer.scene.scene.KINDS`.
     surfaces
         The record of that kind.
     order
@@ -91,7 +92,7 @@ def extents_of(
     reach = float(np.float32(reach * 1.000001))  # kernels sum |x| + |y| + |z| in float32
 
     def make_hulls() -> Hulls:
-        points, radius, normal = _HULLS[kind](surfaces, order)
+        points, radius, normal = SHAPES[kind].hull(surfaces, order)
         return Hulls(
             np.ascontiguousarray(points, np.float32),
             (radius + ROUNDING * largest.max(axis=0)).astype(np.float32),
@@ -99,43 +100,3 @@ def extents_of(
         )
 
     return Extents(lower, upper, reach, float(ROUNDING) * reach, make_hulls)
-
-
-def _patch_hull(surfaces: Any, order: Any, corners: tuple[tuple[float, float], ...]) -> Any:
-    """Return the hull of points corner + u edge1 + v edge2; flat, so without a radius."""
-    c, e1, e2 = (a[:, order] for a in (surfaces.corner, surfaces.edge1, surfaces.edge2))
-    points = np.stack([c + np.float32(u) * e1 + np.float32(v) * e2 for u, v in corners], 1)
-    return points, np.zeros(len(order), np.float32), unit_normals(e1, e2)
-
-
-def _triangle_hull(surfaces: Any, order: Any) -> Any:
-    return _patch_hull(surfaces, order, ((0, 0), (1, 0), (0, 1), (0, 0)))
-
-
-def _rectangle_hull(surfaces: Any, order: Any) -> Any:
-    return _patch_hull(surfaces, order, ((0, 0), (1, 0), (0, 1), (1, 1)))
-
-
-def _disk_hull(surfaces: Any, order: Any) -> Any:
-    return _patch_hull(surfaces, order, ((-1, -1), (1, -1), (-1, 1), (1, 1)))
-
-
-def _sphere_hull(surfaces: Any, order: Any) -> Any:
-    points = np.repeat(surfaces.center[:, None, order], 4, axis=1)
-    return points, surfaces.radius[order], np.zeros((3, len(order)), np.float32)
-
-
-def _cylinder_hull(surfaces: Any, order: Any) -> Any:
-    base, axis = surfaces.base[:, order], surfaces.frame[6:9, order]
-    top = base + axis * surfaces.height[order]
-    points = np.stack([base, top, base, top], 1)
-    return points, surfaces.radius[order], np.zeros((3, len(order)), np.float32)
-
-
-_HULLS = {
-    "triangles": _triangle_hull,
-    "rectangles": _rectangle_hull,
-    "disks": _disk_hull,
-    "spheres": _sphere_hull,
-    "cylinders": _cylinder_hull,
-}

@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.brute_force import BruteForce
-from renderer.accelerators.bsp import Bsp, validate_bsp
-from renderer.accelerators.bvh import Bvh
-from renderer.accelerators.bvh_tree import BvhTree, validate_bvh
+from renderer.accelerators.bvh.bvh import Bvh
+from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
+from renderer.accelerators.bvh.wide_bvh import WideBvh
+from renderer.accelerators.bvh.wide_bvh_build import validate_wide
 from renderer.accelerators.extents import Extents
-from renderer.accelerators.hierarchical_grid import (
+from renderer.accelerators.grids.hierarchical_grid import (
     HierarchicalGrid,
     validate_hierarchical_grid,
 )
-from renderer.accelerators.kd_tree import KdTree, validate_kd_tree
-from renderer.accelerators.octree import Octree, validate_octree
-from renderer.accelerators.uniform_grid import UniformGrid, validate_uniform_grid
-from renderer.accelerators.wide_bvh import WideBvh
-from renderer.accelerators.wide_bvh_build import validate_wide
+from renderer.accelerators.grids.uniform_grid import UniformGrid, validate_uniform_grid
+from renderer.accelerators.kd_tree.kd_tree import KdTree, validate_kd_tree
+from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
+from renderer.accelerators.octree_and_bsp.octree import Octree, validate_octree
+from renderer.accelerators.rays.brute_force import BruteForce
 
 
 def validate(accel: Any, extents: Extents) -> None:

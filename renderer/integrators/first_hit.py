@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bsdfs.kind import albedo_of, parameters_at
 from renderer.jit import call, kernel, method_kernel
-from renderer.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO
+from renderer.kinds.bsdfs.kind import albedo_of, parameters_at
 from renderer.lanes.functions import (
     first_lanes,
     lane,
@@ -17,12 +16,13 @@ from renderer.lanes.functions import (
     to_f32,
 )
 from renderer.lanes.memory import gather_row, load_row, store_row
+from renderer.lanes.vectors import dot, load3
+from renderer.records.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import load_constants
 from renderer.stages.surface import surface_points
-from renderer.vectors import dot, load3
 
 # channels of `work.radiance` in this integrator, all computed together
 DEPTH = 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import call, kernel
-from renderer.kernel_scene import BEGIN_BOUNCE, RECORD
+from renderer.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive

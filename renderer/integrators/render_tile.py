@@ -7,14 +7,14 @@ alone, and a tile's samples are added in their order.
 
 from __future__ import annotations
 
-from renderer.batch import CAPACITY
-from renderer.film import add_to_tile
 from renderer.integrators.first_hit import CHANNELS, trace_first_hits
 from renderer.integrators.path import trace_paths
 from renderer.integrators.whitted import trace_ray_trees
 from renderer.integrators.work import CHANNELS as WORK_CHANNELS
 from renderer.integrators.work import trace_work
 from renderer.jit import entry_kernel, kernel
+from renderer.records.batch import CAPACITY
+from renderer.stages.film import add_to_tile
 
 
 @kernel

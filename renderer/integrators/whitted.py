@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.batch import CAPACITY
 from renderer.jit import kernel
+from renderer.records.batch import CAPACITY
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.tally import ROWS
+from renderer.accelerators.rays.tally import ROWS
 from renderer.jit import kernel
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import intersect

@@ -36,38 +36,25 @@ except ImportError:  # not on Windows: there, render one scene at a time for the
     fcntl = None  # type: ignore[assignment]
 
 _PACKAGE = Path(__file__).parents[1]
-# what no kernel calls: an edit there need not compile anything anew
-_WITHOUT_KERNELS = (
-    "__main__.py",
-    "accelerators/grid_validation.py",
-    "cli.py",
-    "compilation.py",
-    "explanation.py",
-    "heat_map.py",
-    "image",
-    "interrupts.py",
-    "light_order.py",
-    "plan",
-    "progress_display.py",
-    "render.py",
-    "rendering.py",
-    "replay/instance_matrices.py",
-    "replay/pixel_seeds.py",
-    "replay/triangle_arithmetic.py",
-    "scene_file/",
-    "srgb.py",
-    "threads.py",
+# The folders whose files kernels are made of: all that is in them counts, whatever its name.
+KERNEL_FOLDERS = (
+    "accelerators",
+    "integrators",
+    "jit",
+    "kinds",
+    "lanes",
+    "records",
+    "replay",
+    "stages",
 )
 
 
 def _sources_hash() -> str:
     digest = hashlib.sha256()
-    for source in sorted(_PACKAGE.rglob("*.py")):
-        name = source.relative_to(_PACKAGE).as_posix()
-        if name.startswith(_WITHOUT_KERNELS):
-            continue
-        digest.update(name.encode())
-        digest.update(source.read_bytes())
+    for folder in KERNEL_FOLDERS:
+        for source in sorted((_PACKAGE / folder).rglob("*.py")):
+            digest.update(source.relative_to(_PACKAGE).as_posix().encode())
+            digest.update(source.read_bytes())
     digest.update(f"{numba.__version__} {llvmlite.__version__} {sys.version}".encode())
     return digest.hexdigest()[:16]
 
@@ -101,7 +88,7 @@ def with_neighbours(path: str | Path) -> list[Path]:
     waiting = [Path(path).resolve()]
     while waiting:
         file = waiting.pop()
-        if file in found or file.is_relative_to(_PACKAGE):
+        if file in found or (found and file.is_relative_to(_PACKAGE)):
             continue
         found.append(file)
         for name in _imported_by(file):
@@ -130,7 +117,9 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
         self._py_file = source
         self._line = function.__code__.co_firstlineno
         module = function.__module__.replace(".", "_")
-        if not Path(source).is_relative_to(_PACKAGE):  # a user's or a test's own kernels
+        folders = (_PACKAGE / folder for folder in KERNEL_FOLDERS)
+        if not any(Path(source).is_relative_to(folder) for folder in folders):
+            # a user's or a test's own kernels, or one that no other file has a part in
             module = f"{module}-{file_digest(source)}"
         self._folder = KERNEL_CACHE / module
 

@@ -35,11 +35,12 @@ def interface(declared: Callable[..., Any]) -> Any:
     -------
     callable
         To be called inside kernels. Its `by(*classes)` is a decorator that adds an
-        implementation, `has(cls)` tells whether there is one.
+        implementation, which is not given the record itself if `drop_first`. `has(cls)`
+        tells whether there is one.
     """
     names = list(inspect.signature(declared).parameters)
     listed = ", ".join(names)
-    implementations: dict[type, Any] = {}
+    implementations: dict[type, tuple[Any, str]] = {}  # and the arguments it is given
 
     def refuse(*args: Any, **kwargs: Any) -> None:
         raise TypeError(f"{declared.__name__} can be called inside kernels only")
@@ -51,21 +52,23 @@ def interface(declared: Callable[..., Any]) -> Any:
 
     def implementation(first: Any) -> Any:
         cls = record_class(first)
-        chosen = implementations.get(cls) if cls is not None else None
-        if chosen is None:
+        if cls is None or cls not in implementations:
             known = ", ".join(c.__name__ for c in implementations)
             raise TypingError(f"{declared.__name__} exists for {known}, not for {first}")
-        return eval(f"lambda {listed}: _chosen({listed})", {"_chosen": chosen})
+        chosen, given = implementations[cls]
+        return eval(f"lambda {listed}: _chosen({given})", {"_chosen": chosen})
 
     choose = eval(
         f"lambda {listed}: _implementation({names[0]})", {"_implementation": implementation}
     )
     overload(function)(choose)
 
-    def by(*classes: type) -> Any:
+    def by(*classes: type, drop_first: bool = False) -> Any:
+        given = ", ".join(names[1:] if drop_first else names)
+
         def add(chosen: Any) -> Any:
             for cls in classes:
-                implementations[cls] = chosen
+                implementations[cls] = chosen, given
             return chosen
 
         return add

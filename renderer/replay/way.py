@@ -8,14 +8,9 @@ from typing import Any
 import numpy as np
 
 from renderer.jit import pack
-from renderer.materials import kind_of, sides
-from renderer.plan import Plan
-from renderer.replay.camera import replay_camera, round_camera_rays
-from renderer.replay.directions import AsMitsuba
-from renderer.replay.hit_points import round_surface_points
-from renderer.replay.mesh_lights import triangle_shares
-from renderer.replay.new_rays import ScatteringBsdfs, round_rays
-from renderer.replay.numbers import (
+from renderer.rendering.planning.plan import Plan
+from renderer.rendering.tables.variant import Sampling
+from renderer.replay.numbers.numbers import (
     ROWS,
     Replay,
     begin_bounce,
@@ -23,16 +18,21 @@ from renderer.replay.numbers import (
     draw,
     draw_film,
 )
-from renderer.replay.pixel_seeds import pixel_seeds
-from renderer.replay.sequences import make_sequence
-from renderer.replay.surfaces import rounding_of
-from renderer.replay.triangle_arithmetic import face_normals, triangle_tangents
-from renderer.scene import Scene
-from renderer.tables.variant import Sampling
+from renderer.replay.numbers.pixel_seeds import pixel_seeds
+from renderer.replay.numbers.sequences import make_sequence
+from renderer.replay.rounding.camera import replay_camera, round_camera_rays
+from renderer.replay.rounding.directions import AsMitsuba
+from renderer.replay.rounding.hit_points import round_surface_points
+from renderer.replay.rounding.mesh_lights import triangle_shares
+from renderer.replay.rounding.new_rays import ScatteringBsdfs, round_rays
+from renderer.replay.rounding.surfaces import rounding_of
+from renderer.replay.rounding.triangle_arithmetic import face_normals, triangle_tangents
+from renderer.scene.materials import kind_of, sides
+from renderer.scene.scene import Scene
 
 
 class Replayed:
-    """The way of a replay; see `renderer.tables.variant.Variant`.
+    """The way of a replay; see `renderer.rendering.tables.variant.Variant`.
 
     Parameters
     ----------

@@ -14,12 +14,12 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import SceneDescription
-from renderer.scene_file.dictionary import read_dictionary
-from renderer.scene_file.parameters import Parameters
+from renderer.scene_file.document.dictionary import read_dictionary
+from renderer.scene_file.document.parameters import Parameters
+from renderer.scene_file.document.references import resolve
+from renderer.scene_file.document.xml_tree import read_text_file, read_xml_tree
+from renderer.scene_file.objects.scenes import read_scene
 from renderer.scene_file.reading import Reading
-from renderer.scene_file.references import resolve
-from renderer.scene_file.scenes import read_scene
-from renderer.scene_file.xml_tree import read_text_file, read_xml_tree
 
 __all__ = ["SceneDescription", "SceneError", "read_dict", "read_file", "read_string"]
 

@@ -1,6 +1,6 @@
 """SceneDescription: what a scene file says, checked and with every default filled in.
 
-The reader (this package) writes it, `renderer.scene` turns it into the flat arrays of
+The reader (this package) writes it, `renderer.scene.scene` turns it into the flat arrays of
 the kernels. All records are plain data. Transforms map local to world coordinates and
 act on column vectors; colours are linear sRGB; angles are degrees, as in the file.
 """

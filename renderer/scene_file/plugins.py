@@ -25,7 +25,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     ),
     "bsdf": ("twosided",),  # and what is registered, see `bsdf_readers`
     "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
-    "emitter": ("point", "spot", "directional", "constant", "area"),
+    "emitter": ("area",),  # and what is registered, see `light_kinds`
 }
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
 _UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
@@ -38,15 +38,22 @@ def bsdf_readers() -> Mapping[str, Callable[[Any], Any]]:
     Imported here: the file of a kind holds how it is read, and what it needs for that is
     in this package.
     """
-    from renderer.bsdfs.registry import BSDFS
+    from renderer.kinds.bsdfs.registry import BSDFS
 
     return {name: kind.read for name, kind in BSDFS.items()}
 
 
+def light_kinds() -> Mapping[str, Any]:
+    """Return the kinds of emitter that stand alone, by the plugin's name."""
+    from renderer.kinds.lights.registry import LIGHTS
+
+    return LIGHTS
+
+
 def supported_plugins(tag: str) -> tuple[str, ...]:
     """Return the plugins of a tag; none for a tag that is not supported."""
-    registered = tuple(bsdf_readers()) if tag == "bsdf" else ()
-    return registered + _SUPPORTED.get(tag, ())
+    registered = {"bsdf": bsdf_readers, "emitter": light_kinds}.get(tag)
+    return (*(registered() if registered else ()), *_SUPPORTED.get(tag, ()))
 
 
 def tag_of_plugin(plugin: str) -> str | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.scene_file.description import Cylinder, Disk, Mesh, Rectangle, Shape, Sphere
+from renderer.scene_file.document.tree import Element, Value, Vector
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.tree import Element, Value, Vector
 
 FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
 _PLACING = ("center", "radius", "p0", "p1", "to_world")

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
+from renderer.scene_file.document.tree import Element
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.tree import Element
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class Reading:
         """Build the record of an element, or return the one of the first time.
 
         Many references to one bitmap must load it once; the records are then the same
-        object, by which `renderer.scene` recognizes them.
+        object, by which `renderer.scene.scene` recognizes them.
         """
         if id(element) not in self._built:
             self._built[id(element)] = (element, build())

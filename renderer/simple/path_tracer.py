@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 
-from renderer.camera import Pinhole, pinhole
+from renderer.scene.camera import Pinhole, pinhole
 from renderer.scene_file.description import Diffuse, SceneDescription
 from renderer.simple.bsdfs import albedo, sample_bsdf
 from renderer.simple.lights import pdf_light, power_heuristic, sample_light

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.light_order import light_order
+from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
     ConstantLight,

@@ -18,7 +18,7 @@ from renderer.scene_file.description import (
     Mesh,
     TwoSided,
 )
-from renderer.scene_file.surface_area import surface_area
+from renderer.scene_file.meshes.surface_area import surface_area
 from renderer.simple.unit_shapes import UNIT_SHAPES
 from renderer.simple.vectors import Vector, normalize
 

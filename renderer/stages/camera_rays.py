@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.batch import CAPACITY
 from renderer.jit import call, kernel
-from renderer.kernel_scene import AFTER_CAMERA_RAYS, DRAW_FILM, RECORD
 from renderer.lanes.functions import (
     lane_index,
     mask_bits,
@@ -16,8 +14,10 @@ from renderer.lanes.functions import (
     to_f32,
 )
 from renderer.lanes.memory import append_row, load_row, store_row
-from renderer.stages.tile import slot_pixel
-from renderer.vectors import append3, column, dot, normalize, vec3
+from renderer.lanes.vectors import append3, column, dot, normalize, vec3
+from renderer.records.batch import CAPACITY
+from renderer.records.kernel_scene import AFTER_CAMERA_RAYS, DRAW_FILM, RECORD
+from renderer.records.tile import slot_pixel
 
 
 @kernel

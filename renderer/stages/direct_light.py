@@ -8,22 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arithmetic import to_local
-from renderer.bsdfs.kind import eval_pdf_bsdf, parameters_at
 from renderer.jit import call, count_of, kernel, method_kernel
-from renderer.kernel_scene import (
+from renderer.kinds.bsdfs.kind import eval_pdf_bsdf, parameters_at
+from renderer.kinds.lights.weights import light_probability, light_sample_weight
+from renderer.kinds.sampling.arithmetic import to_local
+from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.lanes.functions import first_lanes, mask_bits, popcount
+from renderer.lanes.memory import append_row, load_row
+from renderer.lanes.vectors import append3, length, load3
+from renderer.records.kernel_scene import (
     CHOOSE_LIGHT,
     RECORD,
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
 )
-from renderer.lanes.functions import first_lanes, mask_bits, popcount
-from renderer.lanes.memory import append_row, load_row
-from renderer.lights.weights import light_probability, light_sample_weight
-from renderer.sampling import BLOCKS_PER_BOUNCE
 from renderer.stages.intersect import trace_shadow_rays
 from renderer.stages.shading_frame import frame_at, leave_surface
-from renderer.vectors import append3, length, load3
 
 # Shadow rays end this fraction before the light, which must not shade itself: at the
 # silhouette of a sphere the distance is uncertain by the root of the rounding error (2.4e-4

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.batch import CAPACITY
 from renderer.jit import method_kernel
+from renderer.kinds.sampling.numbers_and_warps import FILM_BLOCK, draw4
 from renderer.lanes.functions import (
     lane_index,
     mask_bits,
@@ -19,8 +19,8 @@ from renderer.lanes.functions import (
     to_i32,
 )
 from renderer.lanes.memory import load_row, store_row
-from renderer.sampling import FILM_BLOCK, draw4
-from renderer.stages.tile import pixel_key, slot_pixel
+from renderer.records.batch import CAPACITY
+from renderer.records.tile import pixel_key, slot_pixel
 
 
 @method_kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from renderer.jit import call, kernel
-from renderer.kernel_scene import EMISSION, EMIT, ENVIRONMENT, RECORD
+from renderer.records.kernel_scene import EMISSION, EMIT, ENVIRONMENT, RECORD
 from renderer.stages.intersect import collect
 from renderer.stages.surface import surface_points
 

@@ -5,13 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import call, kernel
-from renderer.kernel_scene import (
-    ANY_COHERENT,
-    ANY_SINGLE,
-    CLOSEST,
-    CLOSEST_COHERENT,
-    RECORD,
-)
 from renderer.lanes.functions import (
     first_lanes,
     lane_index,
@@ -21,6 +14,13 @@ from renderer.lanes.functions import (
     splat_i32,
 )
 from renderer.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.records.kernel_scene import (
+    ANY_COHERENT,
+    ANY_SINGLE,
+    CLOSEST,
+    CLOSEST_COHERENT,
+    RECORD,
+)
 
 
 @kernel

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from renderer.jit import call, kernel
-from renderer.kernel_scene import FIRST_BSDF, LOOK_UP, RECORD
 from renderer.lanes.functions import first_lanes, mask_bits
+from renderer.records.kernel_scene import FIRST_BSDF, LOOK_UP, RECORD
 from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf
 from renderer.stages.surface import surface_points

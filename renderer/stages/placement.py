@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.affine import absolute, absolute_times, affine_of, times, transposed_times
 from renderer.jit import kernel
+from renderer.kinds.shapes.surface import ROUNDING, magnitude
+from renderer.lanes.affine import (
+    absolute,
+    absolute_times,
+    affine_of,
+    times,
+    transposed_times,
+)
 from renderer.lanes.functions import mask_bits, select, splat_i32
 from renderer.lanes.memory import gather_row
-from renderer.shapes.surface import ROUNDING, magnitude
-from renderer.vectors import dot, length, normalize, select3
+from renderer.lanes.vectors import dot, length, normalize, select3
 
 
 class Place(NamedTuple):

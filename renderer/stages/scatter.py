@@ -8,21 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arithmetic import to_local
-from renderer.bsdfs.kind import (
+from renderer.jit import call, count_of, kernel, method_kernel
+from renderer.kinds.bsdfs.kind import (
     Numbers,
     is_possible,
     outgoing,
     parameters_at,
     sample_bsdf,
 )
-from renderer.jit import call, count_of, kernel, method_kernel
-from renderer.kernel_scene import (
-    AFTER_SCATTERING,
-    DRAW,
-    RECORD,
-    SCATTER,
-)
+from renderer.kinds.sampling.arithmetic import to_local
+from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 from renderer.lanes.functions import (
     first_lanes,
     lane_index,
@@ -33,9 +28,14 @@ from renderer.lanes.functions import (
     splat_f32,
 )
 from renderer.lanes.memory import append_row, load_row
-from renderer.sampling import BLOCKS_PER_BOUNCE
+from renderer.lanes.vectors import append3, load3
+from renderer.records.kernel_scene import (
+    AFTER_SCATTERING,
+    DRAW,
+    RECORD,
+    SCATTER,
+)
 from renderer.stages.shading_frame import frame_at, leave_surface
-from renderer.vectors import append3, load3
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
 

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arithmetic import to_local
-from renderer.bsdfs.kind import (
+from renderer.jit import count_of, kernel, method_kernel
+from renderer.kinds.bsdfs.kind import (
     BsdfSample,
     outgoing,
     parameters_at,
     reflection_of,
     transmission_of,
 )
-from renderer.jit import count_of, kernel, method_kernel
-from renderer.kernel_scene import RECORD, SPLIT
+from renderer.kinds.sampling.arithmetic import to_local
 from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.lanes.memory import load_row
+from renderer.lanes.vectors import load3, vec3
+from renderer.records.kernel_scene import RECORD, SPLIT
 from renderer.stages.scatter import append_rays, largest
 from renderer.stages.shading_frame import frame_at
-from renderer.vectors import load3, vec3
 
 
 @kernel

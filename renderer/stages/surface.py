@@ -1,7 +1,7 @@
 """Stage 3, the surface at a hit: position, normals, uv, and how uncertain the position is.
 
-What a point on a sphere is, the sphere knows (`renderer.shapes`); here its kernels are
-called for those hits of a batch that are on spheres, and so for each kind of shape. Then
+What a point on a sphere is, the sphere knows (`renderer.kinds.shapes`). Here its kernels are
+called for those hits of a batch that are on spheres, and so on for each kind of shape. Then
 all points are put in their place in the world, beside the state of their paths.
 """
 
@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import call, kernel, method_kernel
-from renderer.kernel_scene import AFTER_SURFACE_POINTS, LOCATE, RECORD
+from renderer.kinds.shapes.surface import magnitude, surface_point, tangent_at
 from renderer.lanes.functions import first_lanes, mask_bits
 from renderer.lanes.memory import gather_row, load_row, store_row, store_where
-from renderer.shapes.surface import magnitude, surface_point, tangent_at
+from renderer.lanes.vectors import gather3, load3, select3, store3, store3_where
+from renderer.records.kernel_scene import AFTER_SURFACE_POINTS, LOCATE, RECORD
 from renderer.stages.placement import (
     Place,
     in_world,
@@ -21,7 +22,6 @@ from renderer.stages.placement import (
     object_hit_point,
     tangent_in_world,
 )
-from renderer.vectors import gather3, load3, select3, store3, store3_where
 
 
 @method_kernel

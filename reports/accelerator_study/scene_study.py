@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
-from renderer.accelerators import tally
 from renderer.accelerators.build import BUILDERS
+from renderer.accelerators.rays import tally
 from reports.accelerator_study.settings import StudySettings, all_threads
 from reports.accelerator_trials.contenders import (
     NAIVE,

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernel_scene import TriangleSurfaces
-from renderer.scene import unit_normals
-from renderer.scene_file.ply_file import read_ply
+from renderer.kinds.shapes.triangle import TriangleSurfaces
+from renderer.scene.scene import unit_normals
+from renderer.scene_file.meshes.ply_file import read_ply
 
 Vector = tuple[float, float, float]
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderer.batch import CAPACITY, PADDING
-from renderer.scene import unit_normals
+from renderer.records.batch import CAPACITY, PADDING
+from renderer.scene.scene import unit_normals
 from reports.accelerator_trials.meshes import StudyMesh, View
 
 TILE = 32  # pixels a side: one batch

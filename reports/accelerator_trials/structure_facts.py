@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from renderer.accelerators.bsp import Bsp
-from renderer.accelerators.bvh import Bvh
-from renderer.accelerators.bvh_tree import bvh_cost, bvh_depth
-from renderer.accelerators.kd_tree import KdTree
-from renderer.accelerators.kd_tree_checks import kd_cells, kd_cost
-from renderer.accelerators.octree import Octree
-from renderer.accelerators.octree_checks import octree_cells
+from renderer.accelerators.bvh.bvh import Bvh
+from renderer.accelerators.bvh.bvh_tree import bvh_cost, bvh_depth
+from renderer.accelerators.kd_tree.kd_tree import KdTree
+from renderer.accelerators.kd_tree.kd_tree_checks import kd_cells, kd_cost
+from renderer.accelerators.octree_and_bsp.bsp import Bsp
+from renderer.accelerators.octree_and_bsp.octree import Octree
+from renderer.accelerators.octree_and_bsp.octree_checks import octree_cells
 
 
 class StructureFacts(NamedTuple):

@@ -18,9 +18,9 @@ from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.accelerators.tally import ROWS
-from renderer.batch import CAPACITY
+from renderer.accelerators.rays.tally import ROWS
 from renderer.jit import entry_kernel
+from renderer.records.batch import CAPACITY
 from renderer.stages.intersect import reset_hits
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 
@@ -28,7 +28,7 @@ JOBS_PER_THREAD = 4  # enough to even out batches of unlike cost
 
 
 class BatchRays(NamedTuple):
-    """What a traversal reads of one batch; the names are those of `renderer.batch.Rays`."""
+    """What a traversal reads of one batch; named as in `renderer.records.batch.Rays`."""
 
     origin: Any  # (3, stride)
     direction: Any  # (3, stride)
@@ -44,7 +44,7 @@ class BatchHits(NamedTuple):
 
 
 class BatchShadowRays(NamedTuple):
-    """What an any-hit traversal works on; named as in `renderer.batch.ShadowRays`."""
+    """What an any-hit traversal works on; named as in `records.batch.ShadowRays`."""
 
     origin: Any  # (3, stride)
     direction: Any  # (3, stride)

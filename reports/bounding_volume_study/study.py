@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.accelerators.bounding_volumes.grown_points import points_of_extents
+from renderer.accelerators.bounding_volumes.volumes import VOLUMES, which_hit
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.extents import extents_of
-from renderer.batch import PADDING
-from renderer.bounding_volumes.grown_points import points_of_extents
-from renderer.bounding_volumes.volumes import VOLUMES, which_hit
 from renderer.jit import entry_kernel
-from renderer.kernel_scene import TriangleSurfaces
+from renderer.kinds.shapes.triangle import TriangleSurfaces
+from renderer.records.batch import PADDING
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import flat, in_batches
 from reports.accelerator_trials.tracing import make_query, trace

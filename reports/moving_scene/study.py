@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import primitive_group
-from renderer.accelerators.bvh import Bvh, build_bvh
-from renderer.accelerators.bvh_build import build_tree
-from renderer.accelerators.bvh_refit import leaf_order, refit_bounds, refit_bvh
-from renderer.accelerators.bvh_tree import BvhTree, bvh_cost
+from renderer.accelerators.bvh.bvh import Bvh, build_bvh
+from renderer.accelerators.bvh.bvh_build import build_tree
+from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bounds, refit_bvh
+from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost
 from renderer.accelerators.extents import extents_of
-from renderer.accelerators.tally import NODES
+from renderer.accelerators.rays.tally import NODES
 from reports.accelerator_trials.meshes import (
     StudyMesh,
     displaced_icosphere,

@@ -1,0 +1,1 @@
+"""Bounding volumes."""

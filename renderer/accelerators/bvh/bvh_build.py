@@ -1,0 +1,226 @@
+"""Building a binary tree of boxes, by one of three rules.
+
+By the surface area heuristic, in 16 bins [Wald2007]: a ray that meets a box meets a convex
+part of it with a probability of the ratio of their surface areas. So splitting a node P
+into L and R is expected to cost
+
+    C = C_trav + A_L/A_P C_leaf(n_L) + A_R/A_P C_leaf(n_R)
+
+and the split with the least C is taken. Candidates are the borders between 16 equal
+bins that the box centres of a node fall into, along all three axes. A leaf is tested
+`BLOCK` primitives at a time, so its cost grows in steps.
+
+At the median: half of the primitives go to each side. In the middle: of the longest side
+of the box of the centres.
+
+Parts of more than `JOB` primitives are split one by one and the rest is built on all cores,
+without recursion; the tree is the same for any number of threads.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from renderer.accelerators.bvh.bvh_split import BINS, MAX_DEPTH, enclose, split
+from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
+from renderer.jit import entry_kernel, kernel
+from renderer.threads import default_threads
+
+__all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
+
+JOB = 16384  # primitives that one thread builds over alone
+RULES = ("sah", "median", "middle")  # in the order of SAH, MEDIAN, MIDDLE
+
+
+def build_tree(
+    lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8, rule: str = "sah"
+) -> BvhTree:
+    """Build the tree over axis-aligned boxes.
+
+    Parameters
+    ----------
+    lower, upper : array_like of float32, shape (3, n)
+        Opposite corners of the primitives' boxes, n >= 1, all finite.
+    leaf_size : int
+        Most primitives of a leaf.
+    rule : str
+        One of `RULES`.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not have the same shape (3, n), or there is nothing to build.
+    """
+    low = np.asarray(lower, np.float32)
+    high = np.asarray(upper, np.float32)
+    if low.shape != high.shape or low.ndim != 2 or low.shape[0] != 3 or low.size == 0:
+        raise ValueError(f"boxes need two (3, n) arrays: {low.shape} and {high.shape}")
+    if leaf_size < 1:
+        raise ValueError(f"leaf_size is at least 1: {leaf_size}")
+    boxes = np.concatenate((low, high)).T.copy()  # a box's six numbers side by side
+    order = np.arange(len(boxes), dtype=np.int32)
+    settings = (leaf_size, RULES.index(rule))
+    bounds, child, count = _build_in_jobs(boxes, order, settings)
+    return BvhTree(bounds, child, count, order)
+
+
+# --------------------------------------------------------------------------- on all cores
+
+
+def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
+    """Split what is large, build the rest in jobs, and put all nodes together."""
+    n = len(order)
+    job = max(JOB, settings[0])  # a leaf is not split
+    if n <= job:
+        return _build(boxes, order, 0, n, 0, *settings)
+    children: dict[int, tuple[Any, int, int]] = {}  # part -> box, left and right part
+    subtrees: dict[int, Any] = {}
+    parts = [(0, n, 0)]  # first, end, depth; the root is part 0
+    with ThreadPoolExecutor(default_threads()) as pool:
+
+        def start(part: int) -> Future[Any]:
+            first, end, depth = parts[part]
+            work = _split_once if end - first > job else _build
+            return pool.submit(work, boxes, order, first, end, depth, *settings)
+
+        under_way = {start(0): 0}
+        while under_way:
+            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                part = under_way.pop(future)
+                first, end, depth = parts[part]
+                if end - first <= job:
+                    subtrees[part] = future.result()
+                    continue
+                box, middle = future.result()
+                left = len(parts)
+                children[part] = (box, left, left + 1)
+                for half in ((first, middle, depth + 1), (middle, end, depth + 1)):
+                    parts.append(half)
+                    under_way[start(len(parts) - 1)] = len(parts) - 1
+    return _assemble(children, subtrees)
+
+
+def _assemble(children: dict[int, tuple[Any, int, int]], subtrees: dict[int, Any]) -> Any:
+    """Put the nodes that were split one by one first, then subtree after subtree."""
+    top: list[tuple[int, int]] = [(0, 0)]  # part, its node
+    leaves: list[tuple[int, int]] = []
+    nodes = 1
+    head_bounds: list[Any] = [None]
+    head_child, head_count = [0], [0]
+    while top:
+        part, node = top.pop()
+        if part in subtrees:
+            leaves.append((part, node))
+            continue
+        box, left, right = children[part]
+        head_bounds[node] = box
+        head_child[node] = nodes
+        head_bounds += [None, None]
+        head_child += [0, 0]
+        head_count += [0, 0]
+        top += [(right, nodes + 1), (left, nodes)]
+        nodes += 2
+    bounds: list[Any] = []
+    child: list[Any] = []
+    count: list[Any] = []
+    for part, node in leaves:
+        b, c, k = subtrees[part]
+        # the subtree's root goes to its place above, the others follow
+        shifted = np.where(k == 0, c + (nodes - 1), c)
+        head_bounds[node], head_child[node], head_count[node] = b[0], shifted[0], k[0]
+        bounds.append(b[1:])
+        child.append(shifted[1:])
+        count.append(k[1:])
+        nodes += len(k) - 1
+    return (
+        np.concatenate([np.array(head_bounds, np.float32), *bounds]),
+        np.concatenate([np.array(head_child), *child]).astype(np.int32),
+        np.concatenate([np.array(head_count, np.int32), *count]),
+    )
+
+
+# ------------------------------------------------------------------------------ the build
+
+
+class _Scratch(NamedTuple):
+    """What one job works in. Allocated here: compiling it in a kernel takes seconds."""
+
+    centres: NDArray[np.float32]  # (6,) box of the centres
+    bin_bounds: NDArray[np.float32]  # (3, BINS, 6)
+    bin_counts: NDArray[np.int32]  # (3, BINS)
+    right_cost: NDArray[np.float64]  # (BINS,)
+    stack: NDArray[np.int64]  # (levels, 4) one waiting node each: node, first, end, depth
+
+
+def _scratch() -> _Scratch:
+    return _Scratch(
+        np.empty(6, np.float32),
+        np.empty((3, BINS, 6), np.float32),
+        np.empty((3, BINS), np.int32),
+        np.empty(BINS, np.float64),
+        np.empty((MAX_DEPTH + 2, 4), np.int64),
+    )
+
+
+def _split_once(boxes: Any, order: Any, first: int, *rest: int) -> Any:
+    """Split primitives first .. end - 1; return their box and where the right is."""
+    box = np.empty(6, np.float32)
+    return box, _split_node(boxes, order, first, *rest, box, _scratch())
+
+
+@entry_kernel
+def _split_node(boxes, order, first, end, depth, leaf_size, rule, box, scratch):
+    enclose(boxes, first, end, box, scratch.centres)
+    return split(boxes, order, first, end, depth, leaf_size, rule, box, scratch)
+
+
+def _build(boxes: Any, order: Any, start: int, stop: int, *rest: int) -> Any:
+    """Build over primitives start .. stop - 1; permutes `boxes` and `order` alike.
+
+    Returns bounds, child and count; node 0 is the root.
+    """
+    most = 2 * (stop - start) - 1
+    bounds = np.empty((most, 6), np.float32)
+    child, count = np.empty(most, np.int32), np.zeros(most, np.int32)
+    nodes = _build_nodes(boxes, order, start, stop, *rest, bounds, child, count, _scratch())
+    return bounds[:nodes].copy(), child[:nodes].copy(), count[:nodes].copy()
+
+
+@kernel
+def _push(stack, top, node, first, end, depth):
+    stack[top, 0] = node
+    stack[top, 1] = first
+    stack[top, 2] = end
+    stack[top, 3] = depth
+    return top + 1
+
+
+@entry_kernel
+def _build_nodes(
+    boxes, order, start, stop, start_depth, leaf_size, rule, bounds, child, count, scratch
+):
+    """Write the nodes; return how many."""
+    stack = scratch.stack
+    top = _push(stack, 0, 0, start, stop, start_depth)
+    nodes = 1
+    while top > 0:
+        top -= 1
+        node, first = stack[top, 0], stack[top, 1]
+        end, depth = stack[top, 2], stack[top, 3]
+        enclose(boxes, first, end, bounds[node], scratch.centres)
+        middle = split(
+            boxes, order, first, end, depth, leaf_size, rule, bounds[node], scratch
+        )
+        if middle == first:
+            child[node] = first
+            count[node] = end - first
+            continue
+        child[node] = nodes
+        top = _push(stack, top, nodes + 1, middle, end, depth + 1)
+        top = _push(stack, top, nodes, first, middle, depth + 1)
+        nodes += 2
+    return nodes

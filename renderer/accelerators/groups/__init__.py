@@ -1,0 +1,1 @@
+"""Groups of primitives, and instances of groups."""

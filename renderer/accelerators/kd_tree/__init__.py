@@ -1,0 +1,1 @@
+"""The kd-tree and the three ways to split it."""

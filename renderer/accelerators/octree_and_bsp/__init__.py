@@ -1,0 +1,1 @@
+"""Octree and BSP tree."""

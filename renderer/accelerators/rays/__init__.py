@@ -1,0 +1,1 @@
+"""What all structures do with a ray, or with sixteen."""

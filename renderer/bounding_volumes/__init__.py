@@ -1,1 +1,0 @@
-"""Volumes that enclose objects and are faster to test: sphere, boxes, slabs."""

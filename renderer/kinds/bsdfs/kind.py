@@ -1,0 +1,291 @@
+"""What a kind of BSDF is: its parameters, its formulas, and how it is made known.
+
+Formulas are written in the local frame of a surface point: z is the shading normal, wo and
+wi point away from the surface. A reflecting kind is seen from the side of +z only (on a
+two-sided surface the frame is turned); a transmitting one has wo.z < 0 inside.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from renderer.jit import interface, kernel
+from renderer.kinds.bsdfs.mirror import reflect, refract
+from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
+from renderer.kinds.sampling.arithmetic import to_world
+from renderer.lanes.memory import load_row
+from renderer.lanes.vectors import dot, select3, vec3
+
+
+class Color:
+    """Annotation of a parameter: linear RGB in 16 lanes, constant or from a texture."""
+
+
+class Float:
+    """Annotation of a parameter: a number in 16 lanes."""
+
+
+class Table:
+    """Annotation of a parameter: an array that all points of the kind share."""
+
+
+class Numbers(NamedTuple):
+    """Random numbers in [0, 1) for one scattering."""
+
+    x: Any  # a pair, spread over the samples of a pixel together
+    y: Any
+    choice: Any  # for choosing between lobes
+    arithmetic: Any  # see `renderer.kinds.sampling.arithmetic`
+
+
+class BsdfSample(NamedTuple):
+    """A direction in which a path goes on, for 16 surface points."""
+
+    wi: Any  # unit, local
+    weight: Any  # f cos / pdf, or of a delta lobe f / its probability; 0: the path ends
+    pdf: Any  # [1/sr]; 0: a delta lobe
+    eta: Any  # relative index of refraction that was crossed; 1: reflected
+
+
+class Branch(NamedTuple):
+    """A delta lobe as Whitted's trees follow it."""
+
+    weight: Any  # RGB
+    share: Any  # of the radiance, by Fresnel
+    cos_t: Any  # cosine of the new direction; used where it is refracted
+    eta: Any
+
+
+class BsdfMethods(NamedTuple):
+    """The record that the kernels of one kind are given."""
+
+    form: Any  # of the kind's class: None for what each point has, arrays for tables
+    arithmetic: Any
+
+
+@dataclass(frozen=True)
+class BsdfKind:
+    """One kind of BSDF.
+
+    Parameters
+    ----------
+    name
+        Of the plugin in scene files.
+    parameters
+        A NamedTuple class; its fields are annotated `Color`, `Float` or `Table` and are
+        named as the properties of the description.
+    read
+        Makes the description from the properties of a file.
+    about
+        A few words for `--explain`.
+    sample
+        (parameters, wo, numbers) -> BsdfSample.
+    eval_pdf
+        (parameters, wo, wi) -> f |cos|, pdf; None: there are delta lobes only.
+    reflection, transmission
+        (parameters, wo) -> Branch; None: there is no such delta lobe.
+    albedo
+        parameters -> RGB that the AOV shows; None: black.
+    transmits
+        Whether light goes through, so that the back of a surface shows the same BSDF.
+    source
+        Module and hash of the file that holds the kernels; empty for the renderer's own.
+    """
+
+    name: str
+    parameters: type
+    read: Callable[[Any], Any]
+    about: str
+    sample: Any
+    eval_pdf: Any = None
+    reflection: Any = None
+    transmission: Any = None
+    albedo: Any = None
+    transmits: bool = False
+    source: str = ""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether lights are sampled at its points."""
+        return self.eval_pdf is not None
+
+    @property
+    def delta(self) -> bool:
+        """Whether it has lobes of a single direction."""
+        return self.reflection is not None or self.transmission is not None
+
+    def form(self, tables: dict[str, Any] | None = None) -> Any:
+        """Return the kind's record: arrays of its tables, None for what points have."""
+        given = tables or {}
+        fields = self.parameters._fields  # type: ignore[attr-defined]
+        return self.parameters(*(given.get(name) for name in fields))
+
+    def layout(self) -> list[tuple[str, int, int]]:
+        """Return (name, first row, rows) of the parameters that each point has."""
+        rows, at = [], 0
+        for name, kind in typing.get_type_hints(self.parameters).items():
+            count = {Color: 3, Float: 1, Table: 0}[kind]
+            if count:
+                rows.append((name, at, count))
+            at += count
+        return rows
+
+    @property
+    def row_count(self) -> int:
+        """Rows of all parameters."""
+        return sum(count for _, _, count in self.layout())
+
+
+# ------------------------------------------- what the stages ask of every kind of BSDF
+
+
+@interface
+def parameters_at(form: Any, points: Any, i: int) -> Any:
+    """Return the parameters of points i to i + 15, as a record of the kind's class."""
+
+
+@interface
+def sample_bsdf(parameters: Any, wo: Any, numbers: Numbers) -> BsdfSample:
+    """Choose the direction in which paths go on."""
+
+
+@interface
+def eval_pdf_bsdf(parameters: Any, wo: Any, wi: Any) -> Any:
+    """Return f |cos| and the density [1/sr] of `sample_bsdf` for smooth lobes."""
+
+
+@interface
+def reflection_of(parameters: Any, wo: Any) -> Branch:
+    """Return the mirrored branch."""
+
+
+@interface
+def transmission_of(parameters: Any, wo: Any) -> Branch:
+    """Return the refracted branch."""
+
+
+@interface
+def albedo_of(parameters: Any) -> Any:
+    """Return the colour that the AOV `albedo` shows."""
+
+
+@interface
+def visible_side(form: Any, front: Any, normal: Any) -> Any:
+    """Return the z axis of the local frame: turned to where a reflecting BSDF is seen."""
+
+
+@interface
+def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample) -> Any:
+    """Return a sample's direction in the world; wo is in the world too."""
+
+
+@interface
+def is_possible(form: Any, sample: BsdfSample) -> Any:
+    """Return which samples are no failures, as far as the density tells."""
+
+
+@kernel
+def _turned(form, front, normal):
+    return select3(front, normal, -normal)
+
+
+@kernel
+def _as_it_is(form, front, normal):
+    return normal
+
+
+@kernel
+def _smooth(form, arithmetic, frame, wo, sample):
+    return to_world(arithmetic, frame, sample.wi)
+
+
+@kernel
+def _mirrored(form, arithmetic, frame, wo, sample):
+    """Go by the normal alone: the way through the local frame would add its rounding."""
+    return reflect(wo, frame.n)
+
+
+@kernel
+def _mirrored_or_bent(form, arithmetic, frame, wo, sample):
+    same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
+    bent = refract(wo, frame.n, sample.wi.z, sample.eta)
+    return select3(same_side, reflect(wo, frame.n), bent)
+
+
+@kernel
+def _smooth_or_mirrored(form, arithmetic, frame, wo, sample):
+    smooth = to_world(arithmetic, frame, sample.wi)
+    return select3(sample.pdf > 0.0, smooth, reflect(wo, frame.n))
+
+
+@kernel
+def _any_of_three(form, arithmetic, frame, wo, sample):
+    smooth = to_world(arithmetic, frame, sample.wi)
+    delta = _mirrored_or_bent(form, arithmetic, frame, wo, sample)
+    return select3(sample.pdf > 0.0, smooth, delta)
+
+
+# (smooth lobes, delta lobes, transmits) -> how a direction is turned into the world
+_OUTGOING = {
+    (True, False, False): _smooth,
+    (True, False, True): _smooth,
+    (False, True, False): _mirrored,
+    (False, True, True): _mirrored_or_bent,
+    (True, True, False): _smooth_or_mirrored,
+    (True, True, True): _any_of_three,
+}
+
+
+@kernel
+def _by_density(form, sample):
+    return sample.pdf > 0.0
+
+
+@kernel
+def _by_weight_alone(form, sample):
+    return sample.pdf == sample.pdf
+
+
+@kernel
+def rows3(rows, first, i):
+    """Load columns i to i + 15 of three rows as a vector of lanes."""
+    return vec3(
+        load_row(rows, first, i), load_row(rows, first + 1, i), load_row(rows, first + 2, i)
+    )
+
+
+def _loader(kind: BsdfKind) -> Any:
+    """Return the kernel that loads a kind's parameters, made from its annotations."""
+    at = {name: (first, count) for name, first, count in kind.layout()}
+    parts = []
+    for name in kind.parameters._fields:  # type: ignore[attr-defined]
+        first, count = at.get(name, (0, 0))
+        load = {
+            0: f"form.{name}",
+            1: "load_row(points.parameters, {}, i)",
+            3: "rows3(points.parameters, {}, i)",
+        }
+        parts.append(load[count].format(first))
+    names = {"load_row": load_row, "rows3": rows3, "record": kind.parameters}
+    return kernel(eval(f"lambda form, points, i: record({', '.join(parts)})", names))
+
+
+def make_known(kind: BsdfKind) -> None:
+    """Let the stages find the kernels of a kind."""
+    cls = kind.parameters
+    parameters_at.by(cls)(_loader(kind))
+    sample_bsdf.by(cls)(kind.sample)
+    for function, chosen in (
+        (eval_pdf_bsdf, kind.eval_pdf),
+        (reflection_of, kind.reflection),
+        (transmission_of, kind.transmission),
+        (albedo_of, kind.albedo),
+    ):
+        if chosen is not None:
+            function.by(cls)(chosen)
+    visible_side.by(cls)(_as_it_is if kind.transmits else _turned)
+    outgoing.by(cls)(_OUTGOING[kind.smooth, kind.delta, kind.transmits])
+    is_possible.by(cls)(_by_weight_alone if kind.delta else _by_density)

@@ -1,0 +1,18 @@
+"""All kinds of emitter that stand alone: one line makes a kind known."""
+
+from __future__ import annotations
+
+from renderer.kinds.lights.constant import CONSTANT
+from renderer.kinds.lights.directional import DIRECTIONAL
+from renderer.kinds.lights.kind import LightPlugin
+from renderer.kinds.lights.point import POINT
+from renderer.kinds.lights.spot import SPOT
+
+LIGHTS: dict[str, LightPlugin] = {
+    kind.name: kind for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT)
+}
+
+
+def plugin_of(emitter: object) -> LightPlugin:
+    """Return the kind of an emitter of the description."""
+    return next(kind for kind in LIGHTS.values() if isinstance(emitter, kind.description))

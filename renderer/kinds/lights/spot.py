@@ -1,0 +1,94 @@
+"""Spot light: a point light that fades linearly in angle from beam width to cutoff."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.kinds.lights.columns import number_column, vector_columns
+from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
+from renderer.kinds.lights.placing import STRETCH
+from renderer.lanes.functions import select, splat_f32
+from renderer.lanes.mathematics import arccos
+from renderer.lanes.memory import gather_row
+from renderer.lanes.vectors import dot, gather3, length
+from renderer.scene_file import transforms
+from renderer.scene_file.colors.colors import Use, read_color
+from renderer.scene_file.description import SpotLight
+
+
+class SpotLights(NamedTuple):
+    """Columns by light id."""
+
+    position: NDArray[np.float32]  # (3, n)
+    axis: NDArray[np.float32]  # (3, n) unit
+    intensity: NDArray[np.float32]  # (3, n)
+    cos_cutoff: NDArray[np.float32]  # (n,)
+    cos_beam: NDArray[np.float32]  # (n,)
+    cutoff: NDArray[np.float32]  # (n,) [rad]
+    inverse_transition: NDArray[np.float32]  # (n,) 1 / (cutoff - beam width) [1/rad]
+
+
+def read(properties: Any) -> SpotLight:
+    """Read the properties of a file."""
+    to_world = properties.transform("to_world")
+    lengths = transforms.column_lengths(to_world)
+    if transforms.has_shear(to_world) or np.ptp(lengths) > STRETCH * lengths.max():
+        properties.fail(
+            "to_world",
+            "a transform that distorts the cone",
+            "a rotation, translation and uniform scale",
+        )
+    to_world[:3, :3] /= lengths  # the size of a point means nothing
+    cutoff = properties.number("cutoff_angle", 20.0, above=0.0, at_most=180.0)
+    beam = properties.number("beam_width", 0.75 * cutoff, at_least=0.0, at_most=cutoff)
+    if properties.has("texture"):
+        properties.fail(
+            "texture", "a projected texture", "none: spots have one colour here"
+        )
+    intensity = read_color(properties, "intensity", 1.0, Use.EMISSION)
+    return SpotLight(to_world, intensity, cutoff, beam)
+
+
+def table(count: int, lights: dict[int, SpotLight], beyond: float) -> SpotLights:
+    """Return the lights as columns."""
+    cutoff = {i: np.radians(e.cutoff_angle) for i, e in lights.items()}
+    beam = {i: np.radians(e.beam_width) for i, e in lights.items()}
+    axes = {
+        i: e.to_world[:3, 2] / np.linalg.norm(e.to_world[:3, 2]) for i, e in lights.items()
+    }
+    widths = {i: cutoff[i] - beam[i] for i in lights}
+    return SpotLights(
+        vector_columns(count, {i: e.to_world[:3, 3] for i, e in lights.items()}),
+        vector_columns(count, axes),
+        vector_columns(count, {i: e.intensity for i, e in lights.items()}),
+        number_column(count, {i: np.cos(a) for i, a in cutoff.items()}),
+        number_column(count, {i: np.cos(a) for i, a in beam.items()}),
+        number_column(count, cutoff),
+        number_column(count, {i: 1.0 / w if w > 0 else 0.0 for i, w in widths.items()}),
+    )
+
+
+@sample_light.by(SpotLights)
+@kernel
+def sample_spot(spots, kind, light, mask, position, x, y, z):
+    """Look straight at the light, and see how far off its axis one is."""
+    to_light = gather3(spots.position, light, mask) - position
+    r = length(to_light)
+    wi = to_light / r
+    cosine = -dot(wi, gather3(spots.axis, light, mask))
+    from_cutoff = gather_row(spots.cutoff, 0, light, mask) - arccos(cosine)
+    fading = from_cutoff * gather_row(spots.inverse_transition, 0, light, mask)
+    falloff = select(
+        cosine >= gather_row(spots.cos_beam, 0, light, mask), splat_f32(1.0), fading
+    )
+    lit = cosine > gather_row(spots.cos_cutoff, 0, light, mask)
+    falloff = select(lit, falloff, splat_f32(0.0))
+    radiance = gather3(spots.intensity, light, mask) * (falloff / dot(to_light, to_light))
+    return LightSample(wi, r, radiance, splat_f32(0.0))
+
+
+SPOT = LightPlugin("spot", SpotLight, read, table)

@@ -1,0 +1,1 @@
+"""Random numbers, and the warps from the unit square to directions and surfaces."""

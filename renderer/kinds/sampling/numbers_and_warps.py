@@ -1,0 +1,264 @@
+"""Random numbers, and the warps from the unit square to directions and surfaces.
+
+A random number is a hash of pixel, sample, dimension and seed [Jarzynski2020, pcg4d]. It
+needs no state, so an image does not depend on threads, tiles or batches.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from renderer.jit import kernel, record_class
+from renderer.lanes.functions import (
+    as_i32,
+    as_u32,
+    fabs,
+    mask_bits,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_mask,
+    splat_u32,
+    sqrt,
+    to_f32,
+    to_i32,
+)
+from renderer.lanes.mathematics import sincos
+from renderer.lanes.vectors import vec3
+
+TWO_PI = np.float32(2.0 * np.pi)
+INV_PI = np.float32(1.0 / np.pi)
+_QUARTER_PI = np.float32(np.pi / 4.0)
+_HALF_PI = np.float32(np.pi / 2.0)
+_TO_UNIT = np.float32(2.0**-24)
+_BELOW_ONE = np.float32(1.0 - 2.0**-24)
+
+# Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
+# a bounce draws the BSDF, the following ones the lights.
+FILM_BLOCK = 0
+BLOCKS_PER_BOUNCE = 1 << 20
+
+
+class Independent(NamedTuple):
+    """Every number independent of every other."""
+
+    seed: int
+
+
+class Stratified(NamedTuple):
+    """Each pair of numbers falls once in each cell of a grid, in a shuffled order."""
+
+    seed: int
+    columns: int  # cells in x
+    rows: int  # cells in y
+    jitter: float  # 1: anywhere in the cell, 0: its centre
+    multi: int | None  # not None: also once in each of columns * rows parts of either axis
+
+
+@kernel
+def hash4(a, b, c, d):
+    """Mix four u32 lanes into four that look independent [Jarzynski2020, pcg4d]."""
+    a = a * 1664525 + 1013904223
+    b = b * 1664525 + 1013904223
+    c = c * 1664525 + 1013904223
+    d = d * 1664525 + 1013904223
+    a += b * d
+    b += c * a
+    c += a * b
+    d += b * c
+    a ^= a >> 16
+    b ^= b >> 16
+    c ^= c >> 16
+    d ^= d >> 16
+    a += b * d
+    b += c * a
+    c += a * b
+    d += b * c
+    return a, b, c, d
+
+
+@kernel
+def unit_float(bits):
+    """Return lanes in [0, 1) from the upper 24 of 32 random bits."""
+    return to_f32(bits >> 8) * _TO_UNIT
+
+
+@kernel
+def hash_floats(seed, pixel, sample, block):
+    """Return four lanes of independent numbers in [0, 1)."""
+    a, b, c, d = hash4(
+        pixel,
+        splat_u32(np.uint32(sample)),
+        splat_u32(np.uint32(block)),
+        splat_u32(np.uint32(seed)),
+    )
+    return unit_float(a), unit_float(b), unit_float(c), unit_float(d)
+
+
+@kernel
+def _in_unit(x):
+    """Return x, or the largest number below 1 where a sum was rounded up to 1."""
+    return minimum(x, splat_f32(_BELOW_ONE))
+
+
+def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
+    """Draw four numbers in [0, 1) for each of 16 pixels.
+
+    The first two are a pair that the sampler spreads over the samples of a pixel together;
+    the third and fourth are spread each by itself.
+    """
+    raise TypeError("inside kernels only")
+
+
+@kernel
+def _draw_independent(sampler, pixel, sample, block):
+    return hash_floats(sampler.seed, pixel, sample, block)
+
+
+@kernel
+def permute(index, size, key):
+    """Return where lanes of random permutations of 0 .. size - 1 put `index`.
+
+    Xor, odd multiplication and shifts are invertible modulo a power of two; what falls
+    outside is walked on until it is inside, which keeps it a permutation. That favours
+    some places (an estimate would be biased by it); a random rotation at the end makes
+    every place equally likely for every index.
+    """
+    bits = 1
+    while (1 << bits) < size:
+        bits += 1
+    mask = np.uint32((1 << bits) - 1)
+    half = np.uint32((bits + 1) // 2)
+    x = index
+    inside = splat_mask(False)
+    while mask_bits(inside) != 0xFFFF:
+        y = (x ^ key) & mask
+        y = (y * ((key >> 8) | 1)) & mask
+        y ^= y >> half
+        y = (y + (key >> 15)) & mask
+        y = (y * 0x2C1B3C6D) & mask
+        y ^= y >> half
+        y = (y ^ (key >> 4)) & mask
+        y = (y * 0x297A2D39) & mask
+        y ^= y >> half
+        x = select(inside, x, y)
+        inside = x < np.uint32(size)
+    turn = key * 0x9E3779B1
+    turn = (turn ^ (turn >> 15)) * 0x85EBCA77
+    turn = as_u32(to_i32(unit_float(turn ^ (turn >> 13)) * np.float32(size)))
+    turned = x + turn
+    return select(turned < np.uint32(size), turned, turned - np.uint32(size))
+
+
+@kernel
+def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
+    """Return the place inside a cell, in [0, 1) along each axis.
+
+    Plain strata take the jitter. Correlated multi-jittering [Kensler2013] first divides
+    the cell again, one part for each of the other cells of its column or row.
+    """
+    if multi is None:
+        return jx, jy
+    k0, k1, k2, k3 = keys
+    kx, ky, _, _ = hash4(k0, k1, k2, k3)
+    part_x = to_f32(permute(as_u32(row), rows, kx ^ as_u32(column * 0x2545F491)))
+    part_y = to_f32(permute(as_u32(column), columns, ky ^ as_u32(row * 0x1B873593)))
+    return (
+        (part_x + jx) * np.float32(1.0 / rows),
+        (part_y + jy) * np.float32(1.0 / columns),
+    )
+
+
+@kernel
+def _draw_stratified(sampler, pixel, sample, block):
+    columns, rows = sampler.columns, sampler.rows
+    count = columns * rows
+    index = splat_u32(np.uint32(sample % count))
+    # jitter; keys of the shuffles; a longer render starts a new, independent grid
+    grid = sample // count
+    jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
+    keys = hash4(
+        pixel,
+        splat_u32(np.uint32(grid)),
+        splat_u32(np.uint32(2 * block + 1)),
+        splat_u32(np.uint32(sampler.seed)),
+    )
+    amount = np.float32(sampler.jitter)
+    jx = (jx - 0.5) * amount + 0.5
+    jy = (jy - 0.5) * amount + 0.5
+    cell = as_i32(permute(index, count, keys[0]))
+    row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
+    # float32 rounds the quotient of cells beyond 2^22 up or down by one
+    column = cell - row * columns
+    row = select(column < 0, row - 1, select(column >= columns, row + 1, row))
+    column = cell - row * columns
+    x, y = _inside_cell(sampler.multi, column, row, columns, rows, keys, jx, jy)
+    one = np.float32(1.0 / count)
+    return (
+        _in_unit((to_f32(column) + x) * np.float32(1.0 / columns)),
+        _in_unit((to_f32(row) + y) * np.float32(1.0 / rows)),
+        _in_unit((to_f32(permute(index, count, keys[1])) + jz) * one),
+        _in_unit((to_f32(permute(index, count, keys[2])) + jw) * one),
+    )
+
+
+_DRAW = {
+    Independent: _draw_independent,
+    Stratified: _draw_stratified,
+}
+
+
+@overload(draw4)
+def _draw4(sampler, pixel, sample, block):
+    draw = _DRAW.get(record_class(sampler))
+    if draw is None:
+        return None
+    return lambda sampler, pixel, sample, block: draw(sampler, pixel, sample, block)
+
+
+@kernel
+def square_to_disk(x, y):
+    """Map [0, 1)^2 to the unit disk, keeping areas and neighbours [Shirley1997]."""
+    a = 2.0 * x - 1.0
+    b = 2.0 * y - 1.0
+    steep = fabs(a) < fabs(b)
+    radius = select(steep, b, a)
+    ratio = select(steep, a, b) / select(radius == 0.0, splat_f32(1.0), radius)
+    angle = select(steep, _HALF_PI - _QUARTER_PI * ratio, _QUARTER_PI * ratio)
+    sine, cosine = sincos(angle)
+    return radius * cosine, radius * sine
+
+
+@kernel
+def square_to_cosine_hemisphere(x, y):
+    """Map [0, 1)^2 to unit vectors around +z with density cos / pi."""
+    p, q = square_to_disk(x, y)
+    z2 = 1.0 - (p * p + q * q)  # bracketed as Mitsuba does it, which shows near the rim
+    return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))
+
+
+@kernel
+def square_to_sphere(x, y):
+    """Map [0, 1)^2 to unit vectors with density 1 / (4 pi)."""
+    z = 1.0 - 2.0 * y
+    r = sqrt((1.0 - z) * (1.0 + z))  # 1 - z^2 would cancel at the poles
+    sine, cosine = sincos(TWO_PI * x)
+    return vec3(r * cosine, r * sine, z)
+
+
+@kernel
+def square_to_triangle(x, y):
+    """Map [0, 1)^2 to barycentric coordinates of a triangle, keeping areas."""
+    root = sqrt(maximum(1.0 - x, splat_f32(0.0)))
+    return 1.0 - root, root * y
+
+
+@kernel
+def power_heuristic(pdf, other_pdf):
+    """Return the weight of a sample of `pdf` beside one of `other_pdf` [Veach1997]."""
+    ratio = other_pdf / pdf  # the square of a density above 1.8e19 would overflow
+    return 1.0 / (1.0 + ratio * ratio)

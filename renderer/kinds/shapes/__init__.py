@@ -1,0 +1,1 @@
+"""Shapes: where rays meet them, what their surface is, how they shine."""

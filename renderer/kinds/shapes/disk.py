@@ -1,0 +1,172 @@
+"""Ray against disk (under any affine map an ellipse): the plane, then u^2 + v^2 <= 1."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.kinds.sampling.numbers_and_warps import square_to_disk
+from renderer.kinds.shapes import flat
+from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
+from renderer.kinds.shapes.kind import ShapeKind
+from renderer.kinds.shapes.patch import (
+    Intersection,
+    divided,
+    grazing,
+    meet_plane,
+    meet_plane_in_double,
+    patch_at,
+    patch_in,
+    patches_from,
+    patches_in,
+)
+from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.kinds.shapes.surface import (
+    LightPoint,
+    SurfacePoint,
+    flat_point,
+    nowhere,
+    pdf_by_area,
+    pdf_shape,
+    sample_shape,
+    surface_point,
+    tangent_at,
+    turn,
+)
+from renderer.lanes.functions import any_of, fabs, select, splat_f32, sqrt
+from renderer.lanes.memory import gather_row
+from renderer.lanes.vectors import gather3
+from renderer.scene_file.description import Disk
+
+
+class Disks(NamedTuple):
+    """Disks: the corner is the centre, the edges are the two half axes."""
+
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
+    id: NDArray[np.int32]  # (n,) primitive id in the scene
+    count: int  # n without the padding
+
+
+@kernel
+def _doubtful(disk, p, direction):
+    around = (fabs(p.u) <= p.scale) & (fabs(p.v) <= p.scale)
+    return around & grazing(disk, p, direction)
+
+
+@kernel
+def _within(p, t_max):
+    # divided first: the squares of the undivided numbers of a tiny disk would underflow
+    x = divided(p, p.scale > 0.0, t_max)
+    return Intersection(x.hit & (x.u * x.u + x.v * x.v <= 1.0), x.t, x.u, x.v)
+
+
+@kernel
+def hit_disk(disk, origin, direction, t_max):
+    """Intersect; hits have 0 < t <= t_max, u and v are the local x and y."""
+    p = meet_plane(disk, origin, direction)
+    doubtful = _doubtful(disk, p, direction)
+    if any_of(doubtful):
+        p = meet_plane_in_double(disk, origin, direction, doubtful, p)
+    return _within(p, t_max)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+class DiskSurfaces(NamedTuple):
+    """Disks first .. end - 1 by primitive id; corner is the centre."""
+
+    first: int
+    end: int
+    corner: NDArray[np.float32]  # (3, n)
+    edge1: NDArray[np.float32]  # (3, n)
+    edge2: NDArray[np.float32]  # (3, n)
+    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+
+
+@surface_point.by(DiskSurfaces)
+@kernel
+def _point_on_disk(disks, index, mask, u, v, hit_point, with_uv):
+    """Return the point; its texture coordinates are (radius, angle / 2 pi)."""
+    position, normal, offset = flat_point(disks, index, mask, u, v)
+    radius = sqrt(u * u + v * v)
+    angle = turn(u, v) if with_uv != 0 else u * 0.0
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, radius, angle)
+
+
+@tangent_at.by(DiskSurfaces)
+@kernel
+def _tangent_of_disk(disks, index, mask, x, y, normal):
+    """Return the way outwards, as u is the distance from the centre; there, along x."""
+    radius = sqrt(x * x + y * y)
+    inverse = 1.0 / select(radius == 0.0, splat_f32(1.0), radius)
+    cosine = select(radius == 0.0, splat_f32(1.0), x * inverse)
+    edge1 = gather3(disks.edge1, index, mask)
+    edge2 = gather3(disks.edge2, index, mask)
+    return edge1 * cosine + edge2 * (y * inverse)
+
+
+@sample_shape.by(DiskSurfaces)
+@kernel
+def _sample_disk(disks, kind, light, mask, position, x, y, z):
+    """Choose a point, uniformly."""
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - disks.first
+    u, v = square_to_disk(x, y)
+    edge1 = gather3(disks.edge1, index, mask)
+    edge2 = gather3(disks.edge2, index, mask)
+    point = gather3(disks.corner, index, mask) + edge1 * u + edge2 * v
+    n = gather3(disks.normal, index, mask)
+    side = n * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, n, side)
+
+
+pdf_shape.by(DiskSurfaces)(pdf_by_area)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class DiskBlocks(NamedTuple):
+    """Centre, edges and normal of eight disks a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 12 * 8)
+    id: NDArray[np.int32]
+    count: int
+
+
+BLOCKS_OF[Disks] = DiskBlocks
+primitive_at.by(Disks)(patch_at)
+primitives_from.by(Disks)(patches_from)
+primitive_at.by(DiskBlocks)(patch_in)
+primitives_in.by(DiskBlocks)(patches_in)
+hit_primitive.by(Disks, DiskBlocks, drop_first=True)(hit_disk)
+
+
+def surfaces(shapes: list[Disk], first: int) -> DiskSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    x, y, center = flat.placed_axes(shapes)
+    return flat.flat_surfaces(DiskSurfaces, first, center, x, y)
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    reach = np.hypot(s.edge1, s.edge2)
+    return [s.corner - reach, s.corner + reach]
+
+
+DISKS = ShapeKind(
+    "disks",
+    Disk,
+    surfaces,
+    flat.orientation,
+    _corners,
+    flat.hull(((-1, -1), (1, -1), (-1, 1), (1, 1))),
+    flat.areas(float(np.pi)),
+    flat.group(Disks),
+)

@@ -1,0 +1,73 @@
+"""What the tables of triangles, rectangles and disks share: a corner and two edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kinds.shapes.arrays import float32, mirrors, unit_normals
+
+
+def flat_surfaces(record: Any, first: int, corner: Any, x: Any, y: Any) -> Any:
+    """Return the record of flat shapes from rows (n, 3) of corners and edges."""
+    return record(
+        first,
+        first + len(corner),
+        float32(corner.T),
+        float32(x.T),
+        float32(y.T),
+        unit_normals(x.T, y.T),
+    )
+
+
+def placed_axes(shapes: list[Any]) -> tuple[Any, Any, Any]:
+    """Return the local x and y axes and the centres of shapes in the world, (n, 3)."""
+    matrices = np.array([shape.to_world for shape in shapes])
+    return matrices[:, :3, 0], matrices[:, :3, 1], matrices[:, :3, 3]
+
+
+def orientation(shape: Any) -> float:
+    """Return -1 where the normal, the transformed +z, is opposite to edge1 x edge2."""
+    return -1.0 if mirrors(shape.to_world) != shape.flip_normals else 1.0
+
+
+def hull(corners: tuple[tuple[float, float], ...]) -> Callable[[Any, Any], Any]:
+    """Return what makes hulls of the points corner + u edge1 + v edge2: flat, no radius."""
+
+    def of(s: Any, order: Any) -> tuple[Any, Any, Any]:
+        c, e1, e2 = (a[:, order] for a in (s.corner, s.edge1, s.edge2))
+        placed = [c + np.float32(u) * e1 + np.float32(v) * e2 for u, v in corners]
+        return np.stack(placed, 1), np.zeros(len(order), np.float32), unit_normals(e1, e2)
+
+    return of
+
+
+def areas(factor: float) -> Callable[[Any, Any], NDArray[np.float64]]:
+    """Return what gives areas: so many times that of the parallelogram."""
+
+    def of(s: Any, k: Any) -> NDArray[np.float64]:
+        a, b = (edges[:, k].T.astype(np.float64) for edges in (s.edge1, s.edge2))
+        return factor * np.linalg.norm(np.cross(a, b), axis=1)
+
+    return of
+
+
+def group(record: Any) -> Callable[..., Any]:
+    """Return what makes the group of an accelerator: corner, edges, edge1 x edge2."""
+
+    def of(s: Any, order: Any, ids: Any, padded: Callable[[Any], Any]) -> Any:
+        edge1, edge2 = s.edge1[:, order], s.edge2[:, order]
+        normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
+        return record(
+            padded(s.corner[:, order]),
+            padded(edge1),
+            padded(edge2),
+            padded(normal.astype(np.float32)),
+            ids,
+            len(order),
+        )
+
+    return of

@@ -1,0 +1,52 @@
+"""What a kind of shape is outside of kernels: from the description to its tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class ShapeKind:
+    """One kind of shape; its kernels are implementations of the interfaces beside this.
+
+    Parameters
+    ----------
+    name
+        Of its primitives, in the plural.
+    description
+        The class of the scene's description.
+    surfaces
+        (shapes, first primitive id) -> the record that surface points come from.
+    orientation
+        shape -> -1 where its normal is opposite to the one that the kernels compute.
+    corners
+        record -> arrays (3, n) of points whose box holds each primitive.
+    hull
+        (record, columns) -> points (3, 4, n), radius (n,) and normal (3, n): a primitive
+        lies in the hull of the points, grown by the radius, and in the plane across the
+        normal (0 where it is not flat).
+    areas
+        (record, columns) -> surface areas (n,), float64.
+    group
+        (record, columns, padded ids, padding) -> the primitives as an accelerator keeps
+        them.
+    """
+
+    name: str
+    description: type
+    surfaces: Callable[[list[Any], int], Any]
+    orientation: Callable[[Any], float]
+    corners: Callable[[Any], list[NDArray[np.float32]]]
+    hull: Callable[[Any, Any], tuple[Any, Any, Any]]
+    areas: Callable[[Any, Any], NDArray[np.float64]]
+    group: Callable[[Any, Any, Any, Callable[[Any], Any]], Any]
+
+
+def flipped(shape: Any) -> float:
+    """Return the orientation of shapes whose normals only the file turns around."""
+    return -1.0 if shape.flip_normals else 1.0

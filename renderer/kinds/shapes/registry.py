@@ -1,0 +1,20 @@
+"""All kinds of shape: one line makes a kind known. Primitive ids go in this order."""
+
+from __future__ import annotations
+
+import renderer.kinds.lights.spheres  # noqa: F401  (how spheres are sampled as lamps)
+from renderer.kinds.shapes.cylinder import CYLINDERS
+from renderer.kinds.shapes.disk import DISKS
+from renderer.kinds.shapes.kind import ShapeKind
+from renderer.kinds.shapes.rectangle import RECTANGLES
+from renderer.kinds.shapes.sphere import SPHERES
+from renderer.kinds.shapes.triangle import TRIANGLES
+
+SHAPES: dict[str, ShapeKind] = {
+    kind.name: kind for kind in (TRIANGLES, RECTANGLES, DISKS, SPHERES, CYLINDERS)
+}
+
+
+def kind_of_shape(shape: object) -> ShapeKind:
+    """Return the kind of a shape of the description."""
+    return next(kind for kind in SHAPES.values() if isinstance(shape, kind.description))

@@ -1,0 +1,1 @@
+"""Pictures: what a render gives back, and files of it."""

@@ -1,0 +1,209 @@
+"""A batch of paths as structure of arrays: the records that the stages hand on.
+
+All arrays are float32 or int32 with one row for each component. A row has room for
+`CAPACITY` paths and a padding that is no multiple of a power of two: rows that lie 4 or
+8 KB apart fall into the same cache sets, which halved the speed in a trial.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.rays.tally import make_tally
+
+CAPACITY = 1024  # camera rays of a batch: one sample for each pixel of a 32 x 32 tile
+PADDING = 48
+
+
+class Rays(NamedTuple):
+    """Rays to be traced, each with the state of its path."""
+
+    origin: NDArray[np.float32]  # (3, n) world
+    direction: NDArray[np.float32]  # (3, n) unit
+    throughput: NDArray[np.float32]  # (3, n) product of BSDF * cos / pdf so far
+    pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: a mirror or the camera
+    eta: NDArray[np.float32]  # (n,) product of relative indices of refraction
+    slot: NDArray[np.int32]  # (n,) pixel of the tile that the path belongs to
+    point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
+    # (3, n) that point's position, off which the origin is; (3, 0): kept for nobody
+    previous: NDArray[np.float32]
+
+
+class Hits(NamedTuple):
+    """The nearest hit of each ray."""
+
+    t: NDArray[np.float32]  # (n,) in: the ray's end; out: the hit's distance
+    prim: NDArray[np.int32]  # (n,) primitive id, -1 for a miss
+    u: NDArray[np.float32]  # (n,) the primitive's own coordinates
+    v: NDArray[np.float32]  # (n,)
+    instance: NDArray[np.int32]  # (n,) -1: none; valid in scenes that have instances
+
+
+class ShadowRays(NamedTuple):
+    """Segments between surface points and lights, with what they carry if unblocked."""
+
+    origin: NDArray[np.float32]  # (3, n) world
+    direction: NDArray[np.float32]  # (3, n) unit
+    t_max: NDArray[np.float32]  # (n,)
+    radiance: NDArray[np.float32]  # (3, n) contribution to the pixel
+    slot: NDArray[np.int32]  # (n,)
+    blocked: NDArray[np.int32]  # (n,) 1 where something is in between
+
+
+class SurfacePoints(NamedTuple):
+    """Hits that have something to do next, grouped by it, with all that shading needs."""
+
+    position: NDArray[np.float32]  # (3, n) world
+    wo: NDArray[np.float32]  # (3, n) unit, back along the ray
+    normal: NDArray[np.float32]  # (3, n) geometric, unit
+    shading_normal: NDArray[np.float32]  # (3, n) unit
+    offset: NDArray[np.float32]  # (n,) how far off the surface new rays start
+    uv: NDArray[np.float32]  # (2, n)
+    tangent: NDArray[np.float32]  # (3, n) dp/du in world, not unit; if `Settings` say so
+    shape: NDArray[np.int32]  # (n,)
+    prim: NDArray[np.int32]  # (n,)
+    t: NDArray[np.float32]  # (n,)
+    throughput: NDArray[np.float32]  # (3, n)
+    pdf: NDArray[np.float32]  # (n,)
+    eta: NDArray[np.float32]  # (n,)
+    slot: NDArray[np.int32]  # (n,)
+    bsdf: NDArray[np.int32]  # (n,) seen from wo; -1: of another kind than the group's
+    parameters: NDArray[np.float32]  # (rows, n) of that BSDF, textures looked up
+    previous: NDArray[np.float32]  # (3, n) as in `Rays`
+
+
+class LightSamples(NamedTuple):
+    """One direction to a light for each surface point."""
+
+    light: NDArray[np.int32]  # (n,)
+    wi: NDArray[np.float32]  # (3, n) unit, towards the light
+    distance: NDArray[np.float32]  # (n,)
+    radiance: NDArray[np.float32]  # (3, n) arriving, over the density
+    pdf: NDArray[np.float32]  # (n,) [1/sr] given the light; 0: a point or a direction
+
+
+class Workspace(NamedTuple):
+    """All arrays that one thread works in."""
+
+    rays: Rays
+    hits: Hits
+    shadow_rays: ShadowRays
+    points: SurfacePoints
+    light_samples: LightSamples
+    film: NDArray[np.float32]  # (2, n) place of each pixel's sample on the film [pixels]
+    numbers: NDArray[np.float32]  # (4, n) random numbers for each surface point
+    order: NDArray[np.int32]  # (n,) hits sorted by what they need next
+    ends: NDArray[np.int64]  # (kinds + 1,) where each kind of BSDF begins and ends in it
+    radiance: NDArray[np.float32]  # (channels, n) of each pixel of the tile
+    waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
+    tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: nobody counts
+
+
+def _rows(count: int, capacity: int) -> NDArray[np.float32]:
+    return np.zeros((count, capacity + PADDING), np.float32)
+
+
+def _row(capacity: int) -> NDArray[np.float32]:
+    return np.zeros(capacity + PADDING, np.float32)
+
+
+def _numbers(capacity: int) -> NDArray[np.int32]:
+    return np.zeros(capacity + PADDING, np.int32)
+
+
+def make_workspace(
+    *,
+    ray_capacity: int = CAPACITY,
+    channels: int = 3,
+    depths: int = 1,
+    kinds: int = 1,
+    parameters: int = 1,
+    counted: bool = False,
+    previous_points: bool = False,
+    capacity: int = CAPACITY,
+) -> Workspace:
+    """Allocate for one thread.
+
+    Parameters
+    ----------
+    ray_capacity : int
+        Rays that can wait: `CAPACITY` for a path, more for Whitted's tree.
+    channels : int
+        Numbers for each pixel: 3, and those of the AOVs.
+    depths : int
+        Generations of rays that can wait at the same time.
+    kinds : int
+        Kinds of BSDF in the scene.
+    parameters : int
+        Rows that the BSDF with the most parameters needs.
+    counted : bool
+        Whether the work of the rays is counted.
+    previous_points : bool
+        Whether each ray keeps the exact position that it comes from.
+    capacity : int
+        Paths of a batch.
+    """
+    rays = Rays(
+        _rows(3, ray_capacity),
+        _rows(3, ray_capacity),
+        _rows(3, ray_capacity),
+        _row(ray_capacity),
+        _row(ray_capacity),
+        _numbers(ray_capacity),
+        _numbers(ray_capacity),
+        _rows(3, ray_capacity) if previous_points else np.zeros((3, 0), np.float32),
+    )
+    hits = Hits(
+        _row(ray_capacity),
+        _numbers(ray_capacity),
+        _row(ray_capacity),
+        _row(ray_capacity),
+        _numbers(ray_capacity),
+    )
+    shadow_rays = ShadowRays(
+        _rows(3, capacity),
+        _rows(3, capacity),
+        _row(capacity),
+        _rows(3, capacity),
+        _numbers(capacity),
+        _numbers(capacity),
+    )
+    # a two-sided shape with two kinds of BSDF puts its hits in two groups
+    n = 2 * capacity
+    points = SurfacePoints(
+        _rows(3, n),
+        _rows(3, n),
+        _rows(3, n),
+        _rows(3, n),
+        _row(n),
+        _rows(2, n),
+        _rows(3, n),
+        _numbers(n),
+        _numbers(n),
+        _row(n),
+        _rows(3, n),
+        _row(n),
+        _row(n),
+        _numbers(n),
+        _numbers(n),
+        _rows(parameters, n),
+        _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
+    )
+    light_samples = LightSamples(_numbers(n), _rows(3, n), _row(n), _rows(3, n), _row(n))
+    return Workspace(
+        rays,
+        hits,
+        shadow_rays,
+        points,
+        light_samples,
+        _rows(2, capacity),
+        _rows(4, n),
+        _numbers(n),
+        np.zeros(kinds + 1, np.int64),
+        _rows(channels, capacity),
+        np.zeros(depths, np.int64),
+        make_tally(ray_capacity) if counted else None,
+    )

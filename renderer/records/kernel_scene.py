@@ -1,0 +1,137 @@
+"""KernelScene: all that the kernels may look at, as flat arrays in named records.
+
+It is of one type for all scenes, so that what is common to them is compiled once. What a
+scene is made of (kinds of shapes, BSDFs, lights, ...) are rows of tables: each row has the
+address of the kind's own record, and those of its kernels (`renderer.jit.methods`). What a
+scene lacks has no row: it is neither compiled nor run.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+# bits of `Primitives.stages`: what a hit on a primitive needs next
+ANY = 1  # set for every primitive
+EMIT = 2
+FIRST_BSDF = 4  # of the first kind of BSDF that the scene has; the next kinds follow
+
+HALVES = -2  # in place of a face's number, see `Primitives`
+
+# Columns of the tables of methods. In each the first is the address of the kind's record.
+RECORD = 0
+# groups of primitives to intersect
+CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE = 1, 2, 3, 4
+# kinds of shapes
+LOCATE = 1
+# kinds of BSDFs
+REFLECT_LIGHT, SCATTER, SPLIT, SHOW_ALBEDO = 1, 2, 3, 4
+# kinds of textures
+LOOK_UP = 1
+# kinds of lights
+SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
+# the sampler
+DRAW_FILM, BEGIN_BOUNCE, DRAW, CHOOSE_LIGHT = 1, 2, 3, 4
+# what may be done after a stage, a row each
+AFTER_CAMERA_RAYS, AFTER_SURFACE_POINTS, AFTER_SCATTERING = 0, 1, 2
+
+Methods = NDArray[np.int64]  # (kinds, columns) addresses; 0 where there is no such method
+
+
+class Placements(NamedTuple):
+    """Where the instances are: x_world = A x_object + a, by instance id."""
+
+    # (12 n,) of each the rows of A, then a, side by side: a ray needs all of one instance
+    to_world: NDArray[np.float32]
+    to_object: NDArray[np.float32]  # (12 n,) the rows of the inverse of A, then a again
+    group: NDArray[np.int32]  # (n,)
+    number: NDArray[np.int32]  # (n,) in the file, with the shapes, the first is 1
+
+
+class Shapes(NamedTuple):
+    """Columns by shape id."""
+
+    front: NDArray[np.int32]  # (n,) BSDF seen from the side of the normal, -1: black
+    back: NDArray[np.int32]  # (n,) BSDF of the other side, -1: black
+    light: NDArray[np.int32]  # (n,) area light on it, -1: none
+    orientation: NDArray[np.float32]  # (n,) -1 where the outward normal is flipped
+    number: NDArray[np.int32]  # (n,) in the file, the first is 1; 0 for shapes of groups
+
+
+class Primitives(NamedTuple):
+    """Columns by primitive id."""
+
+    stages: NDArray[np.int32]  # (n,) bits ANY, EMIT, ...
+    shape: NDArray[np.int32]  # (n,) shape id
+    # (n,) index in the mesh's file, 0 for others; HALVES for a rectangle, whose two halves
+    # are faces 0 and 1
+    face: NDArray[np.int32]
+
+
+class Bsdfs(NamedTuple):
+    """All BSDFs of the scene: the kinds, and columns by BSDF id."""
+
+    methods: Methods  # of the kinds; those with smooth lobes come first
+    smooth: int  # how many these are
+    kind: NDArray[np.int32]  # (n,) row of `methods`, -1: paths end there
+    values: NDArray[np.float32]  # (rows, n) parameters, in the order of the kind's record
+    rows: NDArray[np.int32]  # (kinds,) how many rows a kind has
+    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, how many rows
+    look_ups: NDArray[np.int32]
+    texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
+    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
+    texture_methods: Methods
+
+
+class Lights(NamedTuple):
+    """All lights."""
+
+    count: int
+    kind: NDArray[np.int32]  # (n,) row of `methods`
+    methods: Methods
+
+
+class Camera(NamedTuple):
+    """A pinhole: rays from `origin` along corner + x right + y down, in pixels."""
+
+    origin: NDArray[np.float32]  # (3, 1)
+    corner: NDArray[np.float32]  # (3, 1) towards pixel position (0, 0)
+    right: NDArray[np.float32]  # (3, 1) one pixel further in x
+    down: NDArray[np.float32]  # (3, 1) one pixel further in y
+    forward: NDArray[np.float32]  # (3, 1) unit
+    near: float
+    far: float
+
+
+class Settings(NamedTuple):
+    """What the chosen method does; 0 is no."""
+
+    max_depth: int  # path segments; a large number for "no limit"
+    roulette_depth: int  # where Russian roulette begins; a large number for "never"
+    weigh: int  # multiple importance sampling
+    every_light: int  # all lights at each point, instead of one chosen at random
+    hide_emitters: int  # the camera looks through them
+    with_uv: int  # somebody looks at uv
+    with_tangents: int  # somebody looks at dp/du
+    cutoff: float  # weight below which a ray is dropped
+    rounding_offset: float  # rays start so many rounding errors off their surface ...
+    fixed_offset: float  # ... plus this times (1 + the largest coordinate)
+
+
+class KernelScene(NamedTuple):
+    """The whole scene."""
+
+    groups: Methods  # primitives to intersect
+    camera_groups: Methods  # the same, without the area lights that the camera hides
+    surfaces: Methods  # kinds of shapes: from hits to surface points
+    placements: Placements
+    primitives: Primitives
+    shapes: Shapes
+    bsdfs: Bsdfs
+    lights: Lights
+    camera: Camera
+    sampler: Methods  # one row
+    hooks: Methods  # AFTER_CAMERA_RAYS, ...
+    settings: Settings

@@ -1,0 +1,1 @@
+"""One render: tiles over threads, summed on the film."""

@@ -1,0 +1,249 @@
+"""The plan in words: lines of a topic and a text, for `--explain` and the report.
+
+What is modelled, what is left out and why; nothing here decides anything.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from renderer.accelerators.choice import choose_structures
+from renderer.accelerators.cost_model import RayCounts
+from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.lights.registry import LIGHTS, plugin_of
+from renderer.scene.scene import KINDS, Scene
+from renderer.scene_file.description import (
+    Integrator,
+    Sampler,
+)
+
+if TYPE_CHECKING:
+    from renderer.rendering.planning.plan import Plan
+
+TOPIC_WIDTH = 14  # columns before the text
+
+_PATTERNS = {
+    "stratified": "a square number",
+    "multijitter": "the cells of a grid",
+    "orthogonal": "the square of a prime",
+    "ldsampler": "a power of 4",
+}
+_ACCELERATORS = {
+    "brute": "brute force",
+    "bvh": "a bounding volume hierarchy by the surface area heuristic",
+    "bvh-median": "a bounding volume hierarchy, split at the median",
+    "bvh-middle": "a bounding volume hierarchy, split in the middle",
+    "wide": "a bounding volume hierarchy of eight children a node",
+    "bsp": "a binary space partitioning tree with planes taken from the polygons",
+    "grid": "a uniform grid",
+    "grid-without-mailboxes": "a uniform grid without mailboxes",
+    "grid-nested": "grids in the cells of a grid that hold many",
+    "grid-clusters": "a grid of clusters that have grids of their own",
+    "kd-middle": "a kd-tree, split in the middle",
+    "kd-median": "a kd-tree, split at the median",
+    "kd-sah": "a kd-tree by the surface area heuristic",
+    "octree": "an octree",
+}
+
+
+@dataclass
+class Explanation:
+    """Lines, in the order in which things were decided."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def say(self, topic: str, text: str) -> None:
+        """Add a line; "left out" is the topic of what is not done."""
+        self.lines.append(f"{topic:<{TOPIC_WIDTH}}{text}")
+
+
+def describe_integrator(asked: Integrator) -> str:
+    """Return the integrator's name and the properties that it has."""
+    depth = "no limit" if asked.max_depth < 0 else str(asked.max_depth)
+    match asked.name:
+        case "path":
+            return f"path, max_depth {depth}, rr_depth {asked.rr_depth}"
+        case "whitted":
+            return f"whitted, max_depth {depth}"
+        case "aov" if asked.nested is not None:
+            return f"aov, and the colours of {describe_integrator(asked.nested)}"
+        case _:
+            return asked.name
+
+
+def explain_geometry(scene: Scene, why: Explanation) -> None:
+    """Count the primitives, and list the kinds that the scene has none of."""
+    shapes = (_counted(count, kind) for kind, count in _primitives(scene).items())
+    counted = list(shapes)
+    if scene.placements is not None:
+        counted.append(_instances(scene))
+    why.say("geometry", ", ".join(counted) or "nothing")
+    missing = [kind for kind in KINDS if kind not in scene.surfaces]
+    if scene.placements is None:
+        missing.append("instances")
+    _leave_out(missing, "the scene has none", why)
+
+
+def explain_accelerators(
+    scene: Scene, asked: str, rays: RayCounts, why: Explanation
+) -> None:
+    """Say how the nearest hit is found among the primitives of each kind.
+
+    Parameters
+    ----------
+    scene : Scene
+        The primitives.
+    asked : str
+        An accelerator's name, or "auto".
+    rays : RayCounts
+        That are expected.
+    """
+    counts = _primitives(scene)
+    kinds: dict[str, list[str]] = {}
+    reasons: dict[str, str] = {}
+    for kind, choice in choose_structures(scene, asked, rays).items():
+        kinds.setdefault(choice.name, []).append(kind)
+        most = max(kinds[choice.name], key=counts.__getitem__)
+        if kind == most:
+            reasons[choice.name] = choice.reason
+    for name, members in kinds.items():
+        listed = ", ".join(_counted(counts[kind], kind) for kind in members)
+        why.say("accelerator", f"{listed}: {_ACCELERATORS[name]}; {reasons[name]}")
+    if scene.placements is not None:
+        text = f"{_ACCELERATORS['bvh']} over their boxes, and one for each group"
+        if asked == "brute":
+            text = "each of them, and each primitive of its group, tested by every ray"
+        why.say("accelerator", f"{_instances(scene)}: {text}")
+
+
+def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
+    """List BSDFs and lights, and what of these the scene does not have."""
+    materials = scene.materials
+    kinds = {name: kind in materials.kinds for name, kind in BSDFS.items()}
+    why.say(
+        "BSDFs", ", ".join(kind for kind, present in kinds.items() if present) or "none"
+    )
+    lights = _lights(scene)
+    listed = ", ".join(f"{count} {kind}" for kind, count in lights.items() if count)
+    why.say("lights", listed or "none")
+    if not materials.textured:
+        why.say("left out", "textures and uv: no BSDF looks at them; not compiled")
+    _leave_out([k for k, present in kinds.items() if not present], "no shape has it", why)
+    if listed:
+        absent = [kind for kind, count in lights.items() if not count]
+        _leave_out(absent, "the scene has no such light", why)
+    else:
+        _leave_out(["lights of any kind"], "the scene has none", why)
+
+
+def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) -> None:
+    """Say whether two ways to find the same light are weighed, or why not.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was decided.
+    scene : Scene
+        Its materials and lights.
+    extended : bool
+        Whether a ray can hit a light.
+    why : Explanation
+        Where it is said.
+    """
+    what = "multiple importance sampling"
+    if plan.weigh:
+        by = "light samples and BSDF samples that hit a light, by the power heuristic"
+        why.say("weights", f"{what}: {by}")
+        return
+    if not extended:
+        what += ", emission at hits"
+        lights = bool(scene.description.emitters)
+        reason = "all lights are points or directions" if lights else "there is no light"
+    elif plan.max_depth <= 1:
+        reason = "with max_depth 1 only what shines is seen"
+    elif scene.materials.smooth:
+        reason = "diffuse surfaces send no rays on"
+    else:
+        reason = "no surface is diffuse"
+    why.say("left out", f"{what}: {reason}")
+
+
+def explain_roulette(plan: Plan, asked: Integrator, why: Explanation) -> None:
+    """Say from which segment on Russian roulette is played, or why it is not."""
+    if plan.roulette_depth is not None:
+        why.say("roulette", f"Russian, from segment {plan.roulette_depth} on")
+        return
+    if plan.method == "path":
+        reason = f"max_depth {plan.max_depth} comes before rr_depth {asked.rr_depth}"
+    elif plan.method == "whitted":
+        reason = "a tree of rays ends at its depth and its cutoff"
+    else:
+        reason = "direct light is two segments long"
+    why.say("left out", f"Russian roulette: {reason}")
+
+
+def explain_samples(
+    sampler: Sampler, asked: int, random: bool, why: Explanation, *, replay: bool
+) -> None:
+    """Say how many samples a pixel gets, where they lie, and why not as many as asked for.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        With the number that is taken.
+    asked : int
+        The number before rounding.
+    random : bool
+        Whether more is drawn at random than the position in the pixel.
+    replay : bool
+        Whether the numbers are Mitsuba's own.
+    """
+    count, name = sampler.sample_count, sampler.name
+    text = f"{count} per pixel"
+    if name != "stratified" or sampler.jitter:
+        text += f", {name}"
+    else:
+        side = math.isqrt(count)
+        text += ", at its centre" if count == 1 else f", on a fixed grid of {side} x {side}"
+        if not random:
+            text += ": nothing is random"
+    if asked != count:
+        text += f" ({asked} asked for; the sampler needs {_PATTERNS[name]}, as in Mitsuba)"
+    if name in ("orthogonal", "ldsampler") and not replay:
+        text += " (by correlated multi-jittering, of the same order of convergence)"
+    why.say("samples", text)
+
+
+def _leave_out(kinds: list[str], reason: str, why: Explanation) -> None:
+    """Name the kinds of which nothing is compiled, if there are any."""
+    if kinds:
+        why.say("left out", f"{', '.join(kinds)}: {reason}; not compiled")
+
+
+def _lights(scene: Scene) -> dict[str, int]:
+    """Return how many there are of each kind, 0 for those that the scene lacks."""
+    lights = dict.fromkeys(LIGHTS, 0)
+    for emitter in scene.description.emitters:
+        lights[plugin_of(emitter).name] += 1
+    area = sum(shape.radiance is not None for shape in scene.description.shapes)
+    return lights | {"area": area}
+
+
+def _primitives(scene: Scene) -> dict[str, int]:
+    """Return how many there are of each kind outside of groups."""
+    return {kind: int(starts[0]) for kind, starts in scene.starts.items() if starts[0]}
+
+
+def _instances(scene: Scene) -> str:
+    """Return "10000 instances of 1 group (320 triangles, 1 sphere)"."""
+    inside = {kind: int(s[-1] - s[0]) for kind, s in scene.starts.items()}
+    held = ", ".join(_counted(count, kind) for kind, count in inside.items() if count)
+    copies = _counted(len(scene.description.instances), "instances")
+    groups = _counted(len(scene.description.groups), "groups")
+    return f"{copies} of {groups} ({held})"
+
+
+def _counted(count: int, kind: str) -> str:
+    return f"{count} {kind.removesuffix('s') if count == 1 else kind}"

@@ -1,0 +1,78 @@
+"""The plan as a page of text for people: `--explain`."""
+
+from __future__ import annotations
+
+import textwrap
+
+from renderer.picture.aovs import nested_scene
+from renderer.rendering.planning.explanation import TOPIC_WIDTH
+from renderer.rendering.planning.plan import Plan, make_plan
+from renderer.scene.scene import Scene
+
+WIDTH = 92
+
+_MEANING = {
+    "direct": "light that comes to a surface straight from a light source (Appel 1968)",
+    "whitted": "direct light, and a tree of rays through mirrors and glass (Whitted 1980)",
+    "path": "light over many bounces, as the mean of random paths (Kajiya 1986)",
+    "depth": "the distance from the camera to the first hit",
+    "aov": "position, normals and other numbers of the first hit",
+    "work": "nodes, box tests and primitive tests of the search for the nearest hit",
+}
+
+
+def plan_text(
+    scene: Scene,
+    *,
+    integrator: str | None = None,
+    sampler: str | None = None,
+    spp: int | None = None,
+    accel: str | None = None,
+    threads: int | None = None,
+) -> str:
+    """Return what `render` would do with the same arguments, and why, as lines of text.
+
+    Raises
+    ------
+    SceneError
+        As `make_plan`.
+    """
+    plan = make_plan(
+        scene, integrator=integrator, sampler=sampler, spp=spp, accel=accel, threads=threads
+    )
+    film = scene.description.camera.film
+    size = f"{film.crop_width} x {film.crop_height} pixels"
+    if (film.crop_width, film.crop_height) != (film.width, film.height):
+        size += f" of {film.width} x {film.height}"
+    page = [f"{scene.description.source}: {size}", *_sections(plan)]
+    nested = nested_scene(scene, plan)
+    if nested is not None:
+        plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
+        page += ["", "The colours, by the integrator inside", *_sections(plan)]
+    return "\n".join(page) + "\n"
+
+
+def _sections(plan: Plan) -> list[str]:
+    rows = [(line[:TOPIC_WIDTH].strip(), line[TOPIC_WIDTH:]) for line in plan.lines]
+    done = ["", "What is done"]
+    for topic, text in rows:
+        if topic != "left out":
+            done += _row(topic, text)
+        if topic == "method":
+            done += _row("", _MEANING[plan.method])
+    left_out = [
+        line for topic, text in rows if topic == "left out" for line in _row("-", text)
+    ]
+    if left_out:
+        left_out = ["", "What is left out, and why", *left_out]
+    return done + left_out
+
+
+def _row(topic: str, text: str) -> list[str]:
+    column = 4 if topic == "-" else TOPIC_WIDTH + 2
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=f"  {topic}".ljust(column),
+        subsequent_indent=" " * column,
+    )

@@ -1,0 +1,159 @@
+"""The kernels' record of a scene and a plan: what is needed, and no rows for the rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.build import build_accelerators
+from renderer.jit import Packed, record_type
+from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
+from renderer.rendering.planning.plan import NO_LIMIT, RAY_OFFSETS, Plan
+from renderer.rendering.tables.bsdfs import bsdf_tables
+from renderer.rendering.tables.geometry import group_methods, surface_methods
+from renderer.rendering.tables.lights import NO_LIGHTS, light_methods
+from renderer.rendering.tables.methods import (
+    COLUMN,
+    INT,
+    NOTHING,
+    ROWS,
+    TILE,
+    MethodTables,
+    work_types,
+)
+from renderer.rendering.tables.variant import Sampling, Variant
+from renderer.scene.camera import kernel_camera
+from renderer.scene.light_order import light_order
+from renderer.scene.light_tables import light_tables
+from renderer.scene.scene import Scene
+
+_NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
+
+
+class KernelInputs:
+    """What the kernels of a plan may look at.
+
+    Attributes
+    ----------
+    record : KernelScene
+        Its addresses point to what this object keeps alive.
+    sampler : Packed
+        The record of the source of random numbers.
+    """
+
+    def __init__(
+        self, scene: Scene, plan: Plan, accel: str, seed: int, variant: Variant
+    ) -> None:
+        self._tables = tables = MethodTables()
+        settings = _settings(scene, plan, variant)
+        surfaces = _surfaces(scene, settings, variant)
+        placements = scene.placements or _NO_PLACEMENTS
+        primitives = Primitives(scene.stages, scene.shape, scene.face)
+        lit = plan.asks_lights and scene.materials.smooth and has_lights(scene)
+
+        accelerators = build_accelerators(scene, accel, plan.rays)
+        groups = camera_groups = group_methods(tables, accelerators, plan, lit)
+        if plan.hide_emitters:
+            seen = build_accelerators(
+                scene, accel, plan.rays, without_emitters_of=accelerators
+            )
+            camera_groups = group_methods(tables, seen, plan, lit)
+        sampling = variant.sampling(scene, plan, seed)
+        self.sampler: Packed = sampling.record
+
+        lights = NO_LIGHTS
+        if plan.sees_lights and has_lights(scene):
+            by_kind = light_tables(scene, surfaces, variant.mesh_choice)
+            lights = light_methods(
+                tables, by_kind, settings, scene.shapes, variant.arithmetic, lit
+            )
+        self.record = KernelScene(
+            groups,
+            camera_groups,
+            surface_methods(
+                tables, surfaces, settings, primitives, scene.shapes, placements
+            ),
+            placements,
+            primitives,
+            scene.shapes,
+            bsdf_tables(tables, scene.materials, plan, settings, variant.arithmetic, lit),
+            lights,
+            kernel_camera(scene.description.camera),
+            _sampler_methods(tables, sampling, plan, lit),
+            _hooks(tables, variant.hooks(scene, surfaces), settings, placements),
+            settings,
+        )
+
+
+def has_lights(scene: Scene) -> bool:
+    """Return whether anything in a scene shines."""
+    order = light_order(scene.description)
+    return bool(order.of_emitters) or max(order.of_shapes, default=-1) >= 0
+
+
+def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
+    first_hit = plan.method in ("depth", "aov")
+    with_uv = (scene.materials.textured or first_hit) and not plan.counts_work
+    return Settings(
+        plan.max_depth,
+        NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,
+        int(plan.weigh),
+        int(plan.every_light),
+        int(plan.hide_emitters),
+        int(with_uv),
+        int(variant.previous_points),
+        float(plan.cutoff),
+        *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
+    )
+
+
+def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
+    """Return the scene's surfaces, without uv where nobody looks at it."""
+    surfaces = variant.surfaces(scene.surfaces)
+    if settings.with_uv or "triangles" not in surfaces:
+        return surfaces
+    without = surfaces["triangles"]._replace(uvs=np.zeros((6, 0), np.float32))
+    return surfaces | {"triangles": without}
+
+
+def _sampler_methods(
+    tables: MethodTables, sampling: Sampling, plan: Plan, lit: bool
+) -> NDArray[np.int64]:
+    """Return the one row of methods of the sampler."""
+    work = work_types()
+    begin = (COLUMN, TILE, INT, work.rays, work.hits, INT)
+    draws = (TILE, INT, INT, COLUMN, INT, ROWS)
+    choice = (TILE, INT, INT, INT, INT, COLUMN, INT, ROWS, COLUMN)
+    shades = plan.method in ("path", "direct")
+    in_order = sampling.begin_bounce is not None and shades
+    methods = [
+        (sampling.film, (TILE, INT, ROWS), NOTHING),
+        (sampling.begin_bounce, begin, NOTHING) if in_order else None,
+        (sampling.draw, draws, NOTHING) if shades else None,
+        (sampling.choose_light, choice, NOTHING) if lit else None,
+    ]
+    return tables.table([(sampling.record, methods)], 4)
+
+
+def _hooks(
+    tables: MethodTables,
+    given: list[tuple[Any, Any]],
+    settings: Settings,
+    placements: Placements,
+) -> NDArray[np.int64]:
+    """Return what is done after camera rays, surface points and scattering."""
+    work = work_types()
+    arguments: tuple[tuple[Any, ...], ...] = (
+        (work.rays, INT, ROWS),
+        (record_type(placements), work.rays, work.hits, COLUMN, INT, work.points),
+        (record_type(settings), work.rays, INT, work.points),
+    )
+    rows = [
+        (None, [None])
+        if kernel is None
+        else (tables.pack(record), [(kernel, types, NOTHING)])
+        for (kernel, record), types in zip(given, arguments, strict=True)
+    ]
+    return tables.table(rows, 1)

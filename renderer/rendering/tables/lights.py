@@ -1,0 +1,48 @@
+"""Methods of lights: how each kind is sampled, and what paths find that arrive at it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
+from renderer.jit import record_type
+from renderer.kinds.lights.area import AreaLights, add_emission
+from renderer.kinds.lights.kind import LightKind, sample_lights_of
+from renderer.kinds.lights.registry import LIGHTS
+from renderer.records.kernel_scene import Lights, Settings, Shapes
+from renderer.rendering.tables.methods import INT, NOTHING, ROWS, MethodTables, work_types
+from renderer.scene.light_tables import LightTables
+
+NO_LIGHTS = Lights(0, np.zeros(1, np.int32), np.zeros((0, 4), np.int64))
+
+
+def light_methods(
+    tables: MethodTables,
+    lights: LightTables,
+    settings: Settings,
+    shapes: Shapes,
+    arithmetic: Any,
+    lit: bool,
+) -> Lights:
+    """Return the tables of all lights.
+
+    `lit`: they are sampled; else they shine only on those who look at them.
+    """
+    work = work_types()
+    given = (record_type(settings), record_type(NO_LIGHTS))
+    sample = (sample_lights_of, (work.points, ROWS, work.light_samples, INT), NOTHING)
+    arriving = (*given, record_type(shapes), work.points, INT, ROWS)
+    emission = (add_emission, arriving, NOTHING)
+    sky = (*given, work.rays, work.hits, INT, INT, ROWS)
+    rows = []
+    for k, (plugin, table) in enumerate(zip(lights.plugins, lights.tables, strict=True)):
+        environment = LIGHTS[plugin].environment if plugin in LIGHTS else None
+        methods = [
+            sample if lit else None,
+            emission if isinstance(table, AreaLights) else None,
+            (environment, sky, NOTHING) if environment is not None else None,
+        ]
+        rows.append((tables.pack(LightKind(table, k, lights.kind, arithmetic)), methods))
+    return Lights(lights.count, lights.kind, tables.table(rows, 3))

@@ -1,0 +1,65 @@
+"""Tables of methods: a row is a record and the addresses of kernels that work on it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import typeof
+from numba.core import types
+from numpy.typing import NDArray
+
+from renderer.jit import Packed, compile_method, pack, record_type
+from renderer.records.batch import Workspace, make_workspace
+from renderer.records.tile import Tile
+
+INT, FLOAT, NOTHING = types.int64, types.float32, types.none
+COLUMN = types.Array(types.int32, 1, "C")  # integers by column
+ROWS = types.Array(types.float32, 2, "C")
+TILE = typeof(Tile(0, 0, 1, 1, 1))
+
+# (kernel, Numba types of its parameters after the record, type of what it returns)
+MethodSpec = tuple[Any, tuple[Any, ...], Any]
+
+
+@functools.cache
+def work_types() -> Any:
+    """Return the Numba types of what is in a thread's workspace, by the same names."""
+    work = make_workspace(ray_capacity=16, capacity=16)
+    return Workspace._make(
+        record_type(part) if isinstance(part, tuple) else typeof(part) for part in work
+    )
+
+
+class MethodTables:
+    """Makes tables of methods, and keeps alive what their addresses point to."""
+
+    def __init__(self) -> None:
+        self._kept: list[Packed] = []
+
+    def pack(self, record: Any, source: str = "") -> Packed:
+        """Pack a record that kernels will be given the address of."""
+        packed = pack(record, source)
+        self._kept.append(packed)
+        return packed
+
+    def table(
+        self,
+        rows: Sequence[tuple[Packed | None, Sequence[MethodSpec | None]]],
+        columns: int,
+    ) -> NDArray[np.int64]:
+        """Compile the methods of each row; None is a method that nobody needs.
+
+        A row without any method is all zeros.
+        """
+        table = np.zeros((len(rows), 1 + columns), np.int64)
+        for k, (record, methods) in enumerate(rows):
+            for column, method in enumerate(methods, start=1):
+                if method is None or record is None:
+                    continue
+                kernel, arguments, returns = method
+                compiled = compile_method(kernel, record, *arguments, returns=returns)
+                table[k, 0], table[k, column] = record.address, compiled.address
+        return table

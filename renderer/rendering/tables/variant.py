@@ -1,0 +1,96 @@
+"""What may differ from one way of rendering to another, down to the last bit.
+
+The renderer's own way is `OwnWay`. A replay of another program's numbers and roundings is a
+second implementation (`renderer.replay`), which nothing but `way_of` knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from renderer.jit import Packed, pack
+from renderer.kinds.sampling.arithmetic import Plain
+from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
+from renderer.rendering.planning.plan import Plan, stratified_cells
+from renderer.scene.light_tables import alias_tables
+from renderer.scene.scene import Scene
+from renderer.stages.draws import choose_light, draw, draw_film
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Where random numbers come from, as methods of a record."""
+
+    record: Packed
+    film: Any  # kernels of `stages.draws`, or others with the same parameters
+    draw: Any
+    choose_light: Any
+    begin_bounce: Any = None  # None: numbers need not be drawn in order
+
+
+class Variant(Protocol):
+    """One way of rendering."""
+
+    arithmetic: Any  # see `renderer.kinds.sampling.arithmetic`
+    previous_points: bool  # whether rays keep the exact positions that they come from
+    in_order: bool  # whether the samples of a tile must be drawn one after the other
+
+    def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
+        """Return the source of random numbers."""
+
+    def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
+        """Return the surfaces of the scene, more exactly rounded where it matters."""
+
+    def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
+        """Return the table by which a triangle of a mesh light is chosen."""
+
+    def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
+        """Return (kernel, record) of what is done after stages; None for nothing."""
+
+
+class OwnWay:
+    """The renderer's own."""
+
+    arithmetic = Plain()
+    previous_points = False
+    in_order = False
+
+    def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
+        """Hash pixel, sample and dimension."""
+        return Sampling(pack(kernel_sampler(plan, seed)), draw_film, draw, choose_light)
+
+    def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
+        """Return them as they are."""
+        return surfaces
+
+    def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
+        """Choose in constant time."""
+        return alias_tables(count, surfaces, tables)
+
+    def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
+        """Do nothing more."""
+        return [(None, None)] * 3
+
+
+def kernel_sampler(plan: Plan, seed: int) -> Any:
+    """Return the sampler's record; the file's own seed and the render's are mixed."""
+    mixed = int(np.random.SeedSequence([plan.sampler.seed, seed]).generate_state(1)[0])
+    name = plan.sampler.name
+    if name == "independent":
+        return Independent(mixed)
+    columns, rows = stratified_cells(plan.spp)
+    jitter = 1.0 if plan.sampler.jitter else 0.0
+    return Stratified(mixed, columns, rows, jitter, None if name == "stratified" else 1)
+
+
+def way_of(plan: Plan, measured_camera: Sequence[float] | None) -> Variant:
+    """Return the way that a plan asks for; `measured_camera` is for a replay."""
+    if not plan.replay:
+        return OwnWay()
+    from renderer.replay.way import Replayed  # the one place that knows it; few need it
+
+    return Replayed(measured_camera)

@@ -1,0 +1,1 @@
+"""Mitsuba's random numbers, in its order."""

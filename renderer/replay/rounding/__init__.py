@@ -1,0 +1,1 @@
+"""Directions, hits and rays as Mitsuba and Embree round them."""

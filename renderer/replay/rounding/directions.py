@@ -1,0 +1,205 @@
+"""Directions from diffuse surfaces in a replay, with Mitsuba's roundings.
+
+Mitsuba's wheels fuse multiplications and additions, and its sine and cosine are other
+arrangements of Cephes' polynomials than ours. With the same ones a direction is the same
+32 bits, so that two paths part where a decision is within rounding and nowhere else. Which
+operations are fused was found by trying: 2000 of 2000 samples of a `diffuse` BSDF agreed in
+all bits [run].
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.jit import kernel
+from renderer.kinds.lights.spheres import cone_of_density, near_surface
+from renderer.kinds.sampling.arithmetic import (
+    cosine_direction,
+    density_normal,
+    seen_from,
+    tangents_of,
+    to_world,
+)
+from renderer.lanes.functions import (
+    as_f32,
+    as_i32,
+    fabs,
+    maximum,
+    select,
+    splat_f32,
+    sqrt,
+    to_f32,
+    to_i32,
+)
+from renderer.lanes.vectors import dot, length, load3, orthonormal_basis, select3, vec3
+from renderer.replay.rounding.fused_lanes import fused
+
+_QUARTER_PI = np.float32(0.25) * np.float32(np.pi)
+_HALF_PI = np.float32(0.5) * np.float32(np.pi)
+_FOUR_OVER_PI = np.float32(1.2732395447351626862)
+# pi / 4 in three parts, the first of few bits [Moshier1989]
+_PART_1 = np.float32(0.78515625)
+_PART_2 = np.float32(2.4187564849853515625e-4)
+_PART_3 = np.float32(3.77489497744594108e-8)
+_SINE = tuple(np.float32(c) for c in (-1.6666654611e-1, 8.3321608736e-3, -1.9515295891e-4))
+_COSINE = tuple(
+    np.float32(c)
+    for c in (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5)
+)
+_SIGN_BIT = -0x80000000
+
+
+@kernel
+def _polynomial(coefficients, z):
+    """Return (c0 + c1 z) + c2 z^2, times z."""
+    low = fused(z, coefficients[1], splat_f32(coefficients[0]))
+    return fused(z * z, coefficients[2], low) * z
+
+
+@kernel
+def sincos_as_mitsuba(x):
+    """Return (sin x, cos x) of f32x16 angles, |x| < 8192."""
+    magnitude = fabs(x)
+    eighth = (to_i32(magnitude * _FOUR_OVER_PI) + 1) & -2  # octants, the nearest even one
+    turns = to_f32(eighth)
+    y = fused(-turns, _PART_1, magnitude)
+    y = fused(-turns, _PART_2, y)
+    y = fused(-turns, _PART_3, y)
+    z = y * y
+    sine = fused(_polynomial(_SINE, z), y, y)
+    cosine = fused(_polynomial(_COSINE, z), z, fused(z, np.float32(-0.5), splat_f32(1.0)))
+    swap = (eighth & 2) != 0
+    sine_sign = ((eighth << 29) ^ as_i32(x)) & _SIGN_BIT
+    cosine_sign = (~(eighth - 2) << 29) & _SIGN_BIT
+    return (
+        as_f32(as_i32(select(swap, cosine, sine)) ^ sine_sign),
+        as_f32(as_i32(select(swap, sine, cosine)) ^ cosine_sign),
+    )
+
+
+@kernel
+def disk_as_mitsuba(x, y):
+    """Map [0, 1)^2 to the unit disk, as `square_to_disk` but for roundings."""
+    a = x * 2.0 - 1.0
+    b = y * 2.0 - 1.0
+    steep = fabs(a) < fabs(b)
+    radius = select(steep, b, a)
+    ratio = _QUARTER_PI * select(steep, a, b)
+    angle = ratio / select(radius == 0.0, splat_f32(1.0), radius)
+    angle = select(steep, _HALF_PI - angle, angle)
+    sine, cosine = sincos_as_mitsuba(angle)
+    return radius * cosine, radius * sine
+
+
+@kernel
+def cosine_hemisphere_as_mitsuba(x, y):
+    """Map [0, 1)^2 to unit vectors around +z with density cos / pi."""
+    p, q = disk_as_mitsuba(x, y)
+    z2 = 1.0 - fused(p, p, q * q)
+    return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))
+
+
+@kernel
+def fused_sum(a, s, b):
+    """Return a s + b for vectors a, b and lanes s."""
+    return vec3(fused(a.x, s, b.x), fused(a.y, s, b.y), fused(a.z, s, b.z))
+
+
+@kernel
+def fused_cross(a, b):
+    """Return a x b, of each component the second product rounded first."""
+    return vec3(
+        fused(a.y, b.z, -(a.z * b.y)),
+        fused(a.z, b.x, -(a.x * b.z)),
+        fused(a.x, b.y, -(a.y * b.x)),
+    )
+
+
+@kernel
+def squared_length(a):
+    """Return |a|^2, summed as four lanes are: first x and z, then y."""
+    return (a.x * a.x + a.z * a.z) + a.y * a.y
+
+
+@kernel
+def frame_as_mitsuba(along_u, normal):
+    """Return the shading frame's two vectors across the normal, from dp/du."""
+    across = fused_sum(normal, -dot(normal, along_u), along_u)
+    s = across * (1.0 / sqrt(squared_length(across)))
+    return s, fused_cross(normal, s)
+
+
+@kernel
+def to_world_as_mitsuba(s, t, normal, local):
+    """Return the direction that has the components `local` along s, t and the normal."""
+    return fused_sum(normal, local.z, fused_sum(t, local.y, s * local.x))
+
+
+# --------------------------------------------------- what the stages ask, in this way
+
+
+class AsMitsuba(NamedTuple):
+    """Directions and densities with the roundings of Mitsuba's scalar variants."""
+
+
+@cosine_direction.by(AsMitsuba)
+@kernel
+def _cosine_direction(arithmetic, x, y):
+    return cosine_hemisphere_as_mitsuba(x, y)
+
+
+@to_world.by(AsMitsuba)
+@kernel
+def _to_world(arithmetic, frame, local):
+    return to_world_as_mitsuba(frame.s, frame.t, frame.n, local)
+
+
+@tangents_of.by(AsMitsuba)
+@kernel
+def _tangents_of(arithmetic, points, i, normal):
+    """Return Mitsuba's frame: dp/du without its part along the normal comes first.
+
+    From behind, Mitsuba turns z around and leaves x and y, which makes the frame
+    left-handed.
+    """
+    s, t = orthonormal_basis(normal)
+    along_u = load3(points.tangent, i)
+    across, beside = frame_as_mitsuba(along_u, normal)
+    nowhere = (along_u.x == 0.0) & (along_u.y == 0.0) & (along_u.z == 0.0)
+    return select3(nowhere, s, across), select3(nowhere, t, beside)
+
+
+@density_normal.by(AsMitsuba)
+@kernel
+def _density_normal(arithmetic, flat, smooth):
+    """Return the one between the vertices.
+
+    With it Mitsuba's smooth mesh lights are a little too bright here and too dark there.
+    """
+    return smooth
+
+
+@seen_from.by(AsMitsuba)
+@kernel
+def _seen_from(arithmetic, points, i):
+    """Go back to the exact point that the ray has left."""
+    previous = load3(points.previous, i)
+    back = previous - load3(points.position, i)
+    distance = length(back)
+    cosine = fabs(dot(back, load3(points.shading_normal, i))) / distance
+    return previous, distance, cosine
+
+
+@near_surface.by(AsMitsuba)
+@kernel
+def _near_surface(arithmetic):
+    return np.float32(1500 * 2.0**-24)
+
+
+@cone_of_density.by(AsMitsuba)
+@kernel
+def _cone_of_density(arithmetic, one_minus_cos, sine2):
+    """Return 1 - cos with the digits that Mitsuba loses."""
+    return 1.0 - sqrt(maximum(1.0 - sine2, splat_f32(0.0)))

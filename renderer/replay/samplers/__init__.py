@@ -1,0 +1,1 @@
+"""Mitsuba's samplers, number by number."""

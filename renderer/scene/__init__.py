@@ -1,0 +1,1 @@
+"""A scene as flat arrays, before it is known how it will be rendered."""

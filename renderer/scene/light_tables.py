@@ -1,0 +1,164 @@
+"""Emitters as tables, in the order of `renderer.scene.light_order`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kinds.lights.area import AreaLights
+from renderer.kinds.lights.columns import number_column, vector_columns
+from renderer.kinds.lights.registry import LIGHTS, plugin_of
+from renderer.kinds.shapes.registry import SHAPES
+from renderer.kinds.shapes.triangle import TriangleLights
+from renderer.scene.light_order import light_order
+from renderer.scene.scene import Scene
+
+# (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
+MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
+
+
+@dataclass(frozen=True)
+class LightTables:
+    """All lights of a scene: one table for each kind that there is."""
+
+    count: int
+    kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
+    tables: list[Any]  # records, columns by light id
+    plugins: list[str]  # of each table
+
+
+def light_tables(
+    scene: Scene, surfaces: dict[str, Any], mesh_choice: MeshChoice
+) -> LightTables:
+    """Return the tables of all lights.
+
+    Parameters
+    ----------
+    scene
+        The lights are those of its description.
+    surfaces
+        Its surfaces, as the kernels see them.
+    mesh_choice
+        Makes the table by which the triangles of mesh lights are chosen.
+    """
+    order = light_order(scene.description)
+    others = dict(zip(order.of_emitters, scene.description.emitters, strict=True))
+    shining = {light: i for i, light in enumerate(order.of_shapes) if light >= 0}
+    count = len(shining) + len(others)
+    # nothing of the scene is farther from any of its points than this
+    beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
+    kind = np.zeros(max(count, 1), np.int32)
+    tables: list[Any] = []
+    plugins: list[str] = []
+
+    def add(plugin: str, ids: Iterable[int], table: Any) -> None:
+        kind[list(ids)] = len(tables)
+        tables.append(table)
+        plugins.append(plugin)
+
+    for plugin in LIGHTS.values():
+        mine = {i: e for i, e in others.items() if plugin_of(e) is plugin}
+        if mine:
+            add(plugin.name, mine, plugin.table(count, mine, beyond))
+    primitives = _primitives_of_lights(scene, shining)
+    for shapes, of_kind in scene.surfaces.items():
+        lamps = {
+            light: ids
+            for light, ids in primitives.items()
+            if of_kind.first <= ids[0] < of_kind.end
+        }
+        if lamps:
+            args = (count, scene, shapes, surfaces[shapes], shining, lamps, mesh_choice)
+            add("area", lamps, _areas(*args))
+    return LightTables(count, kind, tables, plugins)
+
+
+def _primitives_of_lights(
+    scene: Scene, shining: dict[int, int]
+) -> dict[int, NDArray[np.int32]]:
+    """Return the primitive ids of each area light; `shining` has their shapes."""
+    by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
+    ends = np.searchsorted(
+        scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
+    )
+    return {
+        light: by_shape[ends[shape] : ends[shape + 1]] for light, shape in shining.items()
+    }
+
+
+def _areas(
+    count: int,
+    scene: Scene,
+    kind: str,
+    surfaces: Any,
+    shining: dict[int, int],
+    lights: dict[int, NDArray[np.int32]],
+    mesh_choice: MeshChoice,
+) -> AreaLights:
+    """Return the area lights on one kind of shape."""
+    shapes = scene.description.shapes
+    sizes = {
+        i: SHAPES[kind].areas(scene.surfaces[kind], ids - scene.surfaces[kind].first)
+        for i, ids in lights.items()
+    }
+    prims = np.zeros(count, np.int32)
+    for light, ids in lights.items():
+        prims[light] = ids[0]
+    by_primitive = {i: (ids, sizes[i]) for i, ids in lights.items()}
+    return AreaLights(
+        vector_columns(count, {i: shapes[shining[i]].radiance for i in lights}),
+        number_column(count, {i: 1.0 / sizes[i].sum() for i in lights}),
+        prims,
+        number_column(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
+        surfaces,
+        mesh_choice(count, scene.surfaces[kind], by_primitive)
+        if kind == "triangles"
+        else None,
+    )
+
+
+def alias_tables(count: int, surfaces: Any, tables: dict[int, Any]) -> TriangleLights:
+    """Return alias tables by area for mesh lights: (primitive ids, areas) by light."""
+    first, number = np.zeros(count, np.int32), np.zeros(count, np.int32)
+    keeps, aliases, prims = [], [], []
+    total = 0
+    for light, (ids, sizes) in tables.items():
+        keep, alias = alias_table(sizes)
+        first[light], number[light] = total, len(ids)
+        keeps.append(keep)
+        aliases.append(alias + total)
+        prims.append(ids)
+        total += len(ids)
+    return TriangleLights(
+        first,
+        number,
+        np.concatenate(keeps).astype(np.float32),
+        np.concatenate(aliases).astype(np.int32),
+        np.concatenate(prims).astype(np.int32),
+    )
+
+
+def alias_table(
+    weights: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return (keep, alias) for drawing indices in proportion to `weights` in constant time.
+
+    Draw a column uniformly; stay with probability keep, else go to alias [Walker1977],
+    built with Vose's two stacks [Vose1991].
+    """
+    n = len(weights)
+    scaled = np.asarray(weights, np.float64) * (n / np.sum(weights))
+    keep, alias = np.ones(n), np.arange(n)
+    small = [i for i in range(n) if scaled[i] < 1.0]
+    large = [i for i in range(n) if scaled[i] >= 1.0]
+    while small and large:
+        low, high = small.pop(), large[-1]
+        keep[low], alias[low] = scaled[low], high
+        scaled[high] -= 1.0 - scaled[low]
+        if scaled[high] < 1.0:
+            small.append(large.pop())
+    return keep, alias

@@ -1,0 +1,181 @@
+"""Scene: a SceneDescription as flat arrays, one group for each kind of primitive.
+
+Primitive ids run through the kinds (triangles, rectangles, disks, spheres, cylinders), in
+the order of the file within each; ids and shape ids are all that later stages see.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kinds.shapes.arrays import float32
+from renderer.kinds.shapes.arrays import unit_normals as unit_normals
+from renderer.kinds.shapes.registry import SHAPES, kind_of_shape
+from renderer.records.kernel_scene import (
+    ANY,
+    EMIT,
+    HALVES,
+    Placements,
+    Shapes,
+)
+from renderer.scene.materials import MaterialTables
+from renderer.scene.placed_groups import (
+    check_placements,
+    group_boxes,
+    place,
+    placed_boxes,
+    shape_numbers,
+)
+from renderer.scene_file.description import (
+    Mesh,
+    Rectangle,
+    SceneDescription,
+)
+from renderer.scene_file.reach import FARTHEST
+
+KINDS = tuple(SHAPES)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything about a scene that does not depend on how it is rendered."""
+
+    description: SceneDescription
+    surfaces: dict[
+        str, Any
+    ]  # kind -> record of renderer.records.kernel_scene, present kinds only
+    shape: NDArray[np.int32]  # (primitives,) shape id
+    face: NDArray[np.int32]  # (primitives,) index within the file's mesh
+    stages: NDArray[np.int32]  # (primitives,) bits of renderer.records.kernel_scene
+    shapes: Shapes
+    materials: MaterialTables
+    # kind -> (groups + 1,) columns of its record where each group begins, and the end; what
+    # comes before the first group is in the world, the rest is seen through instances
+    starts: dict[str, NDArray[np.int64]]
+    placements: Placements | None  # None: there are no instances
+
+    @functools.cached_property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lower and upper corner of the world, (2, 3); empty scenes give a point at 0."""
+        boxes: list[Any] = []
+        if self.instance_boxes is not None:
+            boxes.append(self.instance_boxes)
+        for kind, surfaces in self.surfaces.items():
+            top_level = self.starts[kind][0]
+            if top_level > 0:
+                low, high = primitive_bounds(kind, surfaces)
+                boxes.append((low[:, :top_level], high[:, :top_level]))
+        if not boxes:
+            return np.zeros((2, 3))
+        lower = np.min([box[0].min(axis=1) for box in boxes], axis=0)
+        upper = np.max([box[1].max(axis=1) for box in boxes], axis=0)
+        return np.array([lower, upper], dtype=np.float64)
+
+    @functools.cached_property
+    def instance_boxes(self) -> NDArray[np.float64] | None:
+        """Lower and upper corners of the instances in the world, (2, 3, n)."""
+        if self.placements is None:
+            return None
+        primitives = [
+            (primitive_bounds(kind, surfaces), self.starts[kind])
+            for kind, surfaces in self.surfaces.items()
+        ]
+        return placed_boxes(self.placements, group_boxes(primitives))
+
+
+def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return lower and upper corners, (3, n) each, of a kind's primitives."""
+    points = SHAPES[kind].corners(s)
+    lower = np.minimum.reduce(points)
+    upper = np.maximum.reduce(points)
+    # the sums above are rounded, and the hit test rounds in another way: pad by that
+    slack = np.float32(32 * 2.0**-24) * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
+    return float32(lower - slack), float32(upper + slack)
+
+
+def build_scene(description: SceneDescription) -> Scene:
+    """Turn a description into flat arrays.
+
+    Raises
+    ------
+    SceneError
+        If an instance takes a coordinate too far for single precision; the reader has
+        looked at the shapes.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _build_scene(description)
+
+
+def _build_scene(description: SceneDescription) -> Scene:
+    every_shape = description.every_shape
+    kinds = [kind_of_shape(shape).name for shape in every_shape]
+    members = {
+        kind: [(k, shape) for k, shape in enumerate(every_shape) if kinds[k] == kind]
+        for kind in SHAPES
+    }
+    materials = MaterialTables.of(description)
+    surfaces: dict[str, Any] = {}
+    starts: dict[str, NDArray[np.int64]] = {}
+    group_of = _groups_of_shapes(description)
+    shape_ids, faces = [], []
+    first = 0
+    for kind, entries in members.items():
+        if not entries:
+            continue
+        shapes = [shape for _, shape in entries]
+        record = surfaces[kind] = SHAPES[kind].surfaces(shapes, first)
+        for index, shape in entries:
+            if isinstance(shape, Mesh):
+                count = len(shape.faces)
+                faces.append(np.arange(count) if shape.face_ids is None else shape.face_ids)
+            else:
+                count = 1
+                faces.append(np.full(1, HALVES if isinstance(shape, Rectangle) else 0))
+            shape_ids.append(np.full(count, index))
+        columns = [ids.size for ids in shape_ids[-len(entries) :]]
+        groups = group_of[[index for index, _ in entries]]
+        sizes = np.bincount(groups, columns, minlength=group_of[-1] + 1)
+        starts[kind] = np.cumsum(sizes).astype(np.int64)
+        first = record.end
+
+    shape_of = np.concatenate([*shape_ids, np.zeros(0)]).astype(np.int32)
+    stages = materials.stages(every_shape)
+    orientation = [kind_of_shape(s).orientation(s) for s in every_shape] or [1.0]
+    scene = Scene(
+        description,
+        surfaces,
+        shape_of,
+        np.concatenate([*faces, np.zeros(0)]).astype(np.int32),
+        (stages[shape_of] | ANY).astype(np.int32),
+        Shapes(
+            materials.front,
+            materials.back,
+            materials.light,
+            float32(orientation),
+            shape_numbers(description),
+        ),
+        materials,
+        starts,
+        place(description.instances),
+    )
+    check_placements(description, scene.placements, scene.bounds, FARTHEST)
+    return scene
+
+
+def _groups_of_shapes(description: SceneDescription) -> NDArray[np.int64]:
+    """Return 0 for each shape of the scene, k + 1 for those of group k; ends with K."""
+    sizes = [len(description.shapes), *(len(g.shapes) for g in description.groups)]
+    return np.append(np.repeat(np.arange(len(sizes)), sizes), len(sizes) - 1)
+
+
+def emits(scene: Scene, kind: str) -> bool:
+    """Return whether a primitive of a kind is an area light."""
+    surfaces = scene.surfaces.get(kind)
+    if surfaces is None:
+        return False
+    return bool((scene.stages[surfaces.first : surfaces.end] & EMIT).any())

@@ -1,0 +1,119 @@
+"""Colours of the file, in all their forms, as linear sRGB.
+
+A colour property may be a float, an integer, `<rgb>`, `<spectrum>`, or a nested constant
+spectrum plugin (uniform, srgb, d65). What a number means depends on the use: as a
+reflectance it is grey, as a `<spectrum>` of an emitter it is white of illuminant E.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+import numpy as np
+
+from renderer.scene_file.colors.spectra import as_rgb, emission_of_uniform, srgb_of_spectrum
+from renderer.scene_file.description import Rgb
+from renderer.scene_file.document.tree import Element, RgbValue, SpectrumValue
+from renderer.scene_file.properties import Properties
+from renderer.scene_file.reading import Reading
+
+
+class Use(Enum):
+    """What a colour is for, which decides its conversion and its range."""
+
+    REFLECTANCE = "a reflectance in [0, 1]"
+    EMISSION = "an emission of at least 0"
+    REFRACTION = "an index of refraction of at least 0"
+
+
+def read_color(properties: Properties, name: str, default: float, use: Use) -> Rgb:
+    """Return the colour of a property.
+
+    Parameters
+    ----------
+    default
+        The grey that an absent property means.
+
+    Raises
+    ------
+    SceneError
+        If it is no colour, a texture, or out of the range of its use. (Mitsuba checks the
+        range of `<rgb>` alone; a reflectance above 1 makes energy whichever way it is
+        written.)
+    """
+    property_ = properties.take(name)
+    if property_ is None:
+        return (default, default, default)
+    value = property_.value
+    match value:
+        case bool():
+            properties.fail(name, "a boolean", "a colour: rgb, spectrum or float")
+        case int() | float():
+            rgb = (float(value),) * 3
+        case RgbValue():
+            rgb = value.rgb
+        case SpectrumValue():
+            rgb = _from_spectrum(properties, name, value, use)
+        case Element(tag="texture", plugin="bitmap" | "checkerboard"):
+            properties.fail(name, f"{value}, which varies over the surface", "one colour")
+        case Element(tag="texture"):
+            rgb = read_constant_plugin(value, properties.reading)
+        case _:
+            properties.fail(
+                name,
+                f"a value of type {property_.kind}",
+                "a colour: rgb, spectrum or float",
+            )
+    upper = 1.0 if use is Use.REFLECTANCE else np.inf
+    if not all(0.0 <= component <= upper for component in rgb):
+        shown = ", ".join(f"{component:g}" for component in rgb)
+        properties.fail(name, f"the colour ({shown})", use.value)
+    return rgb
+
+
+def _from_spectrum(
+    properties: Properties, name: str, value: SpectrumValue, use: Use
+) -> Rgb:
+    if not value.wavelengths:
+        number = value.values[0]
+        return (
+            emission_of_uniform(number) if use is Use.EMISSION else (number, number, number)
+        )
+    raw = srgb_of_spectrum(
+        value.wavelengths, value.values, under_d65=use is not Use.EMISSION
+    )
+    clamped = np.clip(raw, 0.0, 1.0 if use is Use.REFLECTANCE else None)
+    # Bright white reflectances end a hair above 1, which is no news.
+    if np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
+        shown = ", ".join(f"{component:.4g}" for component in raw)
+        properties.reading.warn(
+            properties.element.properties[name].location,
+            f'{properties.element}, property "{name}": the spectrum has the colour '
+            f"({shown}), "
+            "which is clamped to what linear sRGB can show",
+        )
+    return as_rgb(clamped)
+
+
+def read_constant_plugin(element: Element, reading: Reading) -> Rgb:
+    """Return the colour of a spectrum plugin that is the same everywhere.
+
+    Raises
+    ------
+    SceneError
+        If it is not supported or something in it is wrong.
+    """
+    properties = Properties(element, reading)
+    match element.plugin:
+        case "uniform":
+            grey = properties.number("value", 1.0)
+        case "d65":  # white is white: relative to sRGB, D65 has the colour (1, 1, 1)
+            grey = properties.number("scale", 1.0)
+        case _:
+            color = properties.take("color")
+            if color is None or not isinstance(color.value, RgbValue):
+                properties.fail("color", color.kind if color else "nothing", "rgb")
+            properties.finish()
+            return color.value.rgb
+    properties.finish()
+    return (grey, grey, grey)

@@ -1,0 +1,1 @@
+"""From text to a tree of elements: XML, dictionaries, references, parameters."""

@@ -1,0 +1,57 @@
+"""EXR files as linear RGB or grey, by OpenEXR."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.scene_file.colors.spectra import SRGB_FROM_XYZ
+
+_MAGIC = b"\x76\x2f\x31\x01"
+_LAYOUTS = (("R", "G", "B"), ("X", "Y", "Z"), ("Y",))  # each with an A or without
+
+
+def is_exr(path: Path) -> bool:
+    """Tell whether a file starts as EXR files do."""
+    with path.open("rb") as file:
+        return file.read(4) == _MAGIC
+
+
+def read_exr(path: Path) -> NDArray[np.float32]:
+    """Read the colours of a one-part EXR file.
+
+    Returns
+    -------
+    pixels
+        (H, W, 3) linear sRGB, or (H, W, 1) if the file is grey.
+
+    Raises
+    ------
+    SceneError
+        If it is damaged or its channels are not RGB[A], Y[A] or XYZ[A].
+    """
+    import OpenEXR  # here, because it takes 0.1 s that scenes without EXR need not wait
+
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {
+                name: np.asarray(channel.pixels, dtype=np.float32)
+                for name, channel in file.channels().items()
+            }
+    except (RuntimeError, ValueError, TypeError, MemoryError) as error:
+        first_line = (str(error).splitlines() or ["unknown reason"])[0]
+        raise SceneError(f"{path}: damaged EXR file: {first_line}") from None
+    names = {name.rpartition(".")[2]: name for name in channels}  # "layer.R" -> R
+    for layout in _LAYOUTS:
+        if names.keys() - {"A"} == set(layout) and len(names) == len(channels):
+            pixels = np.stack([channels[names[key]] for key in layout], axis=-1)
+            if layout[0] == "X":
+                pixels = (pixels @ SRGB_FROM_XYZ.T).astype(np.float32)
+            return pixels
+    raise SceneError(
+        f"{path}: the EXR file has the channels {', '.join(sorted(channels)) or 'none'}; "
+        "expected R, G, B or Y or X, Y, Z (and A)"
+    )

@@ -1,0 +1,1 @@
+"""Meshes: OBJ, PLY, cubes, and what is checked about them."""

@@ -1,0 +1,205 @@
+"""From local triangles to the `Mesh` record: transform, normals, degenerate faces.
+
+All three mesh plugins (obj, ply, cube) end here, so each rule is written once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.scene_file import transforms
+from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Rgb
+from renderer.scene_file.meshes.mesh_data import MeshData, first_not_finite, show_numbers
+
+# A triangle whose height is less than this part of its longest edge is a line: far below
+# the rounding of float32 vertices, so only exactly collinear ones are caught.
+_FLAT = 1e-12
+
+
+def build_mesh(
+    data: MeshData,
+    *,
+    to_world: NDArray[np.float64],
+    bsdf: Bsdf,
+    face_normals: bool = False,
+    flip_normals: bool = False,
+    radiance: Rgb | None = None,
+    id: str = "",
+    location: Location = NOWHERE,
+) -> tuple[Mesh, tuple[str, ...]]:
+    """Place `data` in the world.
+
+    A mirroring `to_world` turns the geometric normals inside out, but not the normals of
+    the file: both as in Mitsuba, where only `flip_normals` turns both.
+
+    Parameters
+    ----------
+    data
+        What `read_obj`, `read_ply` or `cube_mesh` returned.
+    to_world
+        (4, 4), affine, acts on column vectors.
+    face_normals
+        Drop vertex normals and compute none. Mitsuba's cube has no use for it: pass
+        False there.
+    flip_normals
+        Turn the geometric and the vertex normals around.
+    bsdf, radiance, id, location
+        Go into the record as they are.
+
+    Returns
+    -------
+    Mesh
+        Without degenerate triangles; `face_ids` is None if there were none.
+    warnings
+        One line each, for the log.
+
+    Raises
+    ------
+    SceneError
+        The transform is singular, sends a vertex to infinity, or no triangle is left.
+    """
+    linear = np.asarray(to_world, dtype=np.float64)[:3, :3]
+    offset = np.asarray(to_world, dtype=np.float64)[:3, 3]
+    finite = np.isfinite(linear).all() and np.isfinite(offset).all()
+    if not finite or np.linalg.det(linear) == 0.0:
+        raise SceneError(f"{location}: to_world is singular, it has no inverse")
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        placed = data.vertices @ linear.T + offset
+    bad = first_not_finite(placed)
+    if bad >= 0:
+        raise SceneError(
+            f"{location}: vertex {bad} of {data.source} becomes "
+            f"{show_numbers(placed[bad])} under to_world; a finite point is needed"
+        )
+    with np.errstate(over="ignore", invalid="ignore"):
+        vertices = transforms.place_points(to_world, data.vertices)
+        # far from the origin single precision would lose what the transform brings back
+        rounding = 16 * 2.0**-24 * np.abs(placed).max()
+        if not (np.abs(vertices - placed) <= rounding).all():
+            vertices = placed.astype(np.float32)
+
+    keep = ~_degenerate(vertices, data.faces)
+    faces = data.faces[keep]
+    warnings = list(data.warnings)
+    dropped = len(keep) - len(faces)
+    if dropped:
+        warnings.append(
+            f"{data.source}: dropped {dropped} degenerate of {len(keep)} triangles"
+        )
+    if len(faces) == 0:
+        raise SceneError(
+            f"{location}: all {dropped} triangles of {data.source} are degenerate "
+            "(no area); at least one must be left"
+        )
+
+    normals = None if face_normals else _vertex_normals(data, linear, vertices, faces)
+    if normals is not None and flip_normals:
+        normals = -normals
+    mesh = Mesh(
+        bsdf=bsdf,
+        radiance=radiance,
+        id=id,
+        location=location,
+        vertices=vertices,
+        faces=np.ascontiguousarray(faces, dtype=np.int32),
+        normals=None if normals is None else normals.astype(np.float32),
+        uvs=None if data.uvs is None else data.uvs.astype(np.float32),
+        face_ids=np.flatnonzero(keep).astype(np.int32) if dropped else None,
+        flip_normals=flip_normals,
+    )
+    return mesh, tuple(warnings)
+
+
+def _degenerate(
+    vertices: NDArray[np.float32], faces: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Mark triangles without area, (F,): a corner twice, or all three in one line."""
+    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
+    twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    squared_edges = [np.einsum("ij,ij->i", e, e) for e in (b - a, c - b, a - c)]
+    longest = np.maximum.reduce(squared_edges)
+    # The second bound: float32 kernels could not normalize such a normal.
+    return (twice_area <= _FLAT * longest) | (twice_area < np.finfo(np.float32).tiny)
+
+
+def _vertex_normals(
+    data: MeshData,
+    linear: NDArray[np.float64],
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+) -> NDArray[np.float64]:
+    """Return unit vertex normals (V, 3): those of the file, computed where it has none."""
+    if data.normals is None:
+        return smooth_normals(vertices, faces)
+    # Normals are planes: they go by the inverse transpose (rows, so from the right).
+    # Only directions count, and scaling first keeps extreme transforms from overflow.
+    normals = _unit(data.normals) @ np.linalg.inv(linear / np.abs(linear).max())
+    normals = _as_mitsuba_rounds(_unit(normals), linear, data.normals)
+    missing = np.isnan(normals[:, 0])
+    if missing.any():
+        normals[missing] = smooth_normals(vertices, faces)[missing]
+    return normals
+
+
+def _as_mitsuba_rounds(
+    exact: NDArray[np.float64], linear: NDArray[np.float64], given: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return unit normals with Mitsuba's roundings, where it is no more than roundings.
+
+    A path that bounces a hundred times inside of a ring multiplies the last bit.
+    """
+    rounded = transforms.place_normals(linear, given)
+    close = np.abs(rounded - exact).max(axis=1, keepdims=True) <= 16 * 2.0**-24
+    return np.where(close, rounded, exact)  # NaN is not close: what was given stays
+
+
+def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows of length 1; NaN rows stay NaN. No row may be zero."""
+    rows = rows / np.abs(rows).max(axis=1, keepdims=True)  # squares cannot overflow now
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def smooth_normals(
+    vertices: NDArray[np.float32], faces: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Average the face normals around each vertex, weighted by the angle there.
+
+    The rule that Mitsuba uses where a file has no normals (Thuermer and Wuethrich 1998).
+
+    Parameters
+    ----------
+    vertices
+        (V, 3), world space.
+    faces
+        (F, 3), none degenerate.
+
+    Returns
+    -------
+    normals
+        (V, 3) unit; (1, 0, 0) at a vertex that no face uses, as in Mitsuba.
+    """
+    corners = vertices.astype(np.float64)[faces]  # (F, corner, xyz)
+    face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face_normal /= np.linalg.norm(face_normal, axis=1, keepdims=True)
+    sums = np.zeros((len(vertices), 3))
+    for k in range(3):
+        side_a = corners[:, (k + 1) % 3] - corners[:, k]
+        side_b = corners[:, (k + 2) % 3] - corners[:, k]
+        side_a /= np.linalg.norm(side_a, axis=1, keepdims=True)
+        side_b /= np.linalg.norm(side_b, axis=1, keepdims=True)
+        # Kahan's angle between unit vectors: exact where arccos of a dot product is not.
+        angle = 2.0 * np.arctan2(
+            np.linalg.norm(side_a - side_b, axis=1), np.linalg.norm(side_a + side_b, axis=1)
+        )
+        weighted = face_normal * angle[:, None]
+        for axis in range(3):  # bincount sums in a fixed order, much faster than add.at
+            sums[:, axis] += np.bincount(
+                faces[:, k], weights=weighted[:, axis], minlength=len(vertices)
+            )
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    unused = length[:, 0] == 0.0
+    sums[unused], length[unused] = (1.0, 0.0, 0.0), 1.0
+    return sums / length

@@ -1,0 +1,294 @@
+"""Wavefront OBJ files: `v`, `vt`, `vn` and `f` lines, as Mitsuba's `obj` plugin reads them.
+
+Beyond Mitsuba: negative (relative) indices and lines continued with a backslash.
+"""
+
+from __future__ import annotations
+
+import bisect
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.scene_file.meshes.mesh_data import (
+    MeshData,
+    first_not_finite,
+    read_mesh_bytes,
+    show_numbers,
+)
+
+# Lines of the format that say nothing about triangles; any other word is reported.
+_NOT_GEOMETRY = frozenset(("g", "o", "s", "usemtl", "mtllib", "mg", "lod", "bevel"))
+
+
+@dataclass
+class _Table:
+    """The numbers of all lines of one kind, still as text, with their line numbers."""
+
+    what: str  # for messages
+    width: int  # numbers that count on each line
+    texts: list[str] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+
+@dataclass
+class _Tables:
+    """The content of a file, line kinds apart, before any number is read."""
+
+    v: _Table = field(default_factory=lambda: _Table("vertex", 3))
+    vt: _Table = field(default_factory=lambda: _Table("texture coordinate", 2))
+    vn: _Table = field(default_factory=lambda: _Table("normal", 3))
+    corners: list[str] = field(default_factory=list)  # "7/2/3", of all faces in a row
+    face_sizes: list[int] = field(default_factory=list)  # corners of each face
+    face_lines: list[int] = field(default_factory=list)
+    # corners whose relative indices count back too far -> as the file has them
+    unresolved: dict[str, str] = field(default_factory=dict)
+    skipped: list[tuple[int, str]] = field(default_factory=list)  # unknown (line, word)
+
+
+def read_obj(path: Path, *, flip_tex_coords: bool = True) -> MeshData:
+    """Read an OBJ file.
+
+    Vertices come in the order in which faces first use them, polygons become fans around
+    their first corner, a corner without `vt` gets uv (0, 0), one without `vn` a computed
+    normal; groups and materials do not split the mesh.
+
+    Parameters
+    ----------
+    path
+        The file.
+    flip_tex_coords
+        Read v as 1 - v. True is Mitsuba's default for obj.
+
+    Raises
+    ------
+    SceneError
+        With file and line: missing or unreadable file, a number that is none or not
+        finite, an index out of range, a face with less than three corners, no face.
+    """
+    # latin-1 maps every byte to a character: names may be in any encoding.
+    tables = _split_lines(read_mesh_bytes(path).decode("latin-1"), path)
+    vertices = _numbers(tables.v, path)
+    uvs = _numbers(tables.vt, path)
+    normals = _numbers(tables.vn, path)
+    if not tables.corners:
+        raise SceneError(f"{path}: no `f` line; an OBJ mesh needs at least one face")
+    keys, corner_vertex = _distinct_corners(tables, path)
+
+    normal = None
+    if keys[:, 2].any():
+        zero = ~normals.any(axis=1)
+        used = np.zeros(len(normals), dtype=bool)
+        used[keys[:, 2][keys[:, 2] > 0] - 1] = True
+        if (zero & used).any():
+            line = tables.vn.lines[int(np.argmax(zero & used))]
+            raise SceneError(f"{path}:{line}: normal (0, 0, 0) has no direction")
+        # Row 0 stands for "not given", index 1 of the file is row 1.
+        normal = np.vstack((np.full((1, 3), np.nan), normals))[keys[:, 2]]
+    uv = None
+    if keys[:, 1].any():
+        if flip_tex_coords:
+            uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
+        uv = np.vstack((np.zeros((1, 2)), uvs))[keys[:, 1]]
+    return MeshData(
+        vertices=vertices[keys[:, 0] - 1],
+        faces=corner_vertex[_fan(np.array(tables.face_sizes))].astype(np.int32),
+        normals=normal,
+        uvs=uv,
+        source=str(path),
+        warnings=_warnings(tables, path),
+    )
+
+
+def _split_lines(text: str, path: Path) -> _Tables:
+    """Sort the lines of a file by kind. One loop over all lines: keep it lean."""
+    lines = text.split("\n")
+    if "\\" in text:
+        _join_continued(lines)
+    tables = _Tables()
+    number_tables = {"v": tables.v, "vt": tables.vt, "vn": tables.vn}
+    for number, line in enumerate(lines, start=1):
+        if "#" in line:
+            line = line[: line.index("#")]
+        words = line.split()
+        if not words:
+            continue
+        if (table := number_tables.get(words[0])) is not None:
+            if len(words) <= table.width:
+                raise SceneError(
+                    f"{path}:{number}: a {table.what} needs {table.width} numbers, "
+                    f"found {len(words) - 1}"
+                )
+            table.texts += words[1 : table.width + 1]
+            table.lines.append(number)
+        elif words[0] == "f":
+            if len(words) < 4:
+                raise SceneError(
+                    f"{path}:{number}: a face needs 3 corners or more, "
+                    f"found {len(words) - 1}"
+                )
+            if "-" in line:
+                words[1:] = [_absolute(word, tables) for word in words[1:]]
+            tables.corners += words[1:]
+            tables.face_sizes.append(len(words) - 1)
+            tables.face_lines.append(number)
+        elif words[0] not in _NOT_GEOMETRY:
+            tables.skipped.append((number, words[0]))
+    return tables
+
+
+def _join_continued(lines: list[str]) -> None:
+    """Move each line that ends in a backslash to the front of the next, in place."""
+    for index in range(len(lines) - 1):
+        bare = lines[index].rstrip("\r")
+        if bare.endswith("\\"):
+            lines[index] = ""  # keeps the numbers of the lines that follow
+            lines[index + 1] = bare[:-1] + " " + lines[index + 1]
+
+
+def _absolute(corner: str, tables: _Tables) -> str:
+    """Rewrite a corner with negative indices: -1 is the newest of its kind so far.
+
+    One that counts back beyond the first stays negative, which no index may be.
+    """
+    parts = corner.split("/")
+    too_far = False
+    for place, table in enumerate((tables.v, tables.vt, tables.vn)):
+        if place < len(parts) and parts[place].startswith("-"):
+            try:
+                index = len(table) + 1 + int(parts[place])
+            except ValueError:
+                continue  # reported with the other corners that are no integers
+            if 0 < index <= len(table):  # not -0
+                parts[place] = str(index)
+            else:
+                too_far = True
+    text = "/".join(parts)
+    if too_far:
+        tables.unresolved[text] = corner
+    return text
+
+
+def _numbers(table: _Table, path: Path) -> NDArray[np.float64]:
+    """Turn the texts of one table into an array (N, width) of finite numbers."""
+    try:
+        values = np.fromiter(map(float, table.texts), np.float64, len(table.texts))
+    except ValueError:
+        index = next(i for i, text in enumerate(table.texts) if not _is_number(text))
+        raise SceneError(
+            f"{path}:{table.lines[index // table.width]}: a {table.what} needs numbers, "
+            f"found `{table.texts[index][:40]}`"
+        ) from None
+    rows = values.reshape(-1, table.width)
+    bad = first_not_finite(rows)
+    if bad >= 0:
+        raise SceneError(
+            f"{path}:{table.lines[bad]}: {table.what} {show_numbers(rows[bad])} "
+            "is not finite"
+        )
+    return rows
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _distinct_corners(
+    tables: _Tables, path: Path
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Merge equal corners into vertices.
+
+    Returns
+    -------
+    keys
+        (V, 3): index of v, vt, vn of each vertex, from 1; 0 for none given.
+    corner_vertex
+        (corners,): the vertex of each corner.
+    """
+    # Texts first, integers after: a mesh has about six corners for each distinct one.
+    text_ids: dict[str, int] = {}
+    corner_text = [text_ids.setdefault(text, len(text_ids)) for text in tables.corners]
+    key_ids: dict[tuple[int, int, int], int] = {}
+    key_of_text = np.empty(len(text_ids), dtype=np.int64)
+    for text, text_id in text_ids.items():
+        key = _parse_corner(text)
+        if key is None:
+            raise SceneError(
+                f"{path}:{_line_of_corner(tables, text)}: face corner `{text[:40]}` is not "
+                "of the form v, v/vt, v//vn or v/vt/vn with integers"
+            )
+        for index, table in zip(key, (tables.v, tables.vt, tables.vn), strict=True):
+            lowest = 1 if table is tables.v else 0
+            if not lowest <= index <= len(table):
+                line = _line_of_corner(tables, text)
+                shown = tables.unresolved.get(text, text)
+                there = f"the file has {len(table)}"
+                if index < 0:
+                    there = f"{bisect.bisect_left(table.lines, line)} come before it"
+                raise SceneError(
+                    f"{path}:{line}: face corner `{shown[:40]}`: "
+                    f"{table.what} {index} does not exist, {there}"
+                )
+        key_of_text[text_id] = key_ids.setdefault(key, len(key_ids))
+    return np.array(list(key_ids), dtype=np.int64), key_of_text[corner_text]
+
+
+def _parse_corner(text: str) -> tuple[int, int, int] | None:
+    """Read `v/vt/vn` as three integers, 0 where one is left out; None if it is no such."""
+    parts = text.split("/")
+    if len(parts) > 3:
+        return None
+    try:
+        indices = [int(part) if part else 0 for part in parts]
+    except ValueError:
+        return None
+    v, vt, vn = indices + [0] * (3 - len(indices))
+    return v, vt, vn
+
+
+def _line_of_corner(tables: _Tables, text: str) -> int:
+    """Return the line of the first face with this corner, for a message."""
+    ends = np.cumsum(tables.face_sizes)
+    face = int(np.searchsorted(ends, tables.corners.index(text), side="right"))
+    return tables.face_lines[face]
+
+
+def _fan(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Cut polygons into triangles (0, i, i + 1) around their first corner.
+
+    Parameters
+    ----------
+    sizes
+        (P,) corners of each polygon, 3 or more.
+
+    Returns
+    -------
+    triangles
+        (T, 3) positions in the list of all corners.
+    """
+    starts = np.cumsum(sizes) - sizes
+    counts = sizes - 2
+    first = np.repeat(starts, counts)
+    # Number of each triangle within its polygon: 0, 1, ...
+    within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.column_stack((first, first + within + 1, first + within + 2))
+
+
+def _warnings(tables: _Tables, path: Path) -> tuple[str, ...]:
+    if not tables.skipped:
+        return ()
+    number, word = tables.skipped[0]
+    return (
+        f"{path}:{number}: `{word[:40]}` lines are not read "
+        f"({len(tables.skipped)} lines of kinds other than v, vt, vn and f)",
+    )

@@ -1,0 +1,1 @@
+"""From elements to the description: a reader for each kind of object."""

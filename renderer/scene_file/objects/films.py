@@ -1,0 +1,108 @@
+"""The film: size, crop window and reconstruction filter."""
+
+from __future__ import annotations
+
+from renderer.errors import SceneError
+from renderer.scene_file.description import Film, ReconstructionFilter
+from renderer.scene_file.document.tree import Element
+from renderer.scene_file.properties import Properties
+from renderer.scene_file.reading import Reading
+
+_LARGEST = 2**28  # pixels of the crop window: 11 GiB, sums in float64 and picture
+_LONGEST = 2**20  # pixels of a side
+
+
+def read_film(element: Element | None, reading: Reading) -> Film:
+    """Read a `<film>`; None is the default one, 768 x 576 with a gaussian filter.
+
+    Raises
+    ------
+    SceneError
+        If it is not supported or the crop window does not fit.
+    """
+    if element is None:
+        return Film()
+    properties = Properties(element, reading)
+    width = properties.integer("width", 768, at_least=1, at_most=_LONGEST)
+    height = properties.integer("height", 576, at_least=1, at_most=_LONGEST)
+    crop_width, crop_offset_x = _crop(properties, "width", "x", width)
+    crop_height, crop_offset_y = _crop(properties, "height", "y", height)
+    if crop_width * crop_height > _LARGEST:
+        raise SceneError(
+            f"{element.location}: {element} has {crop_width} x {crop_height} pixels; "
+            f"expected at most {_LARGEST}"
+        )
+    _file_properties(properties)
+    nested = properties.child("rfilter")
+    rfilter = ReconstructionFilter() if nested is None else read_rfilter(nested, reading)
+    properties.finish()
+    return Film(
+        width, height, crop_offset_x, crop_offset_y, crop_width, crop_height, rfilter
+    )
+
+
+def _crop(properties: Properties, side: str, axis: str, size: int) -> tuple[int, int]:
+    """Return length and offset of the crop window along one axis."""
+    length = properties.integer(f"crop_{side}", size, at_least=1)
+    offset = properties.integer(f"crop_offset_{axis}", 0, at_least=0)
+    if offset + length > size:
+        name = f"crop_{side}" if properties.has(f"crop_{side}") else f"crop_offset_{axis}"
+        properties.fail(
+            name,
+            f"a crop window from {offset} to {offset + length}",
+            f"one inside of the film's {side}, 0 to {size}",
+        )
+    return length, offset
+
+
+def _file_properties(properties: Properties) -> None:
+    """Check what says how Mitsuba stores the picture.
+
+    It does not change the picture: that is linear sRGB in float32 here, whatever the
+    file asks for, and the output file's name decides its format.
+    """
+    properties.choice(
+        "file_format", "openexr", ("openexr", "exr", "pfm", "rgbe"), any_case=True
+    )
+    properties.choice("pixel_format", "rgb", ("rgb", "rgba"), any_case=True)
+    properties.choice(
+        "component_format", "float16", ("float16", "float32", "uint32"), any_case=True
+    )
+    properties.boolean("compensate", False)  # of summation errors; sums are float64 here
+    properties.boolean("banner", False)
+    if properties.boolean("sample_border", False):
+        properties.fail("sample_border", "true", "false: samples stay inside of the film")
+
+
+def read_rfilter(element: Element, reading: Reading) -> ReconstructionFilter:
+    """Read an `<rfilter>`.
+
+    Raises
+    ------
+    SceneError
+        If it is not supported or its numbers make no filter.
+    """
+    properties = Properties(element, reading)
+    match element.plugin:
+        case "box":
+            rfilter = ReconstructionFilter("box", radius=0.5)
+        case "tent":
+            radius = properties.number("radius", 1.0, above=0.0, at_most=_WIDEST)
+            rfilter = ReconstructionFilter("tent", radius)
+        case "gaussian":
+            stddev = properties.number("stddev", 0.5, above=0.0, at_most=_WIDEST / 4.0)
+            rfilter = ReconstructionFilter("gaussian", 4.0 * stddev, stddev)
+        case "mitchell":
+            b = properties.number("B", 1.0 / 3.0)
+            c = properties.number("C", 1.0 / 3.0)
+            rfilter = ReconstructionFilter("mitchell", 2.0, b=b, c=c)
+        case "catmullrom":
+            rfilter = ReconstructionFilter("catmullrom", 2.0)
+        case _:
+            lobes = properties.integer("lobes", 3, at_least=1, at_most=int(_WIDEST))
+            rfilter = ReconstructionFilter("lanczos", float(lobes))
+    properties.finish()
+    return rfilter
+
+
+_WIDEST = 64.0  # pixels; a wider filter is a typing error that would take for ever

@@ -1,1 +1,0 @@
-"""Primitives and their intersection with rays."""
