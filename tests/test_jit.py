@@ -21,7 +21,7 @@ import renderer
 import renderer.stages.film
 from renderer.jit import cache, decorators, entry_kernel, kernel, linking, with_neighbours
 from renderer.jit.cache import KERNEL_FOLDERS, file_digest
-from renderer.scene_file.images.images import png_filters
+from renderer.scene_file.images import png_filters
 
 
 @kernel

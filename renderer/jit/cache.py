@@ -88,7 +88,7 @@ def with_neighbours(path: str | Path) -> list[Path]:
     waiting = [Path(path).resolve()]
     while waiting:
         file = waiting.pop()
-        if file in found or file.is_relative_to(_PACKAGE):
+        if file in found or (found and file.is_relative_to(_PACKAGE)):
             continue
         found.append(file)
         for name in _imported_by(file):
