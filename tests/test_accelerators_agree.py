@@ -197,7 +197,7 @@ def test_of_coincident_primitives_the_smallest_id_wins(name, kind):
     fields = {
         field: np.ascontiguousarray(getattr(base, field)[..., copy_of])
         for field in base._fields[2:]
-        if getattr(base, field) is not None
+        if getattr(base, field).size
     }
     surfaces = base._replace(end=base.first + 1000, **fields)
     first = np.array([np.flatnonzero(copy_of == c)[0] for c in range(40)])

@@ -15,6 +15,7 @@ from renderer.integrators.render_tile import RENDER_TILE
 from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
+from renderer.records.kernel_scene import KernelScene
 from renderer.records.tile import Tile
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
@@ -81,7 +82,6 @@ class Rendering:
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record
-        self._packed_scene = pack(self.kernel_scene)
         self._render_tile, self.channels = RENDER_TILE[plan.method]
         film = scene.description.camera.film
         # counts stay in their own pixel, so that they can be added up
@@ -103,6 +103,15 @@ class Rendering:
         self.samples_in_all = film.crop_width * film.crop_height * plan.spp
         self._workspaces = _Workspaces(lambda: pack(self.make_workspace(self.channels)))
         self._before: dict[Tile, Future[Any]] = {}  # of a replay: the last job of each tile
+
+    @property
+    def kernel_scene(self) -> KernelScene:
+        """What the kernels may look at; another one may be put in its place."""
+        return self._record
+
+    @kernel_scene.setter
+    def kernel_scene(self, record: KernelScene) -> None:
+        self._record, self._packed_scene = record, pack(record)
 
     @property
     def sampler(self) -> Packed:

@@ -10,7 +10,7 @@ DEFECTS = (
         "the picture is shifted by half a pixel",
         (
             Edit(
-                "camera.py",
+                "scene/camera.py",
                 "corner = p.f - p.x * (p.xres / 2.0)",
                 "corner = p.f - p.x * ((p.xres - 1.0) / 2.0)",
             ),
@@ -22,7 +22,7 @@ DEFECTS = (
         "left and right change places",
         (
             Edit(
-                "camera.py",
+                "scene/camera.py",
                 "x = -left * (width / film.width)",
                 "x = left * (width / film.width)",
             ),
@@ -34,7 +34,7 @@ DEFECTS = (
         "principal_point_offset_x moves the picture the other way",
         (
             Edit(
-                "camera.py",
+                "scene/camera.py",
                 "+ x * (camera.principal_point_offset_x * film.width)",
                 "- x * (camera.principal_point_offset_x * film.width)",
             ),
@@ -88,7 +88,7 @@ DEFECTS = (
         "a pixel is divided by the number of its samples, not by their weights",
         (
             Edit(
-                "film.py",
+                "stages/film.py",
                 "sums[channels, row, column] += weight",
                 "sums[channels, row, column] += 1.0",
             ),
@@ -102,7 +102,7 @@ DEFECTS = (
         "the reconstruction filter is centred on a pixel's corner",
         (
             Edit(
-                "film.py",
+                "stages/film.py",
                 "x = np.float64(lane(px, j)) - tile.x + border - 0.5",
                 "x = np.float64(lane(px, j)) - tile.x + border - 0.25",
             ),
@@ -133,7 +133,7 @@ DEFECTS = (
         "the film's sums are kept in float32",
         (
             Edit(
-                "film.py",
+                "stages/film.py",
                 "return np.zeros((channels + 1, size, size))",
                 "return np.zeros((channels + 1, size, size), np.float32)",
             ),
@@ -147,7 +147,7 @@ DEFECTS = (
         "a PNG is encoded by the curve of sRGB twice",
         (
             Edit(
-                "image_files.py",
+                "picture/image_files.py",
                 "encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))",
                 "encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))\n"
                 "    encoded = srgb_from_linear(encoded)",
@@ -162,7 +162,7 @@ DEFECTS = (
         "an EXR file holds B, G, R in the place of R, G, B",
         (
             Edit(
-                "image_files.py",
+                "picture/image_files.py",
                 'for c, channel in enumerate("RGB"):',
                 'for c, channel in enumerate("BGR"):',
             ),

@@ -23,7 +23,7 @@ DEFECTS = (
         "a leaf of the hierarchy forgets its last primitive if it has more than six",
         (
             Edit(
-                "accelerators/bvh_build.py",
+                "accelerators/bvh/bvh_build.py",
                 "count[node] = end - first",
                 "count[node] = end - first - (end - first) // 7",
             ),
@@ -36,7 +36,7 @@ DEFECTS = (
         "camera rays leave a box a tenth before its far side",
         (
             Edit(
-                "accelerators/bvh.py",
+                "accelerators/bvh/bvh.py",
                 "leave = maximum(minimum(x0 * STRETCH, t), minimum(x1 * STRETCH, t))",
                 "leave = maximum(minimum(x0 * 0.9, t), minimum(x1 * 0.9, t))",
             ),
@@ -49,7 +49,7 @@ DEFECTS = (
         "a ray that starts inside of a sphere does not meet it",
         (
             Edit(
-                "shapes/sphere.py",
+                "kinds/shapes/sphere.py",
                 "t = select(first > 0.0, first, second)",
                 "t = first",
             ),
@@ -62,7 +62,7 @@ DEFECTS = (
         "vertex normals are read and not used",
         (
             Edit(
-                "shapes/triangle.py",
+                "kinds/shapes/triangle.py",
                 "shading_normal = interpolated_normal("
                 "triangles.normals, index, mask, u, v, normal)",
                 "shading_normal = normal",
@@ -128,7 +128,7 @@ DEFECTS = (
         "the two barycentric coordinates of a triangle change places",
         (
             Edit(
-                "shapes/triangle.py",
+                "kinds/shapes/triangle.py",
                 "return divided(p, depth >= 0.0, t_max)",
                 "found = divided(p, depth >= 0.0, t_max)\n"
                 "    return Intersection(found.hit, found.t, found.v, found.u)",
@@ -142,7 +142,7 @@ DEFECTS = (
         "a disk reaches to the corners of its square",
         (
             Edit(
-                "shapes/disk.py",
+                "kinds/shapes/disk.py",
                 "x.hit & (x.u * x.u + x.v * x.v <= 1.0)",
                 "x.hit & (x.u * x.u <= 1.0) & (x.v * x.v <= 1.0)",
             ),

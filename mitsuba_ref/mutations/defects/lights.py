@@ -10,7 +10,7 @@ DEFECTS = (
         "a light is weighed as if there were one light more",
         (
             Edit(
-                "lights/weights.py",
+                "kinds/lights/weights.py",
                 "return np.float32(1.0 / lights.count)",
                 "return np.float32(1.0 / (lights.count + 1))",
             ),
@@ -22,7 +22,7 @@ DEFECTS = (
         "the choice among n lights is made among the first n - 1",
         (
             Edit(
-                "sampling.py",
+                "kinds/sampling/numbers_and_warps.py",
                 "splat_f32(np.float32(count - 1))",
                 "splat_f32(np.float32(count - 2))",
             ),
@@ -35,7 +35,7 @@ DEFECTS = (
         "the density of a point on a light is 1 / A, without r^2 / cos",
         (
             Edit(
-                "shapes/surface.py",
+                "kinds/shapes/surface.py",
                 "return distance * distance * inverse_area / cosine",
                 "return inverse_area + 0.0 * cosine",
             ),
@@ -48,12 +48,12 @@ DEFECTS = (
         "an area light sends light from its back too",
         (
             Edit(
-                "lights/area.py",
+                "kinds/lights/area.py",
                 "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
             Edit(
-                "lights/area.py",
+                "kinds/lights/area.py",
                 "shining = mine & "
                 "(dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)",
                 "shining = mine",
@@ -67,7 +67,7 @@ DEFECTS = (
         "light samples, not BSDF samples, find the back of an area light shining",
         (
             Edit(
-                "lights/area.py",
+                "kinds/lights/area.py",
                 "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
@@ -80,7 +80,7 @@ DEFECTS = (
         "a sphere light counts as the solid angle pi sin^2 instead of 2 pi (1 - cos)",
         (
             Edit(
-                "lights/spheres.py",
+                "kinds/lights/spheres.py",
                 "select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)",
                 "select(outside, 1.0 / (TWO_PI * (0.5 * sine2)), by_area)",
             ),
@@ -93,7 +93,7 @@ DEFECTS = (
         "sky samples over the whole sphere are weighed as if over half of it",
         (
             Edit(
-                "lights/constant.py",
+                "kinds/lights/constant.py",
                 "_FOUR_PI = np.float32(4.0 * np.pi)",
                 "_FOUR_PI = np.float32(2.0 * np.pi)",
             ),
@@ -106,7 +106,7 @@ DEFECTS = (
         "a spot light fades by the square of Mitsuba's factor",
         (
             Edit(
-                "lights/spot.py",
+                "kinds/lights/spot.py",
                 "splat_f32(1.0), fading",
                 "splat_f32(1.0), fading * fading",
             ),
@@ -119,9 +119,9 @@ DEFECTS = (
         "shadow rays do not ask the spheres",
         (
             Edit(
-                "kernel_inputs.py",
-                "if self.lit else []",
-                "if self.lit and accelerator is not accelerators.spheres else []",
+                "rendering/tables/geometry.py",
+                "        if lit:\n",
+                "        if lit and accelerator is not accelerators.spheres:\n",
             ),
             Edit(
                 "stages/intersect.py",

@@ -15,7 +15,7 @@ DEFECTS = (
         "the indices of refraction of inside and outside change places",
         (
             Edit(
-                "bsdfs/fresnel.py",
+                "kinds/bsdfs/fresnel.py",
                 "crossing = select(outside, eta, 1.0 / eta)",
                 "crossing = select(outside, 1.0 / eta, eta)",
             ),
@@ -28,7 +28,7 @@ DEFECTS = (
         "glass reflects by Schlick's approximation",
         (
             Edit(
-                "bsdfs/fresnel.py",
+                "kinds/bsdfs/fresnel.py",
                 "reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel)",
                 SCHLICK,
             ),
@@ -41,7 +41,7 @@ DEFECTS = (
         "the same approximation, seen through the noise of a path tracer",
         (
             Edit(
-                "bsdfs/fresnel.py",
+                "kinds/bsdfs/fresnel.py",
                 "reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel)",
                 SCHLICK,
             ),
@@ -53,7 +53,7 @@ DEFECTS = (
         "radiance that enters glass is not scaled by eta^2",
         (
             Edit(
-                "bsdfs/dielectric.py",
+                "kinds/bsdfs/dielectric.py",
                 "squeeze = 1.0 / (crossing * crossing)",
                 "squeeze = 1.0",
             ),
@@ -65,7 +65,7 @@ DEFECTS = (
         "beyond the critical angle glass lets light through",
         (
             Edit(
-                "bsdfs/fresnel.py",
+                "kinds/bsdfs/fresnel.py",
                 "select(total & (crossing != 1.0), splat_f32(1.0), reflectance)",
                 "select(total & (crossing != 1.0), splat_f32(0.0), reflectance)",
             ),
@@ -77,9 +77,9 @@ DEFECTS = (
         "absorption-ignored",
         "the imaginary part k of a metal's index counts as a tenth less",
         (
-            Edit("bsdfs/conductor.py", "metal.k.x)", "metal.k.x * 0.9)"),
-            Edit("bsdfs/conductor.py", "metal.k.y)", "metal.k.y * 0.9)"),
-            Edit("bsdfs/conductor.py", "metal.k.z)", "metal.k.z * 0.9)"),
+            Edit("kinds/bsdfs/conductor.py", "metal.k.x)", "metal.k.x * 0.9)"),
+            Edit("kinds/bsdfs/conductor.py", "metal.k.y)", "metal.k.y * 0.9)"),
+            Edit("kinds/bsdfs/conductor.py", "metal.k.z)", "metal.k.z * 0.9)"),
         ),
         scene="metals",
     ),
@@ -88,7 +88,7 @@ DEFECTS = (
         "specular_reflectance of a metal has no effect",
         (
             Edit(
-                "bsdfs/conductor.py",
+                "kinds/bsdfs/conductor.py",
                 "return metal.specular_reflectance * fresnel",
                 "return fresnel",
             ),
@@ -112,7 +112,7 @@ DEFECTS = (
         "a mirrored texture repeats one texel off at each period",
         (
             Edit(
-                "textures/bitmap.py",
+                "kinds/textures/bitmap.py",
                 "mirrored = select(odd, n - 1.0 - repeated, repeated)",
                 "mirrored = select(odd, n - repeated, repeated)",
             ),
@@ -125,7 +125,7 @@ DEFECTS = (
         "bilinear filtering takes the corner of a texel for its centre",
         (
             Edit(
-                "textures/bitmap.py",
+                "kinds/textures/bitmap.py",
                 "half = select(nearest, splat_f32(0.0), splat_f32(0.5))",
                 "half = select(nearest, splat_f32(0.0), splat_f32(0.0))",
             ),
@@ -138,7 +138,7 @@ DEFECTS = (
         "row 0 of an image is at v = 0",
         (
             Edit(
-                "textures/bitmap.py",
+                "kinds/textures/bitmap.py",
                 "y = (1.0 - v) * to_f32(height) - half",
                 "y = v * to_f32(height) - half",
             ),
@@ -151,7 +151,7 @@ DEFECTS = (
         "8-bit texels are taken as they are instead of decoded from sRGB",
         (
             Edit(
-                "scene_file/images.py",
+                "scene_file/images/images.py",
                 "pixels = encoded if raw else linear_from_srgb(encoded)",
                 "pixels = encoded",
             ),

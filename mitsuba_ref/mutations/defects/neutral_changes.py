@@ -10,7 +10,7 @@ NEUTRAL_CHANGES = (
         "visiting a node counts forty times as much: fewer splits, larger leaves",
         (
             Edit(
-                "accelerators/bvh_tree.py",
+                "accelerators/bvh/bvh_tree.py",
                 "TRAVERSAL_COST = 1.0",
                 "TRAVERSAL_COST = 40.0",
             ),
@@ -23,7 +23,7 @@ NEUTRAL_CHANGES = (
         "the split at the median leaves a quarter on one side",
         (
             Edit(
-                "accelerators/bvh_split.py",
+                "accelerators/bvh/bvh_split.py",
                 "middle = first + size // 2",
                 "middle = first + (size + 3) // 4",
             ),
@@ -36,7 +36,7 @@ NEUTRAL_CHANGES = (
         "leaves of the hierarchy hold at most 3 primitives instead of 8",
         (
             Edit(
-                "accelerators/bvh_build.py",
+                "accelerators/bvh/bvh_build.py",
                 "lower: ArrayLike, upper: ArrayLike, leaf_size: int = 8",
                 "lower: ArrayLike, upper: ArrayLike, leaf_size: int = 3",
             ),
@@ -49,7 +49,7 @@ NEUTRAL_CHANGES = (
         "tiles are traced and added from the last to the first",
         (
             Edit(
-                "film.py",
+                "stages/film.py",
                 "for y in range(self.y, self.y + self.height, TILE_SIZE)",
                 "for y in reversed(range(self.y, self.y + self.height, TILE_SIZE))",
             ),
@@ -60,7 +60,7 @@ NEUTRAL_CHANGES = (
     Mutation(
         "shorter-jobs",
         "a tile's samples are summed in parts of 4 instead of 16",
-        (Edit("rendering.py", "SAMPLES_PER_JOB = 16", "SAMPLES_PER_JOB = 4"),),
+        (Edit("rendering/rendering.py", "SAMPLES_PER_JOB = 16", "SAMPLES_PER_JOB = 4"),),
         scene="cornell-box",
         harmful=False,
     ),
@@ -69,7 +69,7 @@ NEUTRAL_CHANGES = (
         "the weight is p^2 / (p^2 + q^2), not 1 / (1 + (q / p)^2)",
         (
             Edit(
-                "sampling.py",
+                "kinds/sampling/numbers_and_warps.py",
                 "return 1.0 / (1.0 + ratio * ratio)",
                 "square = pdf * pdf\n    return square / (square + other_pdf * other_pdf)",
             ),
@@ -82,7 +82,7 @@ NEUTRAL_CHANGES = (
         "our own random numbers are others, as good as these",
         (
             Edit(
-                "sampling.py",
+                "kinds/sampling/numbers_and_warps.py",
                 "    a = a * 1664525 + 1013904223\n",
                 "    a = a * 1664525 + 1013904227\n",
             ),

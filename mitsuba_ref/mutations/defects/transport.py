@@ -10,7 +10,7 @@ DEFECTS = (
         "a diffuse surface does not weigh incident light by its cosine",
         (
             Edit(
-                "bsdfs/diffuse.py",
+                "kinds/bsdfs/diffuse.py",
                 "return diffuse.reflectance * (INV_PI * cos_i), INV_PI * cos_i",
                 "one = select(wi.z > 0.0, cos_i * 0.0 + 1.0, 0.0)\n"
                 "    return diffuse.reflectance * (INV_PI * one), INV_PI * cos_i",
@@ -26,7 +26,7 @@ DEFECTS = (
         "the diffuse BRDF is k_d instead of k_d / pi",
         (
             Edit(
-                "bsdfs/diffuse.py",
+                "kinds/bsdfs/diffuse.py",
                 "return diffuse.reflectance * (INV_PI * cos_i), ",
                 "return diffuse.reflectance * cos_i, ",
             ),
@@ -41,7 +41,7 @@ DEFECTS = (
         "light found by a BSDF sample is added in full, light samples as well",
         (
             Edit(
-                "lights/weights.py",
+                "kinds/lights/weights.py",
                 "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
                 "return select(pdf > 0.0, light_pdf * 0.0 + 1.0, 1.0)",
             ),
@@ -52,7 +52,13 @@ DEFECTS = (
     Mutation(
         "mis-weights-swapped",
         "each of two samples gets the weight that belongs to the other one",
-        (Edit("sampling.py", "ratio = other_pdf / pdf", "ratio = pdf / other_pdf"),),
+        (
+            Edit(
+                "kinds/sampling/numbers_and_warps.py",
+                "ratio = other_pdf / pdf",
+                "ratio = pdf / other_pdf",
+            ),
+        ),
         scene="cornell-box",
         tests=("test_sampling.py::test_power_heuristic",),
         remark="the weights still add up to one: more noise, no bias",
@@ -62,7 +68,7 @@ DEFECTS = (
         "a path that no light sample could have found is weighed as if one had",
         (
             Edit(
-                "lights/weights.py",
+                "kinds/lights/weights.py",
                 "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
                 "return power_heuristic(pdf, light_pdf)",
             ),
@@ -75,7 +81,7 @@ DEFECTS = (
         "the weight of a BSDF sample forgets that one light of several is sampled",
         (
             Edit(
-                "lights/area.py",
+                "kinds/lights/area.py",
                 "settings, load_row(points.pdf, 0, i), light_pdf * probability",
                 "settings, load_row(points.pdf, 0, i), light_pdf",
             ),
@@ -139,7 +145,7 @@ DEFECTS = (
         "diffuse directions are not spread by the cosine, which their weight supposes",
         (
             Edit(
-                "sampling.py",
+                "kinds/sampling/numbers_and_warps.py",
                 "return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))",
                 "z = maximum(z2, splat_f32(0.0))\n"
                 "    s = sqrt(1.0 + z)\n"
@@ -155,7 +161,7 @@ DEFECTS = (
         "the seed does not reach the random numbers: every seed draws the same",
         (
             Edit(
-                "sampling.py",
+                "kinds/sampling/numbers_and_warps.py",
                 "splat_u32(np.uint32(block)),\n        splat_u32(np.uint32(seed)),",
                 "splat_u32(np.uint32(block)),\n        splat_u32(np.uint32(0)),",
             ),
@@ -169,7 +175,7 @@ DEFECTS = (
         "all pixels of a column draw the same random numbers",
         (
             Edit(
-                "stages/tile.py",
+                "records/tile.py",
                 "return as_u32((y + tile.y) * tile.film_width + (x + tile.x))",
                 "return as_u32((y + tile.y) * 0 + (x + tile.x))",
             ),
