@@ -156,7 +156,7 @@ def closest(
 ) -> Found:
     """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one.
 
-    Given a tally (`renderer.accelerators.rays.tally`), the twin that counts runs.
+    Given a tally (`renderer.records.tally`), the twin that counts runs.
     """
     work = workspace(ray_count(origin, direction))
     n = fill(work.rays, origin, direction)

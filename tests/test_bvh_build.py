@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from renderer.accelerators.bvh.bvh import bvh_build, bvh_split
+from renderer.accelerators.bvh import bvh_build, bvh_split
 from renderer.accelerators.bvh.bvh_build import (
     MAX_DEPTH,
     BvhTree,

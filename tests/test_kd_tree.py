@@ -38,9 +38,9 @@ from renderer.accelerators.kd_tree.kd_tree_split import (
     cheapest_split,
     split_cost,
 )
-from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, STACK
 from renderer.accelerators.references import Hulls, fits, hulls_of
 from renderer.jit import entry_kernel
+from renderer.records.tally import BOXES, NODES, PRIMITIVES, STACK
 
 RULES = {"kd-middle": MIDDLE, "kd-median": MEDIAN, "kd-sah": CHEAPEST}
 every_name = pytest.mark.parametrize("name", RULES)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
 
-from renderer.scene_file.colors.colors import cie_tables
+from renderer.scene_file.colors import cie_tables
 from renderer.scene_file.colors.conductor_materials import MATERIALS
 
 REFLECTANCE = '<shape type="sphere"><bsdf type="diffuse">\n{}</bsdf></shape>'

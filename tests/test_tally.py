@@ -16,8 +16,9 @@ from kernel_probes import (
 from numba.core.errors import TypingError
 from soups import awkward_rays
 
-from renderer.accelerators.rays import tally as counting
-from renderer.accelerators.rays.tally import (
+from renderer.jit import entry_kernel
+from renderer.records import tally as counting
+from renderer.records.tally import (
     BOXES,
     NODES,
     PRIMITIVES,
@@ -26,7 +27,6 @@ from renderer.accelerators.rays.tally import (
     STACK,
     make_tally,
 )
-from renderer.jit import entry_kernel
 
 RAYS = 300
 

@@ -15,14 +15,6 @@ from scene_file_samples import error_of
 from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, sphere
 
 import renderer
-from renderer.accelerators.rays.tally import (
-    BOXES,
-    NAMES,
-    NODES,
-    PRIMITIVES,
-    SAVED,
-    make_tally,
-)
 from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.jit import entry_kernel, pack
@@ -31,6 +23,14 @@ from renderer.picture.heat_map import (
     _SRGB_FROM_CONES,
     CONTROL_POINTS,
     heat_colours,
+)
+from renderer.records.tally import (
+    BOXES,
+    NAMES,
+    NODES,
+    PRIMITIVES,
+    SAVED,
+    make_tally,
 )
 from renderer.records.tile import Tile
 from renderer.rendering.planning.plan import INTEGRATORS, make_plan

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.rays.tally import ROWS
 from renderer.jit import kernel
+from renderer.records.tally import ROWS
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import intersect
 

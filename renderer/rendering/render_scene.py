@@ -14,9 +14,9 @@ import numpy as np
 from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
 from renderer.names import ACCELERATORS
-from renderer.picture.aovs import nested_scene, split_channels, with_picture
 from renderer.picture.heat_map import heat_map
 from renderer.picture.image import Image
+from renderer.rendering.aovs import nested_scene, split_channels, with_picture
 from renderer.rendering.compilation import CompilationWatch
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.rendering.rendering import Progress, Rendering

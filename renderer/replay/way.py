@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from renderer.jit import pack
-from renderer.rendering.planning.plan import Plan
-from renderer.rendering.tables.variant import Sampling
+from renderer.kinds.sampling.source import Sampling
 from renderer.replay.numbers.numbers import (
     ROWS,
     Replay,
@@ -29,6 +28,9 @@ from renderer.replay.rounding.surfaces import rounding_of
 from renderer.replay.rounding.triangle_arithmetic import face_normals, triangle_tangents
 from renderer.scene.materials import kind_of, sides
 from renderer.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from renderer.rendering.planning.plan import Plan
 
 
 class Replayed:

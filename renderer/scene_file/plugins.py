@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Mapping
 from typing import Any
 
 _SUPPORTED: dict[str, tuple[str, ...]] = {
@@ -23,37 +24,39 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "shapegroup",
         "instance",
     ),
-    "bsdf": ("twosided",),  # and what is registered, see `bsdf_readers`
+    "bsdf": ("twosided",),  # and what is registered, see `registered_kinds`
     "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
-    "emitter": ("area",),  # and what is registered, see `light_kinds`
+    "emitter": ("area",),  # and what is registered, see `registered_kinds`
 }
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
 _UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
 TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
 
 
-def bsdf_readers() -> Mapping[str, Callable[[Any], Any]]:
-    """Return what reads each kind of BSDF from its properties, by the plugin's name.
+# Kinds that are read by what their own files say. They are loaded by name when a scene is
+# read, as any plugin is: they import this package, and hold kernels, so that whoever reads
+# no scene does not wait for Numba.
+_REGISTRIES = {
+    "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
+    "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
+}
 
-    Imported here: the file of a kind holds how it is read, and what it needs for that is
-    in this package.
+
+def registered_kinds(tag: str) -> Mapping[str, Any]:
+    """Return the kinds of a tag that have files of their own, by the plugin's name.
+
+    Each has `read`, which makes the description from the properties of a file.
     """
-    from renderer.kinds.bsdfs.registry import BSDFS
-
-    return {name: kind.read for name, kind in BSDFS.items()}
-
-
-def light_kinds() -> Mapping[str, Any]:
-    """Return the kinds of emitter that stand alone, by the plugin's name."""
-    from renderer.kinds.lights.registry import LIGHTS
-
-    return LIGHTS
+    if tag not in _REGISTRIES:
+        return {}
+    module, name = _REGISTRIES[tag]
+    kinds: Mapping[str, Any] = getattr(importlib.import_module(module), name)
+    return kinds
 
 
 def supported_plugins(tag: str) -> tuple[str, ...]:
     """Return the plugins of a tag; none for a tag that is not supported."""
-    registered = {"bsdf": bsdf_readers, "emitter": light_kinds}.get(tag)
-    return (*(registered() if registered else ()), *_SUPPORTED.get(tag, ()))
+    return (*registered_kinds(tag), *_SUPPORTED.get(tag, ()))
 
 
 def tag_of_plugin(plugin: str) -> str | None:

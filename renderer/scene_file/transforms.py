@@ -108,7 +108,7 @@ def place_points(matrix: Matrix, points: NDArray[Any]) -> NDArray[np.float32]:
     """Return points (n, 3) under an affine transform, as Mitsuba rounds them.
 
     In single precision, with multiplications and additions rounded together; products are
-    exact in float64. [run] All 7951 vertices of the meshes in scenes/ came out bit by bit;
+    exact in float64. All 7951 vertices of the meshes in scenes/ came out bit by bit;
     in float64 throughout 2005 did. A replay needs them where the sign of a rounding error
     decides something, such as the frame on a wall.
     """
@@ -124,7 +124,7 @@ def place_normals(matrix: Matrix, normals: NDArray[Any]) -> NDArray[np.float32]:
     """Return unit normals (n, 3) under an affine transform, as Mitsuba rounds them.
 
     By the inverse transpose, which is inverted in double precision and rounded once;
-    squares are summed as four lanes are, x and z first. [run] Those that the files of
+    squares are summed as four lanes are, x and z first. Those that the files of
     scenes/ give came out bit by bit; in float64 throughout 2 of 5 components did not. Where
     a transform is extreme, squares may leave the range of single precision: NaN or 0.
     """

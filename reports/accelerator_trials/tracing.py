@@ -18,9 +18,9 @@ from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.accelerators.rays.tally import ROWS
 from renderer.jit import entry_kernel
 from renderer.records.batch import CAPACITY
+from renderer.records.tally import ROWS
 from renderer.stages.intersect import reset_hits
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 

@@ -27,14 +27,6 @@ from renderer.accelerators.rays.single_ray import (
     nearest_in_range,
     store_hit,
 )
-from renderer.accelerators.rays.tally import (
-    BOXES,
-    NODES,
-    add_to,
-    add_to_packet,
-    note_packet_stack,
-    note_stack,
-)
 from renderer.jit import kernel, method_kernel
 from renderer.lanes.functions import (
     fabs,
@@ -50,6 +42,14 @@ from renderer.lanes.functions import (
 from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.lanes.vectors import column, load3, vec3
+from renderer.records.tally import (
+    BOXES,
+    NODES,
+    add_to,
+    add_to_packet,
+    note_packet_stack,
+    note_stack,
+)
 
 STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
 # A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding

@@ -20,12 +20,6 @@ from renderer.accelerators.rays.packets import (
     nearest_of,
 )
 from renderer.accelerators.rays.ray_interval import is_finite_ray
-from renderer.accelerators.rays.tally import (
-    BOXES,
-    NODES,
-    add_to_packet,
-    note_packet_stack,
-)
 from renderer.jit import kernel
 from renderer.lanes.functions import (
     fabs,
@@ -41,6 +35,12 @@ from renderer.lanes.functions import (
 from renderer.lanes.local import local_i32
 from renderer.lanes.memory import load_one, load_row, store_one, store_row
 from renderer.lanes.vectors import load3, vec3
+from renderer.records.tally import (
+    BOXES,
+    NODES,
+    add_to_packet,
+    note_packet_stack,
+)
 
 STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
 # A direction's components are taken to be at least this share of the largest: the ray is

@@ -38,7 +38,6 @@ from renderer.accelerators.bvh.wide_bvh_build import (
 )
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.ray_interval import is_finite_ray
-from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 from renderer.jit import kernel, method_kernel
 from renderer.kinds.shapes.blocks import WIDTH, blocks_of, primitives_in
 from renderer.kinds.shapes.primitives import hit_primitive
@@ -71,6 +70,7 @@ from renderer.lanes.memory import (
     store_row,
 )
 from renderer.lanes.vectors import column
+from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 
 RAYS = 8  # under way at the same time; 4 to 16 were measured
 # Places of a ray's stack: seven a level of at most 60, and room for eight to be written at

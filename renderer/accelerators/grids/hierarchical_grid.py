@@ -54,10 +54,10 @@ from renderer.accelerators.rays.single_ray import (
     nearest_in_range,
     store_hit,
 )
-from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 from renderer.jit import kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.vectors import column
+from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 
 
 class HierarchicalGrid(NamedTuple):

@@ -45,10 +45,10 @@ from renderer.accelerators.rays.single_ray import (
     nearest_in_range,
     store_hit,
 )
-from renderer.accelerators.rays.tally import BOXES, NODES, PRIMITIVES, add_to
 from renderer.jit import builder_kernel, kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.vectors import column
+from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to
 
 
 class UniformGrid(NamedTuple):

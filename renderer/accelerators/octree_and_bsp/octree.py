@@ -23,11 +23,11 @@ from renderer.accelerators.rays.single_ray import (
     nearest_in_range,
     store_hit,
 )
-from renderer.accelerators.rays.tally import BOXES, NODES, add_to, note_stack
 from renderer.accelerators.references import boxes_of, hulls_of
 from renderer.jit import kernel, method_kernel
 from renderer.lanes.local import local_f32, local_i32
 from renderer.lanes.vectors import column
+from renderer.records.tally import BOXES, NODES, add_to, note_stack
 
 STACK = 64  # three more a level than it is deep, at most 16 levels
 

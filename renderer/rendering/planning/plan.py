@@ -24,7 +24,7 @@ from renderer.rendering.planning.explanation import (
     explain_samples,
     explain_weights,
 )
-from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
+from renderer.replay.refusals import check_replay
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -255,7 +255,8 @@ def _decide(
         why.say("samples", "one of each light and of the BSDF, whatever the file asks for")
     mirrors = mirrors and not (method == "direct" and asked.bsdf_samples == 0)
     if replay:
-        _check_replay(asked, method, extended, why)
+        check_replay(asked, method, extended)
+        why.say("numbers", OF_MITSUBA)
     every_light = method == "whitted" or (method == "direct" and not replay)
     # BSDF samples look for lights only where lights can be hit
     follow = method == "path" or (
@@ -289,28 +290,6 @@ def _decide(
     random = _is_random(plan, extended, materials.chooses)
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
-
-
-def _check_replay(asked: Integrator, method: str, extended: bool, why: Explanation) -> None:
-    """Refuse what Mitsuba's order of random numbers does not let us follow."""
-    if asked.block_size not in (0, BLOCK_SIZE) or not asked.one_pass:
-        raise NotReplayable(
-            "sampler 'mitsuba': the file divides the work in its own way (block_size, "
-            f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"
-        )
-    if method == "whitted" and extended:
-        raise NotReplayable(
-            "sampler 'mitsuba': a tree of rays that asks lights with an area draws in the "
-            "order of the tree; possible are path, direct, and whitted with point, spot "
-            "and directional lights"
-        )
-    if method == "direct" and (asked.bsdf_samples > 1 or asked.emitter_samples > 1):
-        raise NotReplayable(
-            f"sampler 'mitsuba': direct with {asked.emitter_samples} emitter_samples and "
-            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are 1, and "
-            "0 or 1"
-        )
-    why.say("numbers", OF_MITSUBA)
 
 
 def _first_hit_plan(

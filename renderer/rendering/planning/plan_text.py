@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from renderer.picture.aovs import nested_scene
+from renderer.rendering.aovs import nested_scene
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.scene.scene import Scene

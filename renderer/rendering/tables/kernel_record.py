@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerators
 from renderer.jit import Packed, record_type
+from renderer.kinds.sampling.source import Sampling
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import NO_LIMIT, RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
@@ -23,7 +24,7 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.rendering.tables.variant import Sampling, Variant
+from renderer.rendering.tables.variant import Variant
 from renderer.scene.camera import kernel_camera
 from renderer.scene.light_order import light_order
 from renderer.scene.light_tables import light_tables

@@ -7,29 +7,18 @@ second implementation (`renderer.replay`), which nothing but `way_of` knows.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from renderer.jit import Packed, pack
+from renderer.jit import pack
 from renderer.kinds.sampling.arithmetic import Plain
 from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
+from renderer.kinds.sampling.source import Sampling
 from renderer.rendering.planning.plan import Plan, stratified_cells
 from renderer.scene.light_tables import alias_tables
 from renderer.scene.scene import Scene
 from renderer.stages.draws import choose_light, draw, draw_film
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """Where random numbers come from, as methods of a record."""
-
-    record: Packed
-    film: Any  # kernels of `stages.draws`, or others with the same parameters
-    draw: Any
-    choose_light: Any
-    begin_bounce: Any = None  # None: numbers need not be drawn in order
 
 
 class Variant(Protocol):

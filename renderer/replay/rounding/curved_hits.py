@@ -3,7 +3,7 @@
 - spheres and cylinders: t in double precision; the point goes onto the surface;
 - disks: t in the disk's own space; the point goes onto the plane.
 
-Each agreed in all bits with Mitsuba 3.9.1 on 500 to 3000 hits [run], where no rotation has
+Each agreed in all bits with Mitsuba 3.9.1 on 500 to 3000 hits, where no rotation has
 rounded its radius or matrix first. There are two rays:
 `probe` finds t, and `ray` is followed to it. They are the same but inside of instances
 (`instance_space`).

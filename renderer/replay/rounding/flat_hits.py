@@ -3,7 +3,7 @@
 (u, v) by Embree's robust test, which uses Plücker coordinates [Davidovic2012]; but inside
 of groups by its fast one [Moeller1997], since Mitsuba asks for the robust one in the
 structure of the scene only. Then the vertices weighted by (1 - u - v, u, v). Each agreed in
-all bits with Mitsuba 3.9.1 on thousands of hits [run].
+all bits with Mitsuba 3.9.1 on thousands of hits.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def _embree_inverse(matrices: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the inverse of (n, 3, 4), with instructions that every x86-64 processor has.
 
     Nothing is fused, and the cofactors are divided by the determinant: found by trying, in
-    Embree 3 of Mitsuba 3.9.1 [run].
+    Embree 3 of Mitsuba 3.9.1.
     """
     x, y, z, at = matrices.transpose(2, 1, 0)  # columns, each (3, n)
     rows = np.array([_cross(y, z), _cross(z, x), _cross(x, y)])

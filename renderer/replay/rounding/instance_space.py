@@ -2,7 +2,7 @@
 
 Embree finds t and (u, v) with its own ray in the object's space; Mitsuba goes there by
 another inverse, and follows its ray to the t of Embree's. Both agreed in all bits with
-Mitsuba 3.9.1 [run]. `matrices` are those of `instance_matrices`; `instance` is
+Mitsuba 3.9.1. `matrices` are those of `instance_matrices`; `instance` is
 -1 outside of any.
 """
 

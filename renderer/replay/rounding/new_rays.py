@@ -3,7 +3,7 @@
 Mitsuba scatters in the frame (s, t, n) of the surface and turns the result into the world;
 our kernels work in the world. Both are right, and differ by a rounding, which grows by the
 distance over the radius at each curved surface. Found by trying all orders and fusings on
-thousands of samples, and bit for bit Mitsuba's [run].
+thousands of samples, and bit for bit Mitsuba's.
 """
 
 from __future__ import annotations

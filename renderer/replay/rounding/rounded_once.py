@@ -1,7 +1,7 @@
 """Vector arithmetic with the fused multiply-adds of Mitsuba's wheels, on float32 scalars.
 
 Which products are fused, and in which order sums are taken, was found by trying all on
-thousands of hits: with these, positions, uv and normals are Mitsuba's bit for bit [run].
+thousands of hits: with these, positions, uv and normals are Mitsuba's bit for bit.
 """
 
 from __future__ import annotations

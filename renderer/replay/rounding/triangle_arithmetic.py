@@ -3,7 +3,7 @@
 Its x86 builds use fused multiply-adds where ours never do. Most results then differ by a
 rounding, which a replay forgives; two do not. The cumulated areas of a mesh light decide
 which triangle a number chooses and how far it is into it, and the sign of a zero decides
-the frame on a wall. [run] The areas below agreed with Mitsuba 3.9.1 bit by bit.
+the frame on a wall. The areas below agreed with Mitsuba 3.9.1 bit by bit.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import Any
 from renderer.errors import SceneError
 from renderer.scene_file.description import Bsdf, TwoSided
 from renderer.scene_file.document.tree import Element
-from renderer.scene_file.plugins import bsdf_readers
+from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -28,7 +28,7 @@ def _read(properties: Properties) -> Bsdf:
     bsdf = (
         _two_sided(properties)
         if plugin == "twosided"
-        else bsdf_readers()[plugin](properties)
+        else registered_kinds("bsdf")[plugin].read(properties)
     )
     properties.finish()
     return bsdf
@@ -42,24 +42,14 @@ def _two_sided(properties: Properties) -> TwoSided:
             "expected one for both sides, or one for each"
         )
     sides: list[Any] = []
-    possible = reflecting_bsdfs()
+    kinds = registered_kinds("bsdf")
+    possible = [name for name, kind in kinds.items() if not kind.transmits]
     for _, element in nested:
         # before reading it: twosided inside of twosided would recurse
-        if element.tag == "bsdf" and element.plugin in _refused(possible):
+        if element.plugin in ("twosided", *kinds) and element.plugin not in possible:
             raise SceneError(
                 f"{element.location}: {element} cannot be inside of twosided; supported: "
                 + ", ".join(possible)
             )
         sides.append(read_bsdf(element, properties.reading))
     return TwoSided(front=sides[0], back=sides[-1])
-
-
-def reflecting_bsdfs() -> list[str]:
-    """Return the names of the BSDFs that light does not go through."""
-    from renderer.kinds.bsdfs.registry import BSDFS
-
-    return [name for name, kind in BSDFS.items() if not kind.transmits]
-
-
-def _refused(possible: list[str]) -> set[str]:
-    return {"twosided", *bsdf_readers()} - set(possible)

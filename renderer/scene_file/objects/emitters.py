@@ -9,7 +9,7 @@ from renderer.scene_file.description import (
     Rgb,
 )
 from renderer.scene_file.document.tree import Element
-from renderer.scene_file.plugins import light_kinds
+from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -44,11 +44,12 @@ def read_emitter(element: Element, reading: Reading) -> Emitter:
         If it is not supported or something in it is wrong.
     """
     properties = Properties(element, reading)
-    kind = light_kinds().get(element.plugin)
+    kinds = registered_kinds("emitter")
+    kind = kinds.get(element.plugin)
     if kind is None:
         raise SceneError(
             f"{element.location}: {element} belongs inside of a <shape>, whose surface "
-            f"it makes shine; emitters of the scene: {', '.join(light_kinds())}"
+            f"it makes shine; emitters of the scene: {', '.join(kinds)}"
         )
     emitter: Emitter = kind.read(properties)
     _weight(properties)

@@ -1,0 +1,19 @@
+"""A source of random numbers, as the stages are handed it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from renderer.jit import Packed
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Where random numbers come from, as methods of a record."""
+
+    record: Packed
+    film: Any  # kernels of `stages.draws`, or others with the same parameters
+    draw: Any
+    choose_light: Any
+    begin_bounce: Any = None  # None: numbers need not be drawn in order

@@ -1,0 +1,43 @@
+"""What cannot be replayed."""
+
+from __future__ import annotations
+
+from renderer.errors import NotReplayable
+from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
+from renderer.scene_file.description import Integrator
+
+
+def check_replay(asked: Integrator, method: str, extended: bool) -> None:
+    """Refuse what Mitsuba's order of random numbers does not let us follow.
+
+    Parameters
+    ----------
+    asked
+        The integrator of the file.
+    method
+        What is rendered.
+    extended
+        Whether lights have an area.
+
+    Raises
+    ------
+    NotReplayable
+        One line that says why, and what is possible.
+    """
+    if asked.block_size not in (0, BLOCK_SIZE) or not asked.one_pass:
+        raise NotReplayable(
+            "sampler 'mitsuba': the file divides the work in its own way (block_size, "
+            f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"
+        )
+    if method == "whitted" and extended:
+        raise NotReplayable(
+            "sampler 'mitsuba': a tree of rays that asks lights with an area draws in the "
+            "order of the tree; possible are path, direct, and whitted with point, spot "
+            "and directional lights"
+        )
+    if method == "direct" and (asked.bsdf_samples > 1 or asked.emitter_samples > 1):
+        raise NotReplayable(
+            f"sampler 'mitsuba': direct with {asked.emitter_samples} emitter_samples and "
+            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are 1, and "
+            "0 or 1"
+        )
