@@ -130,6 +130,18 @@ def test_a_kernel_that_is_only_linked_has_no_address() -> None:
         compile_method(linked_only, pack(Limit(1)), FLOAT, returns=INT)
 
 
+@entry_kernel
+def run_narrow(address, record, limit):
+    return count_of(address, record, (np.int32(limit),))
+
+
+def test_an_integer_that_fills_no_register_is_refused() -> None:
+    """The upper half of its register would be whatever was there before."""
+    counting = compile_method(count_at_most, pack(Limit(3)), FLOAT, returns=INT)
+    with pytest.raises(TypingError, match="methods take int64 and floats, not int32"):
+        run_narrow(*counting, 2)
+
+
 def test_an_exception_in_a_method_reaches_python() -> None:
     """Of both kinds of calls; and the next call is as if there had been none."""
     limit = pack(Limit(3))

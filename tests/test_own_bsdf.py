@@ -301,6 +301,9 @@ class NoTuple:
         ("twosided", OfColors, {"eval_pdf": eval_pdf}, "'twosided' is the renderer's own"),
         ("mine", OfColors, {}, "neither eval_pdf nor a delta lobe"),
         ("mine", NoTuple, {"eval_pdf": eval_pdf}, "no NamedTuple class"),
+        ("mine", OfColors, {"eval_pdf": eval_pdf.py_func}, "'eval_pdf' is no kernel"),
+        ("mine", OfColors, {"transmission": eval_pdf}, "needs transmits=True, and refl"),
+        ("mine", Lunar, {"eval_pdf": eval_pdf}, "belongs to 'lunar' already"),
         ("mine", OfNumbers, {"eval_pdf": eval_pdf}, "albedo is annotated neither Color"),
     ],
 )

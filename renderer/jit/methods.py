@@ -12,8 +12,9 @@ kernels. A call costs about 0.1 microseconds; a method works on a whole batch of
     call(method.address, method.record, (rays, first, count))      # inside a kernel
 
 An address checks nothing: what a method is compiled for must be what it is called with.
-`compile_method` is therefore given the very types, and `call` builds its signature from the
-arguments it gets; `scene_tables` derives both from the same records.
+`compile_method` is therefore given the very types (`rendering.tables` takes them from the
+records themselves), and `call` refuses integers of any other kind than int64: of
+a narrower one half the argument's register would be undefined.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from renderer.jit.decorators import rare_collections
@@ -73,11 +75,17 @@ def compile_method(
     return Method(address, record.address)
 
 
+_NUMBERS = (types.int64, types.float32, types.float64)  # that methods take
+
+
 def _caller(returns: Any) -> Any:
     @intrinsic
     def call(typingctx: Any, address: Any, record: Any, arguments: Any) -> Any:
         if not isinstance(arguments, types.BaseTuple):
             return None
+        for part in arguments.types:
+            if isinstance(part, types.Number) and part not in _NUMBERS:
+                raise TypingError(f"methods take int64 and floats, not {part}")
         given = [types.voidptr, *arguments.types]
 
         def codegen(context: Any, builder: Any, sig: Any, values: Any) -> Any:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 ANY = 1  # set for every primitive
 EMIT = 2
 FIRST_BSDF = 4  # of the first kind of BSDF that the scene has; the next kinds follow
+MOST_BSDF_KINDS = 29  # whose bits fit into 32
 
 HALVES = -2  # in place of a face's number, see `Primitives`
 
@@ -75,11 +76,11 @@ class Bsdfs(NamedTuple):
 
     methods: Methods  # of the kinds; those with smooth lobes come first
     smooth: int  # how many these are
-    kind: NDArray[np.int32]  # (n,) row of `methods`, -1: paths end there
+    kind: NDArray[np.int32]  # (n,) row of `methods`, -1 in a scene without any
     values: NDArray[np.float32]  # (rows, n) parameters, in the order of the kind's record
     rows: NDArray[np.int32]  # (kinds,) how many rows a kind has
     # (m, 4) what to look up: kind of BSDF, kind of texture, first row, how many rows
-    look_ups: NDArray[np.int32]
+    look_ups: NDArray[np.int64]
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
     texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
     texture_methods: Methods

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.kinds.bsdfs.kind import BsdfKind
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import TEXTURES
-from renderer.records.kernel_scene import ANY, EMIT, FIRST_BSDF
+from renderer.records.kernel_scene import ANY, EMIT, FIRST_BSDF, MOST_BSDF_KINDS
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
@@ -52,7 +53,7 @@ def texture_kind_of(value: Any) -> TextureKind | None:
 def constant_of(value: Any, rows: int) -> Any:
     """Return a parameter as so many numbers; 0 where a texture gives it."""
     if isinstance(value, ConstantTexture):
-        value = value.rgb
+        value = value.rgb if rows == 3 else value.rgb[0]
     if is_textured(value):
         return np.zeros(rows)
     return np.broadcast_to(np.asarray(value, np.float64), rows)
@@ -121,6 +122,11 @@ class MaterialTables:
 
     def stages(self, shapes: Sequence[Shape]) -> NDArray[np.int32]:
         """Return the bits of what a hit on each shape needs next."""
+        if len(self.kinds) > MOST_BSDF_KINDS:
+            raise SceneError(
+                f"the scene has {len(self.kinds)} kinds of BSDF; {MOST_BSDF_KINDS} are "
+                "possible"
+            )
         bit = {kind.name: FIRST_BSDF << k for k, kind in enumerate(self.kinds)}
         rows = []
         for shape in shapes:
@@ -162,7 +168,7 @@ class MaterialTables:
 
     def look_ups(
         self, kinds: Sequence[BsdfKind | None], texture_kinds: Sequence[TextureKind]
-    ) -> NDArray[np.int32]:
+    ) -> NDArray[np.int64]:
         """Return (kind of BSDF, kind of texture, first row, rows) of all that is textured.
 
         None in place of a kind: nobody needs its parameters.
@@ -174,4 +180,4 @@ class MaterialTables:
                     of = texture_kind_of(getattr(bsdf, name))
                     if of in texture_kinds:
                         rows[k, texture_kinds.index(of), first, count] = None
-        return np.array(sorted(rows), np.int32).reshape(-1, 4)
+        return np.array(sorted(rows), np.int64).reshape(-1, 4)

@@ -46,9 +46,7 @@ class Scene:
     """Everything about a scene that does not depend on how it is rendered."""
 
     description: SceneDescription
-    surfaces: dict[
-        str, Any
-    ]  # kind -> record of renderer.records.kernel_scene, present kinds only
+    surfaces: dict[str, Any]  # kind -> record of renderer.kinds.shapes, present kinds only
     shape: NDArray[np.int32]  # (primitives,) shape id
     face: NDArray[np.int32]  # (primitives,) index within the file's mesh
     stages: NDArray[np.int32]  # (primitives,) bits of renderer.records.kernel_scene

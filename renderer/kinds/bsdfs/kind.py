@@ -55,7 +55,7 @@ class Branch(NamedTuple):
 
     weight: Any  # RGB
     share: Any  # of the radiance, by Fresnel
-    cos_t: Any  # cosine of the new direction; used where it is refracted
+    cos_t: Any  # z of the new direction: wo.z if it is reflected, of other sign if not
     eta: Any
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import typing
+import uuid
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from renderer.jit.cache import file_digest
@@ -26,6 +28,7 @@ def _register(kind: BsdfKind) -> None:
 for _kind in (DIFFUSE, CONDUCTOR, DIELECTRIC):
     _register(_kind)
 _OURS = (*BSDFS, "twosided")
+_KERNELS = ("sample", "eval_pdf", "reflection", "transmission", "albedo")
 
 
 def register_bsdf(
@@ -73,14 +76,34 @@ def register_bsdf(
     Raises
     ------
     ValueError
-        If the name is one of the renderer's own, nothing scatters, or the parameters are no
-        NamedTuple class of `Color` and `Float`.
+        If the name is one of the renderer's own, nothing scatters, a function is no kernel,
+        `transmission` comes without `reflection` or `transmits`, or the parameters are no
+        NamedTuple class of `Color` and `Float`, or that of another kind.
     """
     if name in _OURS:
         raise ValueError(f"BSDF {name!r} is the renderer's own; choose another name")
     if eval_pdf is None and reflection is None and transmission is None:
         raise ValueError(f"BSDF {name!r} has neither eval_pdf nor a delta lobe")
+    kernels = (sample, eval_pdf, reflection, transmission, albedo)
+    for function in kernels:
+        if function is not None and not hasattr(function, "py_func"):
+            raise ValueError(
+                f"BSDF {name!r}: {getattr(function, '__name__', function)!r} is no kernel; "
+                "decorate it with renderer.kernel"
+            )
+    if transmission is not None and (reflection is None or not transmits):
+        raise ValueError(
+            f"BSDF {name!r}: transmission needs transmits=True, and reflection beside it"
+        )
     hints = _checked_parameters(name, parameters)
+    for other in BSDFS.values():
+        # the stages find a kind's kernels by the class of its parameters
+        same = (other.name, *(getattr(other, key) for key in _KERNELS)) == (name, *kernels)
+        if other.parameters is parameters and not same:
+            raise ValueError(
+                f"BSDF {name!r}: {parameters.__name__} belongs to {other.name!r} already; "
+                "make a class for each kind"
+            )
     defaults: dict[str, float] = getattr(parameters, "_field_defaults", {})
 
     def read_by_name(properties: Any) -> OtherBsdf:
@@ -107,9 +130,22 @@ def register_bsdf(
             albedo,
             transmits,
             # compiled kernels name the module that they come from, and are found by it
-            source=f"{sample.__module__} {file_digest(inspect.getfile(sample.py_func))}",
+            source=_source_of([f.py_func for f in kernels if f is not None]),
         )
     )
+
+
+def _source_of(functions: list[Any]) -> str:
+    """Return what tells kernels from those of an earlier text of the same files.
+
+    What was written at a prompt is new each time.
+    """
+    found = {function.__module__: inspect.getfile(function) for function in functions}
+    digests = [
+        f"{module} {file_digest(file) if Path(file).is_file() else uuid.uuid4().hex}"
+        for module, file in sorted(found.items())
+    ]
+    return " ".join(digests)
 
 
 def _checked_parameters(name: str, parameters: type) -> dict[str, type]:
