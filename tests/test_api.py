@@ -17,6 +17,7 @@ from small_scenes import (
 
 import renderer
 from renderer import Image, SceneError
+from renderer.rendering.rendering import Rendering
 
 XML = """<scene version="3.0.0">
   <default name="spp" value="1"/>
@@ -237,3 +238,12 @@ def test_one_triangle(tmp_path):
     rows, columns = np.mgrid[:8, :8]
     on_the_edge = columns == rows  # pixel centres on the diagonal: either is right
     assert (met == (columns < rows))[~on_the_edge].all()
+
+
+def test_the_time_of_a_picture_is_without_compilation(monkeypatch):
+    """Methods are compiled while the kernels' record is assembled, not when it is used."""
+    monkeypatch.setattr(Rendering, "methods_seconds", 1000.0)
+    view = sensor((0, -3, 0), (0, 0, 0), fov=40, size=(4, 4))
+    image = renderer.render(renderer.load_dict(scene(view, "depth")), threads=1)
+    assert image.compile_seconds >= 1000.0
+    assert image.seconds < 0.0  # what is not spent there is not counted twice

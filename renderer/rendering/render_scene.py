@@ -121,8 +121,8 @@ def render(
             threads=threads,
             measured_camera=measured_camera,
         )
-        build_seconds = time.perf_counter() - started
-        compile_seconds += rendering.compile()
+        build_seconds = time.perf_counter() - started - rendering.methods_seconds
+        compile_seconds += rendering.methods_seconds + rendering.compile()
     if progress is not None and watch.compiled:
         progress(Progress("compile", 1, 1, compile_seconds))
     started = time.perf_counter()

@@ -147,8 +147,13 @@ class Rendering:
         )
         return sums
 
+    @property
+    def methods_seconds(self) -> float:
+        """The part of the preparation in which kernels were compiled or loaded."""
+        return self._inputs.compile_seconds
+
     def compile(self) -> float:
-        """Compile the kernels, or load them from the cache; return the seconds it took."""
+        """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
         self._render(_Job(self._tiles[0], 0, 0))
         return time.perf_counter() - start

@@ -90,6 +90,11 @@ class KernelInputs:
         )
 
     @property
+    def compile_seconds(self) -> float:
+        """The time that compiling the methods has taken."""
+        return self._tables.compile_seconds
+
+    @property
     def kept(self) -> list[Packed]:
         """The records that the methods work on."""
         return self._tables.kept

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -38,6 +39,7 @@ class MethodTables:
 
     def __init__(self) -> None:
         self.kept: list[Packed] = []
+        self.compile_seconds = 0.0  # or to load the methods from the cache
 
     def pack(self, record: Any, source: str = "") -> Packed:
         """Pack a record that kernels will be given the address of."""
@@ -54,6 +56,7 @@ class MethodTables:
 
         A row without any method is all zeros.
         """
+        started = time.perf_counter()
         table = np.zeros((len(rows), 1 + columns), np.int64)
         for k, (record, methods) in enumerate(rows):
             for column, method in enumerate(methods, start=1):
@@ -62,4 +65,5 @@ class MethodTables:
                 kernel, arguments, returns = method
                 compiled = compile_method(kernel, record, *arguments, returns=returns)
                 table[k, 0], table[k, column] = record.address, compiled.address
+        self.compile_seconds += time.perf_counter() - started
         return table
