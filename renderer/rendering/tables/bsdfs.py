@@ -86,9 +86,9 @@ def _row(
     albedo = (show_albedo, (work.points, INT, ROWS), NOTHING)
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
-    scatters = goes_on and plan.method in ("path", "direct")
-    splits = kind.delta and plan.mirrors and plan.method == "whitted"
-    is_shown = kind.albedo is not None and plan.method in ("aov", "depth")
+    scatters = goes_on and plan.kind.scatters
+    splits = kind.delta and plan.mirrors and plan.kind.splits
+    is_shown = kind.albedo is not None and plan.kind.first_hit
     record = tables.pack(BsdfMethods(kind.form(), arithmetic), kind.source)
     return record, [
         reflect if kind.smooth and lit else None,
