@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, kernel, method_kernel
+from renderer.jit import call, entry_kernel, kernel, method_kernel
 from renderer.kinds.bsdfs.kind import albedo_of, parameters_at, seen_albedo_of
 from renderer.kinds.sampling.arithmetic import to_local
 from renderer.lanes.functions import (
@@ -26,6 +26,7 @@ from renderer.records.kernel_scene import (
     SHOW_SEEN_ALBEDO,
 )
 from renderer.stages.camera_rays import camera_rays
+from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import frame_at, load_constants, show_bsdf
@@ -170,3 +171,12 @@ def trace_first_hits(scene, tile, sample, work):
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
     _albedos(scene, points, found, radiance)
+
+
+@entry_kernel
+def render_first_hits(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add samples first_sample .. end_sample - 1 of a tile's AOVs to `sums`."""
+    for sample in range(first_sample, end_sample):
+        clear(work.radiance)
+        trace_first_hits(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)

@@ -87,9 +87,9 @@ def _row(
     shown = (work.points, INT, ROWS)
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
-    scatters = goes_on and plan.method in ("path", "direct")
-    splits = kind.delta and plan.mirrors and plan.method == "whitted"
-    shows = kind.albedo is not None and plan.method in ("aov", "depth")
+    scatters = goes_on and plan.kind.scatters
+    splits = kind.delta and plan.mirrors and plan.kind.splits
+    shows = kind.albedo is not None and plan.kind.first_hit
     form = kind.form(materials.tables_of(kind))
     record = tables.pack(BsdfMethods(form, arithmetic), kind.source)
     return record, [

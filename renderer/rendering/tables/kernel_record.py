@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerators
+from renderer.integrators.kind import NO_LIMIT
 from renderer.jit import Packed, record_type
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.shapes.triangle import texture_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
-from renderer.rendering.planning.plan import NO_LIMIT, RAY_OFFSETS, Plan
+from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import group_methods, surface_methods
 from renderer.rendering.tables.lights import NO_LIGHTS, light_methods
@@ -68,7 +69,7 @@ class KernelInputs:
         self.sampler: Packed = sampling.record
 
         lights = NO_LIGHTS
-        if plan.sees_lights and has_lights(scene):
+        if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             lights = light_methods(
                 tables, by_kind, settings, scene.shapes, variant.arithmetic, lit
@@ -108,8 +109,8 @@ def has_lights(scene: Scene) -> bool:
 
 
 def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
-    first_hit = plan.method in ("depth", "aov")
-    with_uv = (scene.materials.textured or first_hit) and not plan.counts_work
+    kind = plan.kind
+    with_uv = (scene.materials.textured or kind.first_hit) and not kind.counts_work
     return Settings(
         plan.max_depth,
         NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,
@@ -144,7 +145,7 @@ def _sampler_methods(
     begin = (COLUMN, TILE, INT, work.rays, work.hits, INT)
     draws = (TILE, INT, INT, COLUMN, INT, ROWS)
     choice = (TILE, INT, INT, INT, INT, COLUMN, INT, ROWS, COLUMN)
-    shades = plan.method in ("path", "direct")
+    shades = plan.kind.scatters
     in_order = sampling.begin_bounce is not None and shades
     methods = [
         (sampling.film, (TILE, INT, ROWS), NOTHING),
