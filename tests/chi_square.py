@@ -67,9 +67,7 @@ def cell_masses(density: Callable, edges_a: Array, edges_b: Array) -> Array:
     raise ValueError("the density is not smooth inside the cells")
 
 
-def gauss_masses(
-    density: Callable, edges_a: Array, edges_b: Array, order: int
-) -> Array:
+def gauss_masses(density: Callable, edges_a: Array, edges_b: Array, order: int) -> Array:
     """Integrate a density over each cell of a grid, with `order` points along each axis."""
     a, weight_a = _nodes(np.asarray(edges_a, float), order)
     b, weight_b = _nodes(np.asarray(edges_b, float), order)

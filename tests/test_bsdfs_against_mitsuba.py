@@ -76,7 +76,7 @@ def sets(*, without: tuple[str, ...] = ()) -> Any:
     return pytest.mark.parametrize("name", names)
 
 
-# ------------------------------------------------------------------ against Mitsuba's object
+# --------------------------------------------------------------- against Mitsuba's object
 
 PAIRS = 2048
 
@@ -134,7 +134,7 @@ def test_sample(name):
     assert np.quantile(away, 0.99) < 2e-6 and away.max() < 1e-3
 
 
-# ------------------------------------------------------------------- sample against its pdf
+# ----------------------------------------------------------------- sample against its pdf
 
 SAMPLES, FINDS = 1 << 16, 0.25
 COSINES = np.linspace(-1.0, 1.0, 25)
@@ -174,11 +174,11 @@ def test_directions_follow_the_density(name, degrees):
         assert_follows(counts, masses, SAMPLES, finds=FINDS, mass=mass, stray=20)
 
 
-# ------------------------------------------------------------------------------------ energy
+# --------------------------------------------------------------------------------- energy
 
 
 def even_numbers(n: int) -> Any:
-    """Return n^2 triples: a grid in x and y, choices that are spread by the golden ratio."""
+    """Return n^2 triples: a grid in x and y, choices spread by the golden ratio."""
     x = (np.arange(n) + 0.5) / n
     pairs = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     choice = np.arange(n * n) * (np.sqrt(5.0) - 1.0) / 2.0 % 1.0
@@ -212,7 +212,7 @@ def test_albedo(name):
         assert out.weight.mean(axis=0).max() < 1.0 + 1e-3
 
 
-# ------------------------------------------------------------------------------- reciprocity
+# ---------------------------------------------------------------------------- reciprocity
 
 
 @sets(without=())
@@ -232,7 +232,7 @@ def test_light_finds_its_way_back(name):
     np.testing.assert_allclose(a[clear], b[clear], rtol=2e-3, atol=1e-3)
 
 
-# ------------------------------------------------------------------------------------ tables
+# --------------------------------------------------------------------------------- tables
 
 
 def test_several_tables_in_one_scene():
@@ -243,7 +243,5 @@ def test_several_tables_in_one_scene():
     wi = random_directions(256, np.random.default_rng(2), both_sides=False)
     for name in names:
         beside = BsdfProbe(SETS[name], beside=others)
-        for a, b in zip(
-            beside.eval_pdf(wo, wi), ours(name).eval_pdf(wo, wi), strict=True
-        ):
+        for a, b in zip(beside.eval_pdf(wo, wi), ours(name).eval_pdf(wo, wi), strict=True):
             np.testing.assert_array_equal(a, b)
