@@ -73,7 +73,7 @@ def glaze(size: int = 128) -> Pixels:
 
 
 def evening_sky(width: int = 128) -> NDArray[np.float16]:
-    """Return radiance in all directions: dusk, a darker ground, and a low sun, with y up."""
+    """Return radiance in all directions, y up: dusk, a darker ground and a low sun."""
     y, x = np.mgrid[0 : width // 2, 0:width]
     up = np.cos(np.pi * (y + 0.5) / (width // 2))[..., None]
     azimuth = (x + 0.5) / width
@@ -82,8 +82,8 @@ def evening_sky(width: int = 128) -> NDArray[np.float16]:
     ground = np.array([0.06, 0.05, 0.05])
     sky = np.where(up > 0, blue + glow, ground + 0.15 * glow)
     turn = np.hypot((azimuth - 0.3) * width, y - 0.415 * (width // 2))
-    sun = np.array([1.0, 0.72, 0.42]) * 420.0
-    sky = np.where((turn < 1.6)[..., None], sun, sky)
+    sun = np.array([1.0, 0.72, 0.42]) * 160.0
+    sky = np.where((turn < 2.3)[..., None], sun, sky)
     return sky.astype(np.float16)
 
 
@@ -108,9 +108,9 @@ def heights(size: int = 64) -> NDArray[np.float64]:
 
 def relief(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the height in [0, 1] at (u, v), of period 1 in both."""
-    stud = np.exp(-14 * (np.sin(2 * np.pi * u) ** 2 + np.sin(2 * np.pi * v) ** 2))
-    wave = 0.5 + 0.5 * np.cos(4 * np.pi * u) * np.cos(4 * np.pi * v)
-    return np.clip(0.7 * stud + 0.3 * wave, 0.0, 1.0)
+    across = np.sin(3 * np.pi * u) ** 2 + np.sin(3 * np.pi * v) ** 2
+    wave = 0.5 + 0.5 * np.cos(6 * np.pi * u) * np.cos(6 * np.pi * v)
+    return np.clip(0.6 * np.exp(-5 * across) + 0.4 * wave, 0.0, 1.0)
 
 
 def normals(height: float = 0.08, size: int = 64) -> Pixels:

@@ -10,16 +10,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.jit import kernel
-from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float, Table
-from renderer.kinds.bsdfs.merl_file import MeasuredTable, read_merl
+from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Float, Table, entry_of
+from renderer.kinds.bsdfs.merl_file import read_merl
 from renderer.kinds.bsdfs.mirror import reflect
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
-from renderer.lanes.functions import floor, maximum, minimum, select, splat_f32, sqrt, to_i32
+from renderer.lanes.functions import (
+    floor,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    sqrt,
+    to_i32,
+)
 from renderer.lanes.mathematics import arccos, arctan2, sincos
-from renderer.lanes.memory import gather_row
 from renderer.lanes.vectors import dot, normalize, select3, vec3
+from renderer.scene_file.description import OtherBsdf
 
 _HALF_PI = np.float32(np.pi / 2)
 _TWO_PI = np.float32(2 * np.pi)
@@ -28,28 +37,49 @@ _BISECTIONS = 12  # find one of 4096 cells
 
 
 class Merl(NamedTuple):
-    """Its parameters; each of several materials has a part of the tables."""
+    """Its parameters."""
 
-    first: Float  # its first cell in `f`
-    theta_h: Float  # counts of its cells
+    theta_h: Float  # counts of cells
     theta_d: Float
     phi_d: Float
-    first_share: Float  # its first number in `cumulated`
     share_of_cosine: Float
-    f: Table  # (3, cells) [1/sr]
-    cumulated: Table  # (1, theta_h + 1), probability of the cells of theta_h below
+    f: Table  # [1/sr], of all cells for red, green, blue
+    cumulated: Table  # theta_h + 1 numbers: the share of the cells of theta_h below
+
+
+def read(properties: Any) -> OtherBsdf:
+    """Read the properties of a file: the name of another, which holds the measurements."""
+    if not properties.has("filename"):
+        properties.fail("filename", "nothing", "the path of a .binary file (MERL)")
+    name = properties.string("filename", "")
+    location = properties.element.properties["filename"].location
+    path = properties.reading.find_file(name, location, "the measurements")
+    try:
+        table = read_merl(path)
+    except SceneError as error:
+        raise SceneError(f"{location}: {properties.element}: {error}") from None
+    counts = [float(n) for n in table.f.shape[1:]]
+    shares = np.concatenate(([0.0], np.cumsum(table.share_of_half_vectors)))
+    return OtherBsdf(
+        "merl",
+        {
+            **dict(zip(("theta_h", "theta_d", "phi_d"), counts, strict=True)),
+            "share_of_cosine": table.share_of_cosine,
+            "f": table.f.ravel(),
+            "cumulated": shares.astype(np.float32),
+        },
+    )
 
 
 @kernel
 def _cell(table, half, difference, turn):
     """Return f of cells, given by their numbers."""
-    cell = (half * table.theta_d + difference) * table.phi_d + turn
-    index = to_i32(table.first + cell)  # exact below 2^24
-    everywhere = half == half
+    cells = table.theta_h * table.theta_d * table.phi_d
+    cell = (half * table.theta_d + difference) * table.phi_d + turn  # exact below 2^24
     return vec3(
-        gather_row(table.f, 0, index, everywhere),
-        gather_row(table.f, 1, index, everywhere),
-        gather_row(table.f, 2, index, everywhere),
+        entry_of(table.f, to_i32(cell)),
+        entry_of(table.f, to_i32(cell + cells)),
+        entry_of(table.f, to_i32(cell + 2.0 * cells)),
     )
 
 
@@ -127,7 +157,7 @@ def _squared_sine_of_half(table, cell):
 @kernel
 def _cumulated(table, cell):
     """Return the probability of all cells of theta_h below one."""
-    return gather_row(table.cumulated, 0, to_i32(table.first_share + cell), cell == cell)
+    return entry_of(table.cumulated, to_i32(cell))
 
 
 @kernel
@@ -181,3 +211,6 @@ def sample(table, wo, numbers):
     f_cos, pdf = eval_pdf(table, wo, wi)
     some = pdf > 0.0
     return BsdfSample(wi, f_cos / select(some, pdf, 1.0), pdf, splat_f32(1.0))
+
+
+MERL = BsdfKind("merl", Merl, read, "measured (MERL)", sample, eval_pdf)

@@ -22,8 +22,8 @@ HEADER = 12  # bytes
 SCALES = np.array([1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0])
 """What the stored numbers of red, green and blue are multiplied by: the format's own."""
 
-MOST_CELLS = 1 << 23
-"""Of one table; the database's have 1.5 million. Indices are exact in float32 below 2^24."""
+MOST_CELLS = (1 << 24) // 3
+"""Of one table; those of the database have 1.5 million. float32 is exact below 2^24."""
 
 _LUMINANCE = np.array([0.212671, 0.715160, 0.072169])
 
@@ -39,18 +39,18 @@ class MeasuredTable:
     def share_of_half_vectors(self) -> NDArray[np.float64]:
         """Return the probability of each cell of theta_h, for sampling half vectors.
 
-        In proportion to the light of the cell: the luminance of f, its mean over the
-        directions around a half vector, times the projected solid angle.
+        In proportion to the light of the cell, as it is seen along the normal: the
+        luminance of f, its mean over the directions around a half vector, times the
+        projected solid angle of the directions that are mirrored there.
         """
         counts = self.f.shape
         theta_d = (np.arange(counts[2]) + 0.5) / counts[2] * np.pi / 2
         luminance = np.tensordot(_LUMINANCE, self.f, 1).mean(axis=2, dtype=np.float64)
         mean = luminance @ np.sin(2 * theta_d) / np.sin(2 * theta_d).sum()
-        light = mean * np.diff(np.sin(edges_of_half_vectors(counts[1])) ** 2)
-        # a cell without light can still be met: interpolation reaches into it
+        light = mean * _shares_by_cosine(counts[1])
+        # cells without light are met too: interpolation reaches into them
         light = light + 1e-3 * light.mean() + np.finfo(float).tiny
         return np.asarray(light / light.sum())
-
 
     @property
     def share_of_cosine(self) -> float:
@@ -59,8 +59,7 @@ class MeasuredTable:
         As much as the half vectors of such directions, seen along the normal, look like
         those of the table: most of the time for a wall, seldom for polished metal.
         """
-        edges = np.minimum(edges_of_half_vectors(self.f.shape[1]), np.pi / 4)
-        by_cosine = np.diff(np.sin(2 * edges) ** 2)
+        by_cosine = _shares_by_cosine(self.f.shape[1])
         overlap = np.minimum(by_cosine, self.share_of_half_vectors).sum()
         return float(np.clip(overlap, 0.1, 0.9))
 
@@ -68,6 +67,13 @@ class MeasuredTable:
 def edges_of_half_vectors(count: int) -> NDArray[np.float64]:
     """Return where the cells of theta_h begin and end, in radians, (count + 1,)."""
     return np.asarray((np.arange(count + 1) / count) ** 2 * np.pi / 2)
+
+
+def _shares_by_cosine(count: int) -> NDArray[np.float64]:
+    """Return how many half vectors of the normal and directions by cosine are in cells."""
+    return np.asarray(
+        np.diff(np.sin(2 * np.minimum(edges_of_half_vectors(count), np.pi / 4)) ** 2)
+    )
 
 
 def read_merl(path: Path) -> MeasuredTable:
