@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import call, kernel, method_kernel
-from renderer.kinds.bsdfs.kind import albedo_of, parameters_at
+from renderer.kinds.bsdfs.kind import albedo_of, normal_of, parameters_at
+from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.lanes.functions import (
     first_lanes,
     lane,
@@ -17,11 +18,11 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.lanes.vectors import dot, load3
-from renderer.records.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO
+from renderer.records.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO, SHOW_NORMAL
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.materials import look_up_textures
-from renderer.stages.shading_frame import load_constants
+from renderer.stages.shading_frame import frame_at, load_constants
 from renderer.stages.surface import surface_points
 
 # channels of `work.radiance` in this integrator, all computed together
@@ -80,23 +81,40 @@ def show_albedo(bsdf, points, count, radiance):
         _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
 
 
+@method_kernel
+def show_normal(bsdf, points, count, radiance):
+    """Write the normal of the points that show a BSDF which turns it."""
+    for i in range(0, count, 16):
+        mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wo = to_local(frame, load3(points.wo, i))
+        turned = normal_of(parameters_at(bsdf.form, points, i), wo)
+        normal = to_world(bsdf.arithmetic, frame, turned)
+        valid = select(mine, splat_f32(1.0), splat_f32(0.0))
+        _store3(radiance, SH_NORMAL, load_row(points.slot, 0, i), valid, normal)
+
+
 @kernel
-def _albedos(scene, points, count, radiance):
-    """Write k_d of all points; mirrors and glass have none and stay black."""
+def _show_bsdfs(scene, points, count, radiance):
+    """Write what BSDFs show: k_d, of mirrors and glass none, and the normals they turn."""
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):
-        if bsdfs.methods[kind, SHOW_ALBEDO] == 0:
+        if bsdfs.methods[kind, RECORD] == 0:
             continue
         for i in range(0, count, 16):
             valid = first_lanes(count - i)
             mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
             load_constants(bsdfs, kind, points, i, mine)
         look_up_textures(bsdfs, kind, points, np.int64(0), count)
-        call(
-            bsdfs.methods[kind, SHOW_ALBEDO],
-            bsdfs.methods[kind, RECORD],
-            (points, count, radiance),
-        )
+        for method in range(SHOW_ALBEDO, SHOW_NORMAL + 1):
+            if bsdfs.methods[kind, method] != 0:
+                call(
+                    bsdfs.methods[kind, method],
+                    bsdfs.methods[kind, RECORD],
+                    (points, count, radiance),
+                )
 
 
 @kernel
@@ -141,4 +159,4 @@ def trace_first_hits(scene, tile, sample, work):
             scene.placements, hits, work.order, i, scene.shapes.number, shape, mask
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
-    _albedos(scene, points, found, radiance)
+    _show_bsdfs(scene, points, found, radiance)

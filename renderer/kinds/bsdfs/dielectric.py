@@ -12,6 +12,7 @@ from renderer.lanes.vectors import select3, vec3
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
+from renderer.scene_file.description import Rgb
 from renderer.scene_file.numbers import quoted
 
 
@@ -25,16 +26,17 @@ class Dielectric(NamedTuple):
 
 def read(properties: Any) -> Description:
     """Read the properties of a file."""
+    return Description(*read_glass(properties))
+
+
+def read_glass(properties: Any) -> tuple[float, Rgb, Rgb]:
+    """Return the index of refraction, inside over outside, and two colours."""
     interior = _index(properties, "int_ior", "bk7")
     exterior = _index(properties, "ext_ior", "air")
-    return Description(
-        eta=interior / exterior,
-        specular_reflectance=read_color(
-            properties, "specular_reflectance", 1.0, Use.REFLECTANCE
-        ),
-        specular_transmittance=read_color(
-            properties, "specular_transmittance", 1.0, Use.REFLECTANCE
-        ),
+    return (
+        interior / exterior,
+        read_color(properties, "specular_reflectance", 1.0, Use.REFLECTANCE),
+        read_color(properties, "specular_transmittance", 1.0, Use.REFLECTANCE),
     )
 
 

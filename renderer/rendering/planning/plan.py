@@ -213,6 +213,8 @@ def _decide(
     chosen_sampler = _with_sample_count(chosen_sampler, count)
     mirrors = materials.delta
     method = asked.name
+    if method == "whitted":
+        _check_tree(scene)
     depth = NO_LIMIT if asked.max_depth < 0 else asked.max_depth
     why.say("file asks", describe_integrator(asked))
 
@@ -290,6 +292,22 @@ def _decide(
     random = _is_random(plan, extended, materials.chooses)
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
+
+
+def _check_tree(scene: Scene) -> None:
+    """Refuse nestings whose mirrors and holes a tree of rays has no branches for.
+
+    Raises
+    ------
+    SceneError
+        Naming the first.
+    """
+    for kind in scene.materials.kinds:
+        if kind.delta and kind.reflection is None and kind.transmission is None:
+            raise SceneError(
+                f"{scene.description.source}: integrator 'whitted' has no branches for the "
+                f"bsdf {kind.name}; possible are path and direct, or whitted without it"
+            )
 
 
 def _first_hit_plan(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.build import build_accelerators
 from renderer.jit import Packed, record_type
 from renderer.kinds.sampling.source import Sampling
+from renderer.kinds.shapes.triangle_tangents import with_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import NO_LIMIT, RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
@@ -116,7 +117,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(plan.every_light),
         int(plan.hide_emitters),
         int(with_uv),
-        int(variant.previous_points),
+        int(variant.previous_points or scene.materials.oriented),
         float(plan.cutoff),
         *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
     )
@@ -125,6 +126,8 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
 def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
     """Return the scene's surfaces, without uv where nobody looks at it."""
     surfaces = variant.surfaces(scene.surfaces)
+    if settings.with_tangents and not variant.previous_points and "triangles" in surfaces:
+        surfaces = surfaces | {"triangles": with_tangents(surfaces["triangles"])}
     if settings.with_uv or "triangles" not in surfaces:
         return surfaces
     without = surfaces["triangles"]._replace(uvs=np.zeros((6, 0), np.float32))
