@@ -2,8 +2,8 @@
 
 The density is that of both, whichever was chosen. A delta lobe counts with its probability
 where its density would stand: beside a smooth BSDF the weight of its direction is
-w p_2 f / (w p_2 + (1 - w) pdf_1), where a number is added to a density, so that mirrors lose
-some of their light. On paper the mixture would be brighter; the picture is Mitsuba's.
+w p_2 f / (w p_2 + (1 - w) pdf_1), where a number is added to a density, so that mirrors
+lose some of their light. On paper the mixture is brighter; the picture is Mitsuba's.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, black, eval_pdf_lobes, s
 from renderer.kinds.sampling.arithmetic import Frame, to_local
 from renderer.lanes.functions import maximum, minimum, select, splat_f32, sqrt
 from renderer.lanes.vectors import cross, dot, normalize, select3, vec3
+from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import NormalMap as Description
 from renderer.scene_file.objects.bsdfs import read_nested
 from renderer.scene_file.objects.textures import read_texture
@@ -39,6 +40,8 @@ def read(properties: Any) -> Description:
     if not properties.has("normalmap"):
         properties.fail("normalmap", "nothing", "a texture of normals")
     normals = read_texture(properties, "normalmap", 0.5)
+    if not isinstance(normals, BitmapTexture | ConstantTexture):
+        properties.fail("normalmap", "a texture without normals", "a bitmap or a colour")
     flip = properties.boolean("flip_invalid_normals", True)
     shadow = properties.boolean("use_shadowing_function", True)
     (nested,) = read_nested(properties, 1, 1, "one")
@@ -46,27 +49,31 @@ def read(properties: Any) -> Description:
 
 
 @interface
-def turned_frame(parameters: Any, wo: Any) -> Frame:
-    """Return the frame of what is inside, in the local one."""
+def turned_frame(parameters: Any, wo: Any) -> Any:
+    """Return the frame of what is inside, in the local one, and where there is one."""
 
 
 @kernel
 def facing(parameters, wo, normal):
-    """Return the unit normal, mirrored at z if it must be and may be."""
-    none, one = splat_f32(0.0), splat_f32(1.0)
-    # an image may hold zeros; Mitsuba then divides by them
-    normal = select3(dot(normal, normal) > _NOTHING, normal, vec3(none, none, one))
+    """Return a normal, mirrored at z if it must be and may be."""
     away = (wo.z * dot(wo, normal) <= 0.0) & (parameters.flip_invalid_normals != 0.0)
-    return normalize(select3(away, vec3(-normal.x, -normal.y, normal.z), normal))
+    return select3(away, vec3(-normal.x, -normal.y, normal.z), normal)
 
 
 @kernel
 def frame_along(normal, x):
-    """Return the frame around a normal whose s is the part of x across it."""
-    s = x - normal * dot(normal, x)
+    """Return the frame around a normal whose s is the part of x across it, and where.
+
+    An image may hold a normal of length 0, or one along x: there Mitsuba divides by 0, and
+    nothing is reflected.
+    """
     none, one = splat_f32(0.0), splat_f32(1.0)
-    s = normalize(select3(dot(s, s) > _NOTHING, s, vec3(none, none, one)))
-    return Frame(s, cross(normal, s), normal)
+    there = dot(normal, normal) > _NOTHING
+    normal = normalize(select3(there, normal, vec3(none, none, one)))
+    s = x - normal * dot(normal, x)
+    across = dot(s, s) > _NOTHING
+    s = normalize(select3(across, s, vec3(none, normal.z, -normal.y)))
+    return Frame(s, cross(normal, s), normal), there & across
 
 
 @turned_frame.by(NormalMapped)
@@ -90,10 +97,10 @@ def _shadowing(parameters, n, wi):
 @kernel
 def sample(turned, wo, numbers):
     """Sample what is inside in its own frame."""
-    frame = turned_frame(turned, wo)
+    frame, there = turned_frame(turned, wo)
     lobe = sample_lobe(turned.nested, to_local(frame, wo), numbers)
     wi = frame.s * lobe.wi.x + frame.t * lobe.wi.y + frame.n * lobe.wi.z
-    possible = wi.z * lobe.wi.z > 0.0
+    possible = there & (wi.z * lobe.wi.z > 0.0)
     weight = lobe.weight * _shadowing(turned, frame.n, wi)
     return Lobe(
         wi,
@@ -107,10 +114,10 @@ def sample(turned, wo, numbers):
 @kernel
 def eval_pdf(turned, wo, wi):
     """Return f |cos| and density of what is inside, in its own frame."""
-    frame = turned_frame(turned, wo)
+    frame, there = turned_frame(turned, wo)
     inner = to_local(frame, wi)
     f_cos, pdf = eval_pdf_lobes(turned.nested, to_local(frame, wo), inner)
-    possible = wi.z * inner.z > 0.0
+    possible = there & (wi.z * inner.z > 0.0)
     f_cos = f_cos * _shadowing(turned, frame.n, wi)
     return select3(possible, f_cos, black()), select(possible, pdf, 0.0)
 
@@ -118,7 +125,8 @@ def eval_pdf(turned, wo, wi):
 @kernel
 def normal(turned, wo):
     """Return the normal of what is inside."""
-    return turned_frame(turned, wo).n
+    frame, _ = turned_frame(turned, wo)
+    return frame.n
 
 
 @kernel
