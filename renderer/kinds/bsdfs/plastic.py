@@ -135,6 +135,13 @@ def sample(plastic, wo, numbers):
 
 
 @kernel
+def delta_pdf(plastic, wo, sample):
+    """Return how often the coat is sampled."""
+    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
+    return specular_probability(plastic, reflected)
+
+
+@kernel
 def reflection(plastic, wo):
     """Return the mirrored ray of a tree."""
     reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
@@ -156,4 +163,5 @@ PLASTIC = BsdfKind(
     eval_pdf,
     reflection=reflection,
     albedo=albedo,
+    delta_pdf=delta_pdf,
 )
