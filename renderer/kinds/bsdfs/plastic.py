@@ -135,17 +135,17 @@ def sample(plastic, wo, numbers):
 
 
 @kernel
-def delta_pdf(plastic, wo, sample):
-    """Return how often the coat is sampled."""
-    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
-    return specular_probability(plastic, reflected)
-
-
-@kernel
 def reflection(plastic, wo):
     """Return the mirrored ray of a tree."""
     reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
     return Branch(plastic.specular_reflectance, reflected, wo.z, splat_f32(1.0))
+
+
+@kernel
+def delta_pdf(plastic, wo, sample):
+    """Return how often the coat is sampled."""
+    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
+    return specular_probability(plastic, reflected)
 
 
 @kernel
