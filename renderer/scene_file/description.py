@@ -43,6 +43,9 @@ class ConstantTexture:
     rgb: Rgb
 
 
+WHITE = ConstantTexture((1.0, 1.0, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class BitmapTexture:
     """An image over (u, v); row 0 of `pixels`, the last of the file, is v near 1."""
@@ -57,8 +60,8 @@ class BitmapTexture:
 class CheckerboardTexture:
     """Two colours in a 2 x 2 pattern per unit square of the transformed (u, v)."""
 
-    color0: Rgb = (0.4, 0.4, 0.4)
-    color1: Rgb = (0.2, 0.2, 0.2)
+    color0: Texture = ConstantTexture((0.4, 0.4, 0.4))
+    color1: Texture = ConstantTexture((0.2, 0.2, 0.2))
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
 
@@ -82,8 +85,8 @@ class Dielectric:
 
     plugin: ClassVar[str] = "dielectric"
     eta: float = 1.5046 / 1.000277
-    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
-    specular_transmittance: Rgb = (1.0, 1.0, 1.0)
+    specular_reflectance: Texture = WHITE
+    specular_transmittance: Texture = WHITE
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +94,9 @@ class Conductor:
     """Smooth metal, one-sided; `material` "none" is eta 0, k 1: reflects everything."""
 
     plugin: ClassVar[str] = "conductor"
-    eta: Rgb
-    k: Rgb
-    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
+    eta: Texture
+    k: Texture
+    specular_reflectance: Texture = WHITE
 
 
 @dataclass(frozen=True, eq=False)

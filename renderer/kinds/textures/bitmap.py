@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.jit import kernel
-from renderer.kinds.textures.kind import TextureKind
+from renderer.kinds.textures.kind import LUMINANCE, TextureKind
 from renderer.lanes.functions import (
     floor,
     mask_bits,
@@ -21,7 +22,9 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.memory import gather_row
 from renderer.lanes.vectors import gather3, select3
+from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture
+from renderer.scene_file.images.images import read_image
 
 REPEAT = 0
 MIRROR = 1
@@ -40,7 +43,42 @@ class Bitmaps(NamedTuple):
     wrap: NDArray[np.int32]  # (n,) REPEAT, MIRROR or CLAMP
 
 
-def bitmap_table(textures: list[BitmapTexture | None]) -> Bitmaps:
+def read(properties: Any, use: Use) -> BitmapTexture:
+    """Read the properties of a file, and the image that it names."""
+    if not properties.has("filename"):
+        properties.fail("filename", "nothing", "the path of a PNG, JPEG or EXR image")
+    filename = properties.string("filename", "")
+    location = properties.element.properties["filename"].location
+    path = properties.reading.find_file(filename, location, "the image")
+    raw = properties.boolean("raw", False)
+    storage = properties.choice("format", "auto", ("auto", "variant", "fp16"))
+    properties.boolean("accel", True)  # of GPU backends; nothing to accelerate here
+    try:
+        pixels = read_image(path, raw=raw, storage=storage)
+    except SceneError as error:
+        raise SceneError(f"{location}: {properties.element}: {error}") from None
+    if use is Use.REFLECTANCE and (largest := float(pixels.max())) > 1.0:
+        # Mitsuba lets such images through, so they render here; but light is created.
+        properties.reading.warn(
+            location,
+            f"{path.name} has reflectances up to {largest:g}; energy is not conserved",
+        )
+    return BitmapTexture(
+        # Mitsuba has the top row of the file at v = 0; the record has row 0 at v = 1.
+        np.ascontiguousarray(pixels[::-1]),
+        properties.choice("filter_type", "bilinear", ("bilinear", "nearest")),
+        properties.choice("wrap_mode", "repeat", ("repeat", "mirror", "clamp")),
+        properties.uv_transform("to_uv"),
+    )
+
+
+def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:
+    """Return the mean luminance of the texels."""
+    mean_color = bitmap.pixels.mean(axis=(0, 1), dtype=np.float64)
+    return float(mean_color @ LUMINANCE)
+
+
+def bitmap_table(textures: list[BitmapTexture | None], scene: Any) -> Bitmaps:
     """Pack bitmaps into one record."""
     texels, starts, widths, heights = [np.zeros((3, 1), np.float32)], [], [], []
     total = 1
@@ -88,7 +126,7 @@ def _texel(bitmaps, start, width, height, mode, x, y, mask):
 
 
 @kernel
-def bitmap_color(bitmaps, texture, u, v, mask):
+def bitmap_color(bitmaps, texture, point, mask):
     """Return the colour at (u, v); v runs upwards, rows downwards."""
     start = gather_row(bitmaps.start, 0, texture, mask)
     width = gather_row(bitmaps.width, 0, texture, mask)
@@ -96,8 +134,8 @@ def bitmap_color(bitmaps, texture, u, v, mask):
     mode = gather_row(bitmaps.wrap, 0, texture, mask)
     nearest = gather_row(bitmaps.nearest, 0, texture, mask) != 0
     half = select(nearest, splat_f32(0.0), splat_f32(0.5))
-    x = u * to_f32(width) - half
-    y = (1.0 - v) * to_f32(height) - half
+    x = point.u * to_f32(width) - half
+    y = (1.0 - point.v) * to_f32(height) - half
     x0 = floor(x)
     y0 = floor(y)
     column = to_i32(x0)
@@ -116,4 +154,14 @@ def bitmap_color(bitmaps, texture, u, v, mask):
     return select3(smooth, upper * (1.0 - fy) + lower * fy, color)
 
 
-BITMAP = TextureKind("bitmap", BitmapTexture, bitmap_table, Bitmaps, bitmap_color)
+@kernel
+def bitmap_scalar(bitmaps, texture, point, mask):
+    """Return the luminance at (u, v)."""
+    color = bitmap_color(bitmaps, texture, point, mask)
+    r, g, b = np.float32(LUMINANCE[0]), np.float32(LUMINANCE[1]), np.float32(LUMINANCE[2])
+    return color.x * r + color.y * g + color.z * b
+
+
+BITMAP = TextureKind(
+    "bitmap", BitmapTexture, read, bitmap_table, Bitmaps, bitmap_color, bitmap_scalar, mean
+)
