@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
-from typing import ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from renderer.scene_file.images.image import Image
 
 Rgb = tuple[float, float, float]
 
@@ -48,12 +51,18 @@ WHITE = ConstantTexture((1.0, 1.0, 1.0))
 
 @dataclass(frozen=True, eq=False)
 class BitmapTexture:
-    """An image over (u, v); row 0 of `pixels`, the last of the file, is v near 1."""
+    """An image over (u, v); row 0 of `texels`, the last of the file, is v near 1."""
 
-    pixels: NDArray[np.float32]  # (H, W, 3), linear, already out of sRGB unless `raw`
-    filter_type: Literal["bilinear", "nearest"] = "bilinear"
-    wrap_mode: Literal["repeat", "mirror", "clamp"] = "repeat"
+    texels: NDArray[Any]  # (H, W, 1 or 3), finite, uint8, float16 or float32
+    filter_type: str = "bilinear"  # or "nearest"
+    wrap_mode: str = "repeat"  # or "mirror", "clamp"
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))  # on (u, v, 1)
+    srgb: bool = False  # whether bytes are encoded; the other types are linear
+
+    @cached_property
+    def pixels(self) -> NDArray[np.float32]:
+        """Linear RGB, (H, W, 3)."""
+        return Image(self.texels, self.srgb).linear
 
 
 @dataclass(frozen=True, eq=False)
