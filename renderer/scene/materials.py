@@ -136,7 +136,7 @@ class MaterialTables:
     @property
     def textured(self) -> bool:
         """Whether any BSDF looks at uv."""
-        return any(is_textured(value) for _, value in self._parameters())
+        return any(is_textured(value) for value in self._parameters())
 
     def stages(self, shapes: Sequence[Shape]) -> NDArray[np.int32]:
         """Return the bits of what a hit on each shape needs next."""
@@ -153,13 +153,12 @@ class MaterialTables:
             rows.append(bits | sum(bit[name] for name in shown))
         return np.array(rows or [0], np.int32)
 
-    def _parameters(self) -> list[tuple[Any, Any]]:
-        """Return (BSDF, value) of all parameters that each point has."""
-        return [
-            (bsdf, getattr(bsdf, name))
-            for bsdf in self.bsdfs
-            for name, _, _ in kind_of(bsdf).layout()
-        ]
+    def parameters_of(self, bsdf: Any) -> list[tuple[Any, int]]:
+        """Return (value, rows) of all parameters that points on a BSDF have."""
+        return [(getattr(bsdf, name), rows) for name, _, rows in kind_of(bsdf).layout()]
+
+    def _parameters(self) -> list[Any]:
+        return [value for b in self.bsdfs for value, _ in self.parameters_of(b)]
 
     def textures(self) -> list[Any]:
         """Return the distinct textures; their places are the texture ids."""
@@ -172,7 +171,7 @@ class MaterialTables:
                     for part in children(texture) or ():
                         collect(part)
 
-        for _, value in self._parameters():
+        for value in self._parameters():
             if is_textured(value):
                 collect(value)
         return list(found.values())

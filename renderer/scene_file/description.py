@@ -74,7 +74,16 @@ class CheckerboardTexture:
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
 
-Texture = ConstantTexture | BitmapTexture | CheckerboardTexture
+@dataclass(frozen=True, eq=False)
+class MeshAttributeTexture:
+    """What a mesh has at its vertices ("vertex_..."), or for each face ("face_...")."""
+
+    name: str
+    scale: float = 1.0
+    location: Location = NOWHERE
+
+
+Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
 
 
 # ------------------------------------------------------------------- BSDFs
@@ -157,6 +166,8 @@ class Mesh(Shape):
     uvs: NDArray[np.float32] | None = None  # (V, 2)
     face_ids: NDArray[np.int32] | None = None  # (F,) index in the file; None: 0..F-1
     flip_normals: bool = False  # the geometric normal is -(e1 x e2)
+    # "vertex_..." (V, size) and "face_..." (F, size), finite
+    attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

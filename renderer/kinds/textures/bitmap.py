@@ -36,6 +36,7 @@ from renderer.scene_file.images.images import READ_FROM, read_texels
 REPEAT = 0
 MIRROR = 1
 CLAMP = 2
+NEAREST = 4  # no interpolation
 FORMATS = ("auto", "variant", "fp16", "float16", "uint8")
 _WRAP = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 
@@ -47,8 +48,7 @@ class Bitmaps(NamedTuple):
     start: NDArray[np.int32]  # (n,) first texel
     width: NDArray[np.int32]  # (n,)
     height: NDArray[np.int32]  # (n,)
-    nearest: NDArray[np.int32]  # (n,) 1: no interpolation
-    wrap: NDArray[np.int32]  # (n,) REPEAT, MIRROR or CLAMP
+    mode: NDArray[np.int32]  # (n,) REPEAT, MIRROR or CLAMP, or'ed with NEAREST
 
 
 def read(properties: Any, use: Use) -> BitmapTexture:
@@ -128,11 +128,13 @@ def bitmap_table(textures: list[BitmapTexture | None], scene: Any) -> Bitmaps:
         (np.cumsum(total) - total).astype(np.int32),
         widths,
         heights,
-        np.array(
-            [b is not None and b.filter_type == "nearest" for b in textures], np.int32
-        ),
-        np.array([_WRAP[b.wrap_mode] if b else REPEAT for b in textures], np.int32),
+        np.array([_mode(b) if b else 0 for b in textures], np.int32),
     )
+
+
+def _mode(bitmap: BitmapTexture) -> int:
+    nearest = NEAREST if bitmap.filter_type == "nearest" else 0
+    return _WRAP[bitmap.wrap_mode] | nearest
 
 
 @kernel
@@ -164,8 +166,9 @@ def _interpolated(bitmaps, texture, point, mask):
     start = gather_row(bitmaps.start, 0, texture, mask)
     width = gather_row(bitmaps.width, 0, texture, mask)
     height = gather_row(bitmaps.height, 0, texture, mask)
-    mode = gather_row(bitmaps.wrap, 0, texture, mask)
-    nearest = gather_row(bitmaps.nearest, 0, texture, mask) != 0
+    mode = gather_row(bitmaps.mode, 0, texture, mask)
+    nearest = (mode & NEAREST) != 0
+    mode = mode & ~NEAREST
     half = select(nearest, splat_f32(0.0), splat_f32(0.5))
     x = point.u * to_f32(width) - half
     y = (1.0 - point.v) * to_f32(height) - half

@@ -7,11 +7,12 @@ from typing import Any
 from renderer.kinds.textures.bitmap import BITMAP
 from renderer.kinds.textures.checkerboard import CHECKERBOARD
 from renderer.kinds.textures.kind import TextureKind, texture_color, texture_scalar
+from renderer.kinds.textures.mesh_attribute import MESH_ATTRIBUTE
 from renderer.kinds.textures.uniform import UNIFORM
 
 TEXTURES: dict[str, TextureKind] = {}
 
-for _kind in (BITMAP, CHECKERBOARD, UNIFORM):
+for _kind in (BITMAP, CHECKERBOARD, MESH_ATTRIBUTE, UNIFORM):
     texture_color.by(_kind.table_class)(_kind.color)
     texture_scalar.by(_kind.table_class)(_kind.scalar)
     TEXTURES[_kind.name] = _kind

@@ -84,7 +84,9 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
                     "grey + alpha, RGB, RGB + alpha, palette"
                 )
     except UnidentifiedImageError:
-        raise SceneError(f"{path}: neither PNG, JPEG, BMP, TGA, EXR nor HDR, which images are read from") from None
+        raise SceneError(
+            f"{path}: neither PNG, JPEG, BMP, TGA, EXR nor HDR, which images are read from"
+        ) from None
     except (
         OSError,
         ValueError,
