@@ -12,7 +12,7 @@ from renderer.lanes.vectors import vec3
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.colors.conductor_materials import MATERIALS
 from renderer.scene_file.description import Conductor as Description
-from renderer.scene_file.description import ConstantTexture
+from renderer.scene_file.description import ConstantTexture, Texture
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.objects.textures import read_texture
 
@@ -26,19 +26,26 @@ class Conductor(NamedTuple):
 
 
 def read(properties: Any) -> Description:
-    """Read the properties of a file: a material by name, or eta and k."""
+    """Read the properties of a file."""
+    eta, k = read_complex_index(properties)
+    return Description(eta, k, read_texture(properties, "specular_reflectance", 1.0))
+
+
+def read_complex_index(properties: Any) -> tuple[Texture, Texture]:
+    """Return eta and k: of a material by name, or as the file gives them."""
     name = properties.string("material", "none")
     if properties.has("material") and (properties.has("eta") or properties.has("k")):
         other = "eta" if properties.has("eta") else "k"
         properties.fail(other, 'a value beside "material"', "one of the two")
     if name == "none":
-        eta = read_texture(properties, "eta", 0.0, Use.REFRACTION)
-        k = read_texture(properties, "k", 1.0, Use.REFRACTION)
-    elif name in MATERIALS:
-        eta, k = (ConstantTexture(index) for index in MATERIALS[name])
-    else:
+        return (
+            read_texture(properties, "eta", 0.0, Use.REFRACTION),
+            read_texture(properties, "k", 1.0, Use.REFRACTION),
+        )
+    if name not in MATERIALS:
         properties.fail("material", quoted(name), "one of none, " + ", ".join(MATERIALS))
-    return Description(eta, k, read_texture(properties, "specular_reflectance", 1.0))
+    eta, k = MATERIALS[name]
+    return ConstantTexture(eta), ConstantTexture(k)
 
 
 @kernel
