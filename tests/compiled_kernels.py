@@ -23,7 +23,7 @@ ROOT = Path(renderer.__file__).parents[1]
 class Compiled(NamedTuple):
     """One kernel for one list of argument types."""
 
-    module: str | None  # None for what is written by a program, as the loaders of parameters
+    module: str | None  # None for what is written by a program: loaders of parameters
     name: str
     arguments: tuple[str, ...]
 
