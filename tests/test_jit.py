@@ -20,7 +20,7 @@ from small_scenes import diffuse, scene, sensor, sphere
 
 import renderer
 import renderer.stages.film
-from renderer.jit import cache, decorators, entry_kernel, kernel, linking, with_neighbours
+from renderer.jit import cache, decorators, entry_kernel, kernel, versions, with_neighbours
 from renderer.jit.cache import KERNEL_FOLDERS, file_digest
 from renderer.scene_file.images import png_filters
 
@@ -284,13 +284,13 @@ def test_a_second_copy_of_the_sources_compiles_nothing(tmp_path: Path) -> None:
 
 
 def test_this_version_of_numba_has_been_tried() -> None:
-    """`renderer.jit.linking` replaces private parts of Numba, on versions it knows.
+    """`renderer.jit` replaces private parts of Numba, on versions it knows.
 
     On another version all works, but compiles longer. To add one to `TRIED`, run the whole
     suite with it.
     """
-    assert numba.__version__ in linking.TRIED, (
-        f"Numba {numba.__version__} has not been tried with renderer.jit.linking"
+    assert numba.__version__ in versions.TRIED, (
+        f"Numba {numba.__version__} has not been tried with renderer.jit"
     )
 
 
