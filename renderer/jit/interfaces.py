@@ -35,8 +35,7 @@ def interface(declared: Callable[..., Any]) -> Any:
     -------
     callable
         To be called inside kernels. Its `by(*classes)` is a decorator that adds an
-        implementation, which is not given the record itself if `drop_first`. `has(cls)`
-        tells whether there is one.
+        implementation, which is not given the record itself if `drop_first`.
     """
     names = list(inspect.signature(declared).parameters)
     listed = ", ".join(names)
@@ -73,5 +72,5 @@ def interface(declared: Callable[..., Any]) -> Any:
 
         return add
 
-    function.by, function.has = by, implementations.__contains__
+    function.by = by
     return function

@@ -67,6 +67,7 @@ class MaterialTables:
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    registered: dict[str, BsdfKind] = field(default_factory=dict)  # as the scene was built
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
@@ -87,6 +88,7 @@ class MaterialTables:
             ahead, behind = sides(shape.bsdf)
             front.append(number(ahead))
             back.append(number(behind))
+        tables.registered = {bsdf.plugin: kind_of(bsdf) for bsdf in tables.bsdfs}
         tables.front = np.array(front or [-1], np.int32)
         tables.back = np.array(back or [-1], np.int32)
         tables.light = np.full(max(len(front), 1), -1, np.int32)
@@ -96,8 +98,14 @@ class MaterialTables:
     @property
     def kinds(self) -> list[BsdfKind]:
         """The kinds present: those with smooth lobes first, else as they are registered."""
-        present = {kind_of(bsdf).name for bsdf in self.bsdfs}
-        listed = [kind for name, kind in BSDFS.items() if name in present]
+        for name, kind in self.registered.items():
+            # stages and parameters would be those of the old one
+            if BSDFS.get(name) is not kind:
+                raise SceneError(
+                    f"BSDF {name!r} was registered anew after the scene was loaded; "
+                    "load it again"
+                )
+        listed = [kind for name, kind in BSDFS.items() if name in self.registered]
         return sorted(listed, key=lambda kind: not kind.smooth)
 
     @property
