@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.kind import BsdfKind
+from renderer.kinds.bsdfs.kind import BsdfKind, Rows
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import TEXTURES
@@ -121,7 +121,13 @@ class MaterialTables:
     @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
-        return any(kind.reflection and kind.transmission for kind in self.kinds)
+        kinds = [kind for kind in self.kinds if kind.reflection is not None]
+        return any(kind.smooth or kind.transmission is not None for kind in kinds)
+
+    @property
+    def oriented(self) -> bool:
+        """Whether any BSDF looks at dp/du."""
+        return any(kind.oriented for kind in self.kinds)
 
     @property
     def textured(self) -> bool:
@@ -164,6 +170,24 @@ class MaterialTables:
             for name, first, count in kind_of(bsdf).layout():
                 table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
         return table
+
+    def tables_of(self, kind: BsdfKind) -> dict[str, Rows]:
+        """Return the tables of a kind by their names; what BSDFs share is there once."""
+        tables = {}
+        for name in kind.tables:
+            parts: list[NDArray[np.float32]] = []
+            at, end = {}, 0
+            first = np.zeros((1, len(self.bsdfs)), np.int32)
+            for k, bsdf in enumerate(self.bsdfs):
+                if kind_of(bsdf) is not kind:
+                    continue
+                entries = getattr(bsdf, name)
+                if id(entries) not in at:
+                    at[id(entries)], end = end, end + len(entries)
+                    parts.append(np.asarray(entries, np.float32))
+                first[0, k] = at[id(entries)]
+            tables[name] = Rows(np.concatenate(parts)[None], first)
+        return tables
 
     def texture_ids(self) -> NDArray[np.int32]:
         """Return the texture of each parameter, (rows, BSDFs); -1 for constants."""

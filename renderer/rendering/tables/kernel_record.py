@@ -11,6 +11,7 @@ from renderer.accelerators.build import build_accelerators
 from renderer.integrators.kind import NO_LIMIT
 from renderer.jit import Packed, record_type
 from renderer.kinds.sampling.source import Sampling
+from renderer.kinds.shapes.triangle import texture_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
@@ -117,7 +118,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(plan.every_light),
         int(plan.hide_emitters),
         int(with_uv),
-        int(variant.previous_points),
+        int(variant.previous_points or scene.materials.oriented),
         float(plan.cutoff),
         *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
     )
@@ -126,10 +127,14 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
 def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
     """Return the scene's surfaces, without uv where nobody looks at it."""
     surfaces = variant.surfaces(scene.surfaces)
-    if settings.with_uv or "triangles" not in surfaces:
+    if "triangles" not in surfaces:
         return surfaces
-    without = surfaces["triangles"]._replace(uvs=np.zeros((6, 0), np.float32))
-    return surfaces | {"triangles": without}
+    triangles = surfaces["triangles"]
+    if settings.with_tangents and triangles.tangents.shape[1] == 0:
+        triangles = triangles._replace(tangents=texture_tangents(triangles))
+    if not settings.with_uv:
+        triangles = triangles._replace(uvs=np.zeros((6, 0), np.float32))
+    return surfaces | {"triangles": triangles}
 
 
 def _sampler_methods(
