@@ -241,6 +241,12 @@ def test_a_kernels_neighbours_are_part_of_its_source(tmp_path: Path) -> None:
         "second.py",
         "broken.py",
     }
+    part, package = tmp_path / "first" / "part.py", tmp_path / "first" / "__init__.py"
+    part.write_text("from . import deep\nfrom .deep import part")
+    assert set(with_neighbours(part)) == {part, package, part.parent / "deep" / "part.py"}
+    part.write_text("def f():\n    from .. import second")
+    package.write_text("import first.part")  # from within, by its full name
+    assert {file.name for file in with_neighbours(package)} >= {"part.py", "second.py"}
     first = file_digest(str(mine))
     file_digest.cache_clear()
     (tmp_path / "second.py").write_text("import mine  # edited")

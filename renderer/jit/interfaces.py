@@ -39,8 +39,7 @@ def interface(declared: Callable[..., Any]) -> Any:
     -------
     callable
         To be called inside kernels. Its `by(*classes)` is a decorator that adds an
-        implementation, which is not given the record itself if `drop_first`. `has(cls)`
-        tells whether there is one.
+        implementation, which is not given the record itself if `drop_first`.
     """
     parameters = inspect.signature(declared)
     # of each class: the implementation, and how many arguments it is not given
@@ -95,5 +94,5 @@ def interface(declared: Callable[..., Any]) -> Any:
 
         return add
 
-    function.by, function.has = by, implementations.__contains__  # type: ignore[attr-defined]
+    function.by = by  # type: ignore[attr-defined]
     return function
