@@ -7,6 +7,7 @@ alone, and a tile's samples are added in their order.
 
 from __future__ import annotations
 
+from renderer.integrators.direct_samples import trace_direct_samples
 from renderer.integrators.first_hit import CHANNELS, trace_first_hits
 from renderer.integrators.path import trace_paths
 from renderer.integrators.whitted import trace_ray_trees
@@ -30,6 +31,17 @@ def render_paths(scene, rfilter, tile, first_sample, end_sample, work, sums, bor
     for sample in range(first_sample, end_sample):
         _clear(work.radiance)
         trace_paths(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+
+
+@entry_kernel
+def render_direct_samples(
+    scene, rfilter, tile, first_sample, end_sample, work, sums, border
+):
+    """Add samples first_sample .. end_sample - 1 of a tile to `sums`, by direct light."""
+    for sample in range(first_sample, end_sample):
+        _clear(work.radiance)
+        trace_direct_samples(scene, tile, sample, work)
         add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
@@ -60,9 +72,10 @@ def render_work(scene, rfilter, tile, first_sample, end_sample, work, sums, bord
         add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
-# method of the plan -> (kernel, channels of the film)
+# loop of the plan -> (kernel, channels of the film)
 RENDER_TILE = {
     "direct": (render_paths, 3),
+    "direct-samples": (render_direct_samples, 3),
     "path": (render_paths, 3),
     "whitted": (render_ray_trees, 3),
     "depth": (render_first_hits, CHANNELS),

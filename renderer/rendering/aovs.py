@@ -14,7 +14,7 @@ from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import AOV_KINDS
 
-_CHANNELS = {
+CHANNELS_OF = {  # of the first-hit integrator, by kind of AOV
     "depth": slice(first_hit.DEPTH, first_hit.DEPTH + 1),
     "position": slice(first_hit.POSITION, first_hit.POSITION + 3),
     "uv": slice(first_hit.UV, first_hit.UV + 2),
@@ -35,16 +35,23 @@ def split_channels(
     its nested integrator's, which is rendered apart, so it is black here. A file without
     a list of AOVs gets all kinds, named after themselves.
     """
-    depth = channels[..., _CHANNELS["depth"]]
+    depth = channels[..., CHANNELS_OF["depth"]]
     if plan.method == "depth":
         return np.repeat(depth, 3, axis=2), {}, {}
-    asked = scene.description.integrator.aovs if _is_file_aov(scene) else ()
-    listed = asked or tuple((kind, kind) for kind in AOV_KINDS)
+    listed = asked_aovs(scene)
     aovs = {
-        name: np.ascontiguousarray(channels[..., _CHANNELS[kind]]) for name, kind in listed
+        name: np.ascontiguousarray(channels[..., CHANNELS_OF[kind]])
+        for name, kind in listed
     }
     black = np.zeros((*channels.shape[:2], 3), np.float32)
     return black, aovs, dict(listed)
+
+
+def asked_aovs(scene: Scene) -> tuple[tuple[str, str], ...]:
+    """Return (name, kind) of the AOVs that the file lists; of all kinds if it lists none."""
+    asked = scene.description.integrator
+    listed = asked.aovs if asked.name == "aov" else ()
+    return listed or tuple((kind, kind) for kind in AOV_KINDS)
 
 
 def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
@@ -65,12 +72,11 @@ def with_picture(image: Image, picture: Image) -> Image:
     return dataclasses.replace(
         image,
         pixels=picture.pixels,
+        aovs={**picture.aovs, **image.aovs},
+        aov_kinds={**picture.aov_kinds, **image.aov_kinds},
         seconds=image.seconds + picture.seconds,
         compile_seconds=image.compile_seconds + picture.compile_seconds,
         explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",
         complete=image.complete and picture.complete,
     )
 
-
-def _is_file_aov(scene: Scene) -> bool:
-    return scene.description.integrator.name == "aov"

@@ -18,6 +18,7 @@ from renderer.picture.heat_map import heat_map
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, split_channels, with_picture
 from renderer.rendering.compilation import CompilationWatch
+from renderer.rendering.moments import with_moments
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.rendering.rendering import Progress, Rendering
 from renderer.scene.scene import Scene
@@ -178,13 +179,16 @@ def _image(
     developed = rendering.film.develop()
     aovs: dict[str, Any] = {}
     kinds: dict[str, str] = {}
-    pixels = developed
+    squares = developed[..., rendering.shown :]
+    pixels = developed = developed[..., : rendering.shown]
     metadata = _metadata(rendering, complete)
     if plan.method in ("depth", "aov"):
         pixels, aovs, kinds = split_channels(rendering.scene, plan, developed)
     if plan.method == "work":
         pixels, aovs, brightest = heat_map(developed)
         metadata["brightest"] = f"{brightest:.6g} box and primitive tests per ray"
+    if plan.moments is not None:
+        aovs, kinds = with_moments(rendering.scene, plan, pixels, aovs, kinds, squares)
     return Image(
         np.ascontiguousarray(pixels),
         aovs=aovs,

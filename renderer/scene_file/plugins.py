@@ -8,7 +8,7 @@ from typing import Any
 
 _SUPPORTED: dict[str, tuple[str, ...]] = {
     "scene": ("scene",),
-    "integrator": ("direct", "whitted", "path", "depth", "aov"),
+    "integrator": ("direct", "whitted", "path", "depth", "aov", "moment"),
     "sensor": ("perspective",),
     "film": ("hdrfilm",),
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),

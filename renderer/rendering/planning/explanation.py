@@ -6,7 +6,7 @@ What is modelled, what is left out and why; nothing here decides anything.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from renderer.accelerators.choice import choose_structures
@@ -61,6 +61,9 @@ class Explanation:
 
 def describe_integrator(asked: Integrator) -> str:
     """Return the integrator's name and the properties that it has."""
+    if asked.moments is not None:
+        inner = replace(asked, moments=None)
+        return f"the moments of {describe_integrator(inner)}"
     depth = "no limit" if asked.max_depth < 0 else str(asked.max_depth)
     match asked.name:
         case "path":

@@ -28,6 +28,7 @@ from renderer.replay.refusals import check_replay
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
+    Moments,
     Sampler,
 )
 from renderer.scene_file.objects.samplers import round_sample_count
@@ -67,7 +68,9 @@ class Plan:
     sampler: Sampler
     ray_offset: str = "tight"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
-    bsdf_samples: int = 1  # of `direct`: 0 or 1
+    light_samples: int = 1  # of `direct`, at each point
+    bsdf_samples: int = 1  # of `direct`, at each point
+    moments: Moments | None = None  # second moments are asked for as well
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -75,6 +78,12 @@ class Plan:
     def counts_work(self) -> bool:
         """Whether traversals count what they do."""
         return self.method == "work"
+
+    @property
+    def loop(self) -> str:
+        """Name of the loop over the stages, in `RENDER_TILE`."""
+        several = max(self.light_samples, self.bsdf_samples) > 1
+        return "direct-samples" if several else self.method
 
     @property
     def sees_lights(self) -> bool:
@@ -103,13 +112,17 @@ def _has_extended_lights(scene: Scene) -> bool:
 def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
     asked = scene.description.integrator
     if name in (None, "auto", asked.name):
+        if asked.refusal:
+            raise SceneError(asked.refusal)
         return asked
     if name not in INTEGRATORS:
         known = ", ".join(INTEGRATORS)
         raise SceneError(f"integrator {name!r} is unknown; there are: {known}")
+    if asked.refusal:  # nothing in it was read, so that the defaults count
+        return Integrator(name)
     if name in ("aov", "work"):
-        return dataclasses.replace(asked, name=name, aovs=(), nested=None)
-    return dataclasses.replace(asked, name=name)
+        return dataclasses.replace(asked, name=name, aovs=(), nested=None, moments=None)
+    return dataclasses.replace(asked, name=name, moments=None)
 
 
 def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
@@ -200,8 +213,8 @@ def _decide(
     why = Explanation()
     asked = _choose_integrator(scene, integrator)
     replay = sampler == REPLAY
-    # a leaner method gives the same answer, but not by the same paths
-    reduce = integrator in (None, "auto") and not replay
+    # a leaner method gives the same answer, but not by the same paths, nor the same moments
+    reduce = integrator in (None, "auto") and not replay and asked.moments is None
     chosen_sampler = _choose_sampler(scene, sampler)
     count = chosen_sampler.sample_count if spp is None else spp
     materials = scene.materials
@@ -250,14 +263,23 @@ def _decide(
     else:
         why.say("method", f"{method}, as asked for")
 
-    more = max(asked.emitter_samples, asked.bsdf_samples) > 1
-    if method == "direct" and more and not replay:
-        why.say("samples", "one of each light and of the BSDF, whatever the file asks for")
+    light_samples = bsdf_samples = 1
+    if method == "direct":
+        light_samples, bsdf_samples = asked.emitter_samples, asked.bsdf_samples
+        if max(light_samples, bsdf_samples) > 1 and reduce and not extended:
+            light_samples, bsdf_samples = 1, min(bsdf_samples, 1)
+            why.say("left out", "more samples at each point: no light has an extent")
+        elif max(light_samples, bsdf_samples) > 1:
+            each = "one of the lights" if replay else "each light"
+            samples = f"{light_samples} of {each}, {bsdf_samples} of the BSDF"
+            why.say("at each point", f"samples: {samples}")
     mirrors = mirrors and not (method == "direct" and asked.bsdf_samples == 0)
     if replay:
         check_replay(asked, method, extended)
         why.say("numbers", OF_MITSUBA)
-    every_light = method == "whitted" or (method == "direct" and not replay)
+    every_light = method == "whitted" or (
+        method == "direct" and not replay and asked.moments is None
+    )
     # BSDF samples look for lights only where lights can be hit
     follow = method == "path" or (
         method == "direct" and extended and asked.bsdf_samples > 0
@@ -279,8 +301,12 @@ def _decide(
         chosen_sampler.sample_count,
         chosen_sampler,
         replay=replay,
-        bsdf_samples=asked.bsdf_samples if method == "direct" else 1,
+        light_samples=light_samples,
+        bsdf_samples=bsdf_samples,
+        moments=asked.moments,
     )
+    if plan.moments is not None:
+        why.say("moments", "the means of the squares of single samples, as in Mitsuba")
     explain_weights(plan, scene, extended, why)
     explain_roulette(plan, asked, why)
     if method == "direct" and not mirrors and not follow and depth > 1:
@@ -314,6 +340,7 @@ def _first_hit_plan(
         spp=sampler.sample_count,
         sampler=sampler,
         replay=replay,
+        moments=asked.moments,
     )
     if replay:
         why.say("numbers", OF_MITSUBA)

@@ -52,7 +52,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         )
     description = SceneDescription(
         camera=sensors[0],
-        integrator=read_integrator(integrator, reading),
+        integrator=read_integrator(integrator, reading, root),
         shapes=shapes,
         groups=groups,
         instances=instances,
