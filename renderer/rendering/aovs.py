@@ -79,4 +79,3 @@ def with_picture(image: Image, picture: Image) -> Image:
         explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",
         complete=image.complete and picture.complete,
     )
-

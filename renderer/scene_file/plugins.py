@@ -25,7 +25,16 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "instance",
     ),
     "bsdf": ("twosided",),  # and what is registered, see `registered_kinds`
-    "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
+    "texture": (
+        "bitmap",
+        "checkerboard",
+        "uniform",
+        "srgb",
+        "d65",
+        "regular",
+        "irregular",
+        "blackbody",
+    ),
     "emitter": ("area",),  # and what is registered, see `registered_kinds`
 }
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.

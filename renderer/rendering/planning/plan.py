@@ -86,6 +86,12 @@ class Plan:
         return "direct-samples" if several else self.method
 
     @property
+    def name(self) -> str:
+        """What is done, in words."""
+        name = "direct with several samples" if self.loop == "direct-samples" else self.loop
+        return name if self.moments is None else f"moments of {name}"
+
+    @property
     def sees_lights(self) -> bool:
         """Whether paths gather light at all."""
         return self.method in ("direct", "path", "whitted")

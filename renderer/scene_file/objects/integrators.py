@@ -111,9 +111,7 @@ def _path(properties: Properties) -> Integrator:
     )
 
 
-def _volume_path(
-    element: Element, reading: Reading, scene: Element | None
-) -> Integrator:
+def _volume_path(element: Element, reading: Reading, scene: Element | None) -> Integrator:
     """Read volpath or volpathmis as path, where both have the same expected picture.
 
     That is in a scene without media (of which this renderer has none) and without BSDFs
