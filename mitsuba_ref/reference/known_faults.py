@@ -57,7 +57,7 @@ def _referenced(state: Any, value: Any) -> Any:
 
 def _colour(props: Any, use: Use) -> tuple[float, float, float]:
     element = Element("texture", props.plugin_name(), NOWHERE)
-    for name in props.keys():  # noqa: SIM118 (not a dict)
+    for name in props.keys():
         element.add(name, props[name], NOWHERE)
     return read_constant_plugin(element, Reading([]), use)
 

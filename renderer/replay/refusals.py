@@ -6,7 +6,6 @@ from renderer.errors import NotReplayable
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 from renderer.scene_file.description import Integrator
 
-
 MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
 
 
