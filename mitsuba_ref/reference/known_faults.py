@@ -25,8 +25,8 @@ WRONG = "lights without extent divided by "
 def give_spectra_colours(mi: Any, state: Any) -> bool:
     """Replace `regular`, `irregular` and `blackbody` where something refers to them.
 
-    The colour is our reader's, so a comparison says nothing about it. A replaced node stays,
-    and nobody evaluates it. Returns whether there was one.
+    The colour is our reader's, so a comparison says nothing about it. A replaced node
+    stays, and nobody evaluates it. Returns whether there was one.
     """
     found = False
     for node in state.nodes:

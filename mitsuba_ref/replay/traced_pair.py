@@ -32,7 +32,7 @@ Pixel = tuple[int, int]
 
 def is_traceable(plan: Plan) -> bool:
     """Tell whether a plan's paths are written down bounce by bounce."""
-    return plan.loop in METHODS and plan.moments is None
+    return plan.name in METHODS
 
 
 class NotTraceable(SceneError):

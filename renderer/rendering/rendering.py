@@ -11,14 +11,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.integrators.direct_samples import KEPT
-from renderer.integrators.render_tile import RENDER_TILE
+from renderer.integrators.direct import KEPT
+from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.records.kernel_scene import KernelScene
 from renderer.records.tile import Tile
-from renderer.rendering.moments import squared_sums
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
@@ -84,15 +83,17 @@ class Rendering:
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record
-        self._render_tile, self.shown = RENDER_TILE[plan.loop]
-        squares = squared_sums(plan, self.shown)
-        self.channels = self.shown + (0 if squares is None else len(squares))
+        kind = plan.kind
+        self._render_tile = kind.render_several if plan.several else kind.render
+        self.channels = kind.channels
         film = scene.description.camera.film
         # counts stay in their own pixel, so that they can be added up
-        self.counted = plan.method == "work"
+        self.counted = kind.counts_work
         self.rfilter = BOX if self.counted else filter_table(film.rfilter)
-        if squares is not None:
+        if plan.moments is not None:
+            squares = squared_sums(kind, scene.description.integrator)
             self.rfilter = self.rfilter._replace(squares=squares)
+            self.channels += len(squares)
         self._packed_filter = pack(self.rfilter)
         self.border = filter_border(self.rfilter)
         self.film = Film(
@@ -129,10 +130,10 @@ class Rendering:
     def make_workspace(self, channels: int) -> Workspace:
         """Allocate what one thread works in."""
         depths, capacity = 1, CAPACITY
-        if self.plan.loop == "whitted":
+        if self.plan.kind.splits:
             depths = self.plan.max_depth + 1
             capacity = REGION * depths
-        elif self.plan.loop == "direct-samples":
+        elif self.plan.several:
             capacity = KEPT + CAPACITY
         bsdfs = self.kernel_scene.bsdfs
         return make_workspace(

@@ -66,6 +66,14 @@ def square_sums(squares, radiance):
 
 
 @kernel
+def clear(radiance):
+    """Set the light of all slots to zero, before a sample is traced."""
+    for channel in range(radiance.shape[0]):
+        for slot in range(CAPACITY):
+            radiance[channel, slot] = 0.0
+
+
+@kernel
 def add_to_tile(rfilter, tile, film, radiance, sums, border):
     """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums.
 

@@ -11,7 +11,7 @@ from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
 from renderer.scene_file.objects.films import read_film, read_rfilter
 from renderer.scene_file.objects.groups import SPECIAL, read_shapes
-from renderer.scene_file.objects.integrators import read_integrator
+from renderer.scene_file.objects.integrators import read_scene_integrator
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
@@ -52,7 +52,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         )
     description = SceneDescription(
         camera=sensors[0],
-        integrator=read_integrator(integrator, reading, root),
+        integrator=read_scene_integrator(integrator, root, reading),
         shapes=shapes,
         groups=groups,
         instances=instances,

@@ -1,0 +1,19 @@
+"""All integrators: `INTEGRATOR` of the file that is named as the integrator is."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from renderer import names
+from renderer.integrators.kind import IntegratorKind
+from renderer.integrators.moment import MOMENT
+
+INTEGRATORS: dict[str, IntegratorKind] = {
+    name: importlib.import_module(f"renderer.integrators.{name}").INTEGRATOR
+    for name in names.INTEGRATORS
+    if name != "auto"
+}
+IN_FILES: dict[str, Any] = {
+    name: kind for name, kind in INTEGRATORS.items() if kind.read is not None
+} | {"moment": MOMENT}
