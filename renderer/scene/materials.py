@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.kind import BsdfKind
+from renderer.kinds.bsdfs.kind import BsdfKind, Rows
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import TEXTURES
@@ -163,14 +163,22 @@ class MaterialTables:
                 table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
         return table
 
-    def tables_of(self, kind: BsdfKind) -> dict[str, NDArray[np.float32]]:
-        """Return the tables of a kind by their names, (BSDFs, entries)."""
+    def tables_of(self, kind: BsdfKind) -> dict[str, Rows]:
+        """Return the tables of a kind by their names; what BSDFs share is there once."""
         tables = {}
         for name in kind.tables:
-            rows = [getattr(b, name) if kind_of(b) is kind else None for b in self.bsdfs]
-            entries = max(len(row) for row in rows if row is not None)
-            rows = [np.zeros(entries) if row is None else row for row in rows]
-            tables[name] = np.array(rows, np.float32)
+            parts: list[NDArray[np.float32]] = []
+            at, end = {}, 0
+            first = np.zeros((1, len(self.bsdfs)), np.int32)
+            for k, bsdf in enumerate(self.bsdfs):
+                if kind_of(bsdf) is not kind:
+                    continue
+                entries = getattr(bsdf, name)
+                if id(entries) not in at:
+                    at[id(entries)], end = end, end + len(entries)
+                    parts.append(np.asarray(entries, np.float32))
+                first[0, k] = at[id(entries)]
+            tables[name] = Rows(np.concatenate(parts)[None], first)
         return tables
 
     def texture_ids(self) -> NDArray[np.int32]:

@@ -12,8 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
@@ -35,10 +33,10 @@ class Table:
 
 
 class Rows(NamedTuple):
-    """What kernels see of a `Table`."""
+    """What kernels see of a `Table`; in the kind's record `first` is that of each BSDF."""
 
-    numbers: Any  # (BSDFs, entries)
-    bsdf: Any  # of each point
+    numbers: Any  # (1, entries of all BSDFs), one behind the other
+    first: Any  # where those of each point's BSDF begin
 
 
 class Numbers(NamedTuple):
@@ -301,10 +299,15 @@ def rows3(rows, first, i):
 
 
 @kernel
+def rows_of(table, bsdf):
+    """Return where the entries of each point's BSDF are."""
+    return Rows(table.numbers, gather_row(table.first, 0, bsdf, bsdf >= 0))
+
+
+@kernel
 def entry_of(table, i):
-    """Return entry i of the rows of a `Table`, lane by lane."""
-    rows, bsdf = table.numbers, table.bsdf
-    return gather_row(rows, 0, bsdf * np.int32(rows.shape[1]) + i, bsdf >= 0)
+    """Return entry i of the point's own rows of a `Table`, lane by lane."""
+    return gather_row(table.numbers, 0, table.first + i, i >= 0)
 
 
 def _loader(kind: BsdfKind) -> Any:
@@ -314,7 +317,7 @@ def _loader(kind: BsdfKind) -> Any:
     for name in kind.parameters._fields:  # type: ignore[attr-defined]
         first, count = at.get(name, (0, 0))
         load = {
-            0: f"Rows(form.{name}, load_row(points.bsdf, 0, i))",
+            0: f"rows_of(form.{name}, load_row(points.bsdf, 0, i))",
             1: "load_row(points.parameters, {}, i)",
             3: "rows3(points.parameters, {}, i)",
         }
@@ -323,7 +326,7 @@ def _loader(kind: BsdfKind) -> Any:
         "load_row": load_row,
         "rows3": rows3,
         "record": kind.parameters,
-        "Rows": Rows,
+        "rows_of": rows_of,
     }
     return kernel(eval(f"lambda form, points, i: record({', '.join(parts)})", names))
 

@@ -14,6 +14,7 @@ from renderer.kinds.bsdfs.conductor import CONDUCTOR
 from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
+from renderer.kinds.bsdfs.merl import MERL
 from renderer.kinds.bsdfs.plastic import PLASTIC
 from renderer.kinds.bsdfs.roughconductor import ROUGHCONDUCTOR
 from renderer.kinds.bsdfs.roughdielectric import ROUGHDIELECTRIC
@@ -37,6 +38,7 @@ for _kind in (
     ROUGHDIELECTRIC,
     PLASTIC,
     ROUGHPLASTIC,
+    MERL,
 ):
     _register(_kind)
 _OURS = (*BSDFS, "twosided")

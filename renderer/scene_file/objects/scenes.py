@@ -15,6 +15,7 @@ from renderer.scene_file.objects.integrators import read_scene_integrator
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
+from renderer.scene_file.plugins import UNSUPPORTED_TAGS
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -104,3 +105,6 @@ def _read_unused(properties: Properties) -> None:
         read_rfilter(element, reading)
     for _, element in properties.children("sampler"):
         read_sampler(element, reading)
+    for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
+        for _, element in properties.children(tag):
+            reading.warn(element.location, f"{element} is not read: no {tag} is used here")
