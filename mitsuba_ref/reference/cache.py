@@ -31,10 +31,8 @@ from renderer.scene_file.description import AOV_KINDS
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
 SOURCES = (
     "edited_scene.py",
-SOURCES = (
     "known_faults.py",
     "merl.py",
-)
     "render.py",
     "user_plugins.py",
     "variant.py",
