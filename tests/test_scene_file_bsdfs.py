@@ -153,11 +153,6 @@ def test_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
             "an index of refraction of at least 0",
         ),
         (
-            "twosided",
-            '<bsdf type="twosided"><bsdf type="diffuse"/></bsdf>',
-            "cannot be inside",
-        ),
-        (
             "conductor",
             '<texture name="eta" type="checkerboard"/>',
             'texture "checkerboard", which varies over the surface, expected one colour',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.kinds.bsdfs.kind import BsdfKind, Rows
+from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.bsdfs.registry import kind_of as kind_of
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import TEXTURES
 from renderer.records.kernel_scene import ANY, EMIT, FIRST_BSDF, MOST_BSDF_KINDS
@@ -24,17 +27,25 @@ from renderer.scene_file.description import (
     TwoSided,
 )
 
-
-def kind_of(bsdf: Any) -> BsdfKind:
-    """Return the kind of a BSDF of the description."""
-    return BSDFS[bsdf.plugin]
+Kind = BsdfKind | Structure
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
-    """Return what a shape shows on the side of its normal and behind; None is black."""
+    """Return what a shape shows on the side of its normal and behind; None is black.
+
+    A nesting tells the sides apart by itself.
+    """
     if isinstance(bsdf, TwoSided):
-        return bsdf.front, bsdf.back
-    return bsdf, bsdf if kind_of(bsdf).transmits else None
+        both = bsdf.front, bsdf.back
+        nested = any(isinstance(kind_of(side), Structure) for side in both)
+        return (bsdf, bsdf) if nested else both
+    kind = kind_of(bsdf)
+    return bsdf, bsdf if kind.transmits or isinstance(kind, Structure) else None
+
+
+def value_of(bsdf: Any, name: str) -> Any:
+    """Return a parameter by its name in the kind's layout."""
+    return operator.attrgetter(name)(bsdf)
 
 
 def is_textured(value: Any) -> bool:
@@ -94,10 +105,17 @@ class MaterialTables:
         return tables
 
     @property
-    def kinds(self) -> list[BsdfKind]:
-        """The kinds present: those with smooth lobes first, else as they are registered."""
-        present = {kind_of(bsdf).name for bsdf in self.bsdfs}
-        listed = [kind for name, kind in BSDFS.items() if name in present]
+    def kinds(self) -> list[Kind]:
+        """The kinds present: those with smooth lobes first, else as they are registered.
+
+        After these come nestings, each structure a kind.
+        """
+        present = {kind.name: kind for kind in map(kind_of, self.bsdfs)}
+        known = list(BSDFS)
+        listed = sorted(
+            present.values(),
+            key=lambda k: (known.index(k.name) if k.name in known else len(known), k.name),
+        )
         return sorted(listed, key=lambda kind: not kind.smooth)
 
     @property
@@ -113,12 +131,11 @@ class MaterialTables:
     @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
-        kinds = [kind for kind in self.kinds if kind.reflection is not None]
-        return any(kind.smooth or kind.transmission is not None for kind in kinds)
+        return any(kind.chooses for kind in self.kinds)
 
     @property
     def oriented(self) -> bool:
-        """Whether any BSDF looks at dp/du."""
+        """Whether any BSDF has a direction along the surface, which is that of dp/du."""
         return any(kind.oriented for kind in self.kinds)
 
     @property
@@ -144,7 +161,7 @@ class MaterialTables:
     def _parameters(self) -> list[tuple[Any, Any]]:
         """Return (BSDF, value) of all parameters that each point has."""
         return [
-            (bsdf, getattr(bsdf, name))
+            (bsdf, value_of(bsdf, name))
             for bsdf in self.bsdfs
             for name, _, _ in kind_of(bsdf).layout()
         ]
@@ -160,10 +177,10 @@ class MaterialTables:
         table = np.zeros((max(rows, 1), max(len(self.bsdfs), 1)), np.float32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, count in kind_of(bsdf).layout():
-                table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
+                table[first : first + count, k] = constant_of(value_of(bsdf, name), count)
         return table
 
-    def tables_of(self, kind: BsdfKind) -> dict[str, Rows]:
+    def tables_of(self, kind: Kind) -> dict[str, Rows]:
         """Return the tables of a kind by their names; what BSDFs share is there once."""
         tables = {}
         for name in kind.tables:
@@ -171,9 +188,9 @@ class MaterialTables:
             at, end = {}, 0
             first = np.zeros((1, len(self.bsdfs)), np.int32)
             for k, bsdf in enumerate(self.bsdfs):
-                if kind_of(bsdf) is not kind:
+                if kind_of(bsdf) != kind:
                     continue
-                entries = getattr(bsdf, name)
+                entries = value_of(bsdf, name)
                 if id(entries) not in at:
                     at[id(entries)], end = end, end + len(entries)
                     parts.append(np.asarray(entries, np.float32))
@@ -187,11 +204,11 @@ class MaterialTables:
         table = np.full(self.values().shape, -1, np.int32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, _ in kind_of(bsdf).layout():
-                table[first, k] = ids.get(id(getattr(bsdf, name)), -1)
+                table[first, k] = ids.get(id(value_of(bsdf, name)), -1)
         return table
 
     def look_ups(
-        self, kinds: Sequence[BsdfKind | None], texture_kinds: Sequence[TextureKind]
+        self, kinds: Sequence[Kind | None], texture_kinds: Sequence[TextureKind]
     ) -> NDArray[np.int64]:
         """Return (kind of BSDF, kind of texture, first row, rows) of all that is textured.
 
@@ -200,8 +217,8 @@ class MaterialTables:
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):
             for name, first, count in kind.layout() if kind else ():
-                for bsdf in (b for b in self.bsdfs if kind_of(b) is kind):
-                    of = texture_kind_of(getattr(bsdf, name))
+                for bsdf in (b for b in self.bsdfs if kind_of(b) == kind):
+                    of = texture_kind_of(value_of(bsdf, name))
                     if of in texture_kinds:
                         rows[k, texture_kinds.index(of), first, count] = None
         return np.array(sorted(rows), np.int64).reshape(-1, 4)

@@ -24,7 +24,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "shapegroup",
         "instance",
     ),
-    "bsdf": ("twosided",),
+    "bsdf": (),
     "texture": (
         "bitmap",
         "checkerboard",
@@ -46,7 +46,7 @@ TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 # read, as any plugin is: they import this package, and hold kernels, so that whoever reads
 # no scene does not wait for Numba.
 _REGISTRIES = {
-    "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
+    "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
 }
