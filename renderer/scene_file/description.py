@@ -7,6 +7,7 @@ act on column vectors; colours are linear sRGB; angles are degrees, as in the fi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -348,6 +349,17 @@ class Film:
     crop_width: int = 768
     crop_height: int = 576
     rfilter: ReconstructionFilter = ReconstructionFilter()
+    sample_border: bool = False  # samples lie beyond the window too, see `border`
+
+    @property
+    def border(self) -> int:
+        """How many pixels beyond the crop window, on each side, samples are taken.
+
+        As many as the filter reaches over; Mitsuba takes its `RayEpsilon` twice off.
+        """
+        if not self.sample_border:
+            return 0
+        return math.ceil(self.rfilter.radius - 0.5 - 2.0 * 1500.0 * 2.0**-24)
 
 
 @dataclass(frozen=True)
@@ -371,6 +383,7 @@ class PerspectiveCamera:
     far_clip: float = 1e4
     principal_point_offset_x: float = 0.0  # in fractions of the film's width
     principal_point_offset_y: float = 0.0
+    shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
     film: Film = Film()
     sampler: Sampler = Sampler()
 
@@ -388,6 +401,19 @@ AOV_KINDS = (
 
 
 @dataclass(frozen=True)
+class Moments:
+    """First and second moments of samples beside the picture, as `moment` names them.
+
+    X, Y and Z of the colours under `name`, and the means of their squares under `m2_` and
+    that name; in front of both stands `within`.
+    """
+
+    name: str  # of the integrator inside of `moment`
+    within: str = ""  # "NAME.": an `aov` around, whose child NAME is
+    colors: str = ""  # an `aov` inside, whose child this is: R, G and B under `name.colors`
+
+
+@dataclass(frozen=True)
 class Integrator:
     """`direct`, `whitted`, `path`, `depth` or `aov`; each uses the fields it needs."""
 
@@ -402,6 +428,9 @@ class Integrator:
     block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
     one_pass: bool = True  # false where the file gives samples_per_pass
     nested: Integrator | None = None  # aov: the integrator whose colours come first
+    moments: Moments | None = None  # `moment` stands around it
+    stands_for: str = ""  # the plugin of the file, where another name is as good here
+    refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,4 +146,31 @@ DEFECTS = (
         scene="cornell-box",
         tests=("test_closed_forms.py::test_disk_light_on_its_axis",),
     ),
+    Mutation(
+        "light-samples-undivided",
+        "several samples of the lights at a point are added instead of averaged",
+        (
+            Edit(
+                "integrators/direct.py",
+                "_points(scene, work, count, settings.light_samples)",
+                "_points(scene, work, count, np.int64(1))",
+            ),
+        ),
+        scene="many-samples",
+        tests=(
+            "test_direct_samples.py::test_the_variance_falls_with_the_number_of_samples",
+        ),
+    ),
+    Mutation(
+        "densities-without-their-numbers",
+        "light samples are weighed as if there were as many of the BSDF",
+        (
+            Edit(
+                "kinds/lights/weights.py",
+                "power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)",
+                "power_heuristic(light_pdf, bsdf_pdf)",
+            ),
+        ),
+        scene="many-samples",
+    ),
 )

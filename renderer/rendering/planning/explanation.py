@@ -63,7 +63,7 @@ class Explanation:
 
 def describe_integrator(asked: Integrator) -> str:
     """Return the integrator's name and the properties that it has."""
-    text = asked.name
+    text = asked.name if asked.moments is None else f"the moments of {asked.name}"
     for name in INTEGRATORS[asked.name].described:
         value = getattr(asked, name)
         text += f", {name} {'no limit' if value < 0 else value}"

@@ -119,6 +119,9 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(plan.hide_emitters),
         int(with_uv),
         int(variant.previous_points or scene.materials.oriented),
+        plan.light_samples,
+        plan.bsdf_samples,
+        plan.light_samples / plan.bsdf_samples if plan.weigh else 1.0,
         float(plan.cutoff),
         *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
     )

@@ -9,10 +9,11 @@ from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
 from renderer.scene_file.objects.films import read_film, read_rfilter
 from renderer.scene_file.objects.groups import SPECIAL, read_shapes
-from renderer.scene_file.objects.integrators import read_integrator
+from renderer.scene_file.objects.integrators import read_scene_integrator
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
+from renderer.scene_file.plugins import UNSUPPORTED_TAGS
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -50,7 +51,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         )
     description = SceneDescription(
         camera=sensors[0],
-        integrator=read_integrator(integrator, reading),
+        integrator=read_scene_integrator(integrator, root, reading),
         shapes=shapes,
         groups=groups,
         instances=instances,
@@ -102,3 +103,6 @@ def _read_unused(properties: Properties) -> None:
         read_rfilter(element, reading)
     for _, element in properties.children("sampler"):
         read_sampler(element, reading)
+    for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
+        for _, element in properties.children(tag):
+            reading.warn(element.location, f"{element} is not read: no {tag} is used here")

@@ -51,6 +51,7 @@ def read_sensor(element: Element, reading: Reading) -> PerspectiveCamera:
         far_clip=far,
         principal_point_offset_x=properties.number("principal_point_offset_x", 0.0),
         principal_point_offset_y=properties.number("principal_point_offset_y", 0.0),
+        shutter_time=closes - opens,
         film=film,
         sampler=sampler,
     )
