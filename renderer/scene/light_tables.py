@@ -28,7 +28,6 @@ class LightTables:
     count: int
     kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
     tables: list[Any]  # records, columns by light id
-    plugins: list[str]  # of each table
 
 
 def light_tables(
@@ -53,17 +52,15 @@ def light_tables(
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
     kind = np.zeros(max(count, 1), np.int32)
     tables: list[Any] = []
-    plugins: list[str] = []
 
-    def add(plugin: str, ids: Iterable[int], table: Any) -> None:
+    def add(ids: Iterable[int], table: Any) -> None:
         kind[list(ids)] = len(tables)
         tables.append(table)
-        plugins.append(plugin)
 
     for plugin in LIGHTS.values():
         mine = {i: e for i, e in others.items() if plugin_of(e) is plugin}
         if mine:
-            add(plugin.name, mine, plugin.table(count, mine, beyond))
+            add(mine, plugin.table(count, mine, beyond))
     primitives = _primitives_of_lights(scene, shining)
     for shapes, of_kind in scene.surfaces.items():
         lamps = {
@@ -73,8 +70,8 @@ def light_tables(
         }
         if lamps:
             args = (count, scene, shapes, surfaces[shapes], shining, lamps, mesh_choice)
-            add("area", lamps, _areas(*args))
-    return LightTables(count, kind, tables, plugins)
+            add(lamps, _areas(*args))
+    return LightTables(count, kind, tables)
 
 
 def _primitives_of_lights(

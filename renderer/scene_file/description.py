@@ -238,7 +238,18 @@ class ConstantLight:
     radiance: Rgb
 
 
-Emitter = PointLight | SpotLight | DirectionalLight | ConstantLight
+@dataclass(frozen=True, eq=False)
+class EnvironmentMap:
+    """Radiance by direction: row 0 is local +y, column (0.5 + i) W shows local +z."""
+
+    plugin: ClassVar[str] = "envmap"
+    pixels: NDArray[np.float32]  # (H, W, 3) linear, from the top; at least 3 x 2
+    scale: float
+    to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
+    mis_compensation: bool = False  # sample only what is above the mean
+
+
+Emitter = PointLight | SpotLight | DirectionalLight | ConstantLight | EnvironmentMap
 
 
 # ----------------------------------------------- sensor, film, integrator

@@ -13,7 +13,7 @@ from renderer.scene_file.description import (
     SceneDescription,
     TwoSided,
 )
-from renderer.simple.lights import Light
+from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector
 
@@ -65,6 +65,9 @@ def _check(description: SceneDescription) -> None:
     }
     for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
         covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = not isinstance(bsdf, OtherBsdf)
+    for emitter in description.emitters:
+        possible = isinstance(emitter, EMITTERS)
+        covered[f"emitter {getattr(emitter, 'plugin', '')!r}"] = possible
     for what, possible in covered.items():
         if not possible:
             raise SceneError(f"{description.source}: the simple path tracer has no {what}")

@@ -51,7 +51,8 @@ class LightPlugin:
     at_infinity
         Whether it is infinitely far away.
     environment
-        The kernel that adds it to the rays that have hit nothing; None: it has no extent.
+        Whether rays that hit nothing find it: `environment_light` is implemented for it.
+        A scene has one at most.
     """
 
     name: str
@@ -59,7 +60,7 @@ class LightPlugin:
     read: Callable[[Any], Any]
     table: Callable[[int, dict[int, Any], float], Any]
     at_infinity: bool = False
-    environment: Any = None
+    environment: bool = False
 
 
 @interface

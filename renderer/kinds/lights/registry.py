@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from renderer.kinds.lights.constant import CONSTANT
 from renderer.kinds.lights.directional import DIRECTIONAL
+from renderer.kinds.lights.envmap import ENVMAP
 from renderer.kinds.lights.kind import LightPlugin
 from renderer.kinds.lights.point import POINT
 from renderer.kinds.lights.spot import SPOT
 
 LIGHTS: dict[str, LightPlugin] = {
-    kind.name: kind for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT)
+    kind.name: kind for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT, ENVMAP)
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from renderer.errors import SceneError
-from renderer.scene_file.description import ConstantLight, Emitter, SceneDescription
+from renderer.scene_file.description import Emitter, SceneDescription
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
@@ -15,6 +15,7 @@ from renderer.scene_file.objects.integrators import read_integrator
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
+from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -67,15 +68,16 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
 
 def _emitters(properties: Properties) -> list[Emitter]:
     emitters: list[Emitter] = []
+    kinds, environment = registered_kinds("emitter"), None
     for _, element in properties.children("emitter"):
-        emitter = read_emitter(element, properties.reading)
-        if isinstance(emitter, ConstantLight) and any(
-            isinstance(other, ConstantLight) for other in emitters
-        ):
-            raise SceneError(
-                f"{element.location}: a second {element}; expected at most one"
-            )
-        emitters.append(emitter)
+        emitters.append(read_emitter(element, properties.reading))
+        if kinds[element.plugin].environment:
+            if environment is not None:
+                raise SceneError(
+                    f"{element.location}: {element} is a second environment beside line "
+                    f"{environment.location.line}; expected at most one"
+                )
+            environment = element
     return emitters
 
 
