@@ -29,8 +29,8 @@ CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE = 1, 2, 3, 4
 LOCATE = 1
 # kinds of BSDFs
 REFLECT_LIGHT, SCATTER, SPLIT, SHOW_ALBEDO = 1, 2, 3, 4
-# kinds of textures
-LOOK_UP = 1
+# kinds of textures: what can be asked of them
+LOOK_UP_COLOR, LOOK_UP_SCALAR = 1, 2
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
 # the sampler
@@ -79,10 +79,10 @@ class Bsdfs(NamedTuple):
     kind: NDArray[np.int32]  # (n,) row of `methods`, -1 in a scene without any
     values: NDArray[np.float32]  # (rows, n) parameters, in the order of the kind's record
     rows: NDArray[np.int32]  # (kinds,) how many rows a kind has
-    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, how many rows
+    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, LOOK_UP_...
     look_ups: NDArray[np.int64]
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
-    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
+    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`, -1: nested
     texture_methods: Methods
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,12 +12,22 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.kinds.bsdfs.kind import BsdfKind
 from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
-from renderer.kinds.textures.registry import TEXTURES
-from renderer.records.kernel_scene import ANY, EMIT, FIRST_BSDF, MOST_BSDF_KINDS
+from renderer.kinds.textures.registry import kind_of_texture, mean_of
+from renderer.kinds.textures.uniform import UNIFORM
+from renderer.records.kernel_scene import (
+    ANY,
+    EMIT,
+    FIRST_BSDF,
+    LOOK_UP_COLOR,
+    LOOK_UP_SCALAR,
+    MOST_BSDF_KINDS,
+)
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
+    CheckerboardTexture,
     ConstantTexture,
     SceneDescription,
     Shape,
@@ -39,23 +49,31 @@ def sides(bsdf: Bsdf) -> tuple[Any, Any]:
 
 def is_textured(value: Any) -> bool:
     """Return whether a parameter differs from point to point."""
-    return texture_kind_of(value) is not None
+    return kind_of_texture(value) not in (None, UNIFORM)
 
 
-def texture_kind_of(value: Any) -> TextureKind | None:
-    """Return the kind of texture that gives a parameter, None for a constant."""
-    for kind in TEXTURES.values():
-        if isinstance(value, kind.description):
-            return kind
-    return None
+def leaves(texture: Any) -> Iterator[Any]:
+    """Yield the textures that are looked up where this one gives a parameter."""
+    nested = children(texture) if isinstance(texture, CheckerboardTexture) else None
+    for part in nested or ():
+        yield from leaves(part)
+    if nested is None:
+        yield texture
+
+
+def table_of(texture: Any) -> tuple[TextureKind, Any]:
+    """Return the kind of a texture, and what tells its table from others of the kind."""
+    kind = kind_of_texture(texture)
+    assert kind is not None
+    return kind, kind.group(texture)
 
 
 def constant_of(value: Any, rows: int) -> Any:
     """Return a parameter as so many numbers; 0 where a texture gives it."""
-    if isinstance(value, ConstantTexture):
-        value = value.rgb if rows == 3 else value.rgb[0]
     if is_textured(value):
         return np.zeros(rows)
+    if isinstance(value, ConstantTexture):
+        value = value.rgb if rows == 3 else mean_of(value)
     return np.broadcast_to(np.asarray(value, np.float64), rows)
 
 
@@ -145,7 +163,18 @@ class MaterialTables:
 
     def textures(self) -> list[Any]:
         """Return the distinct textures; their places are the texture ids."""
-        found = {id(v): v for _, v in self._parameters() if is_textured(v)}
+        found: dict[int, Any] = {}
+
+        def collect(texture: Any) -> None:
+            if id(texture) not in found:
+                found[id(texture)] = texture
+                if isinstance(texture, CheckerboardTexture):
+                    for part in children(texture) or ():
+                        collect(part)
+
+        for _, value in self._parameters():
+            if is_textured(value):
+                collect(value)
         return list(found.values())
 
     def values(self) -> NDArray[np.float32]:
@@ -167,17 +196,18 @@ class MaterialTables:
         return table
 
     def look_ups(
-        self, kinds: Sequence[BsdfKind | None], texture_kinds: Sequence[TextureKind]
+        self, kinds: Sequence[BsdfKind | None], tables: Sequence[tuple[TextureKind, Any]]
     ) -> NDArray[np.int64]:
-        """Return (kind of BSDF, kind of texture, first row, rows) of all that is textured.
+        """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 
         None in place of a kind: nobody needs its parameters.
         """
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):
             for name, first, count in kind.layout() if kind else ():
-                for bsdf in (b for b in self.bsdfs if kind_of(b) is kind):
-                    of = texture_kind_of(getattr(bsdf, name))
-                    if of in texture_kinds:
-                        rows[k, texture_kinds.index(of), first, count] = None
+                request = LOOK_UP_COLOR if count == 3 else LOOK_UP_SCALAR
+                values = [getattr(b, name) for b in self.bsdfs if kind_of(b) is kind]
+                for texture in (v for v in values if is_textured(v)):
+                    for leaf in leaves(texture):
+                        rows[k, tables.index(table_of(leaf)), first, request] = None
         return np.array(sorted(rows), np.int64).reshape(-1, 4)

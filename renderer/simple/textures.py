@@ -21,7 +21,7 @@ def eval_texture(texture: Texture, u: float, v: float) -> Vector:
         case CheckerboardTexture():
             s, t, _ = texture.to_uv @ (u, v, 1.0)
             same = (s % 1.0 > 0.5) == (t % 1.0 > 0.5)
-            return np.array(texture.color0 if same else texture.color1)
+            return eval_texture(texture.color0 if same else texture.color1, u, v)
         case BitmapTexture():
             s, t, _ = texture.to_uv @ (u, v, 1.0)
             return _bitmap(texture, s, t)

@@ -9,10 +9,12 @@ from renderer.kinds.bsdfs.fresnel import fresnel_conductor
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.vectors import vec3
-from renderer.scene_file.colors.colors import Use, read_color
+from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.colors.conductor_materials import MATERIALS
 from renderer.scene_file.description import Conductor as Description
+from renderer.scene_file.description import ConstantTexture
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.objects.textures import read_texture
 
 
 class Conductor(NamedTuple):
@@ -30,15 +32,13 @@ def read(properties: Any) -> Description:
         other = "eta" if properties.has("eta") else "k"
         properties.fail(other, 'a value beside "material"', "one of the two")
     if name == "none":
-        eta = read_color(properties, "eta", 0.0, Use.REFRACTION)
-        k = read_color(properties, "k", 1.0, Use.REFRACTION)
+        eta = read_texture(properties, "eta", 0.0, Use.REFRACTION)
+        k = read_texture(properties, "k", 1.0, Use.REFRACTION)
     elif name in MATERIALS:
-        eta, k = MATERIALS[name]
+        eta, k = (ConstantTexture(index) for index in MATERIALS[name])
     else:
         properties.fail("material", quoted(name), "one of none, " + ", ".join(MATERIALS))
-    return Description(
-        eta, k, read_color(properties, "specular_reflectance", 1.0, Use.REFLECTANCE)
-    )
+    return Description(eta, k, read_texture(properties, "specular_reflectance", 1.0))
 
 
 @kernel

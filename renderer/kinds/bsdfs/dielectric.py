@@ -9,10 +9,10 @@ from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
 from renderer.lanes.functions import select, splat_f32
 from renderer.lanes.vectors import select3, vec3
-from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.objects.textures import read_texture
 
 
 class Dielectric(NamedTuple):
@@ -29,12 +29,8 @@ def read(properties: Any) -> Description:
     exterior = _index(properties, "ext_ior", "air")
     return Description(
         eta=interior / exterior,
-        specular_reflectance=read_color(
-            properties, "specular_reflectance", 1.0, Use.REFLECTANCE
-        ),
-        specular_transmittance=read_color(
-            properties, "specular_transmittance", 1.0, Use.REFLECTANCE
-        ),
+        specular_reflectance=read_texture(properties, "specular_reflectance", 1.0),
+        specular_transmittance=read_texture(properties, "specular_transmittance", 1.0),
     )
 
 

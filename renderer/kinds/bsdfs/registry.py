@@ -15,7 +15,7 @@ from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
 from renderer.scene_file.description import OtherBsdf
-from renderer.scene_file.objects.textures import read_texture
+from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
 
@@ -113,7 +113,7 @@ def register_bsdf(
             values[key] = (
                 read_texture(properties, key, default)
                 if kind is Color
-                else properties.number(key, default)
+                else read_scalar_texture(properties, key, default)
             )
         return OtherBsdf(name, values)
 

@@ -81,7 +81,7 @@ class KernelInputs:
             placements,
             primitives,
             scene.shapes,
-            bsdf_tables(tables, scene.materials, plan, settings, variant.arithmetic, lit),
+            bsdf_tables(tables, scene, plan, settings, variant.arithmetic, lit),
             lights,
             kernel_camera(scene.description.camera),
             _sampler_methods(tables, sampling, plan, lit),
