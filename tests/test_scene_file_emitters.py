@@ -139,7 +139,8 @@ def test_emitters_keep_the_order_of_the_file() -> None:
         (
             "moon",
             "",
-            "supported emitter plugins: point, spot, directional, constant, envmap, area",
+            "supported emitter plugins: point, spot, directional, constant, envmap, "
+            "projector, area",
         ),
         (
             "point",

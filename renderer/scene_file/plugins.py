@@ -26,7 +26,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     ),
     "bsdf": ("twosided",),  # and what is registered, see `registered_kinds`
     "texture": ("srgb", "d65"),  # and what is registered
-    "emitter": ("area",),  # and what is registered, see `registered_kinds`
+    "emitter": (),  # what is registered
 }
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
 _UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")

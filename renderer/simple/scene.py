@@ -65,6 +65,10 @@ def _check(description: SceneDescription) -> None:
     }
     for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
         covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = not isinstance(bsdf, OtherBsdf)
+    covered["textures on lights; possible is one colour"] = not any(
+        shape.radiance is not None and not isinstance(shape.radiance, tuple)
+        for shape in description.shapes
+    ) and all(getattr(e, "texture", None) is None for e in description.emitters)
     for emitter in description.emitters:
         possible = isinstance(emitter, EMITTERS)
         covered[f"emitter {getattr(emitter, 'plugin', '')!r}"] = possible

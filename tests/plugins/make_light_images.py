@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+from PIL import Image
 
 HERE = Path(__file__).parent
 
@@ -35,5 +36,23 @@ def sky() -> np.ndarray:
     return image
 
 
+def slide() -> np.ndarray:
+    """Coloured stripes and a white frame, wider than high."""
+    height, width = 8, 12
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    image = np.stack((x * 20, 230 - y * 28, 60 + 15 * ((x + y) % 9)), axis=-1)
+    image[[0, -1]], image[:, [0, -1]] = 255, 255
+    return image.astype(np.uint8)
+
+
+def glow() -> np.ndarray:
+    """A dim picture with a few bright texels, one of them in a corner."""
+    image = np.full((6, 9, 3), (0.3, 0.2, 0.4))
+    image[2, 3:5], image[4, 7], image[0, 0] = (9.0, 6.0, 2.0), (1.0, 8.0, 3.0), 6.0
+    return image
+
+
 if __name__ == "__main__":
+    Image.fromarray(slide()).save(HERE / "slide.png")
+    write_exr(HERE / "glow.exr", glow())
     write_exr(HERE / "sky.exr", sky())

@@ -69,7 +69,7 @@ def read(properties: Any) -> EnvironmentMap:
     location = properties.element.properties["filename"].location
     path = properties.reading.find_file(filename, location, "the image")
     try:
-        pixels = read_image(path, raw=False, storage="variant")
+        pixels = read_image(path)
     except SceneError as error:
         raise SceneError(f"{location}: {properties.element}: {error}") from None
     scale = properties.number("scale", 1.0, at_least=0.0)

@@ -106,9 +106,16 @@ def has_lights(scene: Scene) -> bool:
     return bool(order.of_emitters) or max(order.of_shapes, default=-1) >= 0
 
 
+def has_textured_lamps(scene: Scene) -> bool:
+    """Return whether the radiance of a shape depends on where it is met."""
+    lit = (shape.radiance for shape in scene.description.shapes)
+    return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
+
+
 def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
     first_hit = plan.method in ("depth", "aov")
-    with_uv = (scene.materials.textured or first_hit) and not plan.counts_work
+    textured = scene.materials.textured or has_textured_lamps(scene)
+    with_uv = (textured or first_hit) and not plan.counts_work
     return Settings(
         plan.max_depth,
         NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,

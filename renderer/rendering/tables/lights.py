@@ -8,7 +8,7 @@ import numpy as np
 
 import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
 from renderer.jit import record_type
-from renderer.kinds.lights.area import AreaLights, add_emission
+from renderer.kinds.lights.area import add_emission, emitted_light
 from renderer.kinds.lights.environment import add_environment, environment_light
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
 from renderer.records.kernel_scene import Lights, Settings, Shapes
@@ -40,7 +40,7 @@ def light_methods(
     for k, table in enumerate(lights.tables):
         methods = [
             sample if lit else None,
-            emission if isinstance(table, AreaLights) else None,
+            emission if emitted_light.has(type(table)) else None,
             (add_environment, sky, NOTHING) if environment_light.has(type(table)) else None,
         ]
         rows.append((tables.pack(LightKind(table, k, lights.kind, arithmetic)), methods))
