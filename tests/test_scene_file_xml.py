@@ -443,7 +443,9 @@ def test_second_integrator_and_second_environment() -> None:
     assert error_of(content).startswith("<string>:3: a second <integrator> in scene")
     assert mitsuba_refuses(content)
     content = '<emitter type="constant"/>\n<emitter type="constant"/>'
-    assert error_of(content).startswith('<string>:3: a second emitter "constant"')
+    assert error_of(content).startswith(
+        '<string>:3: emitter "constant" is a second environment beside line 2'
+    )
     assert mitsuba_refuses(content)
 
 

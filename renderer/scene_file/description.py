@@ -85,6 +85,7 @@ class MeshAttributeTexture:
 
 
 Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
+Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
 
 
 # ------------------------------------------------------------------- BSDFs
@@ -211,7 +212,7 @@ class Shape:
     """What all shapes share."""
 
     bsdf: Bsdf
-    radiance: Rgb | None = None  # of an area emitter on it, on the side of the normal
+    radiance: Radiance | None = None  # of an area emitter, on the side of the normal
     id: str = ""
     location: Location = NOWHERE
 
@@ -304,6 +305,7 @@ class SpotLight:
     intensity: Rgb
     cutoff_angle: float = 20.0  # [deg], half angle
     beam_width: float = 15.0  # [deg], half angle; Mitsuba's default is 3/4 of the cutoff
+    texture: Texture | None = None  # over the square around the cone, times the intensity
 
 
 @dataclass(frozen=True)
@@ -321,7 +323,39 @@ class ConstantLight:
     radiance: Rgb
 
 
-Emitter = PointLight | SpotLight | DirectionalLight | ConstantLight
+@dataclass(frozen=True, eq=False)
+class Projector:
+    """A slide at the origin's z = 1, thrown along local +z; local +x is its left."""
+
+    plugin: ClassVar[str] = "projector"
+    to_world: NDArray[np.float64]  # (4, 4), without scale
+    irradiance: Texture  # of the slide
+    scale: float
+    fov_x: float  # [deg] across the slide's width
+    aspect: float  # width over height
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentMap:
+    """Radiance by direction: row 0 is local +y, column (0.5 + i) W shows local +z."""
+
+    plugin: ClassVar[str] = "envmap"
+    pixels: NDArray[np.float32]  # (H, W, 3) linear, from the top; at least 3 x 2
+    scale: float
+    to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
+    mis_compensation: bool = False  # sample only what is above the mean
+
+
+@dataclass(frozen=True, eq=False)
+class AreaLight:
+    """What shines on the surface of a shape; stands there as its `radiance`."""
+
+    radiance: Radiance
+
+
+Emitter = (
+    PointLight | SpotLight | DirectionalLight | ConstantLight | EnvironmentMap | Projector
+)
 
 
 # ----------------------------------------------- sensor, film, integrator

@@ -26,7 +26,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     ),
     "bsdf": (),
     "texture": ("srgb", "d65", "regular", "irregular", "blackbody"),
-    "emitter": ("area",),
+    "emitter": (),
 }  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
 UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")

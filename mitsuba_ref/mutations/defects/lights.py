@@ -173,4 +173,30 @@ DEFECTS = (
         ),
         scene="many-samples",
     ),
+    Mutation(
+        "envmap-density-half-a-texel-off",
+        "the density of a direction is looked up as if texels began where they are centred",
+        (
+            Edit(
+                "kinds/lights/envmap.py",
+                "shifted = u - _half_texel(sky)",
+                "shifted = u",
+            ),
+        ),
+        scene="envmap",
+        tests=("test_envmap.py::test_samples_follow_the_density",),
+    ),
+    Mutation(
+        "warp-cuts-columns-in-the-wrong-place",
+        "what is left of a number after a choice is cut off a little too high",
+        (
+            Edit(
+                "kinds/sampling/hierarchical_warp.py",
+                "x = select(second, x - left, x)",
+                "x = select(second, x - 0.99 * left, x)",
+            ),
+        ),
+        scene="envmap",
+        tests=("test_envmap.py::test_samples_follow_the_density",),
+    ),
 )

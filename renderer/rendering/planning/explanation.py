@@ -218,8 +218,8 @@ def _lights(scene: Scene) -> dict[str, int]:
     lights = dict.fromkeys(LIGHTS, 0)
     for emitter in scene.description.emitters:
         lights[plugin_of(emitter).name] += 1
-    area = sum(shape.radiance is not None for shape in scene.description.shapes)
-    return lights | {"area": area}
+    lights["area"] = sum(shape.radiance is not None for shape in scene.description.shapes)
+    return lights
 
 
 def _primitives(scene: Scene) -> dict[str, int]:

@@ -108,9 +108,16 @@ def has_lights(scene: Scene) -> bool:
     return bool(order.of_emitters) or max(order.of_shapes, default=-1) >= 0
 
 
+def has_textured_lamps(scene: Scene) -> bool:
+    """Return whether the radiance of a shape depends on where it is met."""
+    lit = (shape.radiance for shape in scene.description.shapes)
+    return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
+
+
 def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
     kind = plan.kind
-    with_uv = (scene.materials.textured or kind.first_hit) and not kind.counts_work
+    textured = scene.materials.textured or has_textured_lamps(scene)
+    with_uv = (textured or kind.first_hit) and not kind.counts_work
     return Settings(
         plan.max_depth,
         NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,

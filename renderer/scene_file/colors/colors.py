@@ -103,7 +103,7 @@ def _linear_srgb(
     raw = srgb_of_spectrum(
         spectrum.wavelengths, spectrum.values, under_d65=use is not Use.EMISSION
     )
-    clamped = np.clip(raw, *use.limits)
+    clamped = np.clip(raw, *(Use.NUMBER if use is None else use).limits)
     # Bright white reflectances end a hair above 1, which is no news.
     if use is not None and np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
         shown = ", ".join(f"{component:.4g}" for component in raw)
