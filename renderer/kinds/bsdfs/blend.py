@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 
 from renderer.jit import kernel
 from renderer.kinds.bsdfs.kind import Float, Nested, Numbers, albedo_of
-from renderer.kinds.bsdfs.mask import in_unit_interval, read_share
+from renderer.kinds.bsdfs.mask import in_unit_interval
 from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, black, eval_pdf_lobes, sample_lobe
 from renderer.lanes.functions import select
 from renderer.lanes.vectors import select3
 from renderer.scene_file.description import Blend as Description
 from renderer.scene_file.objects.bsdfs import read_nested
+from renderer.scene_file.objects.textures import read_scalar_texture
 
 
 class Blended(NamedTuple):
@@ -32,7 +33,7 @@ def read(properties: Any) -> Description:
     """Read the properties of a file."""
     if not properties.has("weight"):
         properties.fail("weight", "nothing", "the share of the second bsdf")
-    weight = read_share(properties, "weight", 0.5)
+    weight = read_scalar_texture(properties, "weight", 0.5)
     first, second = read_nested(properties, 2, 2, "two")
     return Description(weight, first, second)
 
