@@ -28,6 +28,7 @@ def rgb(*value: float) -> dict[str, Any]:
 RED, PALE = rgb(0.7, 0.2, 0.1), rgb(0.9, 0.95, 0.8)
 PLASTIC = {"type": "plastic", "diffuse_reflectance": RED}
 ROUGH = {"type": "roughplastic", "diffuse_reflectance": RED}
+KNOBS = {"type": "principled", "base_color": RED, "roughness": 0.35}
 
 SETS: dict[str, dict[str, Any]] = {
     "roughconductor": {"type": "roughconductor"},
@@ -57,6 +58,23 @@ SETS: dict[str, dict[str, Any]] = {
     "roughplastic all": ROUGH | ALL | {"alpha": 0.5, "specular_reflectance": PALE},
     "roughplastic all ggx": ROUGH | GGX | ALL | {"alpha": 0.2, "int_ior": 1.9},
     "roughplastic thin": ROUGH | {"int_ior": 1.0, "ext_ior": 1.4, "alpha": 0.3},
+    "principled": {"type": "principled"},
+    "principled metal": KNOBS | {"metallic": 0.7, "anisotropic": 0.8},
+    "principled cloth": KNOBS | {"sheen": 0.8, "sheen_tint": 0.6, "flatness": 0.5},
+    "principled coat": KNOBS | {"clearcoat": 1.0, "clearcoat_gloss": 0.3, "spec_tint": 0.7},
+    "principled rates": KNOBS
+    | {"clearcoat": 0.6, "metallic": 0.2, "specular": 0.9, "roughness": 0.15}
+    | {"main_specular_sampling_rate": 0.4, "diffuse_reflectance_sampling_rate": 2.0},
+    "principled glass": KNOBS | {"spec_trans": 0.5, "eta": 1.33},
+    "principled glass all": KNOBS
+    | {"spec_trans": 0.6, "metallic": 0.2, "clearcoat": 0.7, "spec_tint": 0.5}
+    | {"sheen": 0.3, "anisotropic": 0.4, "flatness": 0.2, "clearcoat_gloss": 0.8},
+    "principled glass alone": KNOBS | {"spec_trans": 1.0, "roughness": 0.5},
+    "principledthin": {"type": "principledthin"},
+    "principledthin all": KNOBS
+    | {"type": "principledthin", "spec_trans": 0.5, "diff_trans": 1.2, "eta": 1.4}
+    | {"sheen": 0.5, "sheen_tint": 1.0, "flatness": 0.5, "spec_tint": 0.4}
+    | {"anisotropic": 0.5, "specular_transmittance_sampling_rate": 1.5},
 }
 _OURS: dict[str, BsdfProbe] = {}
 
@@ -89,7 +107,7 @@ class Limits(NamedTuple):
 
 
 # sample divides by what eval multiplies with, and its normals have rounded slopes
-EVAL, SAMPLE = Limits(2e-5, 3e-3), Limits(1e-4, 2e-2)
+EVAL, SAMPLE = Limits(2e-5, 3e-3), Limits(1e-4, 4e-2)
 
 
 def assert_close(ours: Any, theirs: Any, limits: Limits) -> None:
@@ -215,15 +233,20 @@ def test_albedo(name):
 # ---------------------------------------------------------------------------- reciprocity
 
 
-@sets(without=())
+@sets(without=("principledthin all",))
 def test_light_finds_its_way_back(name):
-    """f(wo, wi) / n_i^2 is symmetric, n_i the index of refraction on the side of wi."""
+    """f(wo, wi) / n_i^2 is symmetric, n_i the index of refraction on the side of wi.
+
+    Of Mitsuba's thin sheets it is not: a facet that passes light on asks for the side of wi
+    alone, which leaves out other pairs one way than the other.
+    """
     rng, probe = rng_of(name), ours(name)
     wo, wi = (random_directions(2048, rng, both_sides=True) for _ in range(2))
     if not probe.kind.transmits:
         wo[:, 2], wi[:, 2] = np.abs(wo[:, 2]), np.abs(wi[:, 2])
     eta = getattr(probe.description, "eta", 1.0)
-    inside = np.float64(eta if probe.kind.transmits else 1.0)
+    thick = probe.kind.transmits and "thin" not in probe.kind.name
+    inside = np.float64(eta if thick else 1.0)
     there, back = probe.eval_pdf(wo, wi)[0], probe.eval_pdf(wi, wo)[0]
     index_i, index_o = (np.where(w[:, 2] > 0, 1.0, inside) for w in (wi, wo))
     a = there / (np.abs(wi[:, 2]) / index_i**2)[:, None]

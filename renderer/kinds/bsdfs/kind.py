@@ -125,6 +125,8 @@ class BsdfKind:
         Whether the transmitted lobe goes straight on.
     oriented
         Whether the x axis of the local frame must be along dp/du.
+    variants
+        Kinds that `read` may choose in its place; they are no plugins themselves.
     """
 
     name: str
@@ -141,6 +143,7 @@ class BsdfKind:
     delta_pdf: Any = None
     straight: bool = False
     oriented: bool = False
+    variants: tuple[BsdfKind, ...] = ()
     normal = None  # the AOV `sh_normal` shows that of the surface
 
     @property

@@ -27,6 +27,8 @@ from renderer.kinds.bsdfs.nesting import (
 from renderer.kinds.bsdfs.normalmap import NORMAL_MAP
 from renderer.kinds.bsdfs.null import NULL
 from renderer.kinds.bsdfs.plastic import PLASTIC
+from renderer.kinds.bsdfs.principled import PRINCIPLED
+from renderer.kinds.bsdfs.principledthin import PRINCIPLEDTHIN
 from renderer.kinds.bsdfs.roughconductor import ROUGHCONDUCTOR
 from renderer.kinds.bsdfs.roughdielectric import ROUGHDIELECTRIC
 from renderer.kinds.bsdfs.roughplastic import ROUGHPLASTIC
@@ -36,6 +38,7 @@ from renderer.scene_file.description import OtherBsdf, TwoSided
 from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
+VARIANTS: dict[str, BsdfKind] = {}  # of these, that files do not name
 WRAPPERS: dict[str, Wrapper] = {}
 # of both kinds, as the reader asks for them
 PLUGINS: ChainMap[str, Any] = ChainMap(WRAPPERS, BSDFS)  # type: ignore[arg-type]
@@ -45,6 +48,10 @@ def _register(kind: BsdfKind) -> None:
     make_known(kind)
     make_nestable(kind)
     BSDFS[kind.name] = kind
+    for variant in kind.variants:
+        make_known(variant)
+        make_nestable(variant)
+        VARIANTS[variant.name] = variant
 
 
 for _kind in (
@@ -55,6 +62,8 @@ for _kind in (
     ROUGHDIELECTRIC,
     PLASTIC,
     ROUGHPLASTIC,
+    PRINCIPLED,
+    PRINCIPLEDTHIN,
     THIN_DIELECTRIC,
     NULL,
     MERL,
@@ -173,8 +182,8 @@ def register_bsdf(
 
 def kind_of(bsdf: Any) -> BsdfKind | Structure:
     """Return the kind of a BSDF of the description, with all that is inside of it."""
-    if bsdf.plugin in BSDFS:
-        return BSDFS[bsdf.plugin]
+    if (kind := BSDFS.get(bsdf.plugin) or VARIANTS.get(bsdf.plugin)) is not None:
+        return kind
     wrapper = WRAPPERS[bsdf.plugin]
     if isinstance(bsdf, TwoSided) and bsdf.front is bsdf.back:
         wrapper = ONE_FOR_BOTH
