@@ -39,8 +39,8 @@ def interface(declared: Callable[..., Any]) -> Any:
     -------
     callable
         To be called inside kernels. Its `by(*classes)` is a decorator that adds an
-        implementation, which is not given the record itself if `drop_first`. `has(cls)` tells
-        whether there is one.
+        implementation, which is not given the record itself if `drop_first`; `has(cls)`
+        tells whether there is one.
     """
     parameters = inspect.signature(declared)
     # of each class: the implementation, and how many arguments it is not given
