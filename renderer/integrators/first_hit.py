@@ -20,6 +20,7 @@ from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.lanes.vectors import dot, load3
 from renderer.records.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO, SHOW_NORMAL
 from renderer.stages.camera_rays import camera_rays
+from renderer.stages.derivatives import differentiate
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import frame_at, load_constants
@@ -97,7 +98,7 @@ def show_normal(bsdf, points, count, radiance):
 
 
 @kernel
-def _show_bsdfs(scene, points, count, radiance):
+def _show_bsdfs(scene, hits, order, points, count, radiance):
     """Write what BSDFs show: k_d, of mirrors and glass none, and the normals they turn."""
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):
@@ -108,6 +109,7 @@ def _show_bsdfs(scene, points, count, radiance):
             mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
             load_constants(bsdfs, kind, points, i, mine)
         look_up_textures(bsdfs, kind, points, np.int64(0), count)
+        differentiate(scene, hits, order, kind, points, np.int64(0), count)
         for method in range(SHOW_ALBEDO, SHOW_NORMAL + 1):
             if bsdfs.methods[kind, method] != 0:
                 call(
@@ -159,4 +161,4 @@ def trace_first_hits(scene, tile, sample, work):
             scene.placements, hits, work.order, i, scene.shapes.number, shape, mask
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
-    _show_bsdfs(scene, points, found, radiance)
+    _show_bsdfs(scene, hits, work.order, points, found, radiance)

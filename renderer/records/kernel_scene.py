@@ -30,7 +30,9 @@ LOCATE = 1
 # kinds of BSDFs
 REFLECT_LIGHT, SCATTER, SPLIT, SHOW_ALBEDO, SHOW_NORMAL = 1, 2, 3, 4, 5
 # kinds of textures
-LOOK_UP = 1
+LOOK_UP, LOOK_UP_GRADIENT = 1, 2
+# kinds of shapes, for bumps
+DERIVE = 1
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
 # the sampler
@@ -84,6 +86,8 @@ class Bsdfs(NamedTuple):
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
     texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
     texture_methods: Methods
+    derived: NDArray[np.int64]  # (m, 2) kind of BSDF, first of six rows: dp/du, dp/dv
+    derivatives: Methods  # of the kinds of shapes, if anybody asks for them
 
 
 class Lights(NamedTuple):

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from renderer.jit import call, kernel
 from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.records.kernel_scene import FIRST_BSDF, LOOK_UP, RECORD
+from renderer.records.kernel_scene import FIRST_BSDF, LOOK_UP, LOOK_UP_GRADIENT, RECORD
+from renderer.stages.derivatives import differentiate
 from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf
 from renderer.stages.surface import surface_points
+
+GRADIENT_ROWS = 2  # a colour has three, a number one
 
 
 @kernel
@@ -25,7 +28,9 @@ def group_by_bsdf(scene, work, first, count):
     total = ends[bsdfs.methods.shape[0]]
     surface_points(scene, work.rays, work.hits, work.order, total, work.points)
     for kind in range(bsdfs.methods.shape[0]):
-        load_parameters(scene.shapes, bsdfs, kind, work.points, ends[kind], ends[kind + 1])
+        start, stop = ends[kind], ends[kind + 1]
+        load_parameters(scene.shapes, bsdfs, kind, work.points, start, stop)
+        differentiate(scene, work.hits, work.order, kind, work.points, start, stop)
 
 
 @kernel
@@ -48,8 +53,9 @@ def look_up_textures(bsdfs, kind, points, start, stop):
         texture_kind = bsdfs.look_ups[k, 1]
         row, rows = bsdfs.look_ups[k, 2], bsdfs.look_ups[k, 3]
         method = bsdfs.texture_methods
+        asked = LOOK_UP_GRADIENT if rows == GRADIENT_ROWS else LOOK_UP
         call(
-            method[texture_kind, LOOK_UP],
+            method[texture_kind, asked],
             method[texture_kind, RECORD],
             (bsdfs, texture_kind, row, rows, points, start, stop),
         )

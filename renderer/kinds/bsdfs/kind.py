@@ -19,7 +19,7 @@ from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
 from renderer.kinds.sampling.arithmetic import to_world
 from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import dot, select3, vec3
+from renderer.lanes.vectors import dot, load3, select3, vec3
 
 
 class Color:
@@ -42,12 +42,16 @@ class Gradient:
     """Annotation of a parameter: how a texture's brightness changes with u and v."""
 
 
+class Derivatives:
+    """Annotation of a parameter that the surface gives: dp/du and dp/dv."""
+
+
 class Surface:
-    """Annotation of a parameter that comes from the surface point, not from a file."""
+    """Annotation of a parameter that is in the records of the surface points."""
 
 
 # of the parameters that each point has
-ROWS = {Color: 3, Gradient: 2, Float: 1, Table: 0, Surface: 0}
+ROWS = {Color: 3, Gradient: 2, Float: 1, Derivatives: 6, Table: 0, Surface: 0}
 
 
 class Numbers(NamedTuple):
@@ -319,11 +323,8 @@ def rows3(rows, first, i):
     )
 
 
-def make_loader(parameters: type, given: dict[str, str] | None = None) -> tuple[Any, Any]:
-    """Return the kernels `parameters_from` and `rows_of`, made from the annotations.
-
-    `given`: what to take for fields that are in no row.
-    """
+def make_loader(parameters: type) -> tuple[Any, Any]:
+    """Return the kernels `parameters_from` and `rows_of`, made from the annotations."""
     parts, rows, nested = [], 0, ""
     for name, kind in typing.get_type_hints(parameters).items():
         if kind is Nested:
@@ -332,14 +333,24 @@ def make_loader(parameters: type, given: dict[str, str] | None = None) -> tuple[
             continue
         count = ROWS[kind]
         load = {
-            0: (given or {}).get(name, f"form.{name}"),
+            0: f"load3(points.{name}, i)" if kind is Surface else f"form.{name}",
             1: f"load_row(points.parameters, first + {rows}, i)",
             2: f"rows2(points.parameters, first + {rows}, i)",
             3: f"rows3(points.parameters, first + {rows}, i)",
+            6: f"(rows3(points.parameters, first + {rows}, i), "
+            f"rows3(points.parameters, first + {rows + 3}, i))",
         }
         parts.append(load[count])
         rows += count
-    names = globals() | {"record": parameters}
+    names = {
+        "record": parameters,
+        "load_row": load_row,
+        "load3": load3,
+        "rows2": rows2,
+        "rows3": rows3,
+        "parameters_from": parameters_from,
+        "rows_of": rows_of,
+    }
     load_all = f"lambda form, points, first, i: record({', '.join(parts)})"
     return kernel(eval(load_all, names)), kernel(
         eval(f"lambda form: {rows}{nested}", names)

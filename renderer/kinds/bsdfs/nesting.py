@@ -22,6 +22,7 @@ from renderer.kinds.bsdfs.kind import (
     ROWS,
     BsdfKind,
     BsdfSample,
+    Derivatives,
     Nested,
     albedo_of,
     eval_pdf_bsdf,
@@ -204,8 +205,6 @@ class Wrapper:
         Whether some of the light goes straight through, whatever is inside.
     oriented
         Whether the x axis of the local frame must be along dp/du.
-    surface
-        Fields that are in no row, with the expressions of `points` and `i` that give them.
     normal
         (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
     """
@@ -219,7 +218,6 @@ class Wrapper:
     albedo: Any
     passes: bool = False
     oriented: bool = False
-    surface: tuple[tuple[str, str], ...] = ()
     normal: Any = None
 
 
@@ -248,7 +246,7 @@ def _sample(parameters, wo, numbers):
 def make_wrapper_known(wrapper: Wrapper) -> None:
     """Let stages and other wrappers find the kernels of a wrapper."""
     cls = wrapper.parameters
-    load, count = make_loader(cls, dict(wrapper.surface))
+    load, count = make_loader(cls)
     parameters_from.by(cls)(load)
     rows_of.by(cls)(count)
     sample_lobe.by(cls)(wrapper.sample)
@@ -328,24 +326,34 @@ class Structure:
             *(next(inside).form() if h is Nested else None for h in hints.values())
         )
 
-    def layout(self) -> list[tuple[str, int, int]]:
-        """Return (name, first row, rows); names inside are "child.name"."""
+    def _rows(self) -> list[tuple[str, int, int]]:
+        """Return (name, first row, rows), of what the surface gives too."""
         rows: list[tuple[str, int, int]] = []
         at, inside = 0, iter(self.inside)
         for name, annotation in typing.get_type_hints(self.wrapper.parameters).items():
             if annotation is Nested:
                 kind = next(inside)
-                rows += [(f"{name}.{n}", at + first, k) for n, first, k in kind.layout()]
+                nested = kind._rows() if isinstance(kind, Structure) else kind.layout()
+                rows += [(f"{name}.{n}", at + first, count) for n, first, count in nested]
                 at += kind.row_count
             elif count := ROWS[annotation]:
                 rows.append((name, at, count))
                 at += count
         return rows
 
+    def layout(self) -> list[tuple[str, int, int]]:
+        """Return (name, first row, rows) of what a file gives; inside "child.name"."""
+        return [row for row in self._rows() if row[2] != ROWS[Derivatives]]
+
+    @property
+    def derived(self) -> list[int]:
+        """The first rows of what surfaces give."""
+        return [first for _, first, count in self._rows() if count == ROWS[Derivatives]]
+
     @property
     def row_count(self) -> int:
         """Rows of all parameters."""
-        return sum(count for _, _, count in self.layout())
+        return sum(count for _, _, count in self._rows())
 
 
 def leaves_of(kind: BsdfKind | Structure) -> tuple[BsdfKind, ...]:

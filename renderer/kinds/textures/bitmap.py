@@ -81,7 +81,8 @@ def _wrap(i, size, mode):
 
 
 @kernel
-def _texel(bitmaps, start, width, height, mode, x, y, mask):
+def texel(bitmaps, start, width, height, mode, x, y, mask):
+    """Return the colour in column x and row y, wherever these are."""
     column = _wrap(x, width, mode)
     row = _wrap(y, height, mode)
     return gather3(bitmaps.texels, start + row * width + column, mask)
@@ -102,15 +103,15 @@ def bitmap_color(bitmaps, texture, u, v, mask):
     y0 = floor(y)
     column = to_i32(x0)
     row = to_i32(y0)
-    color = _texel(bitmaps, start, width, height, mode, column, row, mask)
+    color = texel(bitmaps, start, width, height, mode, column, row, mask)
     smooth = mask & ~nearest
     if mask_bits(smooth) == 0:
         return color
     fx = x - x0
     fy = y - y0
-    right = _texel(bitmaps, start, width, height, mode, column + 1, row, smooth)
-    below = _texel(bitmaps, start, width, height, mode, column, row + 1, smooth)
-    across = _texel(bitmaps, start, width, height, mode, column + 1, row + 1, smooth)
+    right = texel(bitmaps, start, width, height, mode, column + 1, row, smooth)
+    below = texel(bitmaps, start, width, height, mode, column, row + 1, smooth)
+    across = texel(bitmaps, start, width, height, mode, column + 1, row + 1, smooth)
     upper = color * (1.0 - fx) + right * fx
     lower = below * (1.0 - fx) + across * fx
     return select3(smooth, upper * (1.0 - fy) + lower * fy, color)

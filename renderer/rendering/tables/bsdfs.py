@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,9 @@ from numpy.typing import NDArray
 from renderer.integrators.first_hit import show_albedo, show_normal
 from renderer.jit import Packed, record_type
 from renderer.kinds.bsdfs.kind import BsdfMethods
+from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.sampling.arithmetic import along_u
+from renderer.kinds.textures.gradient import look_up_gradient
 from renderer.kinds.textures.kind import TextureKind, TextureMethods
 from renderer.kinds.textures.look_up import look_up_kind
 from renderer.kinds.textures.registry import TEXTURES
@@ -27,6 +30,7 @@ from renderer.rendering.tables.methods import (
 )
 from renderer.scene.materials import Kind, MaterialTables, kind_of, texture_kind_of
 from renderer.stages.direct_light import reflect_light
+from renderer.stages.materials import GRADIENT_ROWS
 from renderer.stages.scatter import scatter_kind
 from renderer.stages.split import split_glass, split_mirror
 
@@ -38,10 +42,12 @@ def bsdf_tables(
     settings: Settings,
     arithmetic: Any,
     lit: bool,
+    derivatives: Callable[[], NDArray[np.int64]],
 ) -> Bsdfs:
     """Return the tables of all BSDFs; those that a plan does not follow have no methods.
 
-    `lit`: lights are sampled at smooth ones.
+    `lit`: lights are sampled at smooth ones. `derivatives` returns the methods that find
+    dp/du and dp/dv, for bumps.
     """
     kinds, textures = materials.kinds, materials.textures()
     kinds_of_textures = [texture_kind_of(texture) for texture in textures]
@@ -51,6 +57,12 @@ def bsdf_tables(
     )
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
+    derived = [
+        (k, row)
+        for k, kind in enumerate(needed)
+        if isinstance(kind, Structure)
+        for row in kind.derived
+    ]
     bsdfs = Bsdfs(
         methods,
         sum(kind.smooth for kind in kinds),
@@ -60,7 +72,9 @@ def bsdf_tables(
         materials.look_ups(needed, texture_kinds),
         materials.texture_ids(),
         np.array([texture_kinds.index(k) for k in kinds_of_textures if k], np.int32),
-        np.zeros((0, 2), np.int64),
+        np.zeros((0, 3), np.int64),
+        np.array(derived, np.int64).reshape(-1, 2),
+        derivatives() if derived else np.zeros((0, 2), np.int64),
     )
     if bsdfs.look_ups.size == 0:
         return bsdfs
@@ -112,5 +126,11 @@ def _texture_methods(
     for kind in kinds:
         mine = [t if texture_kind_of(t) is kind else None for t in textures]
         record = TextureMethods(kind.table(mine), np.ascontiguousarray(to_uv.T))
-        rows.append((tables.pack(record), [(look_up_kind, look_up, NOTHING)]))
-    return tables.table(rows, 1)
+        place = kinds.index(kind)
+        asked = {rows == GRADIENT_ROWS for _, k, _, rows in bsdfs.look_ups if k == place}
+        methods = [
+            (look_up_kind, look_up, NOTHING) if False in asked else None,
+            (look_up_gradient, look_up, NOTHING) if True in asked else None,
+        ]
+        rows.append((tables.pack(record), methods))
+    return tables.table(rows, 2)

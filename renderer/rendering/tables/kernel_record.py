@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 from renderer.accelerators.build import build_accelerators
 from renderer.jit import Packed, record_type
 from renderer.kinds.sampling.source import Sampling
-from renderer.kinds.shapes.triangle_tangents import with_tangents
+from renderer.kinds.shapes.uv_derivatives import with_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import NO_LIMIT, RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
-from renderer.rendering.tables.geometry import group_methods, surface_methods
+from renderer.rendering.tables.geometry import (
+    derivative_methods,
+    group_methods,
+    surface_methods,
+)
 from renderer.rendering.tables.lights import NO_LIGHTS, light_methods
 from renderer.rendering.tables.methods import (
     COLUMN,
@@ -82,7 +86,15 @@ class KernelInputs:
             placements,
             primitives,
             scene.shapes,
-            bsdf_tables(tables, scene.materials, plan, settings, variant.arithmetic, lit),
+            bsdf_tables(
+                tables,
+                scene.materials,
+                plan,
+                settings,
+                variant.arithmetic,
+                lit,
+                lambda: derivative_methods(tables, scene, placements),
+            ),
             lights,
             kernel_camera(scene.description.camera),
             _sampler_methods(tables, sampling, plan, lit),
