@@ -84,7 +84,7 @@ def test_twosided_has_one_bsdf_for_both_sides_or_two() -> None:
 @pytest.mark.parametrize(
     ("plugin", "content", "message"),
     [
-        ("plastic", "", "supported bsdf plugins: diffuse, conductor, dielectric, "),
+        ("velvet", "", "supported bsdf plugins: diffuse, conductor, dielectric, roughc"),
         ("sphere", "", 'bsdf "sphere" is not supported; supported bsdf plugins: diffuse'),
         ("twosided", "", "holds 0 bsdfs; expected one for both sides"),
         ("twosided", '<bsdf type="diffuse"/>' * 3, "holds 3 bsdfs"),
@@ -135,7 +135,7 @@ def test_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
     text = SHAPE.format(plugin, content)
     assert error_of(text).startswith("<string>:3: ")
     assert message in error_of(text)
-    if plugin != "plastic":
+    if plugin != "velvet":
         assert mitsuba_refuses(text)
 
 

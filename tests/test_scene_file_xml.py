@@ -447,7 +447,7 @@ def test_second_integrator_and_second_environment() -> None:
 def test_what_only_waits_for_references_is_checked_too() -> None:
     """Mitsuba makes an object of each, used or not."""
     for content in (
-        '<bsdf type="plastic"/>',
+        '<bsdf type="velvet"/>',
         '<texture type="bitmap"/>',
         '<texture type="uniform"><float name="valu" value="1"/></texture>',
         '<film type="hdrfilm"><integer name="width" value="0"/></film>',

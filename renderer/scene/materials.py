@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.kind import BsdfKind
+from renderer.kinds.bsdfs.kind import BsdfKind, Rows
 from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.registry import kind_of as kind_of
@@ -135,7 +135,7 @@ class MaterialTables:
 
     @property
     def oriented(self) -> bool:
-        """Whether any BSDF has a direction along the surface, which is that of dp/du."""
+        """Whether any BSDF looks at dp/du."""
         return any(kind.oriented for kind in self.kinds)
 
     @property
@@ -179,6 +179,24 @@ class MaterialTables:
             for name, first, count in kind_of(bsdf).layout():
                 table[first : first + count, k] = constant_of(value_of(bsdf, name), count)
         return table
+
+    def tables_of(self, kind: Kind) -> dict[str, Rows]:
+        """Return the tables of a kind by their names; what BSDFs share is there once."""
+        tables = {}
+        for name in kind.tables:
+            parts: list[NDArray[np.float32]] = []
+            at, end = {}, 0
+            first = np.zeros((1, len(self.bsdfs)), np.int32)
+            for k, bsdf in enumerate(self.bsdfs):
+                if kind_of(bsdf) != kind:
+                    continue
+                entries = value_of(bsdf, name)
+                if id(entries) not in at:
+                    at[id(entries)], end = end, end + len(entries)
+                    parts.append(np.asarray(entries, np.float32))
+                first[0, k] = at[id(entries)]
+            tables[name] = Rows(np.concatenate(parts)[None], first)
+        return tables
 
     def texture_ids(self) -> NDArray[np.int32]:
         """Return the texture of each parameter, (rows, BSDFs); -1 for constants."""

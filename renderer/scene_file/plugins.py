@@ -8,7 +8,7 @@ from typing import Any
 
 _SUPPORTED: dict[str, tuple[str, ...]] = {
     "scene": ("scene",),
-    "integrator": ("direct", "whitted", "path", "depth", "aov"),
+    "integrator": (),
     "sensor": ("perspective",),
     "film": ("hdrfilm",),
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),
@@ -24,10 +24,10 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "shapegroup",
         "instance",
     ),
-    "bsdf": (),  # what is registered, see `registered_kinds`
+    "bsdf": (),
     "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
-    "emitter": ("area",),  # and what is registered, see `registered_kinds`
-}
+    "emitter": ("area",),
+}  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
 _UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
 TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
@@ -39,6 +39,7 @@ TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
 _REGISTRIES = {
     "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
+    "integrator": ("renderer.integrators.registry", "IN_FILES"),
 }
 
 

@@ -97,6 +97,5 @@ BUMP_MAP = Wrapper(
     sample,
     eval_pdf,
     albedo,
-    oriented=True,
     normal=normal,
 )

@@ -31,13 +31,25 @@ def read(properties: Any) -> Description:
 
 def read_glass(properties: Any) -> tuple[float, Rgb, Rgb]:
     """Return the index of refraction, inside over outside, and two colours."""
-    interior = _index(properties, "int_ior", "bk7")
-    exterior = _index(properties, "ext_ior", "air")
     return (
-        interior / exterior,
+        read_relative_index(properties, "bk7"),
         read_color(properties, "specular_reflectance", 1.0, Use.REFLECTANCE),
         read_color(properties, "specular_transmittance", 1.0, Use.REFLECTANCE),
     )
+
+
+def read_relative_index(properties: Any, interior: str, *, rough: bool = False) -> float:
+    """Return the index of refraction inside over outside.
+
+    A rough interface between equal indices is refused: it neither bends nor reflects, and
+    the half vector of two opposite directions does not exist.
+    """
+    inside = _index(properties, "int_ior", interior)
+    outside = _index(properties, "ext_ior", "air")
+    if rough and inside == outside:
+        name = "int_ior" if properties.has("int_ior") else "ext_ior"
+        properties.fail(name, f"{inside:g} on both sides", "two different indices")
+    return inside / outside
 
 
 def _index(properties: Any, name: str, default: str) -> float:

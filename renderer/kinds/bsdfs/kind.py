@@ -17,8 +17,8 @@ import numpy as np
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
-from renderer.kinds.sampling.arithmetic import to_world
-from renderer.lanes.memory import load_row
+from renderer.kinds.sampling.arithmetic import tangents_along_u, tangents_of, to_world
+from renderer.lanes.memory import gather_row, load_row
 from renderer.lanes.vectors import dot, load3, select3, vec3
 
 
@@ -31,7 +31,14 @@ class Float:
 
 
 class Table:
-    """Annotation of a parameter: an array that all points of the kind share."""
+    """Annotation of a parameter: numbers in a row, of each BSDF its own; see `entry_of`."""
+
+
+class Rows(NamedTuple):
+    """What kernels see of a `Table`; in the kind's record `first` is that of each BSDF."""
+
+    numbers: Any  # (1, entries of all BSDFs), one behind the other
+    first: Any  # where those of each point's BSDF begin
 
 
 class Nested:
@@ -110,18 +117,18 @@ class BsdfKind:
     reflection, transmission
         (parameters, wo) -> Branch; None: there is no such delta lobe.
     albedo
-        parameters -> RGB that the AOV shows; None: black.
+        parameters -> RGB that the AOV shows, or (parameters, wo) -> RGB; None: black.
     transmits
         Whether light goes through, so that the back of a surface shows the same BSDF.
     source
         Module and hash of the file that holds the kernels; empty for the renderer's own.
+    oriented
+        Whether x and y of the local frame matter: x is along dp/du then.
     delta_pdf
         (parameters, wo, sample) -> probability of the delta lobe that was chosen, which a
         blend weighs it by; None: as `reflection` and `transmission` say.
     straight
         Whether the transmitted lobe goes straight on.
-    oriented
-        Whether the x axis of the local frame must be along dp/du.
     """
 
     name: str
@@ -135,10 +142,15 @@ class BsdfKind:
     albedo: Any = None
     transmits: bool = False
     source: str = ""
+    oriented: bool = False
     delta_pdf: Any = None
     straight: bool = False
-    oriented: bool = False
     normal = None  # the AOV `sh_normal` shows that of the surface
+
+    @property
+    def seen_albedo(self) -> bool:
+        """Whether the albedo depends on where it is seen from."""
+        return self.albedo is not None and self.albedo.py_func.__code__.co_argcount == 2
 
     @property
     def smooth(self) -> bool:
@@ -152,8 +164,9 @@ class BsdfKind:
 
     @property
     def chooses(self) -> bool:
-        """Whether one of several delta lobes is chosen at random."""
-        return self.reflection is not None and self.transmission is not None
+        """Whether a delta lobe is chosen at random."""
+        others = self.smooth or self.transmission is not None
+        return self.reflection is not None and others
 
     def form(self, tables: dict[str, Any] | None = None) -> Any:
         """Return the kind's record: arrays of its tables, None for what points have."""
@@ -172,6 +185,12 @@ class BsdfKind:
         return rows
 
     @property
+    def tables(self) -> list[str]:
+        """The names of the parameters that are tables."""
+        hints = typing.get_type_hints(self.parameters)
+        return [name for name, kind in hints.items() if kind is Table]
+
+    @property
     def row_count(self) -> int:
         """Rows of all parameters."""
         return sum(count for _, _, count in self.layout())
@@ -186,7 +205,7 @@ def parameters_from(form: Any, points: Any, first: int, i: int) -> Any:
 
 
 @interface
-def rows_of(form: Any) -> int:
+def row_count_of(form: Any) -> int:
     """Return how many rows the parameters take."""
 
 
@@ -222,8 +241,18 @@ def albedo_of(parameters: Any) -> Any:
 
 
 @interface
+def seen_albedo_of(parameters: Any, wo: Any) -> Any:
+    """Return it for a BSDF whose albedo depends on the direction."""
+
+
+@interface
 def normal_of(parameters: Any, wo: Any) -> Any:
     """Return the local normal that the AOV `sh_normal` shows, where it is not z."""
+
+
+@interface
+def frame_tangents(form: Any, arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
+    """Return the x and y axes of the local frame, whichever side is seen."""
 
 
 @interface
@@ -239,6 +268,17 @@ def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample
 @interface
 def is_possible(form: Any, sample: BsdfSample) -> Any:
     """Return which samples are no failures, as far as the density tells."""
+
+
+@kernel
+def _any_tangents(form, arithmetic, points, i, normal):
+    return tangents_of(arithmetic, points, i, normal)
+
+
+@kernel
+def oriented_tangents(form, arithmetic, points, i, normal):
+    """Return the axes of frames whose x is along dp/du."""
+    return tangents_along_u(arithmetic, points, i, normal)
 
 
 @kernel
@@ -323,38 +363,50 @@ def rows3(rows, first, i):
     )
 
 
+@kernel
+def rows_of(table, bsdf):
+    """Return where the entries of each point's BSDF are."""
+    return Rows(table.numbers, gather_row(table.first, 0, bsdf, bsdf >= 0))
+
+
+@kernel
+def entry_of(table, i):
+    """Return entry i of the point's own rows of a `Table`, lane by lane."""
+    return gather_row(table.numbers, 0, table.first + i, i >= 0)
+
+
 def make_loader(parameters: type) -> tuple[Any, Any]:
-    """Return the kernels `parameters_from` and `rows_of`, made from the annotations."""
+    """Return `parameters_from` and `row_count_of`, made from the annotations."""
     parts, rows, nested = [], 0, ""
     for name, kind in typing.get_type_hints(parameters).items():
         if kind is Nested:
             parts.append(f"parameters_from(form.{name}, points, first + {rows}{nested}, i)")
-            nested += f" + rows_of(form.{name})"
+            nested += f" + row_count_of(form.{name})"
             continue
-        count = ROWS[kind]
+        row = f"points.parameters, first + {rows}"
         load = {
-            0: f"load3(points.{name}, i)" if kind is Surface else f"form.{name}",
-            1: f"load_row(points.parameters, first + {rows}, i)",
-            2: f"rows2(points.parameters, first + {rows}, i)",
-            3: f"rows3(points.parameters, first + {rows}, i)",
-            6: f"(rows3(points.parameters, first + {rows}, i), "
-            f"rows3(points.parameters, first + {rows + 3}, i))",
+            Color: f"rows3({row}, i)",
+            Float: f"load_row({row}, i)",
+            Gradient: f"rows2({row}, i)",
+            Derivatives: f"(rows3({row}, i), rows3({row} + 3, i))",
+            Table: f"rows_of(form.{name}, load_row(points.bsdf, 0, i))",
+            Surface: f"load3(points.{name}, i)",
         }
-        parts.append(load[count])
-        rows += count
+        parts.append(load[kind])
+        rows += ROWS[kind]
     names = {
         "record": parameters,
         "load_row": load_row,
         "load3": load3,
         "rows2": rows2,
         "rows3": rows3,
-        "parameters_from": parameters_from,
         "rows_of": rows_of,
+        "parameters_from": parameters_from,
+        "row_count_of": row_count_of,
     }
     load_all = f"lambda form, points, first, i: record({', '.join(parts)})"
-    return kernel(eval(load_all, names)), kernel(
-        eval(f"lambda form: {rows}{nested}", names)
-    )
+    count = f"lambda form: {rows}{nested}"
+    return kernel(eval(load_all, names)), kernel(eval(count, names))
 
 
 def make_known(kind: BsdfKind) -> None:
@@ -362,16 +414,17 @@ def make_known(kind: BsdfKind) -> None:
     cls = kind.parameters
     load, count = make_loader(cls)
     parameters_from.by(cls)(load)
-    rows_of.by(cls)(count)
+    row_count_of.by(cls)(count)
     sample_bsdf.by(cls)(kind.sample)
     for function, chosen in (
         (eval_pdf_bsdf, kind.eval_pdf),
         (reflection_of, kind.reflection),
         (transmission_of, kind.transmission),
-        (albedo_of, kind.albedo),
+        (seen_albedo_of if kind.seen_albedo else albedo_of, kind.albedo),
     ):
         if chosen is not None:
             function.by(cls)(chosen)
+    frame_tangents.by(cls)(oriented_tangents if kind.oriented else _any_tangents)
     visible_side.by(cls)(_as_it_is if kind.transmits else _turned)
     outgoing.by(cls)(
         _mirrored_or_straight

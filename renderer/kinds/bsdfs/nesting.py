@@ -26,14 +26,17 @@ from renderer.kinds.bsdfs.kind import (
     Nested,
     albedo_of,
     eval_pdf_bsdf,
+    frame_tangents,
     is_possible,
     make_loader,
     normal_of,
+    oriented_tangents,
     outgoing,
     parameters_from,
     reflection_of,
-    rows_of,
+    row_count_of,
     sample_bsdf,
+    seen_albedo_of,
     visible_side,
 )
 from renderer.kinds.sampling.arithmetic import to_world
@@ -59,6 +62,11 @@ def sample_lobe(parameters: Any, wo: Any, numbers: Any) -> Lobe:
 @interface
 def eval_pdf_lobes(parameters: Any, wo: Any, wi: Any) -> Any:
     """Return f |cos| and the density of smooth lobes, whatever sides wo and wi are on."""
+
+
+@interface
+def nested_albedo(parameters: Any, wo: Any) -> Any:
+    """Return the colour that the AOV `albedo` shows; black where there is none."""
 
 
 @interface
@@ -162,8 +170,18 @@ _LOBE_OF = {
 
 
 @kernel
-def _no_albedo(parameters):
+def _no_albedo(parameters, wo):
     return black()
+
+
+@kernel
+def _albedo(parameters, wo):
+    return albedo_of(parameters)
+
+
+@kernel
+def _seen_albedo(parameters, wo):
+    return seen_albedo_of(parameters, wo)
 
 
 def make_nestable(kind: BsdfKind) -> None:
@@ -178,8 +196,8 @@ def make_nestable(kind: BsdfKind) -> None:
         eval_pdf_lobes.by(cls)(_no_smooth_lobes)
     else:
         eval_pdf_lobes.by(cls)(_lobes if kind.transmits else _lobes_in_front)
-    if kind.albedo is None:
-        albedo_of.by(cls)(_no_albedo)
+    albedo = _seen_albedo if kind.seen_albedo else _albedo
+    nested_albedo.by(cls)(_no_albedo if kind.albedo is None else albedo)
 
 
 # ------------------------------------------------------------------------------ wrappers
@@ -200,11 +218,9 @@ class Wrapper:
     eval_pdf
         (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes.
     albedo
-        parameters -> RGB that the AOV shows.
+        (parameters, wo) -> RGB that the AOV shows.
     passes
         Whether some of the light goes straight through, whatever is inside.
-    oriented
-        Whether the x axis of the local frame must be along dp/du.
     normal
         (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
     """
@@ -217,7 +233,6 @@ class Wrapper:
     eval_pdf: Any
     albedo: Any
     passes: bool = False
-    oriented: bool = False
     normal: Any = None
 
 
@@ -248,14 +263,16 @@ def make_wrapper_known(wrapper: Wrapper) -> None:
     cls = wrapper.parameters
     load, count = make_loader(cls)
     parameters_from.by(cls)(load)
-    rows_of.by(cls)(count)
+    row_count_of.by(cls)(count)
     sample_lobe.by(cls)(wrapper.sample)
     eval_pdf_lobes.by(cls)(wrapper.eval_pdf)
     sample_bsdf.by(cls)(_sample)
     eval_pdf_bsdf.by(cls)(wrapper.eval_pdf)
-    albedo_of.by(cls)(wrapper.albedo)
+    nested_albedo.by(cls)(wrapper.albedo)
+    seen_albedo_of.by(cls)(wrapper.albedo)
     if wrapper.normal is not None:
         normal_of.by(cls)(wrapper.normal)
+    frame_tangents.by(cls)(oriented_tangents)
     visible_side.by(cls)(_seen_as_it_is)
     outgoing.by(cls)(_from_the_frame)
     is_possible.by(cls)(_always)
@@ -271,6 +288,7 @@ class Structure:
     # nobody knows in what branches Whitted's trees should follow it
     reflection = transmission = None
     straight = False
+    oriented = seen_albedo = True  # whatever is inside
 
     @property
     def name(self) -> str:
@@ -298,11 +316,6 @@ class Structure:
         return self.wrapper.passes or any(kind.transmits for kind in self.inside)
 
     @property
-    def oriented(self) -> bool:
-        """Whether the x axis of the local frame must be along dp/du."""
-        return self.wrapper.oriented or any(kind.oriented for kind in self.inside)
-
-    @property
     def albedo(self) -> Any:
         """The wrapper's kernel, None if there is nothing but black to be shown."""
         shows = any(kind.albedo is not None for kind in self.inside)
@@ -318,13 +331,30 @@ class Structure:
         """As of a `BsdfKind`."""
         return " ".join(sorted({leaf.source for leaf in leaves_of(self)} - {""}))
 
-    def form(self) -> Any:
-        """Return the record: None for what points have."""
-        inside = iter(self.inside)
+    @property
+    def tables(self) -> list[str]:
+        """The names of the parameters that are tables, as in `layout`."""
+        return [
+            f"{field}.{name}"
+            for field, kind in zip(self._fields, self.inside, strict=True)
+            for name in kind.tables
+        ]
+
+    @property
+    def _fields(self) -> list[str]:
         hints = typing.get_type_hints(self.wrapper.parameters)
-        return self.wrapper.parameters(
-            *(next(inside).form() if h is Nested else None for h in hints.values())
-        )
+        return [name for name, hint in hints.items() if hint is Nested]
+
+    def form(self, tables: dict[str, Any] | None = None) -> Any:
+        """Return the record: None for what points have, or another record."""
+        forms = {}
+        for field, kind in zip(self._fields, self.inside, strict=True):
+            start = f"{field}."
+            own = {n.removeprefix(start): t for n, t in (tables or {}).items()}
+            inside = {n: t for n, t in own.items() if start + n in (tables or {})}
+            forms[field] = kind.form(inside)
+        fields = self.wrapper.parameters._fields  # type: ignore[attr-defined]
+        return self.wrapper.parameters(*(forms.get(name) for name in fields))
 
     def _rows(self) -> list[tuple[str, int, int]]:
         """Return (name, first row, rows), of what the surface gives too."""

@@ -12,8 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.jit import interface, kernel
-from renderer.kinds.bsdfs.kind import Color, Float, Nested, albedo_of
-from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, black, eval_pdf_lobes, sample_lobe
+from renderer.kinds.bsdfs.kind import Color, Float, Nested
+from renderer.kinds.bsdfs.nesting import (
+    Lobe,
+    Wrapper,
+    black,
+    eval_pdf_lobes,
+    nested_albedo,
+    sample_lobe,
+)
 from renderer.kinds.sampling.arithmetic import Frame, to_local
 from renderer.lanes.functions import maximum, minimum, select, splat_f32, sqrt
 from renderer.lanes.vectors import cross, dot, normalize, select3, vec3
@@ -130,9 +137,10 @@ def normal(turned, wo):
 
 
 @kernel
-def albedo(turned):
+def albedo(turned, wo):
     """Return that of what is inside."""
-    return albedo_of(turned.nested)
+    frame, _ = turned_frame(turned, wo)
+    return nested_albedo(turned.nested, to_local(frame, wo))
 
 
 NORMAL_MAP = Wrapper(
@@ -143,6 +151,5 @@ NORMAL_MAP = Wrapper(
     sample,
     eval_pdf,
     albedo,
-    oriented=True,
     normal=normal,
 )

@@ -18,6 +18,7 @@ from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, Nested, make_known
 from renderer.kinds.bsdfs.mask import MASK
+from renderer.kinds.bsdfs.merl import MERL
 from renderer.kinds.bsdfs.nesting import (
     Structure,
     Wrapper,
@@ -26,6 +27,10 @@ from renderer.kinds.bsdfs.nesting import (
 )
 from renderer.kinds.bsdfs.normalmap import NORMAL_MAP
 from renderer.kinds.bsdfs.null import NULL
+from renderer.kinds.bsdfs.plastic import PLASTIC
+from renderer.kinds.bsdfs.roughconductor import ROUGHCONDUCTOR
+from renderer.kinds.bsdfs.roughdielectric import ROUGHDIELECTRIC
+from renderer.kinds.bsdfs.roughplastic import ROUGHPLASTIC
 from renderer.kinds.bsdfs.thindielectric import THIN_DIELECTRIC
 from renderer.kinds.bsdfs.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
 from renderer.scene_file.description import OtherBsdf, TwoSided
@@ -43,7 +48,18 @@ def _register(kind: BsdfKind) -> None:
     BSDFS[kind.name] = kind
 
 
-for _kind in (DIFFUSE, CONDUCTOR, DIELECTRIC, THIN_DIELECTRIC, NULL):
+for _kind in (
+    DIFFUSE,
+    CONDUCTOR,
+    DIELECTRIC,
+    ROUGHCONDUCTOR,
+    ROUGHDIELECTRIC,
+    PLASTIC,
+    ROUGHPLASTIC,
+    MERL,
+    THIN_DIELECTRIC,
+    NULL,
+):
     _register(_kind)
 for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):
     make_wrapper_known(_wrapper)

@@ -104,11 +104,6 @@ def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
     return along_u, along_v
 
 
-def with_tangents(triangles: TriangleSurfaces) -> TriangleSurfaces:
-    """Return the surfaces with dp/du."""
-    return triangles._replace(tangents=_of_triangles(triangles)[0])
-
-
 @interface
 def uv_derivatives(shapes: Any, index: Any, mask: Any, position: Any) -> Any:
     """Return dp/du and dp/dv in the space of the shape, where it is at `position`."""

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.first_hit import show_albedo, show_normal
+from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_albedo
 from renderer.jit import Packed, record_type
 from renderer.kinds.bsdfs.kind import BsdfMethods
 from renderer.kinds.bsdfs.nesting import Structure
-from renderer.kinds.sampling.arithmetic import along_u
 from renderer.kinds.textures.gradient import look_up_gradient
 from renderer.kinds.textures.kind import TextureKind, TextureMethods
 from renderer.kinds.textures.look_up import look_up_kind
@@ -53,7 +52,7 @@ def bsdf_tables(
     kinds_of_textures = [texture_kind_of(texture) for texture in textures]
     texture_kinds = [kind for kind in TEXTURES.values() if kind in kinds_of_textures]
     methods = tables.table(
-        [_row(tables, kind, plan, settings, arithmetic, lit) for kind in kinds], 5
+        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 6
     )
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
@@ -85,6 +84,7 @@ def bsdf_tables(
 
 def _row(
     tables: MethodTables,
+    materials: MaterialTables,
     kind: Kind,
     plan: Plan,
     settings: Settings,
@@ -98,21 +98,22 @@ def _row(
     reflect = (reflect_light, (*lights, work.shadow_rays, INT), INT)
     along = (given, INT, work.points, ROWS, INT, INT, work.rays, INT)
     split = split_glass if kind.transmission is not None else split_mirror
-    albedo = (show_albedo, (work.points, INT, ROWS), NOTHING)
-    normal = (show_normal, (work.points, INT, ROWS), NOTHING)
+    shown = (work.points, INT, ROWS)
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
-    scatters = goes_on and plan.method in ("path", "direct")
-    splits = kind.delta and plan.mirrors and plan.method == "whitted"
-    is_shown = kind.albedo is not None and plan.method in ("aov", "depth")
-    rounded = along_u(arithmetic) if kind.oriented else arithmetic
-    record = tables.pack(BsdfMethods(kind.form(), rounded), kind.source)
+    scatters = goes_on and plan.kind.scatters
+    splits = kind.delta and plan.mirrors and plan.kind.splits
+    shows = kind.albedo is not None and plan.kind.first_hit
+    turns = kind.normal is not None and plan.kind.first_hit
+    form = kind.form(materials.tables_of(kind))
+    record = tables.pack(BsdfMethods(form, arithmetic), kind.source)
     return record, [
         reflect if kind.smooth and lit else None,
         (scatter_kind, along, INT) if scatters else None,
         (split, (given, *group, work.rays, INT), INT) if splits else None,
-        albedo if is_shown else None,
-        normal if kind.normal is not None and plan.method == "aov" else None,
+        (show_albedo, shown, NOTHING) if shows and not kind.seen_albedo else None,
+        (show_seen_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
+        (show_normal, shown, NOTHING) if turns else None,
     ]
 
 
