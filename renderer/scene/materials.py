@@ -135,7 +135,7 @@ class MaterialTables:
 
     @property
     def oriented(self) -> bool:
-        """Whether any BSDF looks at dp/du."""
+        """Whether any BSDF has a direction along the surface, which is that of dp/du."""
         return any(kind.oriented for kind in self.kinds)
 
     @property

@@ -97,5 +97,6 @@ BUMP_MAP = Wrapper(
     sample,
     eval_pdf,
     albedo,
+    oriented=True,
     normal=normal,
 )

@@ -17,7 +17,7 @@ import numpy as np
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
-from renderer.kinds.sampling.arithmetic import tangents_along_u, tangents_of, to_world
+from renderer.kinds.sampling.arithmetic import to_world
 from renderer.lanes.memory import gather_row, load_row
 from renderer.lanes.vectors import dot, load3, select3, vec3
 
@@ -205,7 +205,7 @@ def parameters_from(form: Any, points: Any, first: int, i: int) -> Any:
 
 
 @interface
-def row_count_of(form: Any) -> int:
+def rows_of(form: Any) -> int:
     """Return how many rows the parameters take."""
 
 
@@ -251,11 +251,6 @@ def normal_of(parameters: Any, wo: Any) -> Any:
 
 
 @interface
-def frame_tangents(form: Any, arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
-    """Return the x and y axes of the local frame, whichever side is seen."""
-
-
-@interface
 def visible_side(form: Any, front: Any, normal: Any) -> Any:
     """Return the z axis of the local frame: turned to where a reflecting BSDF is seen."""
 
@@ -268,17 +263,6 @@ def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample
 @interface
 def is_possible(form: Any, sample: BsdfSample) -> Any:
     """Return which samples are no failures, as far as the density tells."""
-
-
-@kernel
-def _any_tangents(form, arithmetic, points, i, normal):
-    return tangents_of(arithmetic, points, i, normal)
-
-
-@kernel
-def oriented_tangents(form, arithmetic, points, i, normal):
-    """Return the axes of frames whose x is along dp/du."""
-    return tangents_along_u(arithmetic, points, i, normal)
 
 
 @kernel
@@ -364,7 +348,7 @@ def rows3(rows, first, i):
 
 
 @kernel
-def rows_of(table, bsdf):
+def entries_at(table, bsdf):
     """Return where the entries of each point's BSDF are."""
     return Rows(table.numbers, gather_row(table.first, 0, bsdf, bsdf >= 0))
 
@@ -376,12 +360,12 @@ def entry_of(table, i):
 
 
 def make_loader(parameters: type) -> tuple[Any, Any]:
-    """Return `parameters_from` and `row_count_of`, made from the annotations."""
+    """Return `parameters_from` and `rows_of`, made from the annotations."""
     parts, rows, nested = [], 0, ""
     for name, kind in typing.get_type_hints(parameters).items():
         if kind is Nested:
             parts.append(f"parameters_from(form.{name}, points, first + {rows}{nested}, i)")
-            nested += f" + row_count_of(form.{name})"
+            nested += f" + rows_of(form.{name})"
             continue
         row = f"points.parameters, first + {rows}"
         load = {
@@ -389,7 +373,7 @@ def make_loader(parameters: type) -> tuple[Any, Any]:
             Float: f"load_row({row}, i)",
             Gradient: f"rows2({row}, i)",
             Derivatives: f"(rows3({row}, i), rows3({row} + 3, i))",
-            Table: f"rows_of(form.{name}, load_row(points.bsdf, 0, i))",
+            Table: f"entries_at(form.{name}, load_row(points.bsdf, 0, i))",
             Surface: f"load3(points.{name}, i)",
         }
         parts.append(load[kind])
@@ -400,9 +384,9 @@ def make_loader(parameters: type) -> tuple[Any, Any]:
         "load3": load3,
         "rows2": rows2,
         "rows3": rows3,
-        "rows_of": rows_of,
+        "entries_at": entries_at,
         "parameters_from": parameters_from,
-        "row_count_of": row_count_of,
+        "rows_of": rows_of,
     }
     load_all = f"lambda form, points, first, i: record({', '.join(parts)})"
     count = f"lambda form: {rows}{nested}"
@@ -414,7 +398,7 @@ def make_known(kind: BsdfKind) -> None:
     cls = kind.parameters
     load, count = make_loader(cls)
     parameters_from.by(cls)(load)
-    row_count_of.by(cls)(count)
+    rows_of.by(cls)(count)
     sample_bsdf.by(cls)(kind.sample)
     for function, chosen in (
         (eval_pdf_bsdf, kind.eval_pdf),
@@ -424,7 +408,6 @@ def make_known(kind: BsdfKind) -> None:
     ):
         if chosen is not None:
             function.by(cls)(chosen)
-    frame_tangents.by(cls)(oriented_tangents if kind.oriented else _any_tangents)
     visible_side.by(cls)(_as_it_is if kind.transmits else _turned)
     outgoing.by(cls)(
         _mirrored_or_straight

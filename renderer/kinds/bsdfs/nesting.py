@@ -26,15 +26,13 @@ from renderer.kinds.bsdfs.kind import (
     Nested,
     albedo_of,
     eval_pdf_bsdf,
-    frame_tangents,
     is_possible,
     make_loader,
     normal_of,
-    oriented_tangents,
     outgoing,
     parameters_from,
     reflection_of,
-    row_count_of,
+    rows_of,
     sample_bsdf,
     seen_albedo_of,
     visible_side,
@@ -221,6 +219,8 @@ class Wrapper:
         (parameters, wo) -> RGB that the AOV shows.
     passes
         Whether some of the light goes straight through, whatever is inside.
+    oriented
+        Whether the x axis of the local frame must be along dp/du.
     normal
         (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
     """
@@ -233,6 +233,7 @@ class Wrapper:
     eval_pdf: Any
     albedo: Any
     passes: bool = False
+    oriented: bool = False
     normal: Any = None
 
 
@@ -263,7 +264,7 @@ def make_wrapper_known(wrapper: Wrapper) -> None:
     cls = wrapper.parameters
     load, count = make_loader(cls)
     parameters_from.by(cls)(load)
-    row_count_of.by(cls)(count)
+    rows_of.by(cls)(count)
     sample_lobe.by(cls)(wrapper.sample)
     eval_pdf_lobes.by(cls)(wrapper.eval_pdf)
     sample_bsdf.by(cls)(_sample)
@@ -272,7 +273,6 @@ def make_wrapper_known(wrapper: Wrapper) -> None:
     seen_albedo_of.by(cls)(wrapper.albedo)
     if wrapper.normal is not None:
         normal_of.by(cls)(wrapper.normal)
-    frame_tangents.by(cls)(oriented_tangents)
     visible_side.by(cls)(_seen_as_it_is)
     outgoing.by(cls)(_from_the_frame)
     is_possible.by(cls)(_always)
@@ -288,7 +288,7 @@ class Structure:
     # nobody knows in what branches Whitted's trees should follow it
     reflection = transmission = None
     straight = False
-    oriented = seen_albedo = True  # whatever is inside
+    seen_albedo = True  # whatever is inside
 
     @property
     def name(self) -> str:
@@ -314,6 +314,11 @@ class Structure:
     def transmits(self) -> bool:
         """Whether light goes through."""
         return self.wrapper.passes or any(kind.transmits for kind in self.inside)
+
+    @property
+    def oriented(self) -> bool:
+        """Whether the x axis of the local frame must be along dp/du."""
+        return self.wrapper.oriented or any(kind.oriented for kind in self.inside)
 
     @property
     def albedo(self) -> Any:

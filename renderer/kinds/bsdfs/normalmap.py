@@ -151,5 +151,6 @@ NORMAL_MAP = Wrapper(
     sample,
     eval_pdf,
     albedo,
+    oriented=True,
     normal=normal,
 )

@@ -56,6 +56,8 @@ for _kind in (
     ROUGHDIELECTRIC,
     PLASTIC,
     ROUGHPLASTIC,
+    THIN_DIELECTRIC,
+    NULL,
     MERL,
     THIN_DIELECTRIC,
     NULL,

@@ -216,7 +216,7 @@ def _decide(
         sampler=chosen_sampler,
         replay=replay,
     )
-    if plan.kind.splits:
+    if plan.kind.splits and plan.mirrors:
         _check_tree(scene)
     if plan.kind.sees_lights:
         explain_weights(plan, scene, extended, why)

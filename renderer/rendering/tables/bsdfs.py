@@ -12,6 +12,7 @@ from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_a
 from renderer.jit import Packed, record_type
 from renderer.kinds.bsdfs.kind import BsdfMethods
 from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.sampling.arithmetic import along_u
 from renderer.kinds.textures.gradient import look_up_gradient
 from renderer.kinds.textures.kind import TextureKind, TextureMethods
 from renderer.kinds.textures.look_up import look_up_kind
@@ -106,7 +107,8 @@ def _row(
     shows = kind.albedo is not None and plan.kind.first_hit
     turns = kind.normal is not None and plan.kind.first_hit
     form = kind.form(materials.tables_of(kind))
-    record = tables.pack(BsdfMethods(form, arithmetic), kind.source)
+    rounded = along_u(arithmetic) if kind.oriented else arithmetic
+    record = tables.pack(BsdfMethods(form, rounded), kind.source)
     return record, [
         reflect if kind.smooth and lit else None,
         (scatter_kind, along, INT) if scatters else None,
