@@ -224,7 +224,7 @@ def test_nestings_that_mitsuba_refuses_later_or_never(plugin, content, message):
 
 def test_an_opacity_may_be_any_number():
     text = '<float name="opacity" value="-3.5"/>' + ONE
-    assert ours(SHAPE.format("mask", text)).shapes[0].bsdf.opacity.rgb == (-3.5,) * 3
+    assert ours(SHAPE.format("mask", text)).shapes[0].bsdf.opacity == -3.5
 
 
 def test_trees_of_rays_refuse_holes():

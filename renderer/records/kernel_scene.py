@@ -30,8 +30,8 @@ LOCATE = 1
 # kinds of BSDFs
 REFLECT_LIGHT, SCATTER, SPLIT = 1, 2, 3
 SHOW_ALBEDO, SHOW_SEEN_ALBEDO, SHOW_NORMAL = 4, 5, 6
-# kinds of textures
-LOOK_UP, LOOK_UP_GRADIENT = 1, 2
+# kinds of textures: what can be asked of them
+LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
 # kinds of shapes, for bumps
 DERIVE = 1
 # kinds of lights
@@ -82,10 +82,10 @@ class Bsdfs(NamedTuple):
     kind: NDArray[np.int32]  # (n,) row of `methods`, -1 in a scene without any
     values: NDArray[np.float32]  # (rows, n) parameters, in the order of the kind's record
     rows: NDArray[np.int32]  # (kinds,) how many rows a kind has
-    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, how many rows
+    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, LOOK_UP_...
     look_ups: NDArray[np.int64]
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
-    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
+    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`, -1: nested
     texture_methods: Methods
     derived: NDArray[np.int64]  # (m, 2) kind of BSDF, first of six rows: dp/du, dp/dv
     derivatives: Methods  # of the kinds of shapes, if anybody asks for them

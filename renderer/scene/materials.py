@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,12 +15,23 @@ from renderer.kinds.bsdfs.kind import BsdfKind, Rows
 from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.registry import kind_of as kind_of
+from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
-from renderer.kinds.textures.registry import TEXTURES
-from renderer.records.kernel_scene import ANY, EMIT, FIRST_BSDF, MOST_BSDF_KINDS
+from renderer.kinds.textures.registry import kind_of_texture, mean_of
+from renderer.kinds.textures.uniform import UNIFORM
+from renderer.records.kernel_scene import (
+    ANY,
+    EMIT,
+    FIRST_BSDF,
+    LOOK_UP_COLOR,
+    LOOK_UP_GRADIENT,
+    LOOK_UP_SCALAR,
+    MOST_BSDF_KINDS,
+)
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
+    CheckerboardTexture,
     ConstantTexture,
     SceneDescription,
     Shape,
@@ -28,6 +39,9 @@ from renderer.scene_file.description import (
 )
 
 Kind = BsdfKind | Structure
+
+# rows of a parameter -> what is asked of a texture that gives it
+_REQUESTS = {3: LOOK_UP_COLOR, 2: LOOK_UP_GRADIENT, 1: LOOK_UP_SCALAR}
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
@@ -50,23 +64,31 @@ def value_of(bsdf: Any, name: str) -> Any:
 
 def is_textured(value: Any) -> bool:
     """Return whether a parameter differs from point to point."""
-    return texture_kind_of(value) is not None
+    return kind_of_texture(value) not in (None, UNIFORM)
 
 
-def texture_kind_of(value: Any) -> TextureKind | None:
-    """Return the kind of texture that gives a parameter, None for a constant."""
-    for kind in TEXTURES.values():
-        if isinstance(value, kind.description):
-            return kind
-    return None
+def leaves(texture: Any) -> Iterator[Any]:
+    """Yield the textures that are looked up where this one gives a parameter."""
+    nested = children(texture) if isinstance(texture, CheckerboardTexture) else None
+    for part in nested or ():
+        yield from leaves(part)
+    if nested is None:
+        yield texture
+
+
+def table_of(texture: Any) -> tuple[TextureKind, Any]:
+    """Return the kind of a texture, and what tells its table from others of the kind."""
+    kind = kind_of_texture(texture)
+    assert kind is not None
+    return kind, kind.group(texture)
 
 
 def constant_of(value: Any, rows: int) -> Any:
     """Return a parameter as so many numbers; 0 where a texture gives it."""
-    if isinstance(value, ConstantTexture):
-        value = value.rgb if rows == 3 else value.rgb[0]
     if is_textured(value):
         return np.zeros(rows)
+    if isinstance(value, ConstantTexture):
+        value = value.rgb if rows == 3 else mean_of(value)
     return np.broadcast_to(np.asarray(value, np.float64), rows)
 
 
@@ -78,6 +100,7 @@ class MaterialTables:
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    loaded: list[Kind] = field(default_factory=list)  # the kind of each as it was built
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
@@ -98,6 +121,7 @@ class MaterialTables:
             ahead, behind = sides(shape.bsdf)
             front.append(number(ahead))
             back.append(number(behind))
+        tables.loaded = [kind_of(bsdf) for bsdf in tables.bsdfs]
         tables.front = np.array(front or [-1], np.int32)
         tables.back = np.array(back or [-1], np.int32)
         tables.light = np.full(max(len(front), 1), -1, np.int32)
@@ -110,7 +134,14 @@ class MaterialTables:
 
         After these come nestings, each structure a kind.
         """
-        present = {kind.name: kind for kind in map(kind_of, self.bsdfs)}
+        found = [kind_of(bsdf) for bsdf in self.bsdfs]
+        for kind, loaded in zip(found, self.loaded, strict=True):
+            if kind != loaded:  # stages and parameters would be those of the old one
+                raise SceneError(
+                    f"BSDF {kind.name!r} was registered anew after the scene was loaded; "
+                    "load it again"
+                )
+        present = {kind.name: kind for kind in found}
         known = list(BSDFS)
         listed = sorted(
             present.values(),
@@ -141,7 +172,7 @@ class MaterialTables:
     @property
     def textured(self) -> bool:
         """Whether any BSDF looks at uv."""
-        return any(is_textured(value) for _, value in self._parameters())
+        return any(is_textured(value) for value in self._parameters())
 
     def stages(self, shapes: Sequence[Shape]) -> NDArray[np.int32]:
         """Return the bits of what a hit on each shape needs next."""
@@ -158,17 +189,27 @@ class MaterialTables:
             rows.append(bits | sum(bit[name] for name in shown))
         return np.array(rows or [0], np.int32)
 
-    def _parameters(self) -> list[tuple[Any, Any]]:
-        """Return (BSDF, value) of all parameters that each point has."""
-        return [
-            (bsdf, value_of(bsdf, name))
-            for bsdf in self.bsdfs
-            for name, _, _ in kind_of(bsdf).layout()
-        ]
+    def parameters_of(self, bsdf: Any) -> list[tuple[Any, int]]:
+        """Return (value, rows) of all parameters that points on a BSDF have."""
+        return [(value_of(bsdf, name), rows) for name, _, rows in kind_of(bsdf).layout()]
+
+    def _parameters(self) -> list[Any]:
+        return [value for b in self.bsdfs for value, _ in self.parameters_of(b)]
 
     def textures(self) -> list[Any]:
         """Return the distinct textures; their places are the texture ids."""
-        found = {id(v): v for _, v in self._parameters() if is_textured(v)}
+        found: dict[int, Any] = {}
+
+        def collect(texture: Any) -> None:
+            if id(texture) not in found:
+                found[id(texture)] = texture
+                if isinstance(texture, CheckerboardTexture):
+                    for part in children(texture) or ():
+                        collect(part)
+
+        for value in self._parameters():
+            if is_textured(value):
+                collect(value)
         return list(found.values())
 
     def values(self) -> NDArray[np.float32]:
@@ -208,17 +249,18 @@ class MaterialTables:
         return table
 
     def look_ups(
-        self, kinds: Sequence[Kind | None], texture_kinds: Sequence[TextureKind]
+        self, kinds: Sequence[Kind | None], tables: Sequence[tuple[TextureKind, Any]]
     ) -> NDArray[np.int64]:
-        """Return (kind of BSDF, kind of texture, first row, rows) of all that is textured.
+        """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 
         None in place of a kind: nobody needs its parameters.
         """
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):
             for name, first, count in kind.layout() if kind else ():
-                for bsdf in (b for b in self.bsdfs if kind_of(b) == kind):
-                    of = texture_kind_of(value_of(bsdf, name))
-                    if of in texture_kinds:
-                        rows[k, texture_kinds.index(of), first, count] = None
+                request = _REQUESTS[count]
+                values = [value_of(b, name) for b in self.bsdfs if kind_of(b) == kind]
+                for texture in (v for v in values if is_textured(v)):
+                    for leaf in leaves(texture):
+                        rows[k, tables.index(table_of(leaf)), first, request] = None
         return np.array(sorted(rows), np.int64).reshape(-1, 4)

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
-from typing import ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from renderer.scene_file.images.image import Image
 
 Rgb = tuple[float, float, float]
 
@@ -43,26 +46,44 @@ class ConstantTexture:
     rgb: Rgb
 
 
+WHITE = ConstantTexture((1.0, 1.0, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class BitmapTexture:
-    """An image over (u, v); row 0 of `pixels`, the last of the file, is v near 1."""
+    """An image over (u, v); row 0 of `texels`, the last of the file, is v near 1."""
 
-    pixels: NDArray[np.float32]  # (H, W, 3), linear, already out of sRGB unless `raw`
-    filter_type: Literal["bilinear", "nearest"] = "bilinear"
-    wrap_mode: Literal["repeat", "mirror", "clamp"] = "repeat"
+    texels: NDArray[Any]  # (H, W, 1 or 3), finite, uint8, float16 or float32
+    filter_type: str = "bilinear"  # or "nearest"
+    wrap_mode: str = "repeat"  # or "mirror", "clamp"
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))  # on (u, v, 1)
+    srgb: bool = False  # whether bytes are encoded; the other types are linear
+
+    @cached_property
+    def pixels(self) -> NDArray[np.float32]:
+        """Linear RGB, (H, W, 3)."""
+        return Image(self.texels, self.srgb).linear
 
 
 @dataclass(frozen=True, eq=False)
 class CheckerboardTexture:
     """Two colours in a 2 x 2 pattern per unit square of the transformed (u, v)."""
 
-    color0: Rgb = (0.4, 0.4, 0.4)
-    color1: Rgb = (0.2, 0.2, 0.2)
+    color0: Texture = ConstantTexture((0.4, 0.4, 0.4))
+    color1: Texture = ConstantTexture((0.2, 0.2, 0.2))
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
 
-Texture = ConstantTexture | BitmapTexture | CheckerboardTexture
+@dataclass(frozen=True, eq=False)
+class MeshAttributeTexture:
+    """What a mesh has at its vertices ("vertex_..."), or for each face ("face_...")."""
+
+    name: str
+    scale: float = 1.0
+    location: Location = NOWHERE
+
+
+Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
 
 
 # ------------------------------------------------------------------- BSDFs
@@ -82,8 +103,8 @@ class Dielectric:
 
     plugin: ClassVar[str] = "dielectric"
     eta: float = 1.5046 / 1.000277
-    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
-    specular_transmittance: Rgb = (1.0, 1.0, 1.0)
+    specular_reflectance: Texture = WHITE
+    specular_transmittance: Texture = WHITE
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +112,9 @@ class Conductor:
     """Smooth metal, one-sided; `material` "none" is eta 0, k 1: reflects everything."""
 
     plugin: ClassVar[str] = "conductor"
-    eta: Rgb
-    k: Rgb
-    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
+    eta: Texture
+    k: Texture
+    specular_reflectance: Texture = WHITE
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +238,8 @@ class Mesh(Shape):
     uvs: NDArray[np.float32] | None = None  # (V, 2)
     face_ids: NDArray[np.int32] | None = None  # (F,) index in the file; None: 0..F-1
     flip_normals: bool = False  # the geometric normal is -(e1 x e2)
+    # "vertex_..." (V, size) and "face_..." (F, size), finite
+    attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

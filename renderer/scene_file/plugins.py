@@ -25,7 +25,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "instance",
     ),
     "bsdf": (),
-    "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
+    "texture": ("srgb", "d65"),
     "emitter": ("area",),
 }  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
@@ -40,6 +40,7 @@ _REGISTRIES = {
     "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
+    "texture": ("renderer.kinds.textures.registry", "TEXTURES"),
 }
 
 
@@ -58,6 +59,11 @@ def registered_kinds(tag: str) -> Mapping[str, Any]:
 def supported_plugins(tag: str) -> tuple[str, ...]:
     """Return the plugins of a tag; none for a tag that is not supported."""
     return (*registered_kinds(tag), *_SUPPORTED.get(tag, ()))
+
+
+def varying_textures() -> set[str]:
+    """Return the textures that differ from point to point."""
+    return set(registered_kinds("texture")) - {"uniform"}
 
 
 def tag_of_plugin(plugin: str) -> str | None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from renderer.jit import call, kernel
 from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.records.kernel_scene import FIRST_BSDF, LOOK_UP, LOOK_UP_GRADIENT, RECORD
+from renderer.records.kernel_scene import FIRST_BSDF, RECORD
 from renderer.stages.derivatives import differentiate
 from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf
 from renderer.stages.surface import surface_points
-
-GRADIENT_ROWS = 2  # a colour has three, a number one
 
 
 @kernel
@@ -51,11 +49,10 @@ def look_up_textures(bsdfs, kind, points, start, stop):
         if bsdfs.look_ups[k, 0] != kind:
             continue
         texture_kind = bsdfs.look_ups[k, 1]
-        row, rows = bsdfs.look_ups[k, 2], bsdfs.look_ups[k, 3]
+        row, request = bsdfs.look_ups[k, 2], bsdfs.look_ups[k, 3]
         method = bsdfs.texture_methods
-        asked = LOOK_UP_GRADIENT if rows == GRADIENT_ROWS else LOOK_UP
         call(
-            method[texture_kind, asked],
+            method[texture_kind, request],
             method[texture_kind, RECORD],
-            (bsdfs, texture_kind, row, rows, points, start, stop),
+            (bsdfs, texture_kind, row, points, start, stop),
         )

@@ -139,8 +139,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/textures/bitmap.py",
-                "y = (1.0 - v) * to_f32(height) - half",
-                "y = v * to_f32(height) - half",
+                "y = (1.0 - point.v) * to_f32(height) - half",
+                "y = point.v * to_f32(height) - half",
             ),
         ),
         scene="textured-room",
@@ -151,9 +151,9 @@ DEFECTS = (
         "8-bit texels are taken as they are instead of decoded from sRGB",
         (
             Edit(
-                "scene_file/images/images.py",
-                "pixels = encoded if raw else linear_from_srgb(encoded)",
-                "pixels = encoded",
+                "kinds/textures/texels.py",
+                "decoded = decoded_bytes(srgb)",
+                "decoded = decoded_bytes(False)",
             ),
         ),
         scene="textured-room",

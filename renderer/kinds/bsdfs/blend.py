@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from renderer.jit import kernel
 from renderer.kinds.bsdfs.kind import Float, Nested, Numbers
-from renderer.kinds.bsdfs.mask import in_unit_interval, read_share
+from renderer.kinds.bsdfs.mask import in_unit_interval
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
     Wrapper,
@@ -25,6 +25,7 @@ from renderer.lanes.functions import select
 from renderer.lanes.vectors import select3
 from renderer.scene_file.description import Blend as Description
 from renderer.scene_file.objects.bsdfs import read_nested
+from renderer.scene_file.objects.textures import read_scalar_texture
 
 
 class Blended(NamedTuple):
@@ -39,7 +40,7 @@ def read(properties: Any) -> Description:
     """Read the properties of a file."""
     if not properties.has("weight"):
         properties.fail("weight", "nothing", "the share of the second bsdf")
-    weight = read_share(properties, "weight", 0.5)
+    weight = read_scalar_texture(properties, "weight", 0.5)
     first, second = read_nested(properties, 2, 2, "two")
     return Description(weight, first, second)
 
@@ -81,7 +82,8 @@ def eval_pdf(blend, wo, wi):
 def albedo(blend, wo):
     """Return that of the mixture."""
     w = in_unit_interval(blend.weight)
-    return nested_albedo(blend.first, wo) * (1.0 - w) + nested_albedo(blend.second, wo) * w
+    first, second = nested_albedo(blend.first, wo), nested_albedo(blend.second, wo)
+    return first * (1.0 - w) + second * w
 
 
 BLEND = Wrapper("blendbsdf", Blended, read, "two in one", sample, eval_pdf, albedo)

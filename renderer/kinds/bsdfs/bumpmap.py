@@ -23,6 +23,7 @@ from renderer.kinds.bsdfs.normalmap import (
 )
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.vectors import cross, dot, normalize, orthonormal_basis, select3, vec3
+from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import BumpMap as Description
 from renderer.scene_file.objects.bsdfs import read_nested
@@ -51,7 +52,7 @@ def read(properties: Any) -> Description:
             "expected one, of the heights"
         )
     name = textures[0][0]
-    height = read_texture(properties, name, 0.0)
+    height = read_texture(properties, name, 0.0, Use.NUMBER)
     if isinstance(height, ConstantTexture):
         height = ConstantTexture((0.0, 0.0, 0.0))  # which is its slope
     elif not isinstance(height, BitmapTexture):

@@ -27,7 +27,7 @@ class Color:
 
 
 class Float:
-    """Annotation of a parameter: a number in 16 lanes."""
+    """Annotation of a parameter: a number in 16 lanes, constant or from a texture."""
 
 
 class Table:

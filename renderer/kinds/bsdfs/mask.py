@@ -18,10 +18,9 @@ from renderer.kinds.bsdfs.nesting import (
 )
 from renderer.lanes.functions import maximum, minimum, select, splat_f32
 from renderer.lanes.vectors import select3, vec3
-from renderer.scene_file.description import ConstantTexture, Texture
 from renderer.scene_file.description import Mask as Description
 from renderer.scene_file.objects.bsdfs import read_nested
-from renderer.scene_file.objects.textures import read_texture
+from renderer.scene_file.objects.textures import read_scalar_texture
 
 
 class Masked(NamedTuple):
@@ -33,17 +32,9 @@ class Masked(NamedTuple):
 
 def read(properties: Any) -> Description:
     """Read the properties of a file."""
-    opacity = read_share(properties, "opacity", 0.5)
+    opacity = read_scalar_texture(properties, "opacity", 0.5)
     (nested,) = read_nested(properties, 1, 1, "one")
     return Description(opacity, nested)
-
-
-def read_share(properties: Any, name: str, default: float) -> Texture:
-    """Return a number or a texture; beyond [0, 1] it counts as the nearer of the two."""
-    property_ = properties.take(name)
-    if property_ is not None and isinstance(property_.value, float):
-        return ConstantTexture((property_.value,) * 3)
-    return read_texture(properties, name, default)
 
 
 @kernel

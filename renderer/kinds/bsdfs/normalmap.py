@@ -47,8 +47,10 @@ def read(properties: Any) -> Description:
     if not properties.has("normalmap"):
         properties.fail("normalmap", "nothing", "a texture of normals")
     normals = read_texture(properties, "normalmap", 0.5)
-    if not isinstance(normals, BitmapTexture | ConstantTexture):
-        properties.fail("normalmap", "a texture without normals", "a bitmap or a colour")
+    bitmap = isinstance(normals, BitmapTexture) and normals.texels.shape[2] >= 3
+    if not bitmap and not isinstance(normals, ConstantTexture):
+        expected = "a bitmap of three channels, or a colour"
+        properties.fail("normalmap", "a texture without normals", expected)
     flip = properties.boolean("flip_invalid_normals", True)
     shadow = properties.boolean("use_shadowing_function", True)
     (nested,) = read_nested(properties, 1, 1, "one")

@@ -34,7 +34,7 @@ from renderer.kinds.bsdfs.roughplastic import ROUGHPLASTIC
 from renderer.kinds.bsdfs.thindielectric import THIN_DIELECTRIC
 from renderer.kinds.bsdfs.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
 from renderer.scene_file.description import OtherBsdf, TwoSided
-from renderer.scene_file.objects.textures import read_texture
+from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
 WRAPPERS: dict[str, Wrapper] = {}
@@ -152,7 +152,7 @@ def register_bsdf(
             values[key] = (
                 read_texture(properties, key, default)
                 if kind is Color
-                else properties.number(key, default)
+                else read_scalar_texture(properties, key, default)
             )
         return OtherBsdf(name, values)
 

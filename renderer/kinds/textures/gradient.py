@@ -6,40 +6,31 @@ the nearest texel alone it is 0, as there are steps and nothing between them.
 
 from __future__ import annotations
 
-import numpy as np
-
 from renderer.jit import kernel, method_kernel
-from renderer.kinds.textures.bitmap import texel
-from renderer.lanes.functions import (
-    first_lanes,
-    floor,
-    mask_bits,
-    select,
-    splat_f32,
-    to_f32,
-    to_i32,
-)
-from renderer.lanes.memory import gather_row, load_row, store_where
-
-_RED, _GREEN, _BLUE = (np.float32(c) for c in (0.212671, 0.715160, 0.072169))
+from renderer.kinds.textures.bitmap import NEAREST, texel_in
+from renderer.kinds.textures.look_up import point_of, textures_of
+from renderer.kinds.textures.texels import as_number
+from renderer.lanes.functions import floor, mask_bits, select, splat_f32, to_f32, to_i32
+from renderer.lanes.memory import gather_row, store_where
 
 
 @kernel
 def _brightness(bitmaps, start, width, height, mode, x, y, mask):
-    color = texel(bitmaps, start, width, height, mode, x, y, mask)
-    return color.x * _RED + color.y * _GREEN + color.z * _BLUE
+    texel = texel_in(bitmaps, start, width, height, mode, x, y, mask)
+    return as_number(bitmaps.texels, texel)
 
 
 @kernel
-def _slope(bitmaps, texture, u, v, mask):
+def _slope(bitmaps, texture, point, mask):
     """Return the derivatives by the transformed (u, v); v runs upwards, rows downwards."""
     start = gather_row(bitmaps.start, 0, texture, mask)
     width = gather_row(bitmaps.width, 0, texture, mask)
     height = gather_row(bitmaps.height, 0, texture, mask)
-    mode = gather_row(bitmaps.wrap, 0, texture, mask)
-    nearest = gather_row(bitmaps.nearest, 0, texture, mask) != 0
-    x = u * to_f32(width) - 0.5
-    y = (1.0 - v) * to_f32(height) - 0.5
+    mode = gather_row(bitmaps.mode, 0, texture, mask)
+    nearest = (mode & NEAREST) != 0
+    mode = mode & ~NEAREST
+    x = point.u * to_f32(width) - 0.5
+    y = (1.0 - point.v) * to_f32(height) - 0.5
     x0, y0 = floor(x), floor(y)
     fx, fy = x - x0, y - y0
     i, j = to_i32(x0), to_i32(y0)
@@ -54,28 +45,21 @@ def _slope(bitmaps, texture, u, v, mask):
 
 
 @method_kernel
-def look_up_gradient(textures, bsdfs, kind, row, rows, points, start, stop):
+def look_up_gradient(textures, bsdfs, kind, row, points, start, stop):
     """Replace the slope in two rows from `row` on where a bitmap gives it.
 
     The map of uv comes before the size of the image, as in Mitsuba: where the map turns
     the image, and it is no square, the slope is not quite that of what is seen.
     """
-    m = textures.to_uv
+    m, table = textures.to_uv, textures.table
     for i in range(start, stop, 16):
-        bsdf = load_row(points.bsdf, 0, i)
-        shown = first_lanes(stop - i) & (bsdf >= 0)
-        texture = gather_row(bsdfs.texture, row, bsdf, shown)
-        textured = shown & (texture >= 0)
-        mine = textured & (gather_row(bsdfs.texture_kind, 0, texture, textured) == kind)
+        texture, mine = textures_of(textures, bsdfs, kind, row, points, i, stop, False)
         if mask_bits(mine) == 0:
             continue
-        u, v = load_row(points.uv, 0, i), load_row(points.uv, 1, i)
+        x, y = _slope(table, texture, point_of(textures, texture, points, i, mine), mine)
         m_uu, m_uv = gather_row(m, 0, texture, mine), gather_row(m, 1, texture, mine)
         m_vu, m_vv = gather_row(m, 3, texture, mine), gather_row(m, 4, texture, mine)
-        a = m_uu * u + m_uv * v + gather_row(m, 2, texture, mine)
-        b = m_vu * u + m_vv * v + gather_row(m, 5, texture, mine)
-        x, y = _slope(textures.table, texture, a, b, mine)
-        width = to_f32(gather_row(textures.table.width, 0, texture, mine))
-        height = to_f32(gather_row(textures.table.height, 0, texture, mine))
+        width = to_f32(gather_row(table.width, 0, texture, mine))
+        height = to_f32(gather_row(table.height, 0, texture, mine))
         store_where(points.parameters, row, i, (m_uu * x + m_vu * y) * width, mine)
         store_where(points.parameters, row + 1, i, (m_uv * x + m_vv * y) * height, mine)

@@ -14,10 +14,16 @@ from renderer.kinds.bsdfs.kind import BsdfMethods
 from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.sampling.arithmetic import along_u
 from renderer.kinds.textures.gradient import look_up_gradient
-from renderer.kinds.textures.kind import TextureKind, TextureMethods
-from renderer.kinds.textures.look_up import look_up_kind
-from renderer.kinds.textures.registry import TEXTURES
-from renderer.records.kernel_scene import Bsdfs, Settings
+from renderer.kinds.textures.kind import TextureMethods
+from renderer.kinds.textures.look_up import look_up_color, look_up_scalar
+from renderer.kinds.textures.nested import nested_boards
+from renderer.records.kernel_scene import (
+    LOOK_UP_COLOR,
+    LOOK_UP_GRADIENT,
+    LOOK_UP_SCALAR,
+    Bsdfs,
+    Settings,
+)
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     FLOAT,
@@ -28,16 +34,23 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.scene.materials import Kind, MaterialTables, kind_of, texture_kind_of
+from renderer.scene.materials import Kind, MaterialTables, kind_of, leaves, table_of
+from renderer.scene.scene import Scene
 from renderer.stages.direct_light import reflect_light
-from renderer.stages.materials import GRADIENT_ROWS
 from renderer.stages.scatter import scatter_kind
 from renderer.stages.split import split_glass, split_mirror
+
+# in the order of their columns
+_LOOK_UPS = {
+    LOOK_UP_COLOR: look_up_color,
+    LOOK_UP_SCALAR: look_up_scalar,
+    LOOK_UP_GRADIENT: look_up_gradient,
+}
 
 
 def bsdf_tables(
     tables: MethodTables,
-    materials: MaterialTables,
+    scene: Scene,
     plan: Plan,
     settings: Settings,
     arithmetic: Any,
@@ -49,9 +62,11 @@ def bsdf_tables(
     `lit`: lights are sampled at smooth ones. `derivatives` returns the methods that find
     dp/du and dp/dv, for bumps.
     """
+    materials = scene.materials
     kinds, textures = materials.kinds, materials.textures()
-    kinds_of_textures = [texture_kind_of(texture) for texture in textures]
-    texture_kinds = [kind for kind in TEXTURES.values() if kind in kinds_of_textures]
+    ends = [list(leaves(texture)) for texture in textures]  # of a nested one: others
+    looked_up = {id(leaf): table_of(leaf) for end in ends for leaf in end}
+    texture_tables = list(dict.fromkeys(looked_up.values()))
     methods = tables.table(
         [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 6
     )
@@ -69,18 +84,40 @@ def bsdf_tables(
         np.array([place[kind_of(b).name] for b in materials.bsdfs] or [-1], np.int32),
         materials.values(),
         np.array([kind.row_count for kind in kinds], np.int32),
-        materials.look_ups(needed, texture_kinds),
+        materials.look_ups(needed, texture_tables),
         materials.texture_ids(),
-        np.array([texture_kinds.index(k) for k in kinds_of_textures if k], np.int32),
-        np.zeros((0, 3), np.int64),
+        np.array(
+            [
+                texture_tables.index(looked_up[id(t)]) if id(t) in looked_up else -1
+                for t in textures
+            ],
+            np.int32,
+        ),
+        np.zeros((0, 1 + len(_LOOK_UPS)), np.int64),
         np.array(derived, np.int64).reshape(-1, 2),
         derivatives() if derived else np.zeros((0, 2), np.int64),
     )
     if bsdfs.look_ups.size == 0:
         return bsdfs
-    return bsdfs._replace(
-        texture_methods=_texture_methods(tables, bsdfs, textures, texture_kinds)
-    )
+    to_uv = np.array([getattr(t, "to_uv", np.eye(3))[:2] for t in textures], np.float32)
+    to_uv = np.ascontiguousarray(to_uv.reshape(-1, 6).T)
+    nested = nested_boards(textures)
+    look_up = (record_type(bsdfs), INT, INT, work_types().points, INT, INT)
+    rows = []
+    for k, (kind, _) in enumerate(texture_tables):
+        mine = [t if bsdfs.texture_kind[i] == k else None for i, t in enumerate(textures)]
+        record = tables.pack(TextureMethods(kind.table(mine, scene), to_uv, nested))
+        asked = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
+        rows.append(
+            (
+                record,
+                [
+                    (method, look_up, NOTHING) if request in asked else None
+                    for request, method in _LOOK_UPS.items()
+                ],
+            )
+        )
+    return bsdfs._replace(texture_methods=tables.table(rows, len(_LOOK_UPS)))
 
 
 def _row(
@@ -117,23 +154,3 @@ def _row(
         (show_seen_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
         (show_normal, shown, NOTHING) if turns else None,
     ]
-
-
-def _texture_methods(
-    tables: MethodTables, bsdfs: Bsdfs, textures: list[Any], kinds: list[TextureKind]
-) -> NDArray[np.int64]:
-    """Return the methods that look parameters up, a row for each kind of texture."""
-    look_up = (record_type(bsdfs), INT, INT, INT, work_types().points, INT, INT)
-    to_uv = np.array([t.to_uv[:2].ravel() for t in textures], np.float32)
-    rows = []
-    for kind in kinds:
-        mine = [t if texture_kind_of(t) is kind else None for t in textures]
-        record = TextureMethods(kind.table(mine), np.ascontiguousarray(to_uv.T))
-        place = kinds.index(kind)
-        asked = {rows == GRADIENT_ROWS for _, k, _, rows in bsdfs.look_ups if k == place}
-        methods = [
-            (look_up_kind, look_up, NOTHING) if False in asked else None,
-            (look_up_gradient, look_up, NOTHING) if True in asked else None,
-        ]
-        rows.append((tables.pack(record), methods))
-    return tables.table(rows, 2)

@@ -89,7 +89,7 @@ class KernelInputs:
             scene.shapes,
             bsdf_tables(
                 tables,
-                scene.materials,
+                scene,
                 plan,
                 settings,
                 variant.arithmetic,

@@ -14,6 +14,7 @@ import numpy as np
 from renderer.scene_file.colors.spectra import as_rgb, emission_of_uniform, srgb_of_spectrum
 from renderer.scene_file.description import Rgb
 from renderer.scene_file.document.tree import Element, RgbValue, SpectrumValue
+from renderer.scene_file.plugins import varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -24,6 +25,15 @@ class Use(Enum):
     REFLECTANCE = "a reflectance in [0, 1]"
     EMISSION = "an emission of at least 0"
     REFRACTION = "an index of refraction of at least 0"
+    NUMBER = "any numbers"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the largest that a component may be."""
+        return {
+            Use.REFLECTANCE: (0.0, 1.0),
+            Use.NUMBER: (-np.inf, np.inf),
+        }.get(self, (0.0, np.inf))
 
 
 def read_color(properties: Properties, name: str, default: float, use: Use) -> Rgb:
@@ -54,7 +64,7 @@ def read_color(properties: Properties, name: str, default: float, use: Use) -> R
             rgb = value.rgb
         case SpectrumValue():
             rgb = _from_spectrum(properties, name, value, use)
-        case Element(tag="texture", plugin="bitmap" | "checkerboard"):
+        case Element(tag="texture") if value.plugin in varying_textures():
             properties.fail(name, f"{value}, which varies over the surface", "one colour")
         case Element(tag="texture"):
             rgb = read_constant_plugin(value, properties.reading)
@@ -64,8 +74,8 @@ def read_color(properties: Properties, name: str, default: float, use: Use) -> R
                 f"a value of type {property_.kind}",
                 "a colour: rgb, spectrum or float",
             )
-    upper = 1.0 if use is Use.REFLECTANCE else np.inf
-    if not all(0.0 <= component <= upper for component in rgb):
+    lower, upper = use.limits
+    if not all(lower <= component <= upper for component in rgb):
         shown = ", ".join(f"{component:g}" for component in rgb)
         properties.fail(name, f"the colour ({shown})", use.value)
     return rgb
@@ -82,7 +92,7 @@ def _from_spectrum(
     raw = srgb_of_spectrum(
         value.wavelengths, value.values, under_d65=use is not Use.EMISSION
     )
-    clamped = np.clip(raw, 0.0, 1.0 if use is Use.REFLECTANCE else None)
+    clamped = np.clip(raw, *use.limits)
     # Bright white reflectances end a hair above 1, which is no news.
     if np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
         shown = ", ".join(f"{component:.4g}" for component in raw)

@@ -70,10 +70,3 @@ def as_rgb(values: NDArray[np.float64]) -> Rgb:
     """Return three plain floats."""
     red, green, blue = (float(value) for value in values)
     return red, green, blue
-
-
-def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Undo the transfer curve of sRGB (IEC 61966-2-1); both ends in [0, 1]."""
-    # The power of a negative base never reaches the result, but would warn.
-    curve = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.where(encoded <= 0.04045, encoded / 12.92, curve)

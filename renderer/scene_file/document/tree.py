@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location, Rgb
+from renderer.scene_file.images.image import Image
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ Value = (
     | Reference
     | Element
     | NDArray[np.float64]
+    | Image  # of dictionaries
 )
 
 
@@ -119,6 +121,7 @@ _KINDS: tuple[tuple[type, str], ...] = (
     (SpectrumValue, "spectrum"),
     (Reference, "ref"),
     (np.ndarray, "transform"),
+    (Image, "image"),
 )
 
 

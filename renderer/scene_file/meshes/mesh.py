@@ -109,6 +109,10 @@ def build_mesh(
         uvs=None if data.uvs is None else data.uvs.astype(np.float32),
         face_ids=np.flatnonzero(keep).astype(np.int32) if dropped else None,
         flip_normals=flip_normals,
+        attributes={
+            name: (of[keep] if name.startswith("face_") else of).astype(np.float32)
+            for name, of in data.attributes.items()
+        },
     )
     return mesh, tuple(warnings)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from renderer.errors import SceneError
 from renderer.scene_file.description import ConstantLight, Emitter, SceneDescription
 from renderer.scene_file.document.tree import Element
@@ -97,7 +95,7 @@ def _read_unused(properties: Properties) -> None:
     for _, element in properties.children("bsdf"):
         read_bsdf(element, reading)
     for _, element in properties.children("texture"):
-        reading.once(element, partial(read_texture_plugin, element, reading))
+        read_texture_plugin(element, reading)
     for _, element in properties.children("film"):
         read_film(element, reading)
     for _, element in properties.children("rfilter"):
