@@ -138,7 +138,7 @@ def _mode(bitmap: BitmapTexture) -> int:
 
 
 @kernel
-def _wrap(i, size, mode):
+def wrapped(i, size, mode):
     """Return texel coordinates brought into [0, size)."""
     n = to_f32(size)
     x = to_f32(i)
@@ -156,8 +156,8 @@ def _wrap(i, size, mode):
 @kernel
 def texel_in(bitmaps, start, width, height, mode, x, y, mask):
     """Return the texel in column x and row y, wherever these are."""
-    column = _wrap(x, width, mode)
-    row = _wrap(y, height, mode)
+    column = wrapped(x, width, mode)
+    row = wrapped(y, height, mode)
     return texel_at(bitmaps.texels, start + row * width + column, mask)
 
 
