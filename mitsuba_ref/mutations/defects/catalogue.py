@@ -7,6 +7,7 @@ from mitsuba_ref.mutations.defects import (
     geometry,
     lights,
     materials,
+    nested_bsdfs,
     rough_surfaces,
     transport,
 )
@@ -18,6 +19,7 @@ DEFECTS: tuple[Mutation, ...] = (
     *lights.DEFECTS,
     *materials.DEFECTS,
     *rough_surfaces.DEFECTS,
+    *nested_bsdfs.DEFECTS,
     *film.DEFECTS,
     *geometry.DEFECTS,
 )
