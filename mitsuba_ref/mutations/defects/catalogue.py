@@ -8,6 +8,7 @@ from mitsuba_ref.mutations.defects import (
     lights,
     materials,
     rough_surfaces,
+    textures,
     transport,
 )
 from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
@@ -18,6 +19,7 @@ DEFECTS: tuple[Mutation, ...] = (
     *lights.DEFECTS,
     *materials.DEFECTS,
     *rough_surfaces.DEFECTS,
+    *textures.DEFECTS,
     *film.DEFECTS,
     *geometry.DEFECTS,
 )
