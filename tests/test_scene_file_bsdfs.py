@@ -177,11 +177,6 @@ def test_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
             '<rgb name="eta" value="-1"/>',
             "an index of refraction of at least 0",
         ),
-        (
-            "twosided",
-            '<bsdf type="twosided"><bsdf type="diffuse"/></bsdf>',
-            "cannot be inside",
-        ),
     ],
 )
 def test_bsdfs_that_only_we_refuse(plugin: str, content: str, message: str) -> None:

@@ -20,6 +20,7 @@ from typing import Any
 from numba.core.errors import TypingError
 from numba.extending import overload
 
+from renderer.jit.decorators import kernel
 from renderer.jit.records import record_class
 
 
@@ -56,6 +57,10 @@ def interface(declared: Callable[..., Any]) -> Any:
             known = ", ".join(c.__name__ for c in implementations)
             raise TypingError(f"{declared.__name__} exists for {known}, not for {first}")
         chosen, given = implementations[cls]
+        if getattr(chosen, "is_compiling", False):
+            # A record within a record of its class, as a mask's in a mask. Numba would take
+            # it for a function that calls itself, and not link the inner one.
+            chosen = kernel(chosen.py_func)
         return eval(f"lambda {listed}: _chosen({given})", {"_chosen": chosen})
 
     choose = eval(

@@ -28,7 +28,8 @@ CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE = 1, 2, 3, 4
 # kinds of shapes
 LOCATE = 1
 # kinds of BSDFs
-REFLECT_LIGHT, SCATTER, SPLIT, SHOW_ALBEDO, SHOW_SEEN_ALBEDO = 1, 2, 3, 4, 5
+REFLECT_LIGHT, SCATTER, SPLIT = 1, 2, 3
+SHOW_ALBEDO, SHOW_SEEN_ALBEDO, SHOW_NORMAL = 4, 5, 6
 # kinds of textures: what can be asked of them
 LOOK_UP_COLOR, LOOK_UP_SCALAR = 1, 2
 # kinds of lights

@@ -23,7 +23,7 @@ from renderer.replay.rounding.camera import replay_camera, round_camera_rays
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.replay.rounding.hit_points import round_surface_points
 from renderer.replay.rounding.mesh_lights import triangle_shares
-from renderer.replay.rounding.new_rays import ScatteringBsdfs, round_rays
+from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
 from renderer.replay.rounding.surfaces import rounding_of
 from renderer.replay.rounding.triangle_arithmetic import face_normals, triangle_tangents
 from renderer.scene.materials import kind_of, sides
@@ -87,13 +87,7 @@ class Replayed:
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Round camera rays, surface points and scattered rays."""
-        bsdfs = scene.materials.bsdfs
-        scattering = ScatteringBsdfs(
-            np.array([kind_of(b).transmits for b in bsdfs] or [False], np.int32),
-            np.array(
-                [b.eta if kind_of(b).transmits else 1.0 for b in bsdfs] or [1.0], np.float32
-            ),
-        )
+        scattering = scattering_bsdfs(scene.materials.bsdfs)
         camera = replay_camera(scene.description.camera, self._measured_camera)
         return [
             (round_camera_rays, camera),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.kind import BsdfKind
+from renderer.kinds.bsdfs.kind import BsdfKind, Rows
+from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.bsdfs.registry import kind_of as kind_of
 from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import kind_of_texture, mean_of
@@ -34,17 +37,25 @@ from renderer.scene_file.description import (
     TwoSided,
 )
 
-
-def kind_of(bsdf: Any) -> BsdfKind:
-    """Return the kind of a BSDF of the description."""
-    return BSDFS[bsdf.plugin]
+Kind = BsdfKind | Structure
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
-    """Return what a shape shows on the side of its normal and behind; None is black."""
+    """Return what a shape shows on the side of its normal and behind; None is black.
+
+    A nesting tells the sides apart by itself.
+    """
     if isinstance(bsdf, TwoSided):
-        return bsdf.front, bsdf.back
-    return bsdf, bsdf if kind_of(bsdf).transmits else None
+        both = bsdf.front, bsdf.back
+        nested = any(isinstance(kind_of(side), Structure) for side in both)
+        return (bsdf, bsdf) if nested else both
+    kind = kind_of(bsdf)
+    return bsdf, bsdf if kind.transmits or isinstance(kind, Structure) else None
+
+
+def value_of(bsdf: Any, name: str) -> Any:
+    """Return a parameter by its name in the kind's layout."""
+    return operator.attrgetter(name)(bsdf)
 
 
 def is_textured(value: Any) -> bool:
@@ -112,10 +123,17 @@ class MaterialTables:
         return tables
 
     @property
-    def kinds(self) -> list[BsdfKind]:
-        """The kinds present: those with smooth lobes first, else as they are registered."""
-        present = {kind_of(bsdf).name for bsdf in self.bsdfs}
-        listed = [kind for name, kind in BSDFS.items() if name in present]
+    def kinds(self) -> list[Kind]:
+        """The kinds present: those with smooth lobes first, else as they are registered.
+
+        After these come nestings, each structure a kind.
+        """
+        present = {kind.name: kind for kind in map(kind_of, self.bsdfs)}
+        known = list(BSDFS)
+        listed = sorted(
+            present.values(),
+            key=lambda k: (known.index(k.name) if k.name in known else len(known), k.name),
+        )
         return sorted(listed, key=lambda kind: not kind.smooth)
 
     @property
@@ -131,12 +149,11 @@ class MaterialTables:
     @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
-        kinds = [kind for kind in self.kinds if kind.reflection is not None]
-        return any(kind.smooth or kind.transmission is not None for kind in kinds)
+        return any(kind.chooses for kind in self.kinds)
 
     @property
     def oriented(self) -> bool:
-        """Whether any BSDF looks at dp/du."""
+        """Whether any BSDF has a direction along the surface, which is that of dp/du."""
         return any(kind.oriented for kind in self.kinds)
 
     @property
@@ -161,7 +178,7 @@ class MaterialTables:
 
     def parameters_of(self, bsdf: Any) -> list[tuple[Any, int]]:
         """Return (value, rows) of all parameters that points on a BSDF have."""
-        return [(getattr(bsdf, name), rows) for name, _, rows in kind_of(bsdf).layout()]
+        return [(value_of(bsdf, name), rows) for name, _, rows in kind_of(bsdf).layout()]
 
     def _parameters(self) -> list[Any]:
         return [value for b in self.bsdfs for value, _ in self.parameters_of(b)]
@@ -188,17 +205,25 @@ class MaterialTables:
         table = np.zeros((max(rows, 1), max(len(self.bsdfs), 1)), np.float32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, count in kind_of(bsdf).layout():
-                table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
+                table[first : first + count, k] = constant_of(value_of(bsdf, name), count)
         return table
 
-    def tables_of(self, kind: BsdfKind) -> dict[str, NDArray[np.float32]]:
-        """Return the tables of a kind by their names, (BSDFs, entries)."""
+    def tables_of(self, kind: Kind) -> dict[str, Rows]:
+        """Return the tables of a kind by their names; what BSDFs share is there once."""
         tables = {}
         for name in kind.tables:
-            rows = [getattr(b, name) if kind_of(b) is kind else None for b in self.bsdfs]
-            entries = max(len(row) for row in rows if row is not None)
-            rows = [np.zeros(entries) if row is None else row for row in rows]
-            tables[name] = np.array(rows, np.float32)
+            parts: list[NDArray[np.float32]] = []
+            at, end = {}, 0
+            first = np.zeros((1, len(self.bsdfs)), np.int32)
+            for k, bsdf in enumerate(self.bsdfs):
+                if kind_of(bsdf) != kind:
+                    continue
+                entries = value_of(bsdf, name)
+                if id(entries) not in at:
+                    at[id(entries)], end = end, end + len(entries)
+                    parts.append(np.asarray(entries, np.float32))
+                first[0, k] = at[id(entries)]
+            tables[name] = Rows(np.concatenate(parts)[None], first)
         return tables
 
     def texture_ids(self) -> NDArray[np.int32]:
@@ -207,11 +232,11 @@ class MaterialTables:
         table = np.full(self.values().shape, -1, np.int32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, _ in kind_of(bsdf).layout():
-                table[first, k] = ids.get(id(getattr(bsdf, name)), -1)
+                table[first, k] = ids.get(id(value_of(bsdf, name)), -1)
         return table
 
     def look_ups(
-        self, kinds: Sequence[BsdfKind | None], tables: Sequence[tuple[TextureKind, Any]]
+        self, kinds: Sequence[Kind | None], tables: Sequence[tuple[TextureKind, Any]]
     ) -> NDArray[np.int64]:
         """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 
@@ -221,7 +246,7 @@ class MaterialTables:
         for k, kind in enumerate(kinds):
             for name, first, count in kind.layout() if kind else ():
                 request = LOOK_UP_COLOR if count == 3 else LOOK_UP_SCALAR
-                values = [getattr(b, name) for b in self.bsdfs if kind_of(b) is kind]
+                values = [value_of(b, name) for b in self.bsdfs if kind_of(b) == kind]
                 for texture in (v for v in values if is_textured(v)):
                     for leaf in leaves(texture):
                         rows[k, tables.index(table_of(leaf)), first, request] = None

@@ -133,14 +133,73 @@ class OtherBsdf:
 
 
 @dataclass(frozen=True, eq=False)
+class ThinDielectric:
+    """A pane of glass, both of its surfaces; `eta` as of `Dielectric`."""
+
+    plugin: ClassVar[str] = "thindielectric"
+    eta: float = 1.5046 / 1.000277
+    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
+    specular_transmittance: Rgb = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Null:
+    """Nothing: light goes straight on."""
+
+    plugin: ClassVar[str] = "null"
+
+
+@dataclass(frozen=True, eq=False)
 class TwoSided:
-    """One reflecting BSDF for each side; given once in the file, it serves both."""
+    """One BSDF for each side that lets no light through; given once, it serves both."""
 
-    front: Diffuse | Conductor | OtherBsdf
-    back: Diffuse | Conductor | OtherBsdf
+    plugin: ClassVar[str] = "twosided"
+    front: Bsdf
+    back: Bsdf
 
 
-Bsdf = Diffuse | Dielectric | Conductor | OtherBsdf | TwoSided
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """A BSDF with holes: the share `opacity` of the light meets it, the rest goes on."""
+
+    plugin: ClassVar[str] = "mask"
+    opacity: Texture
+    nested: Bsdf
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """Two BSDFs; `weight` is the share of the second."""
+
+    plugin: ClassVar[str] = "blendbsdf"
+    weight: Texture
+    first: Bsdf
+    second: Bsdf
+
+
+@dataclass(frozen=True, eq=False)
+class NormalMap:
+    """A BSDF that is turned to other normals, given as (1 + n) / 2 in the local frame."""
+
+    plugin: ClassVar[str] = "normalmap"
+    normalmap: Texture
+    flip_invalid_normals: bool
+    use_shadowing_function: bool
+    nested: Bsdf
+
+
+Bsdf = (
+    Diffuse
+    | Dielectric
+    | ThinDielectric
+    | Conductor
+    | Null
+    | OtherBsdf
+    | TwoSided
+    | Mask
+    | Blend
+    | NormalMap
+)
 
 
 # ------------------------------------------------------------------ shapes

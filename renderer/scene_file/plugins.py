@@ -24,7 +24,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "shapegroup",
         "instance",
     ),
-    "bsdf": ("twosided",),
+    "bsdf": (),
     "texture": ("srgb", "d65"),
     "emitter": ("area",),
 }  # and what is registered, see `registered_kinds`
@@ -37,7 +37,7 @@ TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
 # read, as any plugin is: they import this package, and hold kernels, so that whoever reads
 # no scene does not wait for Numba.
 _REGISTRIES = {
-    "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
+    "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
     "texture": ("renderer.kinds.textures.registry", "TEXTURES"),

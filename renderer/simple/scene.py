@@ -8,8 +8,10 @@ from renderer.errors import SceneError
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
+    Conductor,
     ConstantLight,
-    OtherBsdf,
+    Dielectric,
+    Diffuse,
     SceneDescription,
     TwoSided,
 )
@@ -64,7 +66,9 @@ def _check(description: SceneDescription) -> None:
         "instances; possible are shapes alone": not description.instances,
     }
     for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
-        covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = not isinstance(bsdf, OtherBsdf)
+        covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = isinstance(
+            bsdf, Diffuse | Conductor | Dielectric
+        )
     for what, possible in covered.items():
         if not possible:
             raise SceneError(f"{description.source}: the simple path tracer has no {what}")

@@ -159,4 +159,44 @@ DEFECTS = (
         scene="textured-room",
         tests=("test_scene_file_textures.py::test_texels_are_those_of_mitsuba",),
     ),
+    Mutation(
+        "half-angle-spaced-evenly",
+        "the cells of a measured material are taken for equally wide",
+        (
+            Edit(
+                "kinds/bsdfs/merl.py",
+                "return sqrt(theta / _HALF_PI)",
+                "return theta / _HALF_PI",
+            ),
+        ),
+        scene="measured-ball",
+        tests=("test_merl.py::test_a_known_brdf_comes_back",),
+    ),
+    Mutation(
+        "difference-angle-not-reciprocal",
+        "phi_d of a measured material is not folded into half a turn",
+        (
+            Edit(
+                "kinds/bsdfs/merl.py",
+                "select(turned < 0.0, turned + 1.0, turned)",
+                "fabs(turned)",
+            ),
+            Edit("kinds/bsdfs/merl.py", "    floor,\n", "    fabs,\n    floor,\n"),
+        ),
+        scene="measured-ball",
+        tests=("test_merl.py::test_a_known_brdf_comes_back",),
+    ),
+    Mutation(
+        "measured-density-of-half-vectors",
+        "the density of a measured material's samples is that of half vectors",
+        (
+            Edit(
+                "kinds/bsdfs/merl.py",
+                "_half_vector_pdf(table, h) / (4.0 * dot(wo, h))",
+                "_half_vector_pdf(table, h)",
+            ),
+        ),
+        scene="measured-ball",
+        tests=("test_merl.py::test_half_vectors_come_as_often_as_the_density_says",),
+    ),
 )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
 from renderer.integrators.registry import INTEGRATORS
+from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.scene.scene import KINDS, Scene
@@ -119,16 +120,14 @@ def explain_accelerators(
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
     """List BSDFs and lights, and what of these the scene does not have."""
     materials = scene.materials
-    kinds = {name: kind in materials.kinds for name, kind in BSDFS.items()}
-    why.say(
-        "BSDFs", ", ".join(kind for kind, present in kinds.items() if present) or "none"
-    )
+    used = {leaf.name for kind in materials.kinds for leaf in leaves_of(kind)}
+    why.say("BSDFs", ", ".join(kind.name for kind in materials.kinds) or "none")
     lights = _lights(scene)
     listed = ", ".join(f"{count} {kind}" for kind, count in lights.items() if count)
     why.say("lights", listed or "none")
     if not materials.textured:
         why.say("left out", "textures and uv: no BSDF looks at them; not compiled")
-    _leave_out([k for k, present in kinds.items() if not present], "no shape has it", why)
+    _leave_out([name for name in BSDFS if name not in used], "no shape has it", why)
     if listed:
         absent = [kind for kind, count in lights.items() if not count]
         _leave_out(absent, "the scene has no such light", why)

@@ -216,6 +216,8 @@ def _decide(
         sampler=chosen_sampler,
         replay=replay,
     )
+    if plan.kind.splits and plan.mirrors:
+        _check_tree(scene)
     if plan.kind.sees_lights:
         explain_weights(plan, scene, extended, why)
         explain_roulette(plan, why)
@@ -231,6 +233,22 @@ def _decide(
     random = decision.random and depth > 1
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
+
+
+def _check_tree(scene: Scene) -> None:
+    """Refuse nestings whose mirrors and holes a tree of rays has no branches for.
+
+    Raises
+    ------
+    SceneError
+        Naming the first.
+    """
+    for kind in scene.materials.kinds:
+        if kind.delta and kind.reflection is None and kind.transmission is None:
+            raise SceneError(
+                f"{scene.description.source}: integrator 'whitted' has no branches for the "
+                f"bsdf {kind.name}; possible are path and direct, or whitted without it"
+            )
 
 
 def stratified_cells(sample_count: int) -> tuple[int, int]:

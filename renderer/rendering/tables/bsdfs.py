@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from renderer.integrators.first_hit import show_albedo, show_seen_albedo
+from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_albedo
 from renderer.jit import Packed, record_type
-from renderer.kinds.bsdfs.kind import BsdfKind, BsdfMethods
+from renderer.kinds.bsdfs.kind import BsdfMethods
+from renderer.kinds.sampling.arithmetic import along_u
 from renderer.kinds.textures.kind import TextureMethods
 from renderer.kinds.textures.look_up import look_up_color, look_up_scalar
 from renderer.kinds.textures.nested import nested_boards
@@ -28,7 +29,7 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.scene.materials import MaterialTables, leaves, table_of
+from renderer.scene.materials import Kind, MaterialTables, kind_of, leaves, table_of
 from renderer.scene.scene import Scene
 from renderer.stages.direct_light import reflect_light
 from renderer.stages.scatter import scatter_kind
@@ -56,14 +57,14 @@ def bsdf_tables(
     looked_up = {id(leaf): table_of(leaf) for end in ends for leaf in end}
     texture_tables = list(dict.fromkeys(looked_up.values()))
     methods = tables.table(
-        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 5
+        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 6
     )
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
     bsdfs = Bsdfs(
         methods,
         sum(kind.smooth for kind in kinds),
-        np.array([place[b.plugin] for b in materials.bsdfs] or [-1], np.int32),
+        np.array([place[kind_of(b).name] for b in materials.bsdfs] or [-1], np.int32),
         materials.values(),
         np.array([kind.row_count for kind in kinds], np.int32),
         materials.look_ups(needed, texture_tables),
@@ -103,7 +104,7 @@ def bsdf_tables(
 def _row(
     tables: MethodTables,
     materials: MaterialTables,
-    kind: BsdfKind,
+    kind: Kind,
     plan: Plan,
     settings: Settings,
     arithmetic: Any,
@@ -122,12 +123,15 @@ def _row(
     scatters = goes_on and plan.kind.scatters
     splits = kind.delta and plan.mirrors and plan.kind.splits
     shows = kind.albedo is not None and plan.kind.first_hit
+    turns = kind.normal is not None and plan.kind.first_hit
     form = kind.form(materials.tables_of(kind))
-    record = tables.pack(BsdfMethods(form, arithmetic), kind.source)
+    rounded = along_u(arithmetic) if kind.oriented else arithmetic
+    record = tables.pack(BsdfMethods(form, rounded), kind.source)
     return record, [
         reflect if kind.smooth and lit else None,
         (scatter_kind, along, INT) if scatters else None,
         (split, (given, *group, work.rays, INT), INT) if splits else None,
         (show_albedo, shown, NOTHING) if shows and not kind.seen_albedo else None,
         (show_seen_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
+        (show_normal, shown, NOTHING) if turns else None,
     ]
