@@ -31,6 +31,7 @@ from renderer.scene_file.description import AOV_KINDS
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
 SOURCES = (
     "edited_scene.py",
+    "known_faults.py",
     "merl.py",
     "render.py",
     "user_plugins.py",

@@ -117,6 +117,9 @@ class Settings(NamedTuple):
     hide_emitters: int  # the camera looks through them
     with_uv: int  # somebody looks at uv
     with_tangents: int  # somebody looks at dp/du
+    light_samples: int  # of `direct`, at each point
+    bsdf_samples: int  # of `direct`, at each point
+    light_share: float  # light samples for each BSDF sample, which weighs their densities
     cutoff: float  # weight below which a ray is dropped
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)

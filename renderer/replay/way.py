@@ -10,12 +10,12 @@ import numpy as np
 from renderer.jit import pack
 from renderer.kinds.sampling.source import Sampling
 from renderer.replay.numbers.numbers import (
-    ROWS,
     Replay,
     begin_bounce,
     choose_light,
     draw,
     draw_film,
+    rows_of,
 )
 from renderer.replay.numbers.pixel_seeds import pixel_seeds
 from renderer.replay.numbers.sequences import make_sequence
@@ -51,22 +51,27 @@ class Replayed:
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
-        film = scene.description.camera.film
-        seeds = np.zeros((film.height, film.width), np.uint32)
-        rows = slice(film.crop_offset_y, film.crop_offset_y + film.crop_height)
-        columns = slice(film.crop_offset_x, film.crop_offset_x + film.crop_width)
-        seeds[rows, columns] = pixel_seeds(film.crop_width, film.crop_height, seed)
+        camera = scene.description.camera
+        film, beyond = camera.film, 2 * camera.film.border
+        width, height = film.crop_width + beyond, film.crop_height + beyond
+        seeds = np.zeros((film.height + beyond, film.width + beyond), np.uint32)
+        rows = slice(film.crop_offset_y, film.crop_offset_y + height)
+        columns = slice(film.crop_offset_x, film.crop_offset_x + width)
+        seeds[rows, columns] = pixel_seeds(width, height, seed)
         shown = [sides(shape.bsdf) for shape in scene.description.every_shape]
         smooth = [
             any(side is not None and kind_of(side).smooth for side in both)
             for both in shown
         ]
+        samples = max(plan.light_samples, plan.bsdf_samples)
         record = Replay(
             make_sequence(seeds.ravel(), plan.sampler),
-            np.zeros((ROWS, seeds.size), np.float32),
+            np.zeros((rows_of(samples), seeds.size), np.float32),
             np.array(smooth or [False], np.int32),
-            int(plan.bsdf_samples > 0),
+            plan.light_samples,
+            plan.bsdf_samples,
             int(plan.method == "direct"),
+            int(camera.shutter_time > 0.0),
         )
         return Sampling(pack(record), draw_film, draw, choose_light, begin_bounce)
 

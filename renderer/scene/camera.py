@@ -53,7 +53,9 @@ def pinhole(camera: PerspectiveCamera) -> Pinhole:
 def kernel_camera(camera: PerspectiveCamera) -> Camera:
     """Return the camera as the kernels use it."""
     p = pinhole(camera)
-    corner = p.f - p.x * (p.xres / 2.0) - p.y * (p.yres / 2.0)
+    # pixels are counted from where the samples begin, which may lie beyond the film
+    border = camera.film.border
+    corner = p.f - p.x * (p.xres / 2.0 + border) - p.y * (p.yres / 2.0 + border)
     forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
 
     def column(vector: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -96,6 +96,7 @@ class MaterialTables:
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    loaded: list[Kind] = field(default_factory=list)  # the kind of each as it was built
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
@@ -116,6 +117,7 @@ class MaterialTables:
             ahead, behind = sides(shape.bsdf)
             front.append(number(ahead))
             back.append(number(behind))
+        tables.loaded = [kind_of(bsdf) for bsdf in tables.bsdfs]
         tables.front = np.array(front or [-1], np.int32)
         tables.back = np.array(back or [-1], np.int32)
         tables.light = np.full(max(len(front), 1), -1, np.int32)
@@ -128,7 +130,14 @@ class MaterialTables:
 
         After these come nestings, each structure a kind.
         """
-        present = {kind.name: kind for kind in map(kind_of, self.bsdfs)}
+        found = [kind_of(bsdf) for bsdf in self.bsdfs]
+        for kind, loaded in zip(found, self.loaded, strict=True):
+            if kind != loaded:  # stages and parameters would be those of the old one
+                raise SceneError(
+                    f"BSDF {kind.name!r} was registered anew after the scene was loaded; "
+                    "load it again"
+                )
+        present = {kind.name: kind for kind in found}
         known = list(BSDFS)
         listed = sorted(
             present.values(),

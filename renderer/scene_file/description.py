@@ -7,6 +7,7 @@ act on column vectors; colours are linear sRGB; angles are degrees, as in the fi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -84,6 +85,7 @@ class MeshAttributeTexture:
 
 
 Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
+Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
 
 
 # ------------------------------------------------------------------- BSDFs
@@ -210,7 +212,7 @@ class Shape:
     """What all shapes share."""
 
     bsdf: Bsdf
-    radiance: Rgb | None = None  # of an area emitter on it, on the side of the normal
+    radiance: Radiance | None = None  # of an area emitter, on the side of the normal
     id: str = ""
     location: Location = NOWHERE
 
@@ -303,6 +305,7 @@ class SpotLight:
     intensity: Rgb
     cutoff_angle: float = 20.0  # [deg], half angle
     beam_width: float = 15.0  # [deg], half angle; Mitsuba's default is 3/4 of the cutoff
+    texture: Texture | None = None  # over the square around the cone, times the intensity
 
 
 @dataclass(frozen=True)
@@ -320,7 +323,39 @@ class ConstantLight:
     radiance: Rgb
 
 
-Emitter = PointLight | SpotLight | DirectionalLight | ConstantLight
+@dataclass(frozen=True, eq=False)
+class Projector:
+    """A slide at the origin's z = 1, thrown along local +z; local +x is its left."""
+
+    plugin: ClassVar[str] = "projector"
+    to_world: NDArray[np.float64]  # (4, 4), without scale
+    irradiance: Texture  # of the slide
+    scale: float
+    fov_x: float  # [deg] across the slide's width
+    aspect: float  # width over height
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentMap:
+    """Radiance by direction: row 0 is local +y, column (0.5 + i) W shows local +z."""
+
+    plugin: ClassVar[str] = "envmap"
+    pixels: NDArray[np.float32]  # (H, W, 3) linear, from the top; at least 3 x 2
+    scale: float
+    to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
+    mis_compensation: bool = False  # sample only what is above the mean
+
+
+@dataclass(frozen=True, eq=False)
+class AreaLight:
+    """What shines on the surface of a shape; stands there as its `radiance`."""
+
+    radiance: Radiance
+
+
+Emitter = (
+    PointLight | SpotLight | DirectionalLight | ConstantLight | EnvironmentMap | Projector
+)
 
 
 # ----------------------------------------------- sensor, film, integrator
@@ -348,6 +383,17 @@ class Film:
     crop_width: int = 768
     crop_height: int = 576
     rfilter: ReconstructionFilter = ReconstructionFilter()
+    sample_border: bool = False  # samples lie beyond the window too, see `border`
+
+    @property
+    def border(self) -> int:
+        """How many pixels beyond the crop window, on each side, samples are taken.
+
+        As many as the filter reaches over; Mitsuba takes its `RayEpsilon` twice off.
+        """
+        if not self.sample_border:
+            return 0
+        return math.ceil(self.rfilter.radius - 0.5 - 2.0 * 1500.0 * 2.0**-24)
 
 
 @dataclass(frozen=True)
@@ -371,6 +417,7 @@ class PerspectiveCamera:
     far_clip: float = 1e4
     principal_point_offset_x: float = 0.0  # in fractions of the film's width
     principal_point_offset_y: float = 0.0
+    shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
     film: Film = Film()
     sampler: Sampler = Sampler()
 
@@ -388,6 +435,19 @@ AOV_KINDS = (
 
 
 @dataclass(frozen=True)
+class Moments:
+    """First and second moments of samples beside the picture, as `moment` names them.
+
+    X, Y and Z of the colours under `name`, and the means of their squares under `m2_` and
+    that name; in front of both stands `within`.
+    """
+
+    name: str  # of the integrator inside of `moment`
+    within: str = ""  # "NAME.": an `aov` around, whose child NAME is
+    colors: str = ""  # an `aov` inside, whose child this is: R, G and B under `name.colors`
+
+
+@dataclass(frozen=True)
 class Integrator:
     """`direct`, `whitted`, `path`, `depth` or `aov`; each uses the fields it needs."""
 
@@ -402,6 +462,9 @@ class Integrator:
     block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
     one_pass: bool = True  # false where the file gives samples_per_pass
     nested: Integrator | None = None  # aov: the integrator whose colours come first
+    moments: Moments | None = None  # `moment` stands around it
+    stands_for: str = ""  # the plugin of the file, where another name is as good here
+    refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,12 +25,12 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "instance",
     ),
     "bsdf": (),
-    "texture": ("srgb", "d65"),
-    "emitter": ("area",),
+    "texture": ("srgb", "d65", "regular", "irregular", "blackbody"),
+    "emitter": (),
 }  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
-_UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
-TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
+UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
+TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 
 
 # Kinds that are read by what their own files say. They are loaded by name when a scene is

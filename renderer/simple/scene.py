@@ -15,7 +15,7 @@ from renderer.scene_file.description import (
     SceneDescription,
     TwoSided,
 )
-from renderer.simple.lights import Light
+from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector
 
@@ -69,6 +69,13 @@ def _check(description: SceneDescription) -> None:
         covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = isinstance(
             bsdf, Diffuse | Conductor | Dielectric
         )
+    covered["textures on lights; possible is one colour"] = not any(
+        shape.radiance is not None and not isinstance(shape.radiance, tuple)
+        for shape in description.shapes
+    ) and all(getattr(e, "texture", None) is None for e in description.emitters)
+    for emitter in description.emitters:
+        possible = isinstance(emitter, EMITTERS)
+        covered[f"emitter {getattr(emitter, 'plugin', '')!r}"] = possible
     for what, possible in covered.items():
         if not possible:
             raise SceneError(f"{description.source}: the simple path tracer has no {what}")

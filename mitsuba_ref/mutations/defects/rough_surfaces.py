@@ -107,8 +107,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/bsdfs/kind.py",
-                "bsdf * np.int32(rows.shape[1]) + i",
-                "i",
+                "gather_row(table.first, 0, bsdf, bsdf >= 0)",
+                "gather_row(table.first, 0, bsdf * 0, bsdf >= 0)",
             ),
         ),
         scene="plastics",

@@ -34,7 +34,7 @@ def read(properties: Any) -> Description:
 def read_complex_index(properties: Any) -> tuple[Texture, Texture]:
     """Return eta and k: of a material by name, or as the file gives them."""
     name = properties.string("material", "none")
-    if properties.has("material") and (properties.has("eta") or properties.has("k")):
+    if name != "none" and (properties.has("eta") or properties.has("k")):
         other = "eta" if properties.has("eta") else "k"
         properties.fail(other, 'a value beside "material"', "one of the two")
     if name == "none":

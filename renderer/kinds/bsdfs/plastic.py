@@ -124,6 +124,13 @@ def reflection(plastic, wo):
 
 
 @kernel
+def delta_pdf(plastic, wo, sample):
+    """Return how often the coat is sampled."""
+    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
+    return specular_probability(plastic, reflected)
+
+
+@kernel
 def albedo(plastic):
     """Return the colour of the base without its coat, as Mitsuba does."""
     return plastic.diffuse_reflectance
@@ -138,4 +145,5 @@ PLASTIC = BsdfKind(
     eval_pdf,
     reflection=reflection,
     albedo=albedo,
+    delta_pdf=delta_pdf,
 )

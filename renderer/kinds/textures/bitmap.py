@@ -140,7 +140,7 @@ def _mode(bitmap: BitmapTexture) -> int:
 
 
 @kernel
-def _wrap(i, size, mode):
+def wrapped(i, size, mode):
     """Return texel coordinates brought into [0, size)."""
     n = to_f32(size)
     x = to_f32(i)
@@ -157,8 +157,8 @@ def _wrap(i, size, mode):
 
 @kernel
 def _texel(bitmaps, start, width, height, mode, x, y, mask):
-    column = _wrap(x, width, mode)
-    row = _wrap(y, height, mode)
+    column = wrapped(x, width, mode)
+    row = wrapped(y, height, mode)
     return texel_at(bitmaps.texels, start + row * width + column, mask)
 
 

@@ -27,6 +27,8 @@ class Checkerboards(NamedTuple):
 
 def read(properties: Any, use: Use) -> CheckerboardTexture:
     """Read the properties of a file; the colours may be textures."""
+    if use is Use.EMISSION:
+        use = Use.REFLECTANCE  # Mitsuba takes no brighter ones, on a light either
     return CheckerboardTexture(
         read_texture(properties, "color0", 0.4, use),
         read_texture(properties, "color1", 0.2, use),

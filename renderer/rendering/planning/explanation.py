@@ -63,7 +63,7 @@ class Explanation:
 
 def describe_integrator(asked: Integrator) -> str:
     """Return the integrator's name and the properties that it has."""
-    text = asked.name
+    text = asked.name if asked.moments is None else f"the moments of {asked.name}"
     for name in INTEGRATORS[asked.name].described:
         value = getattr(asked, name)
         text += f", {name} {'no limit' if value < 0 else value}"
@@ -218,8 +218,8 @@ def _lights(scene: Scene) -> dict[str, int]:
     lights = dict.fromkeys(LIGHTS, 0)
     for emitter in scene.description.emitters:
         lights[plugin_of(emitter).name] += 1
-    area = sum(shape.radiance is not None for shape in scene.description.shapes)
-    return lights | {"area": area}
+    lights["area"] = sum(shape.radiance is not None for shape in scene.description.shapes)
+    return lights
 
 
 def _primitives(scene: Scene) -> dict[str, int]:

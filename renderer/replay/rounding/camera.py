@@ -67,7 +67,8 @@ def replay_camera(
         scale = np.maximum(np.abs(ours), np.float32(half))
         ours = np.where(np.abs(theirs - ours) <= _SAME * scale, theirs, ours)
     one = np.float32(1.0) / crop.astype(np.float32)
-    shift = -offset.astype(np.float32) * one
+    # ours begins `border` pixels before the film where samples lie beyond it
+    shift = -(offset + film.border).astype(np.float32) * one
     return ReplayCamera(
         ours.astype(np.float32),
         np.array([one, shift, moved * size / crop], np.float32),

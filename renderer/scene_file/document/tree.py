@@ -60,6 +60,13 @@ class Element:
         """Return `bsdf "diffuse"`, the form of all messages."""
         return self.plugin if self.tag == "scene" else f'{self.tag} "{self.plugin}"'
 
+    def name_of(self, key: str) -> str:
+        """Return the name that Mitsuba has for a property; it numbers those without."""
+        if not key.startswith(UNNAMED):
+            return key
+        unnamed = [name for name in self.properties if name.startswith(UNNAMED)]
+        return f"_arg_{unnamed.index(key)}"
+
     def add(self, name: str, value: Value, location: Location) -> None:
         """Add a property; a nested element without a name gets one of its own.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.scene_file.description import Film, PerspectiveCamera
+from renderer.scene_file.description import PerspectiveCamera
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.numbers import parse_float
 from renderer.scene_file.objects.films import read_film
@@ -46,11 +46,12 @@ def read_sensor(element: Element, reading: Reading) -> PerspectiveCamera:
         properties.fail(name, f"open {opens:g}, close {closes:g}", "open <= close")
     camera = PerspectiveCamera(
         to_world=_to_world(properties),
-        fov_x=_fov_x(properties, film),
+        fov_x=read_fov_x(properties, film.width / film.height),
         near_clip=near,
         far_clip=far,
         principal_point_offset_x=properties.number("principal_point_offset_x", 0.0),
         principal_point_offset_y=properties.number("principal_point_offset_y", 0.0),
+        shutter_time=closes - opens,
         film=film,
         sampler=sampler,
     )
@@ -68,9 +69,8 @@ def _to_world(properties: Properties) -> np.ndarray:
     return to_world
 
 
-def _fov_x(properties: Properties, film: Film) -> float:
-    """Return the angle across the film's full width [deg]."""
-    aspect = film.width / film.height
+def read_fov_x(properties: Properties, aspect: float) -> float:
+    """Return the angle across the full width [deg] of what is so much wider than high."""
     if properties.has("fov") and properties.has("focal_length"):
         properties.fail("focal_length", 'a value beside "fov"', "one of the two")
     if properties.has("fov"):

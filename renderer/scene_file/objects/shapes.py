@@ -16,8 +16,8 @@ from renderer.scene_file.description import (
     Diffuse,
     Disk,
     Mesh,
+    Radiance,
     Rectangle,
-    Rgb,
     Shape,
     Sphere,
 )
@@ -28,8 +28,9 @@ from renderer.scene_file.meshes.mesh_data import MeshData
 from renderer.scene_file.meshes.obj_file import read_obj
 from renderer.scene_file.meshes.ply_file import read_ply
 from renderer.scene_file.meshes.surface_area import surface_area
+from renderer.scene_file.meshes.uv_grid import overlap
 from renderer.scene_file.objects.bsdfs import read_bsdf
-from renderer.scene_file.objects.emitters import read_area_radiance
+from renderer.scene_file.objects.emitters import read_radiance
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reach import check_reach
 from renderer.scene_file.reading import Reading
@@ -49,11 +50,11 @@ def read_shape(element: Element, reading: Reading) -> Shape:
     # Mitsuba's own default is black, not grey, on a shape that shines.
     nested = properties.child("bsdf")
     emitter = properties.child("emitter")
-    radiance = None if emitter is None else read_area_radiance(emitter, reading)
+    radiance = None if emitter is None else read_radiance(element, emitter, reading)
     bsdf: Bsdf
     if nested is not None:
         bsdf = read_bsdf(nested, reading)
-    elif radiance is not None:
+    elif emitter is not None:
         bsdf = Diffuse(ConstantTexture((0.0, 0.0, 0.0)))
     else:
         bsdf = Diffuse()
@@ -79,7 +80,7 @@ def read_shape(element: Element, reading: Reading) -> Shape:
     return shape
 
 
-def _mesh(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Shape:
+def _mesh(properties: Properties, bsdf: Bsdf, radiance: Radiance | None) -> Shape:
     element, reading = properties.element, properties.reading
     face_normals = properties.boolean("face_normals", False)
     if element.plugin == "cube":
@@ -101,7 +102,21 @@ def _mesh(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Shape:
     for line in log:
         reading.warn(element.location, line)
     assert isinstance(mesh, Mesh)
+    if radiance is not None and not isinstance(radiance, tuple):
+        _check_chart(properties, mesh)
     return mesh
+
+
+def _check_chart(properties: Properties, mesh: Mesh) -> None:
+    """Refuse a textured lamp whose points are not known by their (u, v)."""
+    what = f"{properties.location}: {properties.element} emits a texture, "
+    if mesh.uvs is None:
+        raise SceneError(f"{what}but has no texture coordinates")
+    if overlap(mesh.uvs[mesh.faces].astype(np.float64)):
+        raise SceneError(
+            f"{what}but some of its faces share a part of it, so that Mitsuba samples one "
+            "of them at random; expected texture coordinates that do not overlap"
+        )
 
 
 def _mesh_file(properties: Properties) -> MeshData:
@@ -120,7 +135,7 @@ def _mesh_file(properties: Properties) -> MeshData:
         raise SceneError(f"{location}: {properties.element}: {error}") from None
 
 
-def _flat(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Shape:
+def _flat(properties: Properties, bsdf: Bsdf, radiance: Radiance | None) -> Shape:
     element = properties.element
     if element.plugin == "rectangle":
         properties.boolean("face_normals", False)  # flat anyway
@@ -135,7 +150,7 @@ def _flat(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Shape:
     )
 
 
-def _sphere(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Sphere:
+def _sphere(properties: Properties, bsdf: Bsdf, radiance: Radiance | None) -> Sphere:
     element = properties.element
     center = properties.vector("center", (0.0, 0.0, 0.0))
     radius = properties.number("radius", 1.0, above=0.0)
@@ -164,7 +179,7 @@ def _sphere(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Sphere:
     )
 
 
-def _cylinder(properties: Properties, bsdf: Bsdf, radiance: Rgb | None) -> Cylinder:
+def _cylinder(properties: Properties, bsdf: Bsdf, radiance: Radiance | None) -> Cylinder:
     element = properties.element
     p0 = np.array(properties.vector("p0", (0.0, 0.0, 0.0)))
     p1 = np.array(properties.vector("p1", (0.0, 0.0, 1.0)))
