@@ -9,6 +9,7 @@ from mitsuba_ref.mutations.defects import (
     materials,
     nested_bsdfs,
     rough_surfaces,
+    textures,
     transport,
 )
 from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
@@ -20,6 +21,7 @@ DEFECTS: tuple[Mutation, ...] = (
     *materials.DEFECTS,
     *rough_surfaces.DEFECTS,
     *nested_bsdfs.DEFECTS,
+    *textures.DEFECTS,
     *film.DEFECTS,
     *geometry.DEFECTS,
 )

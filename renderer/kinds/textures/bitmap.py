@@ -76,7 +76,8 @@ def read(properties: Any, use: Use) -> BitmapTexture:
         properties.uv_transform("to_uv"),
         srgb,
     )
-    if use is Use.REFLECTANCE and (largest := float(bitmap.pixels.max())) > 1.0:
+    floats = use is Use.REFLECTANCE and texels.dtype.kind == "f"
+    if floats and (largest := float(texels.max())) > 1.0:
         # Mitsuba lets such images through, so they render here; but light is created.
         properties.reading.warn(
             location, f"{name} has reflectances up to {largest:g}; energy is not conserved"
@@ -108,7 +109,8 @@ def _image(properties: Any) -> tuple[Image, str, Location]:
 
 def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:
     """Return the mean luminance of the texels."""
-    mean_color = bitmap.pixels.mean(axis=(0, 1), dtype=np.float64)
+    linear = Image(bitmap.texels, bitmap.srgb).linear  # not kept, as `pixels` would be
+    mean_color = linear.mean(axis=(0, 1), dtype=np.float64)
     return float(mean_color @ LUMINANCE)
 
 
