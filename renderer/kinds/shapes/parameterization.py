@@ -58,15 +58,11 @@ def point_at_uv(
 @point_at_uv.by(RectangleSurfaces)
 @kernel
 def _on_rectangle(rectangles, chart, light, prim, orientation, u, v, mask):
-    """Ignore the orientation, as Mitsuba does: a flipped one is sampled from its front.
-
-    It shines to the back still, on what finds it by itself.
-    """
     index = prim - rectangles.first
     edge1 = gather3(rectangles.edge1, index, mask)
     edge2 = gather3(rectangles.edge2, index, mask)
     position = gather3(rectangles.corner, index, mask) + edge1 * u + edge2 * v
-    side = gather3(rectangles.normal, index, mask)
+    side = gather3(rectangles.normal, index, mask) * orientation
     return UvPoint(position, side, length(cross(edge1, edge2)), mask)
 
 
