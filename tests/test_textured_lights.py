@@ -38,10 +38,13 @@ SHAPES = {
     "rectangle": lamp("rectangle", bitmap(), to_world=place()),
     "flipped": lamp("rectangle", bitmap(), to_world=place(), flip_normals=True),
     "mirrored": lamp("rectangle", BOARD, to_world=place(mirrored=True)),
-    "disk": lamp("disk", bitmap(filter_type="nearest"), to_world=place()),
+    "disk": lamp(
+        "disk",
+        bitmap("slide.png", filter_type="nearest", wrap_mode="mirror"),
+        to_world=place(),
+    ),
     "flipped disk": lamp("disk", BOARD, to_world=place(), flip_normals=True),
     "sphere": lamp("sphere", bitmap(wrap_mode="clamp"), to_world=place()),
-    "cylinder": lamp("cylinder", bitmap("slide.png", wrap_mode="mirror"), to_world=place()),
     "mesh": lamp("obj", bitmap(), filename=str(PLUGINS / "lamp.obj")),
 }
 OTHERS = {
@@ -120,3 +123,65 @@ def test_samples_are_mitsubas(lights, name):
         scale = np.maximum(np.abs(reference), 1e-3 * np.abs(reference).max())[lit]
         scale = np.where(scale > 0, scale, 1.0)
         assert np.quantile(off / scale, 0.98) < 3e-4, np.sort((off / scale).ravel())[-20:]
+
+
+# --------------------------------------------------------------------- reading
+
+
+def test_a_shape_refers_to_an_area_emitter_of_the_scene():
+    """It adds nothing by itself, and its light has the place of the shape."""
+    area = '<emitter type="area" id="lamp"><rgb name="radiance" value="1, 2, 3"/></emitter>'
+    text = f'{area}<shape type="sphere"><ref id="lamp"/></shape>'
+    assert ours(text).shapes[0].radiance == (1.0, 2.0, 3.0)
+    assert ours(text).emitters == ()
+    assert ours(area + '<shape type="sphere"/>').shapes[0].radiance is None
+
+
+def test_a_point_light_in_a_shape_stands_where_it_says():
+    """As in Mitsuba: the shape is black and does not shine."""
+    inner = '<emitter type="point"><point name="position" x="1" y="2" z="3"/></emitter>'
+    text = f'<shape type="cube"/><shape type="sphere">{inner}</shape><shape type="disk"/>'
+    scene = ours(text)
+    assert scene.emitters[0].position == (1.0, 2.0, 3.0)
+    assert scene.emitter_places == (1,)
+    assert scene.shapes[1].radiance is None
+    assert scene.shapes[1].bsdf.reflectance.rgb == (0.0, 0.0, 0.0)
+
+
+AREA = '<emitter type="area" id="lamp"/>'
+USED = '<shape type="sphere"><ref id="lamp"/></shape>'
+TEXTURED = (
+    '<emitter type="area"><texture type="checkerboard" name="radiance"/></emitter></shape>'
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "words", "refused"),
+    [
+        (AREA + "\n" + USED + "\n" + USED, "is that of the shape of line 3 already", True),
+        ('<emitter type="point" id="lamp"/>\n' + USED, "lights the scene already", False),
+        ('<shape type="sphere"><emitter type="constant"/></shape>', "environment", False),
+        ('<shape type="cube">' + TEXTURED, "faces share a part of it", False),
+        ('<shape type="cylinder">' + TEXTURED, "on a cylinder", False),
+        (
+            '<emitter type="spot"><texture name="texture" type="uniform"/></emitter>',
+            "a texture that varies",
+            True,
+        ),
+        (
+            '<emitter type="projector"><float name="fov" value="190"/></emitter>',
+            "a field of view between 0 and 180",
+            True,
+        ),
+        (
+            '<emitter type="projector"><transform name="to_world"><scale value="2"/>'
+            "</transform></emitter>",
+            "rotation and translation",
+            False,
+        ),
+    ],
+)
+def test_lights_that_are_wrong(content, words, refused):
+    assert words in error_of(content)
+    if refused:
+        assert mitsuba_refuses(content)

@@ -11,7 +11,6 @@ import numpy as np
 
 from renderer.jit import interface, kernel
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
-from renderer.kinds.shapes.cylinder import CylinderSurfaces
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
@@ -83,18 +82,6 @@ def _around(frame, index, angle, mask):
     sine, cosine = sincos(angle)
     x, y = gather_rows3(frame, 0, index, mask), gather_rows3(frame, 3, index, mask)
     return x * cosine + y * sine
-
-
-@point_at_uv.by(CylinderSurfaces)
-@kernel
-def _on_cylinder(cylinders, chart, light, prim, orientation, u, v, mask):
-    index = prim - cylinders.first
-    radius = gather_row(cylinders.radius, 0, index, mask)
-    height = gather_row(cylinders.height, 0, index, mask)
-    axis = gather_rows3(cylinders.frame, 6, index, mask)
-    n = _around(cylinders.frame, index, TWO_PI * u, mask)
-    position = gather3(cylinders.base, index, mask) + axis * (height * v) + n * radius
-    return UvPoint(position, n * orientation, TWO_PI * radius * height, mask)
 
 
 @point_at_uv.by(SphereSurfaces)
