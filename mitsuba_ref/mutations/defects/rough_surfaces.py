@@ -114,4 +114,72 @@ DEFECTS = (
         scene="plastics",
         tests=("test_bsdfs_against_mitsuba.py::test_several_tables_in_one_scene",),
     ),
+    Mutation(
+        "metal-by-schlick-of-white",
+        "the colour of a principled metal fades with the angle twice as fast",
+        (
+            Edit(
+                "kinds/bsdfs/principled_lobes.py",
+                "return square * square * rest",
+                "return square * rest",
+            ),
+        ),
+        scene="principled",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "refraction-takes-all-of-the-colour",
+        "light takes on the base colour where it enters principled glass, and again",
+        (
+            Edit(
+                "kinds/bsdfs/principled.py",
+                "root = vec3(sqrt(base.x), sqrt(base.y), sqrt(base.z))",
+                "root = vec3(base.x, base.y, base.z)",
+            ),
+        ),
+        scene="principled",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "coat-counted-by-half",
+        "the density of principled surfaces knows half of the coat's samples",
+        (
+            Edit(
+                "kinds/bsdfs/principled.py",
+                "normal_pdf(facets, wo, h) + coated * coat_pdf",
+                "normal_pdf(facets, wo, h) + 0.5 * coated * coat_pdf",
+            ),
+        ),
+        scene="principled",
+        tests=(
+            "test_bsdfs_against_mitsuba.py::test_eval_and_pdf",
+            "test_bsdfs_against_mitsuba.py::test_directions_follow_the_density",
+        ),
+    ),
+    Mutation(
+        "sheets-bend-light",
+        "the facets of light that goes through a thin sheet are those of its reflection",
+        (
+            Edit(
+                "kinds/bsdfs/principledthin.py",
+                "ggx_facets(thin.roughness * (0.65 * thin.eta - 0.35), thin.anisotropic)",
+                "ggx_facets(thin.roughness, thin.anisotropic)",
+            ),
+        ),
+        scene="principledthin",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "sheets-let-half-through",
+        "diffuse light passes a thin sheet twice as often as the file says",
+        (
+            Edit(
+                "kinds/bsdfs/principledthin.py",
+                "rest, through = 1.0 - thin.spec_trans, 0.5 * thin.diff_trans",
+                "rest, through = 1.0 - thin.spec_trans, thin.diff_trans",
+            ),
+        ),
+        scene="principledthin",
+        tests=NUMBER_BY_NUMBER[:1],
+    ),
 )

@@ -1,10 +1,9 @@
 """Measured reflectances in the format of the MERL database, read and made ready to sample.
 
-Matusik, Pfister, Brand, McMillan: A data-driven reflectance model, ACM TOG 22(3), 2003. A
-`.binary` file holds three integers, the counts of cells in theta_h, theta_d and phi_d
-(90, 90, 180 in the database), and then for red, green and blue one double for each cell,
-phi_d fastest. The angles are those of Rusinkiewicz (1998): of the half vector to the
-normal, and of a direction to the half vector. Cells of theta_h are squeezed towards the
+A `.binary` file [Matusik2003] holds three integers, the counts of cells in theta_h, theta_d
+and phi_d (90, 90, 180 in the database), and then for red, green and blue one double for
+each cell, phi_d fastest. The angles are those of [Rusinkiewicz1998]: of the half vector to
+the normal, and of a direction to the half vector. Cells of theta_h are squeezed towards the
 highlight: cell k of n begins at (k / n)^2 pi / 2.
 """
 
