@@ -106,7 +106,8 @@ class LightProbe:
     Parameters
     ----------
     shapes, emitters : dict
-        Area lights without their emitter, and other lights, by name, as in `load_dict`.
+        Area lights, with the emitter if it is another than that of `radiance`, and other
+        lights, by name, as in `load_dict`.
     radiance : tuple of 3 floats
         Of all area lights.
     replay : bool
@@ -122,7 +123,7 @@ class LightProbe:
         replay: bool = False,
     ) -> None:
         shine = {"type": "area", "radiance": {"type": "rgb", "value": list(radiance)}}
-        shining = {name: {**shape, "emitter": shine} for name, shape in shapes.items()}
+        shining = {name: {"emitter": shine, **shape} for name, shape in shapes.items()}
         camera = {"type": "perspective"}
         content = {"type": "scene", "camera": camera, **shining, **emitters}
         self.scene = renderer.load_dict(content)

@@ -306,7 +306,7 @@ import numba
 import sys
 from typing import NamedTuple
 import numpy as np
-from numba.core import codegen, types
+from numba.core import base, codegen, event, ir, targetconfig, types
 from renderer.jit import compile_method, count_of, entry_kernel, kernel, method_kernel, pack
 
 class Numbers(NamedTuple):
@@ -327,10 +327,20 @@ def total(numbers, factor):
 def run(address, record, factor):
     return count_of(address, record, (factor,)) + thrice(np.int64(1))
 
-replaced = codegen.CPUCodeLibrary.finalize.__module__ != "numba.core.codegen"
+parts = [
+    codegen.CPUCodeLibrary.finalize,
+    ir.Inst._rec_list_vars,
+    targetconfig.TargetConfig.__eq__,
+    event.start_event,
+    base.BaseContext.refresh,
+    types.Function.get_call_type,
+    run._compiler.pipeline_class,
+]
+replaced = [part.__module__.startswith("renderer.") for part in parts]
+assert len(set(replaced)) == 1, replaced
 packed = pack(Numbers(np.arange(5)))
 method = compile_method(total, packed, types.int64, returns=types.int64)
-print(replaced, run(*method, 10))
+print(replaced[0], run(*method, 10))
 """
 
 

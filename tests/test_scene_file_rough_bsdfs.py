@@ -23,7 +23,7 @@ def read(plugin: str, content: str = "") -> Bsdf:
 @pytest.mark.parametrize("plugin", ROUGH)
 def test_roughness_that_a_file_is_silent_about(plugin: str) -> None:
     bsdf = read(plugin)
-    assert (bsdf.alpha_u, bsdf.alpha_v) == (0.1, 0.1)
+    assert (bsdf.alpha_u, bsdf.alpha_v) == pytest.approx((0.1, 0.1))
     assert (bsdf.beckmann, bsdf.every_normal) == (1.0, 0.0)
     assert bsdf.specular_reflectance == ConstantTexture((1.0, 1.0, 1.0))
 
@@ -52,7 +52,7 @@ def test_distributions_are_known_in_any_case(name: str) -> None:
 def test_two_alphas() -> None:
     content = '<float name="alpha_u" value="0.2"/><float name="alpha_v" value="{}"/>'
     bsdf = read("roughconductor", content.format(0.3))
-    assert (bsdf.alpha_u, bsdf.alpha_v) == (0.2, 0.3)
+    assert (bsdf.alpha_u, bsdf.alpha_v) == pytest.approx((0.2, 0.3))
     bsdf = read("roughplastic", content.format(0.2))
     assert (bsdf.alpha_u, bsdf.alpha_v) == (0.2, 0.2)
 
@@ -70,9 +70,24 @@ def test_a_roughness_of_nothing_is_taken_as_a_ten_thousandth(alpha: float) -> No
     np.testing.assert_array_equal(table, rough_transmittance(False, 1e-4, 1.5)[0])
 
 
+def test_a_roughness_may_be_a_colour_or_a_texture() -> None:
+    """Of a colour the mean counts; the table of rough plastic knows one number alone."""
+    metal = read("roughconductor", '<rgb name="alpha" value="0.1 0.2 0.6"/>')
+    assert (metal.alpha_u, metal.alpha_v) == (pytest.approx(0.3), pytest.approx(0.3))
+    board = '<texture name="alpha_u" type="checkerboard"/>'
+    glass = read("roughdielectric", board + '<float name="alpha_v" value="0.3"/>')
+    assert isinstance(glass.alpha_u, CheckerboardTexture)
+    assert glass.alpha_v == pytest.approx(0.3)
+    text = SHAPE.format("roughplastic", board.replace("alpha_u", "alpha"))
+    assert 'property "alpha": found a value of type texture' in error_of(text)
+    assert mitsuba_refuses(text)
+
+
 def test_means_that_weigh_the_lobes() -> None:
     assert mean_of(ConstantTexture((0.1, 0.2, 0.6))) == pytest.approx(0.3)
-    board = CheckerboardTexture((0.1, 0.2, 0.6), (0.5, 0.5, 0.5))
+    board = CheckerboardTexture(
+        ConstantTexture((0.1, 0.2, 0.6)), ConstantTexture((0.5, 0.5, 0.5))
+    )
     assert mean_of(board) == pytest.approx(0.4)
 
 

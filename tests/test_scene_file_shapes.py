@@ -227,7 +227,7 @@ def test_shapes_that_are_wrong(plugin: str, content: str, message: str) -> None:
         ("cylinder", SHEARED, "a transform that makes the tube elliptic or slanted"),
         ("cylinder", MIRRORED + '<emitter type="area"/>', "a mirrored cylinder that emits"),
         ("sphere", '<texture type="checkerboard" name="x"/>', 'has no property "x"'),
-        ("sphere", '<emitter type="point"/>', 'emitter "point" cannot be in a shape'),
+        ("sphere", '<emitter type="constant"/>', 'emitter "constant" cannot be in a shape'),
     ],
 )
 def test_shapes_that_only_we_refuse(plugin: str, content: str, message: str) -> None:

@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 
+import renderer
 from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
 from renderer.scene_file.images.images import read_image
 
@@ -74,6 +75,12 @@ def write_images(folder: Path) -> None:
     Image.fromarray(grey > 128).save(folder / "bits.png")
     Image.fromarray(BYTES[..., :3]).resize((16, 16)).save(folder / "rgb.jpg", quality=90)
     Image.fromarray(grey).resize((16, 16)).save(folder / "grey.jpg", quality=90)
+    for ending in ("bmp", "tga"):
+        Image.fromarray(BYTES[..., :3]).save(folder / f"rgb.{ending}")
+        Image.fromarray(grey).save(folder / f"grey.{ending}")
+    Image.fromarray(BYTES).save(folder / "rgba.tga", compression="tga_rle")
+    mi.Bitmap(FLOATS[..., :3]).write(str(folder / "plain.hdr"))
+    mi.Bitmap(RNG.random((3, 200, 3), np.float32) * 9).write(str(folder / "packed.hdr"))
     words = RNG.integers(0, 65536, (7, 6, 4))
     for name, channels in (("grey", 1), ("grey_alpha", 2), ("rgb", 3), ("rgba", 4)):
         write_png(folder / f"{name}_16.png", words[..., :channels])
@@ -90,6 +97,8 @@ IMAGES = (
     *("grey.png", "grey_alpha.png", "rgb.png", "rgba.png", "palette.png", "bits.png"),
     *("rgb.jpg", "grey.jpg"),
     *("grey_16.png", "grey_alpha_16.png", "rgb_16.png", "rgba_16.png"),
+    *("rgb.bmp", "grey.bmp", "rgb.tga", "grey.tga", "rgba.tga"),
+    *("plain.hdr", "packed.hdr"),
     *("rgb.exr", "rgba.exr", "half.exr", "grey.exr", "layer.exr", "xyz.exr"),
 )
 
@@ -134,8 +143,8 @@ def test_texels_are_those_of_mitsuba(images: Path, name: str, raw: str) -> None:
     np.testing.assert_allclose(texture.pixels, expected, atol=2e-6)
 
 
-@pytest.mark.parametrize("storage", ["auto", "variant", "fp16"])
-@pytest.mark.parametrize("name", ["rgb.png", "rgb_16.png", "rgb.exr"])
+@pytest.mark.parametrize("storage", ["auto", "variant", "fp16", "float16"])
+@pytest.mark.parametrize("name", ["rgb.png", "rgb_16.png", "half.exr", "rgb.exr"])
 def test_storage_format_rounds_as_in_mitsuba(images: Path, name: str, storage: str) -> None:
     content = bitmap(
         name,
@@ -144,6 +153,105 @@ def test_storage_format_rounds_as_in_mitsuba(images: Path, name: str, storage: s
     )
     pixels = ours(content, folder=images).shapes[0].bsdf.reflectance.pixels
     np.testing.assert_allclose(pixels, texels(content, images, pixels.shape), atol=2e-6)
+
+
+KEPT_AS = (
+    *(("rgb.png", np.uint8, 3), ("grey_alpha.png", np.uint8, 1), ("rgb.tga", np.uint8, 3)),
+    *(("rgba_16.png", np.float16, 3), ("grey_16.png", np.float16, 1)),
+    *(("half.exr", np.float16, 3), ("grey.exr", np.float32, 1)),
+    *(("rgba.exr", np.float32, 3), ("packed.hdr", np.float32, 3)),
+)
+
+
+@pytest.mark.parametrize(("name", "dtype", "channels"), KEPT_AS)
+def test_texels_are_kept_in_the_format_of_the_file(
+    images: Path, name: str, dtype: type, channels: int
+) -> None:
+    texels = ours(bitmap(name), folder=images).shapes[0].bsdf.reflectance.texels
+    assert (texels.dtype, texels.shape[2]) == (dtype, channels)
+
+
+def test_bytes_only_where_there_are_bytes(images: Path) -> None:
+    kept = '<string name="format" value="uint8"/>'
+    texture = ours(bitmap("rgb.png", kept), folder=images).shapes[0].bsdf.reflectance
+    assert texture.texels.dtype == np.uint8
+    found = error_of(bitmap("rgb.exr", kept), folder=images)
+    assert 'property "format": found "uint8" for texels of float32, expected auto' in found
+
+
+def test_halves_that_are_too_small_for_the_pixels(tmp_path: Path) -> None:
+    write_exr(tmp_path / "sun.exr", RGB=FLOATS[..., :3] * 1e6)
+    found = error_of(
+        bitmap("sun.exr", '<string name="format" value="fp16"/>'), folder=tmp_path
+    )
+    assert 'property "format": found half floats, expected variant: there are' in found
+
+
+def test_packed_rows_are_in_the_test() -> None:
+    """Mitsuba packs rows of at least 8 pixels."""
+    assert WIDTH < 8 < 200
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "srgb"),
+    [
+        ("data", FLOATS[..., :3], False),
+        ("data", FLOATS[..., :1], False),
+        ("bitmap", BYTES[..., :3], True),
+        ("bitmap", BYTES, True),
+        ("bitmap", FLOATS[..., :3].astype(np.float16), False),
+        ("bitmap", RNG.integers(0, 65536, (HEIGHT, WIDTH, 3)).astype(np.uint16), False),
+    ],
+)
+@pytest.mark.parametrize("raw", [False, True])
+def test_pixels_in_a_dictionary(
+    name: str, values: np.ndarray, srgb: bool, raw: bool
+) -> None:
+    """As NumPy arrays and as Mitsuba's own objects, which look them up alike."""
+    theirs = mi.TensorXf(values) if name == "data" else mi.Bitmap(values)
+    found = []
+    for given in (values, theirs):
+        texture = {"type": "bitmap", name: given, "raw": raw, "filter_type": "nearest"}
+        bsdf = {"type": "diffuse", "reflectance": texture}
+        scene = {"type": "scene", "camera": {"type": "perspective"}}
+        scene["shape"] = {"type": "rectangle", "bsdf": bsdf}
+        found.append(renderer.load_dict(scene).description.shapes[0].bsdf.reflectance)
+    reference = mi.load_dict(
+        {"type": "bitmap", name: theirs, "raw": raw, "filter_type": "nearest"}
+    )
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    for mine in found:
+        assert mine.srgb == (srgb and not raw and mine.texels.dtype == np.uint8)
+        for row, column in np.ndindex(HEIGHT, WIDTH):
+            si.uv = [(column + 0.5) / WIDTH, (row + 0.5) / HEIGHT]
+            expected = np.array(reference.eval(si))
+            np.testing.assert_allclose(mine.pixels[::-1][row, column], expected, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (np.full((2, 2, 3), np.nan), "NaN or infinite pixels"),
+        (np.full((2, 2, 3), -1.0), "negative pixels, down to -1"),
+        (
+            np.zeros((2, 2, 5)),
+            "has the shape (2, 2, 5); expected (height, width, channels)",
+        ),
+        (np.zeros((0, 2, 3)), "has the shape (0, 2, 3)"),
+        ("picture", 'property "data": found no image, expected an array'),
+    ],
+)
+def test_pixels_in_a_dictionary_that_are_wrong(values: object, message: str) -> None:
+    scene = {"type": "scene", "camera": {"type": "perspective"}}
+    texture = {"type": "bitmap", "data": values}
+    scene["shape"] = {
+        "type": "rectangle",
+        "bsdf": {"type": "diffuse", "reflectance": texture},
+    }
+    with pytest.raises(renderer.SceneError) as caught:
+        renderer.load_dict(scene)
+    assert "<dictionary> scene.shape.bsdf.reflectance" in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_defaults_and_choices_of_bitmaps(images: Path) -> None:
@@ -264,7 +372,13 @@ def test_bitmap_without_file_and_missing_file(tmp_path: Path) -> None:
     assert "is not a file" in error_of(bitmap("dir.png"), folder=tmp_path)
 
 
-@pytest.mark.parametrize("name", ["rgb.png", "rgb.jpg", "rgb_16.png", "rgb.exr"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("rgb.png", "rgb.jpg", "rgb_16.png", "rgb.exr"),
+        *("rgb.bmp", "rgb.tga", "plain.hdr", "packed.hdr"),
+    ],
+)
 @pytest.mark.parametrize("kept", [0.0, 0.05, 0.5])
 def test_truncated_image(images: Path, tmp_path: Path, name: str, kept: float) -> None:
     content = (images / name).read_bytes()
@@ -274,7 +388,20 @@ def test_truncated_image(images: Path, tmp_path: Path, name: str, kept: float) -
     assert name in message
 
 
-@pytest.mark.parametrize("name", ["rgb.png", "rgb_16.png", "rgb.exr", "rgb.jpg"])
+@pytest.mark.parametrize("name", ["rgb.exr", "plain.hdr", "packed.hdr"])
+def test_image_without_its_last_byte(images: Path, tmp_path: Path, name: str) -> None:
+    """Of formats that end with pixels; what may follow them in others is not needed."""
+    (tmp_path / name).write_bytes((images / name).read_bytes()[:-1])
+    assert name in error_of(bitmap(name), folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("rgb.png", "rgb_16.png", "rgb.exr", "rgb.jpg"),
+        *("rgb.bmp", "rgba.tga", "plain.hdr", "packed.hdr"),
+    ],
+)
 def test_garbled_image_is_an_error_or_a_picture(
     images: Path, tmp_path: Path, name: str
 ) -> None:
@@ -304,6 +431,43 @@ def test_image_with_values_that_are_no_reflectance(
     values[1, 2, 0] = pixels
     write_exr(tmp_path / "bad.exr", RGB=values)
     assert message in error_of(bitmap("bad.exr"), folder=tmp_path)
+
+
+RGBE = b"#?RADIANCE\n# made by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n....", "32-bit_rle_xyze"),
+        (RGBE + b"+X 1 -Y 1\n....", "no size `-Y HEIGHT +X WIDTH`"),
+        (RGBE + b"-Y 1 +X\n....", "no size"),
+        (RGBE[:-1], "its header does not end"),
+        (RGBE + b"-Y 0 +X 5\n", "5 x 0 pixels; expected at least 1"),
+        (RGBE + b"-Y 9999999 +X 9999999\n....", "9999999 x 9999999 pixels; expected"),
+        (RGBE + b"-Y 30000 +X 8000\n" + b"\2\2" * 99, "198 bytes for 30000 rows"),
+        (RGBE + b"-Y 2 +X 1\n....", "4 bytes for 2 rows of 1 pixels"),
+        (RGBE + b"-Y 1 +X 8\n\2\2\0\10" + b"\211a" * 4, "row 0 cannot be unpacked"),
+        (RGBE + b"-Y 1 +X 8\n\2\2\0\10" + b"\0a" * 4, "row 0 cannot be unpacked"),
+        (RGBE + b"-Y 1 +X 8\n\2\2\0\10\210a\210b\210c\5a", "row 0 cannot be unpacked"),
+    ],
+)
+def test_radiance_pictures_that_are_damaged(
+    tmp_path: Path, content: bytes, message: str
+) -> None:
+    """Too long or empty runs, sizes that promise more than there is, other layouts."""
+    (tmp_path / "bad.hdr").write_bytes(content)
+    found = error_of(bitmap("bad.hdr"), folder=tmp_path)
+    assert found.startswith('<string>:3: texture "bitmap": ')
+    assert message in found
+
+
+def test_a_radiance_picture_by_hand(tmp_path: Path) -> None:
+    """Mantissas over 256, times 2 to the exponent - 128; exponent 0 is black."""
+    pixels = bytes((128, 64, 32, 129, 255, 1, 0, 128, 255, 255, 255, 0))
+    (tmp_path / "three.hdr").write_bytes(RGBE + b"-Y 1 +X 3\n" + pixels)
+    expected = [[1, 0.5, 0.25], [255 / 256, 1 / 256, 0], [0, 0, 0]]
+    np.testing.assert_array_equal(read_image(tmp_path / "three.hdr")[0], expected)
 
 
 def test_images_that_are_not_supported(images: Path, tmp_path: Path) -> None:

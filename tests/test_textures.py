@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,6 +173,55 @@ def test_against_mitsuba(picture, tmp_path, k):
 def test_the_comparison_sees_every_texel(picture):
     """Unmoved, repeated, nearest: all 15 texels of the 5 x 3 bitmap occur."""
     assert len(np.unique(picture[1][0], axis=0)) == 15
+
+
+FOLDER = Path(__file__).parent / "plugins" / "textures"
+FILES = sorted(path for path in FOLDER.iterdir() if path.suffix != ".ply")
+VARIANTS = list(itertools.product(FILTERS, WRAPS))
+
+
+def test_every_format_against_mitsuba():
+    """Each file with all filters and wraps, at 150 points, as a colour and as a number."""
+    content, plugins = [], []
+    for path, (filter_type, wrap) in itertools.product(FILES, VARIANTS):
+        plugins.append(
+            {
+                "type": "bitmap",
+                "filename": str(path),
+                "filter_type": filter_type,
+                "wrap_mode": wrap,
+                "raw": wrap == "clamp",
+                "to_uv": mi.ScalarTransform4f(TO_UV_3D),
+            }
+        )
+        bsdf = {"type": "diffuse", "reflectance": plugins[-1]}
+        content.append({"type": "rectangle", "bsdf": bsdf})
+    scene = PLATE | {f"plate {k}": shape for k, shape in enumerate(content)}
+    shapes = renderer.load_dict(scene).description.shapes[1:]
+    textures = [shape.bsdf.reflectance for shape in shapes]
+    formats = {(t.texels.dtype.name, t.texels.shape[2]) for t in textures}
+    assert len(formats) == 6
+
+    n = 150
+    uv = np.random.default_rng(1).uniform(-2, 3, (n, 2)).astype(np.float32)
+    place = np.arange(len(textures)), np.repeat(np.arange(len(textures)), n)
+    uvs = np.tile(uv, (len(textures), 1))
+    colors = evaluate(textures, *place, uvs).reshape(-1, n, 3)
+    numbers = evaluate(textures, *place, uvs, bsdf=Dielectric)[:, 0].reshape(-1, n)
+    si = mi.SurfaceInteraction3f()
+    for plugin, color, number in zip(plugins, colors, numbers, strict=True):
+        texture = mi.load_dict(plugin)
+        expected = []
+        for u, v in uv.tolist():
+            si.uv = (u, v)
+            expected.append([*texture.eval(si), texture.eval_1(si)])
+        got = np.column_stack([color, number])
+        difference = np.abs(got - expected).max(axis=1)
+        assert np.mean(difference > 2e-5) <= 0.01, (plugin, np.sort(difference)[::-1][:5])
+
+
+TO_UV_3D = np.eye(4)
+TO_UV_3D[:2, :2], TO_UV_3D[:2, 3] = [[1.2, -0.5], [0.3, 0.8]], [0.1, -0.2]
 
 
 @pytest.mark.parametrize("k", [0, 5, len(BITMAPS)], ids=label)

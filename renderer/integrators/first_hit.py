@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import call, entry_kernel, kernel, method_kernel
-from renderer.kinds.bsdfs.kind import albedo_of, normal_of, parameters_at, seen_albedo_of
+from renderer.kinds.bsdfs.kind import (
+    albedo_of,
+    normal_of,
+    parameters_at,
+    seen_albedo_of,
+)
 from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.lanes.functions import (
     first_lanes,
@@ -24,9 +29,9 @@ from renderer.records.kernel_scene import (
     RECORD,
     SHOW_ALBEDO,
     SHOW_NORMAL,
-    SHOW_SEEN_ALBEDO,
 )
 from renderer.stages.camera_rays import camera_rays
+from renderer.stages.derivatives import differentiate
 from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.materials import look_up_textures
@@ -119,23 +124,26 @@ def show_normal(bsdf, points, count, radiance):
 
 
 @kernel
-def _show_bsdfs(scene, points, count, radiance):
-    """Write what BSDFs show: k_d, of mirrors and glass none, and the normals they turn.
+def _show_bsdfs(scene, hits, order, points, count, radiance):
+    """Write k_d of all points, and the normals that BSDFs turn.
 
-    The backs of those whose albedo is that of a direction stay black too.
+    Mirrors and glass have no k_d and stay black; so do the black backs of those whose
+    albedo is that of a direction.
     """
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):
+        show = bsdfs.methods[kind, SHOW_ALBEDO]
         if bsdfs.methods[kind, RECORD] == 0:
             continue
         for i in range(0, count, 16):
             valid = first_lanes(count - i)
-            if bsdfs.methods[kind, SHOW_SEEN_ALBEDO] == 0:
+            if show != 0:
                 mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
             else:
                 mine = show_bsdf(scene.shapes, bsdfs.kind, kind, points, i, valid)
             load_constants(bsdfs, kind, points, i, mine)
         look_up_textures(bsdfs, kind, points, np.int64(0), count)
+        differentiate(scene, hits, order, kind, points, np.int64(0), count)
         for method in range(SHOW_ALBEDO, SHOW_NORMAL + 1):
             if bsdfs.methods[kind, method] != 0:
                 call(
@@ -187,7 +195,7 @@ def trace_first_hits(scene, tile, sample, work):
             scene.placements, hits, work.order, i, scene.shapes.number, shape, mask
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
-    _show_bsdfs(scene, points, found, radiance)
+    _show_bsdfs(scene, hits, work.order, points, found, radiance)
 
 
 @entry_kernel

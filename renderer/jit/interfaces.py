@@ -39,7 +39,8 @@ def interface(declared: Callable[..., Any]) -> Any:
     -------
     callable
         To be called inside kernels. Its `by(*classes)` is a decorator that adds an
-        implementation, which is not given the record itself if `drop_first`.
+        implementation, which is not given the record itself if `drop_first`; `has(cls)`
+        tells whether there is one.
     """
     parameters = inspect.signature(declared)
     # of each class: the implementation, and how many arguments it is not given
@@ -95,4 +96,5 @@ def interface(declared: Callable[..., Any]) -> Any:
         return add
 
     function.by = by  # type: ignore[attr-defined]
+    function.has = implementations.__contains__  # type: ignore[attr-defined]
     return function

@@ -31,7 +31,9 @@ LOCATE = 1
 REFLECT_LIGHT, SCATTER, SPLIT = 1, 2, 3
 SHOW_ALBEDO, SHOW_SEEN_ALBEDO, SHOW_NORMAL = 4, 5, 6
 # kinds of textures: what can be asked of them
-LOOK_UP_COLOR, LOOK_UP_SCALAR = 1, 2
+LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
+# kinds of shapes, for bumps
+DERIVE = 1
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
 # the sampler
@@ -85,6 +87,8 @@ class Bsdfs(NamedTuple):
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
     texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`, -1: nested
     texture_methods: Methods
+    derived: NDArray[np.int64]  # (m, 2) kind of BSDF, first of six rows: dp/du, dp/dv
+    derivatives: Methods  # of the kinds of shapes, if anybody asks for them
 
 
 class Lights(NamedTuple):

@@ -22,6 +22,7 @@ from renderer.kinds.textures.registry import kind_of_texture
 from renderer.scene.light_order import light_order
 from renderer.scene.materials import table_of
 from renderer.scene.scene import Scene
+from renderer.scene_file.description import Rectangle
 
 # (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
 MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
@@ -165,8 +166,16 @@ def _textured_areas(
     lights: dict[int, NDArray[np.int32]],
     textures: LightTextures,
 ) -> TexturedAreas:
-    """Return the area lights with textures on one kind of shape."""
+    """Return the area lights with textures on one kind of shape.
+
+    Mitsuba forgets `flip_normals` where it samples a texture on a rectangle: a flipped one
+    is sampled from its front, and shines to its back on those who find it by themselves.
+    """
     shapes = scene.description.shapes
+    sides = {i: scene.shapes.orientation[shining[i]] for i in lights}
+    for i in lights:
+        if isinstance(shape := shapes[shining[i]], Rectangle) and shape.flip_normals:
+            sides[i] = -sides[i]
     prims = np.zeros(count, np.int32)
     for light, ids in lights.items():
         prims[light] = ids[0]
@@ -174,7 +183,7 @@ def _textured_areas(
         textures,
         uv_choice(count, {i: shapes[shining[i]].radiance for i in lights}),
         prims,
-        number_column(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
+        number_column(count, sides),
         surfaces,
         uv_chart(count, surfaces, lights) if kind == "triangles" else None,
     )

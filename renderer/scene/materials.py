@@ -24,6 +24,7 @@ from renderer.records.kernel_scene import (
     EMIT,
     FIRST_BSDF,
     LOOK_UP_COLOR,
+    LOOK_UP_GRADIENT,
     LOOK_UP_SCALAR,
     MOST_BSDF_KINDS,
 )
@@ -38,6 +39,9 @@ from renderer.scene_file.description import (
 )
 
 Kind = BsdfKind | Structure
+
+# rows of a parameter -> what is asked of a texture that gives it
+_REQUESTS = {3: LOOK_UP_COLOR, 2: LOOK_UP_GRADIENT, 1: LOOK_UP_SCALAR}
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
@@ -254,7 +258,7 @@ class MaterialTables:
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):
             for name, first, count in kind.layout() if kind else ():
-                request = LOOK_UP_COLOR if count == 3 else LOOK_UP_SCALAR
+                request = _REQUESTS[count]
                 values = [value_of(b, name) for b in self.bsdfs if kind_of(b) == kind]
                 for texture in (v for v in values if is_textured(v)):
                     for leaf in leaves(texture):

@@ -190,6 +190,18 @@ class NormalMap:
     nested: Bsdf
 
 
+@dataclass(frozen=True, eq=False)
+class BumpMap:
+    """A BSDF that is turned as if the surface were displaced by `scale` times `height`."""
+
+    plugin: ClassVar[str] = "bumpmap"
+    height: Texture
+    scale: float
+    flip_invalid_normals: bool
+    use_shadowing_function: bool
+    nested: Bsdf
+
+
 Bsdf = (
     Diffuse
     | Dielectric
@@ -201,6 +213,7 @@ Bsdf = (
     | Mask
     | Blend
     | NormalMap
+    | BumpMap
 )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from renderer.jit import call, kernel
 from renderer.lanes.functions import first_lanes, mask_bits
 from renderer.records.kernel_scene import FIRST_BSDF, RECORD
+from renderer.stages.derivatives import differentiate
 from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf
 from renderer.stages.surface import surface_points
@@ -25,7 +26,9 @@ def group_by_bsdf(scene, work, first, count):
     total = ends[bsdfs.methods.shape[0]]
     surface_points(scene, work.rays, work.hits, work.order, total, work.points)
     for kind in range(bsdfs.methods.shape[0]):
-        load_parameters(scene.shapes, bsdfs, kind, work.points, ends[kind], ends[kind + 1])
+        start, stop = ends[kind], ends[kind + 1]
+        load_parameters(scene.shapes, bsdfs, kind, work.points, start, stop)
+        differentiate(scene, work.hits, work.order, kind, work.points, start, stop)
 
 
 @kernel

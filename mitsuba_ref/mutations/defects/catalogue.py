@@ -7,7 +7,9 @@ from mitsuba_ref.mutations.defects import (
     geometry,
     lights,
     materials,
+    nested_bsdfs,
     rough_surfaces,
+    textures,
     transport,
 )
 from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
@@ -18,6 +20,8 @@ DEFECTS: tuple[Mutation, ...] = (
     *lights.DEFECTS,
     *materials.DEFECTS,
     *rough_surfaces.DEFECTS,
+    *nested_bsdfs.DEFECTS,
+    *textures.DEFECTS,
     *film.DEFECTS,
     *geometry.DEFECTS,
 )

@@ -199,4 +199,29 @@ DEFECTS = (
         scene="envmap",
         tests=("test_envmap.py::test_samples_follow_the_density",),
     ),
+    Mutation(
+        "texel-density-without-its-share",
+        "a textured lamp is weighed as if its texels were all alike",
+        (
+            Edit(
+                "kinds/lights/textured_area.py",
+                "pdf = pdf * distance * distance / (here.area * cosine)",
+                "pdf = distance * distance / (here.area * cosine)",
+            ),
+        ),
+        scene="textured_lights",
+    ),
+    Mutation(
+        "projector-without-its-cosine",
+        "a projector's picture does not grow darker away from the axis as it should",
+        (
+            Edit(
+                "kinds/lights/projector.py",
+                "strength = strength * r * inverse * inverse * inverse",
+                "strength = strength * inverse * inverse",
+            ),
+        ),
+        scene="projector_and_spot",
+        tests=("test_textured_lights.py::test_samples_are_mitsubas",),
+    ),
 )

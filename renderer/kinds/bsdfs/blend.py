@@ -11,9 +11,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.jit import kernel
-from renderer.kinds.bsdfs.kind import Float, Nested, Numbers, albedo_of
+from renderer.kinds.bsdfs.kind import Float, Nested, Numbers
 from renderer.kinds.bsdfs.mask import in_unit_interval
-from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, black, eval_pdf_lobes, sample_lobe
+from renderer.kinds.bsdfs.nesting import (
+    Lobe,
+    Wrapper,
+    black,
+    eval_pdf_lobes,
+    nested_albedo,
+    sample_lobe,
+)
 from renderer.lanes.functions import select
 from renderer.lanes.vectors import select3
 from renderer.scene_file.description import Blend as Description
@@ -72,10 +79,11 @@ def eval_pdf(blend, wo, wi):
 
 
 @kernel
-def albedo(blend):
+def albedo(blend, wo):
     """Return that of the mixture."""
     w = in_unit_interval(blend.weight)
-    return albedo_of(blend.first) * (1.0 - w) + albedo_of(blend.second) * w
+    first, second = nested_albedo(blend.first, wo), nested_albedo(blend.second, wo)
+    return first * (1.0 - w) + second * w
 
 
 BLEND = Wrapper("blendbsdf", Blended, read, "two in one", sample, eval_pdf, albedo)

@@ -19,7 +19,7 @@ from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
 from renderer.kinds.sampling.arithmetic import to_world
 from renderer.lanes.memory import gather_row, load_row
-from renderer.lanes.vectors import dot, select3, vec3
+from renderer.lanes.vectors import dot, load3, select3, vec3
 
 
 class Color:
@@ -49,12 +49,16 @@ class Gradient:
     """Annotation of a parameter: how a texture's brightness changes with u and v."""
 
 
+class Derivatives:
+    """Annotation of a parameter that the surface gives: dp/du and dp/dv."""
+
+
 class Surface:
-    """Annotation of a parameter that comes from the surface point, not from a file."""
+    """Annotation of a parameter that is in the records of the surface points."""
 
 
 # of the parameters that each point has
-ROWS = {Color: 3, Gradient: 2, Float: 1, Table: 0, Surface: 0}
+ROWS = {Color: 3, Gradient: 2, Float: 1, Derivatives: 6, Table: 0, Surface: 0}
 
 
 class Numbers(NamedTuple):
@@ -118,13 +122,13 @@ class BsdfKind:
         Whether light goes through, so that the back of a surface shows the same BSDF.
     source
         Module and hash of the file that holds the kernels; empty for the renderer's own.
+    oriented
+        Whether x and y of the local frame matter: x is along dp/du then.
     delta_pdf
         (parameters, wo, sample) -> probability of the delta lobe that was chosen, which a
         blend weighs it by; None: as `reflection` and `transmission` say.
     straight
         Whether the transmitted lobe goes straight on.
-    oriented
-        Whether the x axis of the local frame must be along dp/du.
     """
 
     name: str
@@ -138,9 +142,9 @@ class BsdfKind:
     albedo: Any = None
     transmits: bool = False
     source: str = ""
+    oriented: bool = False
     delta_pdf: Any = None
     straight: bool = False
-    oriented: bool = False
     normal = None  # the AOV `sh_normal` shows that of the surface
 
     @property
@@ -160,10 +164,9 @@ class BsdfKind:
 
     @property
     def chooses(self) -> bool:
-        """Whether a delta lobe is chosen at random, among others or beside smooth ones."""
-        return self.reflection is not None and (
-            self.smooth or self.transmission is not None
-        )
+        """Whether a delta lobe is chosen at random."""
+        others = self.smooth or self.transmission is not None
+        return self.reflection is not None and others
 
     def form(self, tables: dict[str, Any] | None = None) -> Any:
         """Return the kind's record: arrays of its tables, None for what points have."""
@@ -356,32 +359,38 @@ def entry_of(table, i):
     return gather_row(table.numbers, 0, table.first + i, i >= 0)
 
 
-def make_loader(parameters: type, given: dict[str, str] | None = None) -> tuple[Any, Any]:
-    """Return the kernels `parameters_from` and `rows_of`, made from the annotations.
-
-    `given`: what to take for fields that are in no row.
-    """
+def make_loader(parameters: type) -> tuple[Any, Any]:
+    """Return `parameters_from` and `rows_of`, made from the annotations."""
     parts, rows, nested = [], 0, ""
     for name, kind in typing.get_type_hints(parameters).items():
         if kind is Nested:
             parts.append(f"parameters_from(form.{name}, points, first + {rows}{nested}, i)")
             nested += f" + rows_of(form.{name})"
             continue
-        count = ROWS[kind]
-        table = f"entries_at(form.{name}, load_row(points.bsdf, 0, i))"
+        row = f"points.parameters, first + {rows}"
         load = {
-            0: table if kind is Table else (given or {}).get(name, ""),
-            1: f"load_row(points.parameters, first + {rows}, i)",
-            2: f"rows2(points.parameters, first + {rows}, i)",
-            3: f"rows3(points.parameters, first + {rows}, i)",
+            Color: f"rows3({row}, i)",
+            Float: f"load_row({row}, i)",
+            Gradient: f"rows2({row}, i)",
+            Derivatives: f"(rows3({row}, i), rows3({row} + 3, i))",
+            Table: f"entries_at(form.{name}, load_row(points.bsdf, 0, i))",
+            Surface: f"load3(points.{name}, i)",
         }
-        parts.append(load[count])
-        rows += count
-    names = globals() | {"record": parameters}
+        parts.append(load[kind])
+        rows += ROWS[kind]
+    names = {
+        "record": parameters,
+        "load_row": load_row,
+        "load3": load3,
+        "rows2": rows2,
+        "rows3": rows3,
+        "entries_at": entries_at,
+        "parameters_from": parameters_from,
+        "rows_of": rows_of,
+    }
     load_all = f"lambda form, points, first, i: record({', '.join(parts)})"
-    return kernel(eval(load_all, names)), kernel(
-        eval(f"lambda form: {rows}{nested}", names)
-    )
+    count = f"lambda form: {rows}{nested}"
+    return kernel(eval(load_all, names)), kernel(eval(count, names))
 
 
 def make_known(kind: BsdfKind) -> None:

@@ -8,8 +8,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.jit import kernel
-from renderer.kinds.bsdfs.kind import Float, Nested, Numbers, albedo_of
-from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, eval_pdf_lobes, sample_lobe
+from renderer.kinds.bsdfs.kind import Float, Nested, Numbers
+from renderer.kinds.bsdfs.nesting import (
+    Lobe,
+    Wrapper,
+    eval_pdf_lobes,
+    nested_albedo,
+    sample_lobe,
+)
 from renderer.lanes.functions import maximum, minimum, select, splat_f32
 from renderer.lanes.vectors import select3, vec3
 from renderer.scene_file.description import Mask as Description
@@ -65,9 +71,9 @@ def eval_pdf(mask, wo, wi):
 
 
 @kernel
-def albedo(mask):
+def albedo(mask, wo):
     """Return that of what is masked, as Mitsuba does."""
-    return albedo_of(mask.nested)
+    return nested_albedo(mask.nested, wo)
 
 
 MASK = Wrapper("mask", Masked, read, "with holes", sample, eval_pdf, albedo, passes=True)

@@ -22,6 +22,7 @@ from renderer.kinds.bsdfs.kind import (
     ROWS,
     BsdfKind,
     BsdfSample,
+    Derivatives,
     Nested,
     albedo_of,
     eval_pdf_bsdf,
@@ -33,6 +34,7 @@ from renderer.kinds.bsdfs.kind import (
     reflection_of,
     rows_of,
     sample_bsdf,
+    seen_albedo_of,
     visible_side,
 )
 from renderer.kinds.sampling.arithmetic import to_world
@@ -58,6 +60,11 @@ def sample_lobe(parameters: Any, wo: Any, numbers: Any) -> Lobe:
 @interface
 def eval_pdf_lobes(parameters: Any, wo: Any, wi: Any) -> Any:
     """Return f |cos| and the density of smooth lobes, whatever sides wo and wi are on."""
+
+
+@interface
+def nested_albedo(parameters: Any, wo: Any) -> Any:
+    """Return the colour that the AOV `albedo` shows; black where there is none."""
 
 
 @interface
@@ -161,8 +168,18 @@ _LOBE_OF = {
 
 
 @kernel
-def _no_albedo(parameters):
+def _no_albedo(parameters, wo):
     return black()
+
+
+@kernel
+def _albedo(parameters, wo):
+    return albedo_of(parameters)
+
+
+@kernel
+def _seen_albedo(parameters, wo):
+    return seen_albedo_of(parameters, wo)
 
 
 def make_nestable(kind: BsdfKind) -> None:
@@ -177,8 +194,8 @@ def make_nestable(kind: BsdfKind) -> None:
         eval_pdf_lobes.by(cls)(_no_smooth_lobes)
     else:
         eval_pdf_lobes.by(cls)(_lobes if kind.transmits else _lobes_in_front)
-    if kind.albedo is None or kind.seen_albedo:
-        albedo_of.by(cls)(_no_albedo)
+    albedo = _seen_albedo if kind.seen_albedo else _albedo
+    nested_albedo.by(cls)(_no_albedo if kind.albedo is None else albedo)
 
 
 # ------------------------------------------------------------------------------ wrappers
@@ -199,13 +216,11 @@ class Wrapper:
     eval_pdf
         (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes.
     albedo
-        parameters -> RGB that the AOV shows.
+        (parameters, wo) -> RGB that the AOV shows.
     passes
         Whether some of the light goes straight through, whatever is inside.
     oriented
         Whether the x axis of the local frame must be along dp/du.
-    surface
-        Fields that are in no row, with the expressions of `points` and `i` that give them.
     normal
         (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
     """
@@ -219,7 +234,6 @@ class Wrapper:
     albedo: Any
     passes: bool = False
     oriented: bool = False
-    surface: tuple[tuple[str, str], ...] = ()
     normal: Any = None
 
 
@@ -248,14 +262,15 @@ def _sample(parameters, wo, numbers):
 def make_wrapper_known(wrapper: Wrapper) -> None:
     """Let stages and other wrappers find the kernels of a wrapper."""
     cls = wrapper.parameters
-    load, count = make_loader(cls, dict(wrapper.surface))
+    load, count = make_loader(cls)
     parameters_from.by(cls)(load)
     rows_of.by(cls)(count)
     sample_lobe.by(cls)(wrapper.sample)
     eval_pdf_lobes.by(cls)(wrapper.eval_pdf)
     sample_bsdf.by(cls)(_sample)
     eval_pdf_bsdf.by(cls)(wrapper.eval_pdf)
-    albedo_of.by(cls)(wrapper.albedo)
+    nested_albedo.by(cls)(wrapper.albedo)
+    seen_albedo_of.by(cls)(wrapper.albedo)
     if wrapper.normal is not None:
         normal_of.by(cls)(wrapper.normal)
     visible_side.by(cls)(_seen_as_it_is)
@@ -272,7 +287,8 @@ class Structure:
 
     # nobody knows in what branches Whitted's trees should follow it
     reflection = transmission = None
-    straight = seen_albedo = False
+    straight = False
+    seen_albedo = True  # whatever is inside
 
     @property
     def name(self) -> str:
@@ -322,45 +338,57 @@ class Structure:
 
     @property
     def tables(self) -> list[str]:
-        """The names of the parameters inside that are tables, as "child.name"."""
-        return [f"{at}.{name}" for at, kind in self._fields() for name in kind.tables]
+        """The names of the parameters that are tables, as in `layout`."""
+        return [
+            f"{field}.{name}"
+            for field, kind in zip(self._fields, self.inside, strict=True)
+            for name in kind.tables
+        ]
 
-    def _fields(self) -> list[tuple[str, BsdfKind | Structure]]:
-        """Return what is inside with the names of the fields."""
+    @property
+    def _fields(self) -> list[str]:
         hints = typing.get_type_hints(self.wrapper.parameters)
-        names = [name for name, hint in hints.items() if hint is Nested]
-        return list(zip(names, self.inside, strict=True))
+        return [name for name, hint in hints.items() if hint is Nested]
 
-    def form(self, tables: dict[str, Any]) -> Any:
-        """Return the record: tables, and None for what points have."""
-        inside = {}
-        for at, kind in self._fields():
-            start = f"{at}."
-            mine = {
-                n.removeprefix(start): t for n, t in tables.items() if n.startswith(start)
-            }
-            inside[at] = kind.form(mine)
+    def form(self, tables: dict[str, Any] | None = None) -> Any:
+        """Return the record: None for what points have, or another record."""
+        forms = {}
+        for field, kind in zip(self._fields, self.inside, strict=True):
+            start = f"{field}."
+            own = {n.removeprefix(start): t for n, t in (tables or {}).items()}
+            inside = {n: t for n, t in own.items() if start + n in (tables or {})}
+            forms[field] = kind.form(inside)
         fields = self.wrapper.parameters._fields  # type: ignore[attr-defined]
-        return self.wrapper.parameters(*(inside.get(name) for name in fields))
+        return self.wrapper.parameters(*(forms.get(name) for name in fields))
 
-    def layout(self) -> list[tuple[str, int, int]]:
-        """Return (name, first row, rows); names inside are "child.name"."""
+    def _rows(self) -> list[tuple[str, int, int]]:
+        """Return (name, first row, rows), of what the surface gives too."""
         rows: list[tuple[str, int, int]] = []
         at, inside = 0, iter(self.inside)
         for name, annotation in typing.get_type_hints(self.wrapper.parameters).items():
             if annotation is Nested:
                 kind = next(inside)
-                rows += [(f"{name}.{n}", at + first, k) for n, first, k in kind.layout()]
+                nested = kind._rows() if isinstance(kind, Structure) else kind.layout()
+                rows += [(f"{name}.{n}", at + first, count) for n, first, count in nested]
                 at += kind.row_count
             elif count := ROWS[annotation]:
                 rows.append((name, at, count))
                 at += count
         return rows
 
+    def layout(self) -> list[tuple[str, int, int]]:
+        """Return (name, first row, rows) of what a file gives; inside "child.name"."""
+        return [row for row in self._rows() if row[2] != ROWS[Derivatives]]
+
+    @property
+    def derived(self) -> list[int]:
+        """The first rows of what surfaces give."""
+        return [first for _, first, count in self._rows() if count == ROWS[Derivatives]]
+
     @property
     def row_count(self) -> int:
         """Rows of all parameters."""
-        return sum(count for _, _, count in self.layout())
+        return sum(count for _, _, count in self._rows())
 
 
 def leaves_of(kind: BsdfKind | Structure) -> tuple[BsdfKind, ...]:

@@ -12,8 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.jit import interface, kernel
-from renderer.kinds.bsdfs.kind import Color, Float, Nested, albedo_of
-from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, black, eval_pdf_lobes, sample_lobe
+from renderer.kinds.bsdfs.kind import Color, Float, Nested
+from renderer.kinds.bsdfs.nesting import (
+    Lobe,
+    Wrapper,
+    black,
+    eval_pdf_lobes,
+    nested_albedo,
+    sample_lobe,
+)
 from renderer.kinds.sampling.arithmetic import Frame, to_local
 from renderer.lanes.functions import maximum, minimum, select, splat_f32, sqrt
 from renderer.lanes.vectors import cross, dot, normalize, select3, vec3
@@ -40,8 +47,10 @@ def read(properties: Any) -> Description:
     if not properties.has("normalmap"):
         properties.fail("normalmap", "nothing", "a texture of normals")
     normals = read_texture(properties, "normalmap", 0.5)
-    if not isinstance(normals, BitmapTexture | ConstantTexture):
-        properties.fail("normalmap", "a texture without normals", "a bitmap or a colour")
+    bitmap = isinstance(normals, BitmapTexture) and normals.texels.shape[2] >= 3
+    if not bitmap and not isinstance(normals, ConstantTexture):
+        expected = "a bitmap of three channels, or a colour"
+        properties.fail("normalmap", "a texture without normals", expected)
     flip = properties.boolean("flip_invalid_normals", True)
     shadow = properties.boolean("use_shadowing_function", True)
     (nested,) = read_nested(properties, 1, 1, "one")
@@ -130,9 +139,10 @@ def normal(turned, wo):
 
 
 @kernel
-def albedo(turned):
+def albedo(turned, wo):
     """Return that of what is inside."""
-    return albedo_of(turned.nested)
+    frame, _ = turned_frame(turned, wo)
+    return nested_albedo(turned.nested, to_local(frame, wo))
 
 
 NORMAL_MAP = Wrapper(

@@ -12,6 +12,7 @@ from typing import Any
 
 from renderer.jit.cache import file_digest
 from renderer.kinds.bsdfs.blend import BLEND
+from renderer.kinds.bsdfs.bumpmap import BUMP_MAP
 from renderer.kinds.bsdfs.conductor import CONDUCTOR
 from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
@@ -58,9 +59,11 @@ for _kind in (
     THIN_DIELECTRIC,
     NULL,
     MERL,
+    THIN_DIELECTRIC,
+    NULL,
 ):
     _register(_kind)
-for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP):
+for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):
     make_wrapper_known(_wrapper)
     WRAPPERS[_wrapper.name] = _wrapper
 _OURS = tuple(PLUGINS)

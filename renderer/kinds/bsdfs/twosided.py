@@ -10,8 +10,15 @@ from typing import Any, NamedTuple
 
 from renderer.errors import SceneError
 from renderer.jit import kernel
-from renderer.kinds.bsdfs.kind import Nested, albedo_of
-from renderer.kinds.bsdfs.nesting import Lobe, Wrapper, black, eval_pdf_lobes, sample_lobe
+from renderer.kinds.bsdfs.kind import Nested
+from renderer.kinds.bsdfs.nesting import (
+    Lobe,
+    Wrapper,
+    black,
+    eval_pdf_lobes,
+    nested_albedo,
+    sample_lobe,
+)
 from renderer.lanes.functions import fabs, select
 from renderer.lanes.vectors import select3, vec3
 from renderer.scene_file.description import TwoSided as Description
@@ -93,13 +100,26 @@ def _eval_pdf_each(two, wo, wi):
 
 
 @kernel
-def _albedo(two):
-    return albedo_of(two.front)
+def _albedo_of_both(two, wo):
+    return nested_albedo(two.front, vec3(wo.x, wo.y, fabs(wo.z)))
+
+
+@kernel
+def _albedo_of_each(two, wo):
+    above = vec3(wo.x, wo.y, fabs(wo.z))
+    front, back = nested_albedo(two.front, above), nested_albedo(two.back, above)
+    return select3(wo.z > 0.0, front, back)
 
 
 ONE_FOR_BOTH = Wrapper(
-    "twosided", OneForBoth, read, "on both sides", _sample_both, _eval_pdf_both, _albedo
+    "twosided",
+    OneForBoth,
+    read,
+    "on both sides",
+    _sample_both,
+    _eval_pdf_both,
+    _albedo_of_both,
 )
 ONE_FOR_EACH = Wrapper(
-    "twosided", OneForEach, read, "two sides", _sample_each, _eval_pdf_each, _albedo
+    "twosided", OneForEach, read, "two sides", _sample_each, _eval_pdf_each, _albedo_of_each
 )

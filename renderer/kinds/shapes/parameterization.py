@@ -11,7 +11,6 @@ import numpy as np
 
 from renderer.jit import interface, kernel
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
-from renderer.kinds.shapes.cylinder import CylinderSurfaces
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
@@ -58,15 +57,11 @@ def point_at_uv(
 @point_at_uv.by(RectangleSurfaces)
 @kernel
 def _on_rectangle(rectangles, chart, light, prim, orientation, u, v, mask):
-    """Ignore the orientation, as Mitsuba does: a flipped one is sampled from its front.
-
-    It shines to the back still, on what finds it by itself.
-    """
     index = prim - rectangles.first
     edge1 = gather3(rectangles.edge1, index, mask)
     edge2 = gather3(rectangles.edge2, index, mask)
     position = gather3(rectangles.corner, index, mask) + edge1 * u + edge2 * v
-    side = gather3(rectangles.normal, index, mask)
+    side = gather3(rectangles.normal, index, mask) * orientation
     return UvPoint(position, side, length(cross(edge1, edge2)), mask)
 
 
@@ -87,18 +82,6 @@ def _around(frame, index, angle, mask):
     sine, cosine = sincos(angle)
     x, y = gather_rows3(frame, 0, index, mask), gather_rows3(frame, 3, index, mask)
     return x * cosine + y * sine
-
-
-@point_at_uv.by(CylinderSurfaces)
-@kernel
-def _on_cylinder(cylinders, chart, light, prim, orientation, u, v, mask):
-    index = prim - cylinders.first
-    radius = gather_row(cylinders.radius, 0, index, mask)
-    height = gather_row(cylinders.height, 0, index, mask)
-    axis = gather_rows3(cylinders.frame, 6, index, mask)
-    n = _around(cylinders.frame, index, TWO_PI * u, mask)
-    position = gather3(cylinders.base, index, mask) + axis * (height * v) + n * radius
-    return UvPoint(position, n * orientation, TWO_PI * radius * height, mask)
 
 
 @point_at_uv.by(SphereSurfaces)

@@ -76,7 +76,8 @@ def read(properties: Any, use: Use) -> BitmapTexture:
         properties.uv_transform("to_uv"),
         srgb,
     )
-    if use is Use.REFLECTANCE and (largest := float(bitmap.pixels.max())) > 1.0:
+    floats = use is Use.REFLECTANCE and texels.dtype.kind == "f"
+    if floats and (largest := float(texels.max())) > 1.0:
         # Mitsuba lets such images through, so they render here; but light is created.
         properties.reading.warn(
             location, f"{name} has reflectances up to {largest:g}; energy is not conserved"
@@ -108,7 +109,8 @@ def _image(properties: Any) -> tuple[Image, str, Location]:
 
 def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:
     """Return the mean luminance of the texels."""
-    mean_color = bitmap.pixels.mean(axis=(0, 1), dtype=np.float64)
+    linear = Image(bitmap.texels, bitmap.srgb).linear  # not kept, as `pixels` would be
+    mean_color = linear.mean(axis=(0, 1), dtype=np.float64)
     return float(mean_color @ LUMINANCE)
 
 
@@ -154,7 +156,8 @@ def wrapped(i, size, mode):
 
 
 @kernel
-def _texel(bitmaps, start, width, height, mode, x, y, mask):
+def texel_in(bitmaps, start, width, height, mode, x, y, mask):
+    """Return the texel in column x and row y, wherever these are."""
     column = wrapped(x, width, mode)
     row = wrapped(y, height, mode)
     return texel_at(bitmaps.texels, start + row * width + column, mask)
@@ -176,15 +179,15 @@ def _interpolated(bitmaps, texture, point, mask):
     y0 = floor(y)
     column = to_i32(x0)
     row = to_i32(y0)
-    texel = _texel(bitmaps, start, width, height, mode, column, row, mask)
+    texel = texel_in(bitmaps, start, width, height, mode, column, row, mask)
     smooth = mask & ~nearest
     if mask_bits(smooth) == 0:
         return texel
     fx = x - x0
     fy = y - y0
-    right = _texel(bitmaps, start, width, height, mode, column + 1, row, smooth)
-    below = _texel(bitmaps, start, width, height, mode, column, row + 1, smooth)
-    across = _texel(bitmaps, start, width, height, mode, column + 1, row + 1, smooth)
+    right = texel_in(bitmaps, start, width, height, mode, column + 1, row, smooth)
+    below = texel_in(bitmaps, start, width, height, mode, column, row + 1, smooth)
+    across = texel_in(bitmaps, start, width, height, mode, column + 1, row + 1, smooth)
     upper = texel * (1.0 - fx) + right * fx
     lower = below * (1.0 - fx) + across * fx
     mean = upper * (1.0 - fy) + lower * fy

@@ -1,7 +1,7 @@
 """Stage 4, textures: parameters of a batch of points, looked up in one kind of texture.
 
-What can be asked for are a colour and a number, a method for each, so that what no BSDF of
-a scene asks for is not compiled.
+What can be asked for are a colour, a number and a slope (`gradient.py`), a method for each,
+so that what no BSDF of a scene asks for is not compiled.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from renderer.lanes.vectors import load3
 
 
 @kernel
-def _textures_of(textures, bsdfs, kind, row, points, i, stop, swapped):
+def textures_of(textures, bsdfs, kind, row, points, i, stop, swapped):
     """Return the textures that give the parameter in `row`, and which are of this kind."""
     bsdf = load_row(points.bsdf, 0, i)
     shown = first_lanes(stop - i) & (bsdf >= 0)
@@ -29,7 +29,8 @@ def _textures_of(textures, bsdfs, kind, row, points, i, stop, swapped):
 
 
 @kernel
-def _point(textures, texture, points, i, mask):
+def point_of(textures, texture, points, i, mask):
+    """Return where textures are looked up for points i to i + 15."""
     u, v = load_row(points.uv, 0, i), load_row(points.uv, 1, i)
     a, b = to_uv_of(textures.to_uv, texture, u, v, mask)
     return TexturePoint(a, b, load_row(points.prim, 0, i), load3(points.position, i))
@@ -39,10 +40,10 @@ def _point(textures, texture, points, i, mask):
 def look_up_color(textures, bsdfs, kind, row, points, start, stop):
     """Replace the colour in `row` of points start .. stop - 1 where a texture gives it."""
     for i in range(start, stop, 16):
-        texture, mine = _textures_of(textures, bsdfs, kind, row, points, i, stop, False)
+        texture, mine = textures_of(textures, bsdfs, kind, row, points, i, stop, False)
         if mask_bits(mine) == 0:
             continue
-        point = _point(textures, texture, points, i, mine)
+        point = point_of(textures, texture, points, i, mine)
         color = texture_color(textures.table, texture, point, mine)
         store_where(points.parameters, row, i, color.x, mine)
         store_where(points.parameters, row + 1, i, color.y, mine)
@@ -53,9 +54,9 @@ def look_up_color(textures, bsdfs, kind, row, points, start, stop):
 def look_up_scalar(textures, bsdfs, kind, row, points, start, stop):
     """Replace the number in `row`, as `look_up_color` does."""
     for i in range(start, stop, 16):
-        texture, mine = _textures_of(textures, bsdfs, kind, row, points, i, stop, True)
+        texture, mine = textures_of(textures, bsdfs, kind, row, points, i, stop, True)
         if mask_bits(mine) == 0:
             continue
-        point = _point(textures, texture, points, i, mine)
+        point = point_of(textures, texture, points, i, mine)
         number = texture_scalar(textures.table, texture, point, mine)
         store_where(points.parameters, row, i, number, mine)

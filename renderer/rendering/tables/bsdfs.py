@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_albedo
 from renderer.jit import Packed, record_type
 from renderer.kinds.bsdfs.kind import BsdfMethods
+from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.sampling.arithmetic import along_u
+from renderer.kinds.textures.gradient import look_up_gradient
 from renderer.kinds.textures.kind import TextureMethods
 from renderer.kinds.textures.look_up import look_up_color, look_up_scalar
 from renderer.kinds.textures.nested import nested_boards
 from renderer.records.kernel_scene import (
     LOOK_UP_COLOR,
+    LOOK_UP_GRADIENT,
     LOOK_UP_SCALAR,
     Bsdfs,
     Settings,
@@ -36,7 +41,11 @@ from renderer.stages.scatter import scatter_kind
 from renderer.stages.split import split_glass, split_mirror
 
 # in the order of their columns
-_LOOK_UPS = {LOOK_UP_COLOR: look_up_color, LOOK_UP_SCALAR: look_up_scalar}
+_LOOK_UPS = {
+    LOOK_UP_COLOR: look_up_color,
+    LOOK_UP_SCALAR: look_up_scalar,
+    LOOK_UP_GRADIENT: look_up_gradient,
+}
 
 
 def bsdf_tables(
@@ -46,10 +55,12 @@ def bsdf_tables(
     settings: Settings,
     arithmetic: Any,
     lit: bool,
+    derivatives: Callable[[], NDArray[np.int64]],
 ) -> Bsdfs:
     """Return the tables of all BSDFs; those that a plan does not follow have no methods.
 
-    `lit`: lights are sampled at smooth ones.
+    `lit`: lights are sampled at smooth ones. `derivatives` returns the methods that find
+    dp/du and dp/dv, for bumps.
     """
     materials = scene.materials
     kinds, textures = materials.kinds, materials.textures()
@@ -61,6 +72,12 @@ def bsdf_tables(
     )
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
+    derived = [
+        (k, row)
+        for k, kind in enumerate(needed)
+        if isinstance(kind, Structure)
+        for row in kind.derived
+    ]
     bsdfs = Bsdfs(
         methods,
         sum(kind.smooth for kind in kinds),
@@ -76,7 +93,9 @@ def bsdf_tables(
             ],
             np.int32,
         ),
-        np.zeros((0, 2), np.int64),
+        np.zeros((0, 1 + len(_LOOK_UPS)), np.int64),
+        np.array(derived, np.int64).reshape(-1, 2),
+        derivatives() if derived else np.zeros((0, 2), np.int64),
     )
     if bsdfs.look_ups.size == 0:
         return bsdfs

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.accelerators.groups.accelerators import Accelerators
 from renderer.jit import record_type
+from renderer.kinds.shapes.registry import kind_of_shape
+from renderer.kinds.shapes.uv_derivatives import derivatives_of
 from renderer.records.kernel_scene import Placements, Primitives, Settings, Shapes
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
@@ -21,6 +23,8 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
+from renderer.scene.scene import Scene
+from renderer.stages.derivatives import derive
 from renderer.stages.surface import locate
 
 
@@ -72,4 +76,19 @@ def surface_methods(
         (tables.pack(of_kind), [(locate, arguments, NOTHING)])
         for of_kind in surfaces.values()
     ]
+    return tables.table(rows, 1)
+
+
+def derivative_methods(
+    tables: MethodTables, scene: Scene, placements: Placements
+) -> NDArray[np.int64]:
+    """Return the methods that find dp/du and dp/dv at points of each kind of shape."""
+    work = work_types()
+    arguments = (record_type(placements), work.hits, COLUMN, work.points, INT, INT, INT)
+    shapes = scene.description.every_shape
+    rows = []
+    for kind, surfaces in scene.surfaces.items():
+        of_kind = [shape for shape in shapes if kind_of_shape(shape).name == kind]
+        record = tables.pack(derivatives_of(kind, surfaces, of_kind))
+        rows.append((record, [(derive, arguments, NOTHING)]))
     return tables.table(rows, 1)

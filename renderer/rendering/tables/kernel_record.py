@@ -15,7 +15,11 @@ from renderer.kinds.shapes.triangle import texture_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
-from renderer.rendering.tables.geometry import group_methods, surface_methods
+from renderer.rendering.tables.geometry import (
+    derivative_methods,
+    group_methods,
+    surface_methods,
+)
 from renderer.rendering.tables.lights import NO_LIGHTS, light_methods
 from renderer.rendering.tables.methods import (
     COLUMN,
@@ -83,7 +87,15 @@ class KernelInputs:
             placements,
             primitives,
             scene.shapes,
-            bsdf_tables(tables, scene, plan, settings, variant.arithmetic, lit),
+            bsdf_tables(
+                tables,
+                scene,
+                plan,
+                settings,
+                variant.arithmetic,
+                lit,
+                lambda: derivative_methods(tables, scene, placements),
+            ),
             lights,
             kernel_camera(scene.description.camera),
             _sampler_methods(tables, sampling, plan, lit),

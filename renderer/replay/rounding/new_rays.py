@@ -50,7 +50,7 @@ def _refracted(wi, eta):
 class ScatteringBsdfs(NamedTuple):
     """What of the BSDFs tells a delta direction; columns by BSDF id."""
 
-    in_frame: NDArray[np.int32]  # (n,) 1: directions have been turned by the frame already
+    nested: NDArray[np.int32]  # (n,) 1: it works in the local frame throughout
     transmits: NDArray[np.int32]  # (n,)
     # (n,) index of refraction, inside over outside; 0: what is transmitted goes straight on
     eta: NDArray[np.float32]
@@ -58,26 +58,23 @@ class ScatteringBsdfs(NamedTuple):
 
 def scattering_bsdfs(bsdfs: Sequence[Any]) -> ScatteringBsdfs:
     """Return it for the BSDFs of a scene."""
-    rows = [(1, 0, 1.0)] * (not bsdfs)
+    rows = [(False, False, 1.0)] * (not bsdfs)
     for bsdf in bsdfs:
         kind = kind_of(bsdf)
-        in_frame = isinstance(kind, Structure)
-        bends = kind.transmits and not in_frame
-        eta = 0.0 if kind.straight else getattr(bsdf, "eta", 1.0) if bends else 1.0
-        rows.append((in_frame, bends, eta))
-    in_frame, transmits, eta = zip(*rows, strict=True)
-    return ScatteringBsdfs(
-        np.array(in_frame, np.int32),
-        np.array(transmits, np.int32),
-        np.array(eta, np.float32),
-    )
+        nested = isinstance(kind, Structure)
+        transmits = kind.transmits and kind.delta and not nested
+        eta = 0.0 if kind.straight else bsdf.eta if transmits else 1.0
+        rows.append((nested, transmits, eta))
+    columns = zip(*rows, strict=True)
+    types = (np.int32, np.int32, np.float32)
+    return ScatteringBsdfs(*map(np.array, columns, types))
 
 
 @kernel
 def _scattered(bsdfs, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
     bsdf = points.bsdf[i]
-    if bsdfs.in_frame[bsdf] != 0:
+    if bsdfs.nested[bsdf] != 0:
         return direction  # `directions.py` has done it
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)

@@ -49,9 +49,12 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         reading.warn(
             root.location, f"{len(sensors)} sensors; the first one takes the picture"
         )
+    method = read_scene_integrator(integrator, root, reading)
+    if method.hide_emitters:
+        _check_hidden(properties)
     description = SceneDescription(
         camera=sensors[0],
-        integrator=read_scene_integrator(integrator, root, reading),
+        integrator=method,
         shapes=shapes,
         groups=groups,
         instances=instances,
@@ -97,6 +100,16 @@ def _emitter_beside(shape: Element) -> Element | None:
             kind = kinds.get(child.plugin)
             return None if kind is None or kind.on_shapes else child
     return None
+
+
+def _check_hidden(properties: Properties) -> None:
+    """Refuse what Mitsuba hides though it does not shine: a shape with a point light."""
+    for _, shape in properties.children("shape"):
+        if (inside := _emitter_beside(shape)) is not None:
+            raise SceneError(
+                f"{inside.location}: {inside} in a shape beside hide_emitters, which would "
+                "hide the shape; expected it outside of the shape"
+            )
 
 
 def _check_place(element: Element, where: Element, reading: Reading) -> None:

@@ -201,6 +201,11 @@ def _cylinder(properties: Properties, bsdf: Bsdf, radiance: Radiance | None) -> 
             "a transform that makes the tube elliptic or slanted",
             "a rotation, translation and uniform scale",
         )
+    if radiance is not None and not isinstance(radiance, tuple):
+        raise SceneError(
+            f"{element.location}: {element} emits a texture, whose points Mitsuba puts in "
+            "wrong places on a cylinder; expected one colour"
+        )
     if radiance is not None and transforms.mirrors(to_world):
         properties.fail(
             "to_world",

@@ -1,0 +1,151 @@
+"""dp/du and dp/dv at points of shapes: how far apart texels lie, for bumps.
+
+Directions along u alone are asked for at each bounce and are another matter (`tangent_at`):
+these here have the right lengths, and only scenes with bumps ask for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import interface, kernel
+from renderer.kinds.sampling.numbers_and_warps import TWO_PI
+from renderer.kinds.shapes.triangle import TriangleSurfaces
+from renderer.lanes.affine import affine_of, times
+from renderer.lanes.functions import select, splat_f32, sqrt
+from renderer.lanes.vectors import gather3, vec3
+
+_PI = np.float32(np.pi)
+
+
+class Flat(NamedTuple):
+    """Triangles or rectangles first .. end - 1 by primitive id."""
+
+    first: int
+    end: int
+    along_u: NDArray[np.float32]  # (3, n)
+    along_v: NDArray[np.float32]  # (3, n)
+
+
+class RoundDisks(NamedTuple):
+    """Disks; the maps are laid out as `Placements.to_world` is."""
+
+    first: int
+    end: int
+    to_world: NDArray[np.float32]  # (12 n,)
+    to_object: NDArray[np.float32]  # (12 n,)
+
+
+class RoundSpheres(NamedTuple):
+    """Spheres, as `RoundDisks`."""
+
+    first: int
+    end: int
+    to_world: NDArray[np.float32]
+    to_object: NDArray[np.float32]
+
+
+class RoundCylinders(NamedTuple):
+    """Cylinders, as `RoundDisks`."""
+
+    first: int
+    end: int
+    to_world: NDArray[np.float32]
+    to_object: NDArray[np.float32]
+
+
+_ROUND = {"disks": RoundDisks, "spheres": RoundSpheres, "cylinders": RoundCylinders}
+
+
+def derivatives_of(kind: str, surfaces: Any, shapes: Sequence[Any]) -> Any:
+    """Return the record of a kind; `shapes` are all of it, in their order."""
+    if kind == "triangles":
+        return Flat(surfaces.first, surfaces.end, *_of_triangles(surfaces))
+    maps = np.array([shape.to_world for shape in shapes], float)
+    if kind == "rectangles":  # u and v go from 0 to 1 along edges of length 2
+        columns = (np.ascontiguousarray(2.0 * maps[:, :3, k].T, np.float32) for k in (0, 1))
+        return Flat(surfaces.first, surfaces.end, *columns)
+    back = np.linalg.inv(maps)
+    back[:, :3, 3] = maps[:, :3, 3]
+    rows = (
+        np.ascontiguousarray(
+            np.concatenate([m[:, :3, :3].reshape(-1, 9), m[:, :3, 3]], axis=1).ravel(),
+            np.float32,
+        )
+        for m in (maps, back)
+    )
+    return _ROUND[kind](surfaces.first, surfaces.end, *rows)
+
+
+def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
+    """Return both derivatives; 0 where u and v span no area.
+
+    Meshes without texture coordinates have those of their barycentric ones.
+    """
+    edge1, edge2 = triangles.edge1.astype(float), triangles.edge2.astype(float)
+    if not triangles.uvs.size:
+        return triangles.edge1, triangles.edge2
+    u0, v0, u1, v1, u2, v2 = triangles.uvs.astype(float)
+    area = (u1 - u0) * (v2 - v0) - (v1 - v0) * (u2 - u0)
+    with np.errstate(all="ignore"):
+        along_u = ((v2 - v0) * edge1 - (v1 - v0) * edge2) / area
+        along_v = ((u1 - u0) * edge2 - (u2 - u0) * edge1) / area
+    there = (
+        (area != 0.0) & np.isfinite(along_u).all(axis=0) & np.isfinite(along_v).all(axis=0)
+    )
+    along_u, along_v = (
+        np.ascontiguousarray(np.where(there, a, 0.0), np.float32)
+        for a in (along_u, along_v)
+    )
+    return along_u, along_v
+
+
+@interface
+def uv_derivatives(shapes: Any, index: Any, mask: Any, position: Any) -> Any:
+    """Return dp/du and dp/dv in the space of the shape, where it is at `position`."""
+
+
+@uv_derivatives.by(Flat)
+@kernel
+def _on_flat(shapes, index, mask, position):
+    return gather3(shapes.along_u, index, mask), gather3(shapes.along_v, index, mask)
+
+
+@kernel
+def _maps(shapes, index, mask, position):
+    """Return the map to the world, the local point and its distance from the axis."""
+    back = affine_of(shapes.to_object, index, mask)
+    q = times(back, position - back.at)
+    radius = sqrt(q.x * q.x + q.y * q.y)
+    return affine_of(shapes.to_world, index, mask), q, select(radius > 0.0, radius, 1.0)
+
+
+@uv_derivatives.by(RoundDisks)
+@kernel
+def _on_disks(shapes, index, mask, position):
+    out, q, radius = _maps(shapes, index, mask, position)
+    none = splat_f32(0.0)
+    outwards = vec3(q.x / radius, q.y / radius, none)
+    return times(out, outwards), times(out, vec3(-q.y, q.x, none) * TWO_PI)
+
+
+@uv_derivatives.by(RoundSpheres)
+@kernel
+def _on_spheres(shapes, index, mask, position):
+    out, q, radius = _maps(shapes, index, mask, position)
+    down = vec3(q.z * q.x / radius, q.z * q.y / radius, -radius)
+    around = vec3(-q.y, q.x, splat_f32(0.0))
+    return times(out, around * TWO_PI), times(out, down * _PI)
+
+
+@uv_derivatives.by(RoundCylinders)
+@kernel
+def _on_cylinders(shapes, index, mask, position):
+    out, q, _ = _maps(shapes, index, mask, position)
+    none = splat_f32(0.0)
+    around = vec3(-q.y, q.x, none)
+    return times(out, around * TWO_PI), times(out, vec3(none, none, splat_f32(1.0)))
