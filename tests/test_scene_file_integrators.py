@@ -115,7 +115,7 @@ def aovs(text: str) -> str:
         (
             "volpath",
             integer("depth", 1),
-            "supported integrator plugins: direct, whitted, path,",
+            'integrator "volpath" has no property "depth"; supported: max_depth, rr_depth',
         ),
         ("path", integer("max_depth", -2), "found -2, expected at least -1"),
         ("path", integer("rr_depth", 0), "found 0, expected at least 1"),

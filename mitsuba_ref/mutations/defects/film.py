@@ -11,8 +11,8 @@ DEFECTS = (
         (
             Edit(
                 "scene/camera.py",
-                "corner = p.f - p.x * (p.xres / 2.0)",
-                "corner = p.f - p.x * ((p.xres - 1.0) / 2.0)",
+                "corner = p.f - p.x * (p.xres / 2.0 ",
+                "corner = p.f - p.x * ((p.xres - 1.0) / 2.0 ",
             ),
         ),
         scene="depth-and-normals",

@@ -50,8 +50,8 @@ NEUTRAL_CHANGES = (
         (
             Edit(
                 "stages/film.py",
-                "for y in range(self.y, self.y + self.height, TILE_SIZE)",
-                "for y in reversed(range(self.y, self.y + self.height, TILE_SIZE))",
+                "for y in range(self.y - beyond, below, TILE_SIZE)",
+                "for y in reversed(range(self.y - beyond, below, TILE_SIZE))",
             ),
         ),
         scene="cornell-box",

@@ -42,8 +42,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/lights/weights.py",
-                "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
-                "return select(pdf > 0.0, light_pdf * 0.0 + 1.0, 1.0)",
+                "weight = power_heuristic(pdf, light_pdf *",
+                "weight = 1.0 + 0.0 * (pdf + light_pdf *",
             ),
         ),
         scene="cornell-box",
@@ -69,8 +69,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/lights/weights.py",
-                "return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)",
-                "return power_heuristic(pdf, light_pdf)",
+                "return select(pdf > 0.0, weight, 1.0)",
+                "return weight",
             ),
         ),
         scene="caustic",
