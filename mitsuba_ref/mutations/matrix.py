@@ -79,9 +79,13 @@ class SharedReferences(ReferenceCache):
 
 
 def scene_file(name: str) -> Path:
-    """Return the file of a scene of scenes/, or of a small one of the mutations."""
+    """Return the file of a scene: a small one of the mutations, of a plugin, of scenes/."""
     own = OWN_SCENES / name / "scene.xml"
-    return own if own.is_file() else ROOT / "scenes" / name / "scene.xml"
+    plugin = ROOT / "tests" / "plugins" / f"{name}.xml"
+    for path in (own, plugin):
+        if path.is_file():
+            return path
+    return ROOT / "scenes" / name / "scene.xml"
 
 
 def control(scene: str) -> Mutation:

@@ -15,6 +15,7 @@ from renderer.replay.numbers.numbers import (
     begin_bounce,
     choose_light,
     draw,
+    draw_aperture,
     draw_film,
 )
 from renderer.replay.numbers.pixel_seeds import pixel_seeds
@@ -68,7 +69,9 @@ class Replayed:
             int(plan.bsdf_samples > 0),
             int(plan.method == "direct"),
         )
-        return Sampling(pack(record), draw_film, draw, choose_light, begin_bounce)
+        return Sampling(
+            pack(record), draw_film, draw, choose_light, draw_aperture, begin_bounce
+        )
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
         """Return triangles with Mitsuba's normals and dp/du."""

@@ -279,18 +279,37 @@ class Sampler:
     strength: int = 2  # orthogonal
 
 
-@dataclass(frozen=True, eq=False)
-class PerspectiveCamera:
-    """A pinhole camera that looks along local +z; local +x points left, +y up."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensor:
+    """What all sensors share: they look along local +z; local +x points left, +y up."""
 
-    to_world: NDArray[np.float64]  # (4, 4), no scale
-    fov_x: float  # [deg] across the full film's width, whatever fov_axis the file used
+    to_world: NDArray[np.float64]  # (4, 4)
     near_clip: float = 0.01
     far_clip: float = 1e4
-    principal_point_offset_x: float = 0.0  # in fractions of the film's width
-    principal_point_offset_y: float = 0.0
     film: Film = Film()
     sampler: Sampler = Sampler()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PerspectiveCamera(Sensor):
+    """A pinhole camera; `to_world` has no scale."""
+
+    fov_x: float  # [deg] across the full film's width, whatever fov_axis the file used
+    principal_point_offset_x: float = 0.0  # in fractions of the film's width
+    principal_point_offset_y: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ThinLensCamera(PerspectiveCamera):
+    """A camera with a round lens in place of the pinhole, and its plane of focus."""
+
+    aperture_radius: float
+    focus_distance: float  # depth, along local z
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OrthographicCamera(Sensor):
+    """Parallel rays; the film's width covers [-1, 1] of local x, its height follows."""
 
 
 AOV_KINDS = (
@@ -326,7 +345,7 @@ class Integrator:
 class SceneDescription:
     """A whole scene, in the order of the file."""
 
-    camera: PerspectiveCamera
+    camera: Sensor
     integrator: Integrator
     shapes: tuple[Shape, ...]
     emitters: tuple[Emitter, ...]  # without the area emitters, which are on their shapes

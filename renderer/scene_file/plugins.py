@@ -9,7 +9,7 @@ from typing import Any
 _SUPPORTED: dict[str, tuple[str, ...]] = {
     "scene": ("scene",),
     "integrator": ("direct", "whitted", "path", "depth", "aov"),
-    "sensor": ("perspective",),
+    "sensor": (),  # what is registered, see `registered_kinds`
     "film": ("hdrfilm",),
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),
     "sampler": ("independent", "stratified", "multijitter", "orthogonal", "ldsampler"),
@@ -39,6 +39,7 @@ TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
 _REGISTRIES = {
     "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
+    "sensor": ("renderer.kinds.sensors.registry", "SENSORS"),
 }
 
 

@@ -5,11 +5,11 @@ numbers a bounce takes depends on what is hit. So they are drawn at the start of
 (`begin_bounce`) and lie ready by pixel; the stages ask for them as they ask any sampler.
 
 Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
-the place on the film; then at each hit from which the path may go on: two numbers for a
-light sample if the surface has a smooth part (whichever side is seen), one and two for the
-BSDF, one for the roulette. All are drawn even where nobody uses them. `direct` plays no
-roulette and draws the BSDF's two before its one: they are arguments of one call, which the
-wheel's compiler evaluates from the right.
+the place on the film, and that on the lens if there is one; then at each hit from which the
+path may go on: two numbers for a light sample if the surface has a smooth part (whichever
+side is seen), one and two for the BSDF, one for the roulette. All are drawn even where
+nobody uses them. `direct` plays no roulette and draws the BSDF's two before its one: they
+are arguments of one call, which the wheel's compiler evaluates from the right.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ BSDF_CHOICE = 2
 BSDF = 3  # x, y
 ROULETTE = 5
 LIGHT = 6  # x, y
-ROWS = 8
+APERTURE = 8  # x, y on the lens
+ROWS = 10
 
 
 class Replay(NamedTuple):
@@ -59,6 +60,20 @@ def draw_film(sampler, tile, sample, film):
         dx, dy = next_2d(sequence, pixel, sample)
         numbers[FILM, pixel], numbers[FILM + 1, pixel] = dx, dy
         film[0, slot], film[1, slot] = dx, dy
+
+
+@method_kernel
+def draw_aperture(sampler, tile, sample, film):
+    """Draw where on the lens the sample of each pixel of a tile lies."""
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for slot in range(CAPACITY):
+        x, y = slot_pixel(slot)
+        if x >= tile.width or y >= tile.height:
+            continue
+        pixel = (y + tile.y) * tile.film_width + (x + tile.x)
+        u, v = next_2d(sequence, pixel, sample)
+        numbers[APERTURE, pixel], numbers[APERTURE + 1, pixel] = u, v
+        film[2, slot], film[3, slot] = u, v
 
 
 @kernel
