@@ -9,6 +9,7 @@ from kernel_probes import Inputs
 from numpy.typing import NDArray
 
 import renderer
+from renderer.integrators.kind import NO_LIMIT
 from renderer.jit import entry_kernel, pack
 from renderer.kinds.bsdfs.diffuse import Diffuse, eval_pdf
 from renderer.kinds.sampling.numbers_and_warps import Independent
@@ -17,7 +18,7 @@ from renderer.lanes.vectors import store3, vec3
 from renderer.records.batch import CAPACITY, Rays, Workspace
 from renderer.records.kernel_scene import RECORD
 from renderer.records.tile import Tile
-from renderer.rendering.planning.plan import NO_LIMIT, make_plan
+from renderer.rendering.planning.plan import make_plan
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.materials import load_parameters
 from renderer.stages.scatter import scatter

@@ -30,6 +30,7 @@ from small_scenes import (
 )
 
 import renderer
+from renderer.integrators.kind import NO_LIMIT
 from renderer.jit.linking import SEPARATE
 from renderer.kinds.lights.area import AreaLights
 from renderer.kinds.lights.constant import ConstantLights
@@ -51,7 +52,7 @@ from renderer.records.kernel_scene import (
     SAMPLE_LIGHT,
     SCATTER,
 )
-from renderer.rendering.planning.plan import NO_LIMIT, make_plan
+from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)

@@ -17,7 +17,6 @@ import renderer
 from renderer import __main__ as process
 from renderer import names
 from renderer.accelerators.build import BUILDERS
-from renderer.integrators.render_tile import RENDER_TILE
 from renderer.rendering.planning.plan import RAY_OFFSETS
 
 ROOT = Path(__file__).parent.parent
@@ -89,12 +88,7 @@ def test_public_names_are_what_they_were():
 
 def test_the_listed_names_are_those_that_exist():
     assert names.ACCELERATORS == ("auto", *BUILDERS)
-    assert names.INTEGRATORS == ("auto", *_by_list(RENDER_TILE))
     assert names.RAY_OFFSETS == tuple(RAY_OFFSETS)
-
-
-def _by_list(kernels):
-    return [name for name in names.INTEGRATORS if name in kernels]
 
 
 @pytest.mark.parametrize("status", [0, 1, 130])

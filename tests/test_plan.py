@@ -26,7 +26,8 @@ from small_scenes import (
 )
 
 import renderer
-from renderer.rendering.planning.plan import WHITTED_DEPTH, Plan, make_plan
+from renderer.integrators.whitted import USUAL_DEPTH
+from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.rendering.rendering import Rendering
 
 CAMERA = sensor((0, -3, 2), (0, 0, 0))
@@ -125,7 +126,7 @@ def test_whitted_without_mirrors_does_not_recurse():
         plan = plan_of("whitted", floor(), sphere(smooth), point_light((0, 0, 3)))
         assert (plan.method, plan.max_depth) == ("whitted", 8)
         unlimited = plan_of("whitted", sphere(smooth), point_light((0, 0, 3)), max_depth=-1)
-        assert unlimited.max_depth == WHITTED_DEPTH
+        assert unlimited.max_depth == USUAL_DEPTH
 
 
 @pytest.mark.parametrize("integrator", ["depth", "aov"])

@@ -18,6 +18,7 @@ import renderer
 from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.jit import entry_kernel, pack
+from renderer.names import INTEGRATORS
 from renderer.picture.heat_map import (
     _ROOTS_FROM_OKLAB,
     _SRGB_FROM_CONES,
@@ -33,7 +34,7 @@ from renderer.records.tally import (
     make_tally,
 )
 from renderer.records.tile import Tile
-from renderer.rendering.planning.plan import INTEGRATORS, make_plan
+from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.planning.plan_text import plan_text
 from renderer.rendering.rendering import Rendering
 from renderer.stages.camera_rays import camera_rays

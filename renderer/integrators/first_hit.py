@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, kernel, method_kernel
-from renderer.kinds.bsdfs.kind import albedo_of, parameters_at
+from renderer.jit import call, entry_kernel, kernel, method_kernel
+from renderer.kinds.bsdfs.kind import albedo_of, parameters_at, seen_albedo_of
+from renderer.kinds.sampling.arithmetic import to_local
 from renderer.lanes.functions import (
     first_lanes,
     lane,
@@ -17,11 +18,18 @@ from renderer.lanes.functions import (
 )
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.lanes.vectors import dot, load3
-from renderer.records.kernel_scene import ANY, HALVES, RECORD, SHOW_ALBEDO
+from renderer.records.kernel_scene import (
+    ANY,
+    HALVES,
+    RECORD,
+    SHOW_ALBEDO,
+    SHOW_SEEN_ALBEDO,
+)
 from renderer.stages.camera_rays import camera_rays
+from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import collect, intersect
 from renderer.stages.materials import look_up_textures
-from renderer.stages.shading_frame import load_constants
+from renderer.stages.shading_frame import frame_at, load_constants, show_bsdf
 from renderer.stages.surface import surface_points
 
 # channels of `work.radiance` in this integrator, all computed together
@@ -80,20 +88,41 @@ def show_albedo(bsdf, points, count, radiance):
         _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
 
 
+@method_kernel
+def show_seen_albedo(bsdf, points, count, radiance):
+    """Write it for a kind whose albedo depends on where it is seen from."""
+    for i in range(0, count, 16):
+        mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wo = to_local(frame, load3(points.wo, i))
+        color = seen_albedo_of(parameters_at(bsdf.form, points, i), wo)
+        valid = select(mine, splat_f32(1.0), splat_f32(0.0))
+        _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
+
+
 @kernel
 def _albedos(scene, points, count, radiance):
-    """Write k_d of all points; mirrors and glass have none and stay black."""
+    """Write k_d of all points; mirrors and glass have none and stay black.
+
+    So do the black backs of those whose albedo is that of a direction.
+    """
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):
-        if bsdfs.methods[kind, SHOW_ALBEDO] == 0:
+        show, seen = bsdfs.methods[kind, SHOW_ALBEDO], bsdfs.methods[kind, SHOW_SEEN_ALBEDO]
+        if show == 0 and seen == 0:
             continue
         for i in range(0, count, 16):
             valid = first_lanes(count - i)
-            mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
+            if show != 0:
+                mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
+            else:
+                mine = show_bsdf(scene.shapes, bsdfs.kind, kind, points, i, valid)
             load_constants(bsdfs, kind, points, i, mine)
         look_up_textures(bsdfs, kind, points, np.int64(0), count)
         call(
-            bsdfs.methods[kind, SHOW_ALBEDO],
+            show if show != 0 else seen,
             bsdfs.methods[kind, RECORD],
             (points, count, radiance),
         )
@@ -142,3 +171,12 @@ def trace_first_hits(scene, tile, sample, work):
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
     _albedos(scene, points, found, radiance)
+
+
+@entry_kernel
+def render_first_hits(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add samples first_sample .. end_sample - 1 of a tile's AOVs to `sums`."""
+    for sample in range(first_sample, end_sample):
+        clear(work.radiance)
+        trace_first_hits(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)

@@ -6,13 +6,19 @@ surface to light.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from renderer.jit import call, kernel
+from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
+from renderer.jit import call, entry_kernel, kernel
 from renderer.records.kernel_scene import BEGIN_BOUNCE, RECORD
+from renderer.scene_file.description import Integrator
+from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive
+from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.scatter import scatter
@@ -51,3 +57,74 @@ def trace_paths(scene, tile, sample, work):
         reset_hits(hits, np.int64(0), count)
         intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
         bounce += 1
+
+
+@entry_kernel
+def render_paths(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    for sample in range(first_sample, end_sample):
+        clear(work.radiance)
+        trace_paths(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+
+
+def _read(properties: Properties) -> Integrator:
+    return Integrator(
+        "path",
+        max_depth=properties.integer("max_depth", -1, at_least=-1, at_most=MOST),
+        rr_depth=properties.integer("rr_depth", 5, at_least=1, at_most=MOST),
+        hide_emitters=properties.boolean("hide_emitters", False),
+    )
+
+
+def decide_direct(case: Case, depth: int) -> Decision:
+    """Return how direct light alone is followed."""
+    samples = case.asked.bsdf_samples
+    return Decision(
+        "direct",
+        depth,
+        no_roulette="direct light is two segments long",
+        mirrors=case.delta and samples > 0,
+        every_light=not case.replay,
+        # BSDF samples look for lights only where lights can be hit
+        follow=case.extended and samples > 0,
+        bsdf_samples=samples,
+        random=case.extended or case.chooses,
+    )
+
+
+def decide_without_lights(case: Case, say: Callable[[str, str], None]) -> Decision:
+    """Return the least of all methods."""
+    say("method", "direct, no bounces: without a light every path is black")
+    return decide_direct(case, min(case.depth, 1))
+
+
+def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
+    depth = case.depth
+    if case.reduce and depth <= 2:
+        say("method", "direct: with max_depth <= 2 a path is direct light alone")
+        return decide_direct(case, depth)
+    if case.reduce and not case.lights:
+        return decide_without_lights(case, say)
+    say("method", "path, as asked for")
+    rr_depth = case.asked.rr_depth
+    return Decision(
+        "path",
+        depth,
+        roulette_depth=rr_depth if rr_depth < depth else None,
+        no_roulette=f"max_depth {depth} comes before rr_depth {rr_depth}",
+        mirrors=case.delta,
+        follow=case.smooth,
+        random=depth > 2 or case.extended,
+    )
+
+
+INTEGRATOR = IntegratorKind(
+    "light over many bounces, as the mean of random paths (Kajiya 1986)",
+    render_paths,
+    _decide,
+    _read,
+    described=("max_depth", "rr_depth"),
+    sees_lights=True,
+    scatters=True,
+)

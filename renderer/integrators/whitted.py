@@ -7,18 +7,27 @@ that the queue stays short however many branches the tree has.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
+from renderer.integrators.path import decide_without_lights
+from renderer.jit import entry_kernel, kernel
 from renderer.records.batch import CAPACITY
+from renderer.scene_file.description import Integrator
+from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive
+from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.split import split
 
 REGION = 2 * CAPACITY + 64  # a batch of rays has at most two children each
+USUAL_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves
+DEEPEST = 256  # each depth of a tree has waiting rays of its own: 130 KB
 
 
 @kernel
@@ -48,3 +57,55 @@ def trace_ray_trees(scene, tile, sample, work):
         direct_light(scene, tile, sample, depth, work)
         waiting[depth + 1] = split(scene, work, (depth + 1) * REGION)
         depth += 1
+
+
+@entry_kernel
+def render_ray_trees(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    for sample in range(first_sample, end_sample):
+        clear(work.radiance)
+        trace_ray_trees(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+
+
+def _read(properties: Properties) -> Integrator:
+    return Integrator(
+        "whitted",
+        max_depth=properties.integer("max_depth", 8, at_least=-1, at_most=MOST),
+        hide_emitters=properties.boolean("hide_emitters", False),
+        cutoff=properties.number("cutoff", 1.0 / 1024.0, above=0.0, at_most=1.0),
+    )
+
+
+def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
+    asked = case.asked
+    depth = USUAL_DEPTH if asked.max_depth < 0 else min(asked.max_depth, DEEPEST)
+    if depth != asked.max_depth:
+        say("depth", f"{depth}: a tree of rays needs a limit, and not too deep a one")
+    if case.reduce and not case.lights:
+        return decide_without_lights(case, say)
+    if case.reduce and not case.delta:
+        depth = min(depth, 2)
+        say("method", "whitted without recursion: there is no mirror and no glass")
+    else:
+        say("method", "whitted, as asked for")
+    return Decision(
+        "whitted",
+        depth,
+        no_roulette="a tree of rays ends at its depth and its cutoff",
+        mirrors=case.delta,
+        every_light=True,
+        cutoff=asked.cutoff,
+        random=case.extended,
+    )
+
+
+INTEGRATOR = IntegratorKind(
+    "direct light, and a tree of rays through mirrors and glass (Whitted 1980)",
+    render_ray_trees,
+    _decide,
+    _read,
+    described=("max_depth",),
+    sees_lights=True,
+    splits=True,
+)

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from typing import Any
 
-from renderer.jit import kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.jit import entry_kernel, kernel
+from renderer.picture.heat_map import heat_map
 from renderer.records.tally import ROWS
+from renderer.scene_file.description import Integrator
 from renderer.stages.camera_rays import camera_rays
+from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import intersect
 
-CHANNELS = ROWS  # of `work.radiance` in this integrator: the tally's rows
+COLOURS = (
+    "box tests and primitive tests per ray, from 0 (black) to the pixel with the most "
+    "(pale yellow), whose number is printed with the picture and kept in its metadata"
+)
 
 
 @kernel
@@ -22,3 +33,35 @@ def trace_work(scene, tile, sample, work):
     for i in range(count):
         for row in range(ROWS):
             work.radiance[row, rays.slot[i]] = tally[row, i]
+
+
+@entry_kernel
+def render_work(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add the work of samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    for sample in range(first_sample, end_sample):
+        clear(work.radiance)
+        trace_work(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+
+
+def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
+    say("method", "work: what camera rays cost; nothing is shaded")
+    say("colours", COLOURS)
+    say("filter", "box, whatever the file asks for: counts stay in their pixel")
+    return Decision("work")
+
+
+def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+    pixels, aovs, brightest = heat_map(film)
+    tests = f"{brightest:.6g} box and primitive tests per ray"
+    return Shown(pixels, aovs, notes={"brightest": tests})
+
+
+INTEGRATOR = IntegratorKind(
+    "nodes, box tests and primitive tests of the search for the nearest hit",
+    render_work,
+    _decide,
+    channels=ROWS,  # of `work.radiance`: the tally's rows
+    show=_show,
+    counts_work=True,
+)

@@ -1,50 +1,12 @@
-"""From the channels of the first-hit integrator to named AOVs."""
+"""The picture of the integrator inside of `aov`, beside which the AOVs stand."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from renderer.integrators import first_hit
 from renderer.picture.image import Image
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import AOV_KINDS
-
-_CHANNELS = {
-    "depth": slice(first_hit.DEPTH, first_hit.DEPTH + 1),
-    "position": slice(first_hit.POSITION, first_hit.POSITION + 3),
-    "uv": slice(first_hit.UV, first_hit.UV + 2),
-    "geo_normal": slice(first_hit.GEO_NORMAL, first_hit.GEO_NORMAL + 3),
-    "sh_normal": slice(first_hit.SH_NORMAL, first_hit.SH_NORMAL + 3),
-    "prim_index": slice(first_hit.PRIM_INDEX, first_hit.PRIM_INDEX + 1),
-    "shape_index": slice(first_hit.SHAPE_INDEX, first_hit.SHAPE_INDEX + 1),
-    "albedo": slice(first_hit.ALBEDO, first_hit.ALBEDO + 3),
-}
-
-
-def split_channels(
-    scene: Scene, plan: Plan, channels: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], dict[str, Any], dict[str, str]]:
-    """Return (pixels, AOVs by name, their kinds).
-
-    The `depth` integrator's picture is the depth, in all three colours. That of `aov` is
-    its nested integrator's, which is rendered apart, so it is black here. A file without
-    a list of AOVs gets all kinds, named after themselves.
-    """
-    depth = channels[..., _CHANNELS["depth"]]
-    if plan.method == "depth":
-        return np.repeat(depth, 3, axis=2), {}, {}
-    asked = scene.description.integrator.aovs if _is_file_aov(scene) else ()
-    listed = asked or tuple((kind, kind) for kind in AOV_KINDS)
-    aovs = {
-        name: np.ascontiguousarray(channels[..., _CHANNELS[kind]]) for name, kind in listed
-    }
-    black = np.zeros((*channels.shape[:2], 3), np.float32)
-    return black, aovs, dict(listed)
 
 
 def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
@@ -70,7 +32,3 @@ def with_picture(image: Image, picture: Image) -> Image:
         explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",
         complete=image.complete and picture.complete,
     )
-
-
-def _is_file_aov(scene: Scene) -> bool:
-    return scene.description.integrator.name == "aov"

@@ -7,16 +7,14 @@ import operator
 import reprlib
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
 from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
 from renderer.names import ACCELERATORS
-from renderer.picture.heat_map import heat_map
 from renderer.picture.image import Image
-from renderer.rendering.aovs import nested_scene, split_channels, with_picture
+from renderer.rendering.aovs import nested_scene, with_picture
 from renderer.rendering.compilation import CompilationWatch
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.rendering.rendering import Progress, Rendering
@@ -175,27 +173,19 @@ def _image(
     rendering: Rendering, seconds: float, compile_seconds: float, complete: bool
 ) -> Image:
     plan = rendering.plan
-    developed = rendering.film.develop()
-    aovs: dict[str, Any] = {}
-    kinds: dict[str, str] = {}
-    pixels = developed
-    metadata = _metadata(rendering, complete)
-    if plan.method in ("depth", "aov"):
-        pixels, aovs, kinds = split_channels(rendering.scene, plan, developed)
-    if plan.method == "work":
-        pixels, aovs, brightest = heat_map(developed)
-        metadata["brightest"] = f"{brightest:.6g} box and primitive tests per ray"
+    asked = rendering.scene.description.integrator
+    shown = plan.kind.show(rendering.film.develop(), asked)
     return Image(
-        np.ascontiguousarray(pixels),
-        aovs=aovs,
-        aov_kinds=kinds,
+        np.ascontiguousarray(shown.pixels),
+        aovs=shown.aovs,
+        aov_kinds=shown.aov_kinds,
         spp=plan.spp,
         seconds=seconds,
         compile_seconds=compile_seconds,
         threads=rendering.threads,
         integrator=plan.method,
         explain="\n".join(plan.lines),
-        metadata=metadata,
+        metadata={**_metadata(rendering, complete), **shown.notes},
         complete=complete,
     )
 

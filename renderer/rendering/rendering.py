@@ -11,7 +11,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.integrators.render_tile import RENDER_TILE
 from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
@@ -82,10 +81,10 @@ class Rendering:
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record
-        self._render_tile, self.channels = RENDER_TILE[plan.method]
+        self._render_tile, self.channels = plan.kind.render, plan.kind.channels
         film = scene.description.camera.film
         # counts stay in their own pixel, so that they can be added up
-        self.counted = plan.method == "work"
+        self.counted = plan.kind.counts_work
         self.rfilter = BOX if self.counted else filter_table(film.rfilter)
         self._packed_filter = pack(self.rfilter)
         self.border = filter_border(self.rfilter)
@@ -120,7 +119,7 @@ class Rendering:
 
     def make_workspace(self, channels: int) -> Workspace:
         """Allocate what one thread works in."""
-        tree = self.plan.method == "whitted"
+        tree = self.plan.kind.splits
         depths = self.plan.max_depth + 1 if tree else 1
         bsdfs = self.kernel_scene.bsdfs
         return make_workspace(

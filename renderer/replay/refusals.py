@@ -24,6 +24,11 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
     NotReplayable
         One line that says why, and what is possible.
     """
+    if method == "work":
+        raise NotReplayable(
+            "sampler 'mitsuba': Mitsuba has no integrator that counts work; possible are "
+            "path, direct, depth, aov and whitted"
+        )
     if asked.block_size not in (0, BLOCK_SIZE) or not asked.one_pass:
         raise NotReplayable(
             "sampler 'mitsuba': the file divides the work in its own way (block_size, "

@@ -92,7 +92,6 @@ class Replayed:
         """Round camera rays, surface points and scattered rays."""
         bsdfs = scene.materials.bsdfs
         scattering = ScatteringBsdfs(
-            np.array([not kind_of(b).delta for b in bsdfs] or [True], np.int32),
             np.array([kind_of(b).transmits for b in bsdfs] or [False], np.int32),
             np.array(
                 [b.eta if kind_of(b).transmits else 1.0 for b in bsdfs] or [1.0], np.float32

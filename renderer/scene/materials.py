@@ -113,7 +113,13 @@ class MaterialTables:
     @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
-        return any(kind.reflection and kind.transmission for kind in self.kinds)
+        kinds = [kind for kind in self.kinds if kind.reflection is not None]
+        return any(kind.smooth or kind.transmission is not None for kind in kinds)
+
+    @property
+    def oriented(self) -> bool:
+        """Whether any BSDF looks at dp/du."""
+        return any(kind.oriented for kind in self.kinds)
 
     @property
     def textured(self) -> bool:
@@ -156,6 +162,16 @@ class MaterialTables:
             for name, first, count in kind_of(bsdf).layout():
                 table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
         return table
+
+    def tables_of(self, kind: BsdfKind) -> dict[str, NDArray[np.float32]]:
+        """Return the tables of a kind by their names, (BSDFs, entries)."""
+        tables = {}
+        for name in kind.tables:
+            rows = [getattr(b, name) if kind_of(b) is kind else None for b in self.bsdfs]
+            entries = max(len(row) for row in rows if row is not None)
+            rows = [np.zeros(entries) if row is None else row for row in rows]
+            tables[name] = np.array(rows, np.float32)
+        return tables
 
     def texture_ids(self) -> NDArray[np.int32]:
         """Return the texture of each parameter, (rows, BSDFs); -1 for constants."""

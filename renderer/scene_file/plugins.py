@@ -8,8 +8,8 @@ from typing import Any
 
 _SUPPORTED: dict[str, tuple[str, ...]] = {
     "scene": ("scene",),
-    "integrator": ("direct", "whitted", "path", "depth", "aov"),
-    "sensor": (),  # what is registered, see `registered_kinds`
+    "integrator": (),
+    "sensor": (),
     "film": ("hdrfilm",),
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),
     "sampler": ("independent", "stratified", "multijitter", "orthogonal", "ldsampler"),
@@ -24,10 +24,10 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
         "shapegroup",
         "instance",
     ),
-    "bsdf": ("twosided",),  # and what is registered, see `registered_kinds`
+    "bsdf": ("twosided",),
     "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
-    "emitter": ("area",),  # and what is registered, see `registered_kinds`
-}
+    "emitter": ("area",),
+}  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
 _UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
 TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
@@ -40,6 +40,7 @@ _REGISTRIES = {
     "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
     "sensor": ("renderer.kinds.sensors.registry", "SENSORS"),
+    "integrator": ("renderer.integrators.registry", "IN_FILES"),
 }
 
 

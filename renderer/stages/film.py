@@ -49,6 +49,14 @@ def tile_sums(channels: int, border: int) -> NDArray[np.float64]:
 
 
 @kernel
+def clear(radiance):
+    """Set the light of all slots to zero, before a sample is traced."""
+    for channel in range(radiance.shape[0]):
+        for slot in range(CAPACITY):
+            radiance[channel, slot] = 0.0
+
+
+@kernel
 def add_to_tile(rfilter, tile, film, radiance, sums, border):
     """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums.
 

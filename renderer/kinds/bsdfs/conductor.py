@@ -12,6 +12,7 @@ from renderer.lanes.vectors import vec3
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.colors.conductor_materials import MATERIALS
 from renderer.scene_file.description import Conductor as Description
+from renderer.scene_file.description import Rgb
 from renderer.scene_file.numbers import quoted
 
 
@@ -24,21 +25,27 @@ class Conductor(NamedTuple):
 
 
 def read(properties: Any) -> Description:
-    """Read the properties of a file: a material by name, or eta and k."""
+    """Read the properties of a file."""
+    eta, k = read_complex_index(properties)
+    return Description(
+        eta, k, read_color(properties, "specular_reflectance", 1.0, Use.REFLECTANCE)
+    )
+
+
+def read_complex_index(properties: Any) -> tuple[Rgb, Rgb]:
+    """Return eta and k: of a material by name, or as the file gives them."""
     name = properties.string("material", "none")
     if properties.has("material") and (properties.has("eta") or properties.has("k")):
         other = "eta" if properties.has("eta") else "k"
         properties.fail(other, 'a value beside "material"', "one of the two")
     if name == "none":
-        eta = read_color(properties, "eta", 0.0, Use.REFRACTION)
-        k = read_color(properties, "k", 1.0, Use.REFRACTION)
-    elif name in MATERIALS:
-        eta, k = MATERIALS[name]
-    else:
+        return (
+            read_color(properties, "eta", 0.0, Use.REFRACTION),
+            read_color(properties, "k", 1.0, Use.REFRACTION),
+        )
+    if name not in MATERIALS:
         properties.fail("material", quoted(name), "one of none, " + ", ".join(MATERIALS))
-    return Description(
-        eta, k, read_color(properties, "specular_reflectance", 1.0, Use.REFLECTANCE)
-    )
+    return MATERIALS[name]
 
 
 @kernel

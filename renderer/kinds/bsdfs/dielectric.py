@@ -25,10 +25,8 @@ class Dielectric(NamedTuple):
 
 def read(properties: Any) -> Description:
     """Read the properties of a file."""
-    interior = _index(properties, "int_ior", "bk7")
-    exterior = _index(properties, "ext_ior", "air")
     return Description(
-        eta=interior / exterior,
+        eta=read_relative_index(properties, "bk7"),
         specular_reflectance=read_color(
             properties, "specular_reflectance", 1.0, Use.REFLECTANCE
         ),
@@ -36,6 +34,20 @@ def read(properties: Any) -> Description:
             properties, "specular_transmittance", 1.0, Use.REFLECTANCE
         ),
     )
+
+
+def read_relative_index(properties: Any, interior: str, *, rough: bool = False) -> float:
+    """Return the index of refraction inside over outside.
+
+    A rough interface between equal indices is refused: it neither bends nor reflects, and
+    the half vector of two opposite directions does not exist.
+    """
+    inside = _index(properties, "int_ior", interior)
+    outside = _index(properties, "ext_ior", "air")
+    if rough and inside == outside:
+        name = "int_ior" if properties.has("int_ior") else "ext_ior"
+        properties.fail(name, f"{inside:g} on both sides", "two different indices")
+    return inside / outside
 
 
 def _index(properties: Any, name: str, default: str) -> float:

@@ -12,11 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
-from renderer.kinds.sampling.arithmetic import to_world
-from renderer.lanes.memory import load_row
+from renderer.kinds.sampling.arithmetic import tangents_along_u, tangents_of, to_world
+from renderer.lanes.memory import gather_row, load_row
 from renderer.lanes.vectors import dot, select3, vec3
 
 
@@ -29,7 +31,14 @@ class Float:
 
 
 class Table:
-    """Annotation of a parameter: an array that all points of the kind share."""
+    """Annotation of a parameter: numbers in a row, of each BSDF its own; see `entry_of`."""
+
+
+class Rows(NamedTuple):
+    """What kernels see of a `Table`."""
+
+    numbers: Any  # (BSDFs, entries)
+    bsdf: Any  # of each point
 
 
 class Numbers(NamedTuple):
@@ -88,11 +97,13 @@ class BsdfKind:
     reflection, transmission
         (parameters, wo) -> Branch; None: there is no such delta lobe.
     albedo
-        parameters -> RGB that the AOV shows; None: black.
+        parameters -> RGB that the AOV shows, or (parameters, wo) -> RGB; None: black.
     transmits
         Whether light goes through, so that the back of a surface shows the same BSDF.
     source
         Module and hash of the file that holds the kernels; empty for the renderer's own.
+    oriented
+        Whether x and y of the local frame matter: x is along dp/du then.
     """
 
     name: str
@@ -106,6 +117,12 @@ class BsdfKind:
     albedo: Any = None
     transmits: bool = False
     source: str = ""
+    oriented: bool = False
+
+    @property
+    def seen_albedo(self) -> bool:
+        """Whether the albedo depends on where it is seen from."""
+        return self.albedo is not None and self.albedo.py_func.__code__.co_argcount == 2
 
     @property
     def smooth(self) -> bool:
@@ -132,6 +149,12 @@ class BsdfKind:
                 rows.append((name, at, count))
             at += count
         return rows
+
+    @property
+    def tables(self) -> list[str]:
+        """The names of the parameters that are tables."""
+        hints = typing.get_type_hints(self.parameters)
+        return [name for name, kind in hints.items() if kind is Table]
 
     @property
     def row_count(self) -> int:
@@ -173,6 +196,16 @@ def albedo_of(parameters: Any) -> Any:
 
 
 @interface
+def seen_albedo_of(parameters: Any, wo: Any) -> Any:
+    """Return it for a BSDF whose albedo depends on the direction."""
+
+
+@interface
+def frame_tangents(form: Any, arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
+    """Return the x and y axes of the local frame, whichever side is seen."""
+
+
+@interface
 def visible_side(form: Any, front: Any, normal: Any) -> Any:
     """Return the z axis of the local frame: turned to where a reflecting BSDF is seen."""
 
@@ -185,6 +218,16 @@ def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample
 @interface
 def is_possible(form: Any, sample: BsdfSample) -> Any:
     """Return which samples are no failures, as far as the density tells."""
+
+
+@kernel
+def _any_tangents(form, arithmetic, points, i, normal):
+    return tangents_of(arithmetic, points, i, normal)
+
+
+@kernel
+def _tangents_along_u(form, arithmetic, points, i, normal):
+    return tangents_along_u(arithmetic, points, i, normal)
 
 
 @kernel
@@ -257,6 +300,13 @@ def rows3(rows, first, i):
     )
 
 
+@kernel
+def entry_of(table, i):
+    """Return entry i of the rows of a `Table`, lane by lane."""
+    rows, bsdf = table.numbers, table.bsdf
+    return gather_row(rows, 0, bsdf * np.int32(rows.shape[1]) + i, bsdf >= 0)
+
+
 def _loader(kind: BsdfKind) -> Any:
     """Return the kernel that loads a kind's parameters, made from its annotations."""
     at = {name: (first, count) for name, first, count in kind.layout()}
@@ -264,12 +314,17 @@ def _loader(kind: BsdfKind) -> Any:
     for name in kind.parameters._fields:  # type: ignore[attr-defined]
         first, count = at.get(name, (0, 0))
         load = {
-            0: f"form.{name}",
+            0: f"Rows(form.{name}, load_row(points.bsdf, 0, i))",
             1: "load_row(points.parameters, {}, i)",
             3: "rows3(points.parameters, {}, i)",
         }
         parts.append(load[count].format(first))
-    names = {"load_row": load_row, "rows3": rows3, "record": kind.parameters}
+    names = {
+        "load_row": load_row,
+        "rows3": rows3,
+        "record": kind.parameters,
+        "Rows": Rows,
+    }
     return kernel(eval(f"lambda form, points, i: record({', '.join(parts)})", names))
 
 
@@ -282,10 +337,11 @@ def make_known(kind: BsdfKind) -> None:
         (eval_pdf_bsdf, kind.eval_pdf),
         (reflection_of, kind.reflection),
         (transmission_of, kind.transmission),
-        (albedo_of, kind.albedo),
+        (seen_albedo_of if kind.seen_albedo else albedo_of, kind.albedo),
     ):
         if chosen is not None:
             function.by(cls)(chosen)
+    frame_tangents.by(cls)(_tangents_along_u if kind.oriented else _any_tangents)
     visible_side.by(cls)(_as_it_is if kind.transmits else _turned)
     outgoing.by(cls)(_OUTGOING[kind.smooth, kind.delta, kind.transmits])
     is_possible.by(cls)(_by_weight_alone if kind.delta else _by_density)

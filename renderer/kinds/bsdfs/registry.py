@@ -14,6 +14,10 @@ from renderer.kinds.bsdfs.conductor import CONDUCTOR
 from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
+from renderer.kinds.bsdfs.plastic import PLASTIC
+from renderer.kinds.bsdfs.roughconductor import ROUGHCONDUCTOR
+from renderer.kinds.bsdfs.roughdielectric import ROUGHDIELECTRIC
+from renderer.kinds.bsdfs.roughplastic import ROUGHPLASTIC
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
 
@@ -25,7 +29,15 @@ def _register(kind: BsdfKind) -> None:
     BSDFS[kind.name] = kind
 
 
-for _kind in (DIFFUSE, CONDUCTOR, DIELECTRIC):
+for _kind in (
+    DIFFUSE,
+    CONDUCTOR,
+    DIELECTRIC,
+    ROUGHCONDUCTOR,
+    ROUGHDIELECTRIC,
+    PLASTIC,
+    ROUGHPLASTIC,
+):
     _register(_kind)
 _OURS = (*BSDFS, "twosided")
 _KERNELS = ("sample", "eval_pdf", "reflection", "transmission", "albedo")

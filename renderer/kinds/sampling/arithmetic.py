@@ -10,9 +10,16 @@ from typing import Any, NamedTuple
 
 from renderer.jit import interface, kernel
 from renderer.kinds.sampling.numbers_and_warps import square_to_cosine_hemisphere
-from renderer.lanes.functions import fabs
+from renderer.lanes.functions import fabs, sqrt
 from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import dot, load3, orthonormal_basis, vec3
+from renderer.lanes.vectors import (
+    cross,
+    dot,
+    load3,
+    orthonormal_basis,
+    select3,
+    vec3,
+)
 
 
 class Plain(NamedTuple):
@@ -43,6 +50,11 @@ def tangents_of(arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
 
     They belong to the surface, not to the side that is seen.
     """
+
+
+@interface
+def tangents_along_u(arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
+    """Return `tangents_of`, the first of them along dp/du where there is one."""
 
 
 @interface
@@ -80,6 +92,17 @@ def _to_world(arithmetic, frame, local):
 @kernel
 def _tangents_of(arithmetic, points, i, normal):
     return orthonormal_basis(normal)
+
+
+@tangents_along_u.by(Plain)
+@kernel
+def _tangents_along_u(arithmetic, points, i, normal):
+    along_u = load3(points.tangent, i)
+    across = along_u - normal * dot(normal, along_u)
+    length2 = dot(across, across)
+    other, _ = orthonormal_basis(normal)
+    s = select3(length2 > 0.0, across * (1.0 / sqrt(length2)), other)
+    return s, cross(normal, s)
 
 
 @density_normal.by(Plain)

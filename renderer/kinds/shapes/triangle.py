@@ -117,6 +117,23 @@ class TriangleSurfaces(NamedTuple):
     tangents: NDArray[np.float32] = empty_rows(3)  # (3, n) dp/du
 
 
+def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
+    """Return dp/du (3, n), not unit; 0 where u and v span no area.
+
+    Where there are no texture coordinates u is the first barycentric one.
+    """
+    uvs = triangles.uvs.astype(np.float64)
+    if uvs.shape[1] == 0:
+        return triangles.edge1
+    du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
+    du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
+    area = du1 * dv2 - dv1 * du2
+    along_u = dv2 * triangles.edge1 - dv1 * triangles.edge2
+    flat = area == 0.0
+    tangents = np.where(flat, 0.0, along_u / np.where(flat, 1.0, area))
+    return np.ascontiguousarray(tangents, np.float32)
+
+
 @kernel
 def interpolated_normal(normals, index, mask, u, v, flat):
     """Return the unit normals between the vertices' own; `flat` where there are none."""

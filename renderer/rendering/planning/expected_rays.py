@@ -11,31 +11,28 @@ _USUAL_DEPTH = 6
 
 def expected_rays(
     camera: Sensor,
-    method: str,
     spp: int,
     max_depth: int,
     lights: int,
     threads: int,
 ) -> RayCounts:
-    """Estimate from the picture's size and the method.
+    """Estimate from the picture's size and the depth.
 
     Parameters
     ----------
     camera
         Whose film is rendered.
-    method
-        direct, whitted, path, or one that looks at the first hit alone.
     spp
         Samples per pixel.
     max_depth
-        Segments of a path.
+        Segments of a path; 1 where the first hit alone is looked at.
     lights
         Shadow rays of one point: 1, or all lights.
     threads
         That trace them.
     """
     paths = float(camera.film.crop_width * camera.film.crop_height * spp)
-    if method not in ("direct", "whitted", "path") or max_depth < 2:
+    if max_depth < 2:
         return RayCounts(paths, 0.0, threads)
     later = max(0, min(max_depth, _USUAL_DEPTH) - 2)
     return RayCounts(paths, paths * (lights + later * (1 + lights)), threads)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
+from renderer.integrators.registry import INTEGRATORS
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.scene.scene import KINDS, Scene
@@ -61,16 +62,13 @@ class Explanation:
 
 def describe_integrator(asked: Integrator) -> str:
     """Return the integrator's name and the properties that it has."""
-    depth = "no limit" if asked.max_depth < 0 else str(asked.max_depth)
-    match asked.name:
-        case "path":
-            return f"path, max_depth {depth}, rr_depth {asked.rr_depth}"
-        case "whitted":
-            return f"whitted, max_depth {depth}"
-        case "aov" if asked.nested is not None:
-            return f"aov, and the colours of {describe_integrator(asked.nested)}"
-        case _:
-            return asked.name
+    text = asked.name
+    for name in INTEGRATORS[asked.name].described:
+        value = getattr(asked, name)
+        text += f", {name} {'no limit' if value < 0 else value}"
+    if asked.nested is not None:
+        text += f", and the colours of {describe_integrator(asked.nested)}"
+    return text
 
 
 def explain_geometry(scene: Scene, why: Explanation) -> None:
@@ -170,18 +168,12 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
     why.say("left out", f"{what}: {reason}")
 
 
-def explain_roulette(plan: Plan, asked: Integrator, why: Explanation) -> None:
+def explain_roulette(plan: Plan, why: Explanation) -> None:
     """Say from which segment on Russian roulette is played, or why it is not."""
     if plan.roulette_depth is not None:
         why.say("roulette", f"Russian, from segment {plan.roulette_depth} on")
-        return
-    if plan.method == "path":
-        reason = f"max_depth {plan.max_depth} comes before rr_depth {asked.rr_depth}"
-    elif plan.method == "whitted":
-        reason = "a tree of rays ends at its depth and its cutoff"
     else:
-        reason = "direct light is two segments long"
-    why.say("left out", f"Russian roulette: {reason}")
+        why.say("left out", f"Russian roulette: {plan.no_roulette}")
 
 
 def explain_samples(

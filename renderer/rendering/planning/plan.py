@@ -9,10 +9,13 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
+from renderer import names
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
-from renderer.errors import NotReplayable, SceneError
+from renderer.errors import SceneError
+from renderer.integrators.kind import Case, Decision, IntegratorKind
+from renderer.integrators.registry import INTEGRATORS
 from renderer.kinds.lights.registry import plugin_of
-from renderer.names import INTEGRATORS, REPLAY, SAMPLERS
+from renderer.names import REPLAY, SAMPLERS
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
@@ -40,51 +43,31 @@ OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 # the last place): with it a tube of mirrors agrees to 6e-6 instead of 6e-2
 # (docs/decisions/ray-offset.md).
 RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
-NO_LIMIT = 1 << 30
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
-WHITTED_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves
-DEEPEST_TREE = 256  # each depth of a ray tree has waiting rays of its own: 130 KB
-COLOURS_OF_WORK = (
-    "box tests and primitive tests per ray, from 0 (black) to the pixel with the most "
-    "(pale yellow), whose number is printed with the picture and kept in its metadata"
-)
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, kw_only=True)
+class Plan(Decision):
     """What will be done. `lines` explains it; the other fields steer the kernels."""
 
-    method: str  # direct, whitted, path, depth, aov or work
-    max_depth: int
-    roulette_depth: int | None  # None: no Russian roulette
     weigh: bool  # multiple importance sampling
-    mirrors: bool  # go on from mirrors and glass
-    every_light: bool  # ask all lights at each point instead of one at random
-    follow: bool  # go on from diffuse surfaces
     hide_emitters: bool
-    cutoff: float
     spp: int
     sampler: Sampler
     ray_offset: str = "tight"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
-    bsdf_samples: int = 1  # of `direct`: 0 or 1
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
     @property
-    def counts_work(self) -> bool:
-        """Whether traversals count what they do."""
-        return self.method == "work"
-
-    @property
-    def sees_lights(self) -> bool:
-        """Whether paths gather light at all."""
-        return self.method in ("direct", "path", "whitted")
+    def kind(self) -> IntegratorKind:
+        """The integrator that runs."""
+        return INTEGRATORS[self.method]
 
     @property
     def asks_lights(self) -> bool:
         """Whether lights are sampled at surface points."""
-        return self.sees_lights and self.max_depth > 1
+        return self.kind.sees_lights and self.max_depth > 1
 
     @property
     def sampler_name(self) -> str:
@@ -105,11 +88,9 @@ def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
     if name in (None, "auto", asked.name):
         return asked
     if name not in INTEGRATORS:
-        known = ", ".join(INTEGRATORS)
+        known = ", ".join(names.INTEGRATORS)
         raise SceneError(f"integrator {name!r} is unknown; there are: {known}")
-    if name in ("aov", "work"):
-        return dataclasses.replace(asked, name=name, aovs=(), nested=None)
-    return dataclasses.replace(asked, name=name)
+    return dataclasses.replace(asked, name=name, aovs=(), nested=None)
 
 
 def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
@@ -147,8 +128,8 @@ def make_plan(
     scene : Scene
         What is there.
     integrator : str, optional
-        One of `INTEGRATORS`. None and "auto" take the least method that gives the answer
-        which the file asks for; any other name is taken at its word.
+        One of `names.INTEGRATORS`. None and "auto" take the least method that gives the
+        answer which the file asks for; any other name is taken at its word.
     sampler : str, optional
         One of `SAMPLERS`; None takes the file's, `mitsuba` too but with the random numbers
         that Mitsuba's scalar variants draw, in their order.
@@ -174,7 +155,7 @@ def make_plan(
     lights = emitting + len(scene.description.emitters) if plan.every_light else 1
     camera = scene.description.camera
     rays = expected_rays(
-        camera, plan.method, plan.spp, plan.max_depth, lights, threads or default_threads()
+        camera, plan.spp, plan.max_depth, lights, threads or default_threads()
     )
     explain_accelerators(scene, accel or "auto", rays, why)
     return dataclasses.replace(
@@ -207,129 +188,49 @@ def _decide(
     materials = scene.materials
     extended = _has_extended_lights(scene)
     lights = extended or bool(scene.description.emitters)
-    if reduce and not lights and asked.name in ("direct", "whitted", "path"):
+    if reduce and not lights and INTEGRATORS[asked.name].sees_lights:
         count = 1  # the picture is black
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
-    mirrors = materials.delta
-    method = asked.name
-    depth = NO_LIMIT if asked.max_depth < 0 else asked.max_depth
     why.say("file asks", describe_integrator(asked))
-
-    if method in ("depth", "aov"):
-        why.say("method", f"{method}: the first hit alone; no light, no BSDF is sampled")
-        return _first_hit_plan(scene, asked, chosen_sampler, count, why, replay=replay)
-    if method == "work":
-        if replay:
-            raise NotReplayable(
-                "sampler 'mitsuba': Mitsuba has no integrator that counts work; possible "
-                "are path, direct, depth, aov and whitted"
-            )
-        why.say("method", "work: what camera rays cost; nothing is shaded")
-        why.say("colours", COLOURS_OF_WORK)
-        why.say("filter", "box, whatever the file asks for: counts stay in their pixel")
-        return _first_hit_plan(scene, asked, chosen_sampler, count, why, replay=replay)
-
-    if method == "direct":
-        depth = min(depth, 2) if asked.max_depth >= 0 else 2
-    if method == "whitted":
-        depth = WHITTED_DEPTH if asked.max_depth < 0 else min(depth, DEEPEST_TREE)
-        if depth != asked.max_depth:
-            why.say(
-                "depth", f"{depth}: a tree of rays needs a limit, and not too deep a one"
-            )
-    if reduce and method == "path" and depth <= 2:
-        method = "direct"
-        why.say("method", "direct: with max_depth <= 2 a path is direct light alone")
-    elif reduce and method in ("path", "whitted") and not lights:
-        method, depth = "direct", min(depth, 1)
-        why.say("method", "direct, no bounces: without a light every path is black")
-    elif method == "whitted" and reduce and not mirrors:
-        depth = min(depth, 2)
-        why.say("method", "whitted without recursion: there is no mirror and no glass")
-    else:
-        why.say("method", f"{method}, as asked for")
-
-    more = max(asked.emitter_samples, asked.bsdf_samples) > 1
-    if method == "direct" and more and not replay:
-        why.say("samples", "one of each light and of the BSDF, whatever the file asks for")
-    mirrors = mirrors and not (method == "direct" and asked.bsdf_samples == 0)
+    case = Case(
+        asked,
+        reduce,
+        replay,
+        lights,
+        extended,
+        materials.delta,
+        materials.smooth,
+        materials.chooses,
+    )
+    decision = INTEGRATORS[asked.name].decide(case, why.say)
     if replay:
-        check_replay(asked, method, extended)
+        check_replay(asked, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
-    every_light = method == "whitted" or (method == "direct" and not replay)
-    # BSDF samples look for lights only where lights can be hit
-    follow = method == "path" or (
-        method == "direct" and extended and asked.bsdf_samples > 0
-    )
-    if method == "path" and not materials.smooth:
-        follow = False
-    weigh = extended and follow and materials.smooth and depth > 1
-    roulette = asked.rr_depth if method == "path" and asked.rr_depth < depth else None
+    depth = decision.max_depth
     plan = Plan(
-        method,
-        depth,
-        roulette,
-        weigh,
-        mirrors,
-        every_light,
-        follow,
-        asked.hide_emitters,
-        asked.cutoff if method == "whitted" else 0.0,
-        chosen_sampler.sample_count,
-        chosen_sampler,
+        **vars(decision),
+        weigh=extended and decision.follow and materials.smooth and depth > 1,
+        hide_emitters=asked.hide_emitters,
+        spp=chosen_sampler.sample_count,
+        sampler=chosen_sampler,
         replay=replay,
-        bsdf_samples=asked.bsdf_samples if method == "direct" else 1,
     )
-    explain_weights(plan, scene, extended, why)
-    explain_roulette(plan, asked, why)
-    if method == "direct" and not mirrors and not follow and depth > 1:
-        why.say("left out", "scattering: nothing is reflected towards another surface")
-    explain_geometry(scene, why)
-    explain_materials_and_lights(scene, why)
-    random = _is_random(plan, extended, materials.chooses)
+    if plan.kind.sees_lights:
+        explain_weights(plan, scene, extended, why)
+        explain_roulette(plan, why)
+        if plan.kind.scatters and not plan.mirrors and not plan.follow and depth > 1:
+            why.say("left out", "scattering: nothing is reflected towards another surface")
+        explain_geometry(scene, why)
+        explain_materials_and_lights(scene, why)
+    else:
+        why.say(
+            "left out", "lights, shadow rays, bounces: the first hit alone is asked for"
+        )
+        explain_geometry(scene, why)
+    random = decision.random and depth > 1
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
-
-
-def _first_hit_plan(
-    scene: Scene,
-    asked: Integrator,
-    sampler: Sampler,
-    count: int,
-    why: Explanation,
-    *,
-    replay: bool,
-) -> Plan:
-    plan = Plan(
-        method=asked.name,
-        max_depth=1,
-        roulette_depth=None,
-        weigh=False,
-        mirrors=False,
-        every_light=False,
-        follow=False,
-        hide_emitters=asked.hide_emitters,
-        cutoff=0.0,
-        spp=sampler.sample_count,
-        sampler=sampler,
-        replay=replay,
-    )
-    if replay:
-        why.say("numbers", OF_MITSUBA)
-    why.say("left out", "lights, shadow rays, bounces: the first hit alone is asked for")
-    explain_geometry(scene, why)
-    explain_samples(sampler, count, False, why, replay=replay)
-    return dataclasses.replace(plan, lines=tuple(why.lines))
-
-
-def _is_random(plan: Plan, extended: bool, glass: bool) -> bool:
-    """Return whether more than the position in the pixel is drawn at random."""
-    if plan.max_depth <= 1:
-        return False
-    if plan.method == "path" and plan.max_depth > 2:
-        return True
-    return extended or (plan.method == "direct" and glass)
 
 
 def stratified_cells(sample_count: int) -> tuple[int, int]:

@@ -11,15 +11,6 @@ from renderer.scene.scene import Scene
 
 WIDTH = 92
 
-_MEANING = {
-    "direct": "light that comes to a surface straight from a light source (Appel 1968)",
-    "whitted": "direct light, and a tree of rays through mirrors and glass (Whitted 1980)",
-    "path": "light over many bounces, as the mean of random paths (Kajiya 1986)",
-    "depth": "the distance from the camera to the first hit",
-    "aov": "position, normals and other numbers of the first hit",
-    "work": "nodes, box tests and primitive tests of the search for the nearest hit",
-}
-
 
 def plan_text(
     scene: Scene,
@@ -59,7 +50,7 @@ def _sections(plan: Plan) -> list[str]:
         if topic != "left out":
             done += _row(topic, text)
         if topic == "method":
-            done += _row("", _MEANING[plan.method])
+            done += _row("", plan.kind.about)
     left_out = [
         line for topic, text in rows if topic == "left out" for line in _row("-", text)
     ]

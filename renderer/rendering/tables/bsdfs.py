@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.first_hit import show_albedo
+from renderer.integrators.first_hit import show_albedo, show_seen_albedo
 from renderer.jit import Packed, record_type
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfMethods
 from renderer.kinds.textures.kind import TextureKind, TextureMethods
@@ -46,7 +46,7 @@ def bsdf_tables(
     kinds_of_textures = [texture_kind_of(texture) for texture in textures]
     texture_kinds = [kind for kind in TEXTURES.values() if kind in kinds_of_textures]
     methods = tables.table(
-        [_row(tables, kind, plan, settings, arithmetic, lit) for kind in kinds], 4
+        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 5
     )
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
@@ -70,6 +70,7 @@ def bsdf_tables(
 
 def _row(
     tables: MethodTables,
+    materials: MaterialTables,
     kind: BsdfKind,
     plan: Plan,
     settings: Settings,
@@ -83,18 +84,20 @@ def _row(
     reflect = (reflect_light, (*lights, work.shadow_rays, INT), INT)
     along = (given, INT, work.points, ROWS, INT, INT, work.rays, INT)
     split = split_glass if kind.transmission is not None else split_mirror
-    albedo = (show_albedo, (work.points, INT, ROWS), NOTHING)
+    shown = (work.points, INT, ROWS)
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
-    scatters = goes_on and plan.method in ("path", "direct")
-    splits = kind.delta and plan.mirrors and plan.method == "whitted"
-    is_shown = kind.albedo is not None and plan.method in ("aov", "depth")
-    record = tables.pack(BsdfMethods(kind.form(), arithmetic), kind.source)
+    scatters = goes_on and plan.kind.scatters
+    splits = kind.delta and plan.mirrors and plan.kind.splits
+    shows = kind.albedo is not None and plan.kind.first_hit
+    form = kind.form(materials.tables_of(kind))
+    record = tables.pack(BsdfMethods(form, arithmetic), kind.source)
     return record, [
         reflect if kind.smooth and lit else None,
         (scatter_kind, along, INT) if scatters else None,
         (split, (given, *group, work.rays, INT), INT) if splits else None,
-        albedo if is_shown else None,
+        (show_albedo, shown, NOTHING) if shows and not kind.seen_albedo else None,
+        (show_seen_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
     ]
 
 

@@ -32,7 +32,7 @@ def group_methods(
     `lit`: shadow rays are cast.
     """
     work = work_types()
-    tally = types.Array(types.int32, 2, "C") if plan.counts_work else NOTHING
+    tally = types.Array(types.int32, 2, "C") if plan.kind.counts_work else NOTHING
     closest = (work.rays, work.hits, INT, INT, tally)
     blocked = (work.shadow_rays, INT, NOTHING)
     rows = []

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerators
+from renderer.integrators.kind import NO_LIMIT
 from renderer.jit import Packed, record_type
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
+from renderer.kinds.shapes.triangle import texture_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
-from renderer.rendering.planning.plan import NO_LIMIT, RAY_OFFSETS, Plan
+from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import group_methods, surface_methods
 from renderer.rendering.tables.lights import NO_LIGHTS, light_methods
@@ -69,7 +71,7 @@ class KernelInputs:
         self.sampler: Packed = sampling.record
 
         lights = NO_LIGHTS
-        if plan.sees_lights and has_lights(scene):
+        if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             lights = light_methods(
                 tables, by_kind, settings, scene.shapes, variant.arithmetic, lit
@@ -109,8 +111,8 @@ def has_lights(scene: Scene) -> bool:
 
 
 def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
-    first_hit = plan.method in ("depth", "aov")
-    with_uv = (scene.materials.textured or first_hit) and not plan.counts_work
+    kind = plan.kind
+    with_uv = (scene.materials.textured or kind.first_hit) and not kind.counts_work
     return Settings(
         plan.max_depth,
         NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,
@@ -118,7 +120,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(plan.every_light),
         int(plan.hide_emitters),
         int(with_uv),
-        int(variant.previous_points),
+        int(variant.previous_points or scene.materials.oriented),
         float(plan.cutoff),
         *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
     )
@@ -127,10 +129,14 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
 def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
     """Return the scene's surfaces, without uv where nobody looks at it."""
     surfaces = variant.surfaces(scene.surfaces)
-    if settings.with_uv or "triangles" not in surfaces:
+    if "triangles" not in surfaces:
         return surfaces
-    without = surfaces["triangles"]._replace(uvs=np.zeros((6, 0), np.float32))
-    return surfaces | {"triangles": without}
+    triangles = surfaces["triangles"]
+    if settings.with_tangents and triangles.tangents.shape[1] == 0:
+        triangles = triangles._replace(tangents=texture_tangents(triangles))
+    if not settings.with_uv:
+        triangles = triangles._replace(uvs=np.zeros((6, 0), np.float32))
+    return surfaces | {"triangles": triangles}
 
 
 def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:
@@ -148,7 +154,7 @@ def _sampler_methods(
     begin = (COLUMN, TILE, INT, work.rays, work.hits, INT)
     draws = (TILE, INT, INT, COLUMN, INT, ROWS)
     choice = (TILE, INT, INT, INT, INT, COLUMN, INT, ROWS, COLUMN)
-    shades = plan.method in ("path", "direct")
+    shades = plan.kind.scatters
     has_aperture = kind_of_sensor(scene.description.camera).has_aperture
     in_order = sampling.begin_bounce is not None and shades
     methods = [

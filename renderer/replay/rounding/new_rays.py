@@ -47,7 +47,6 @@ def _refracted(wi, eta):
 class ScatteringBsdfs(NamedTuple):
     """What of the BSDFs tells a delta direction; columns by BSDF id."""
 
-    smooth: NDArray[np.int32]  # (n,) 1: there is no delta lobe
     transmits: NDArray[np.int32]  # (n,)
     eta: NDArray[np.float32]  # (n,) index of refraction, inside over outside
 
@@ -56,8 +55,6 @@ class ScatteringBsdfs(NamedTuple):
 def _scattered(bsdfs, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
     bsdf = points.bsdf[i]
-    if bsdfs.smooth[bsdf] != 0:
-        return direction  # `directions.py` has done it
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)
     wi = vec3(dot(view, s), dot(view, t), dot(view, normal))
@@ -102,7 +99,9 @@ def round_rays(bsdfs, settings, rays, end, points):
         for c in range(3):
             rays.previous[c, k] = points.position[c, i]
         old = column(rays.direction, k)
-        new = _scattered(bsdfs, points, i, old)
+        new = old  # of a smooth lobe `directions.py` has done it
+        if rays.pdf[k] == _ZERO:
+            new = _scattered(bsdfs, points, i, old)
         if not _close(new, old, ROUNDING):
             continue
         rays.direction[0, k], rays.direction[1, k] = new.x, new.y

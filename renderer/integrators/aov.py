@@ -1,0 +1,87 @@
+"""Arbitrary output variables (AOVs) of the first hit, around another integrator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.integrators import first_hit
+from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.scene_file.description import AOV_KINDS, Integrator
+from renderer.scene_file.numbers import quoted, split_list
+from renderer.scene_file.objects.integrators import read_integrator
+from renderer.scene_file.properties import Properties
+
+_CHANNELS = {
+    "depth": slice(first_hit.DEPTH, first_hit.DEPTH + 1),
+    "position": slice(first_hit.POSITION, first_hit.POSITION + 3),
+    "uv": slice(first_hit.UV, first_hit.UV + 2),
+    "geo_normal": slice(first_hit.GEO_NORMAL, first_hit.GEO_NORMAL + 3),
+    "sh_normal": slice(first_hit.SH_NORMAL, first_hit.SH_NORMAL + 3),
+    "prim_index": slice(first_hit.PRIM_INDEX, first_hit.PRIM_INDEX + 1),
+    "shape_index": slice(first_hit.SHAPE_INDEX, first_hit.SHAPE_INDEX + 1),
+    "albedo": slice(first_hit.ALBEDO, first_hit.ALBEDO + 3),
+}
+
+
+def _read(properties: Properties) -> Integrator:
+    if not properties.has("aovs"):
+        properties.fail("aovs", "nothing", 'a list like "dd:depth, nn:sh_normal"')
+    aovs: list[tuple[str, str]] = []
+    for entry in split_list(properties.string("aovs", "")):
+        name, _, kind = entry.partition(":")
+        if not name or kind not in AOV_KINDS:
+            properties.fail(
+                "aovs", quoted(entry), "name:kind with a kind of " + ", ".join(AOV_KINDS)
+            )
+        if name in (known for known, _ in aovs):
+            properties.fail("aovs", f"the name {quoted(name)} twice", "different names")
+        aovs.append((name, kind))
+    if not aovs:
+        properties.fail("aovs", "an empty list", 'a list like "dd:depth, nn:sh_normal"')
+    nested = properties.child("integrator")
+    if nested is not None and nested.plugin == "aov":
+        raise SceneError(
+            f"{nested.location}: an aov integrator inside of another one is not supported; "
+            "write all aovs in one list"
+        )
+    return Integrator(
+        "aov",
+        hide_emitters=properties.boolean("hide_emitters", False),
+        aovs=tuple(aovs),
+        nested=None if nested is None else read_integrator(nested, properties.reading),
+    )
+
+
+def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
+    say("method", "aov: the first hit alone; no light, no BSDF is sampled")
+    return Decision("aov")
+
+
+def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+    """Return the AOVs by name; without a list all kinds, named after themselves.
+
+    The colours are those of the nested integrator, which is rendered apart, so they are
+    black here.
+    """
+    listed = asked.aovs or tuple((kind, kind) for kind in AOV_KINDS)
+    return Shown(
+        np.zeros((*film.shape[:2], 3), np.float32),
+        {name: np.ascontiguousarray(film[..., _CHANNELS[kind]]) for name, kind in listed},
+        dict(listed),
+    )
+
+
+INTEGRATOR = IntegratorKind(
+    "position, normals and other numbers of the first hit",
+    first_hit.render_first_hits,
+    _decide,
+    _read,
+    channels=first_hit.CHANNELS,
+    show=_show,
+    first_hit=True,
+)

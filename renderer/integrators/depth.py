@@ -1,0 +1,39 @@
+"""The distance from the camera to the first hit, as a picture in grey."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.integrators.first_hit import CHANNELS, DEPTH, render_first_hits
+from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.scene_file.description import Integrator
+from renderer.scene_file.properties import Properties
+
+
+def _read(properties: Properties) -> Integrator:
+    properties.boolean("hide_emitters", False)  # distances have no emitters
+    return Integrator("depth")
+
+
+def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
+    say("method", "depth: the first hit alone; no light, no BSDF is sampled")
+    return Decision("depth")
+
+
+def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+    return Shown(np.repeat(film[..., DEPTH : DEPTH + 1], 3, axis=2))
+
+
+INTEGRATOR = IntegratorKind(
+    "the distance from the camera to the first hit",
+    render_first_hits,
+    _decide,
+    _read,
+    channels=CHANNELS,
+    show=_show,
+    first_hit=True,
+)

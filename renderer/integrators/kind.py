@@ -1,0 +1,78 @@
+"""What an integrator is: a file of this folder, and its name in `renderer.names`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from renderer.scene_file.description import Integrator
+from renderer.scene_file.properties import Properties
+
+NO_LIMIT = 1 << 30  # of the depth
+MOST = 2**31 - 1  # of a file's integers
+
+
+class Case(NamedTuple):
+    """What an integrator decides from."""
+
+    asked: Integrator
+    reduce: bool  # a leaner method that gives the same answer is welcome
+    replay: bool  # the paths have to be Mitsuba's
+    lights: bool  # the scene has any
+    extended: bool  # it has some that rays can hit
+    delta: bool  # it has mirrors or glass
+    smooth: bool  # it has other BSDFs than these
+    chooses: bool  # it has BSDFs that choose between lobes
+
+    @property
+    def depth(self) -> int:
+        """Segments of a path at most."""
+        return NO_LIMIT if self.asked.max_depth < 0 else self.asked.max_depth
+
+
+@dataclass(frozen=True)
+class Decision:
+    """How light is followed; the defaults are those of what looks at first hits alone."""
+
+    method: str  # name of the integrator that runs
+    max_depth: int = 1
+    roulette_depth: int | None = None  # None: no Russian roulette
+    no_roulette: str = ""  # why
+    mirrors: bool = False  # go on from mirrors and glass
+    every_light: bool = False  # ask all lights at each point instead of one at random
+    follow: bool = False  # go on from diffuse surfaces
+    cutoff: float = 0.0
+    bsdf_samples: int = 1  # of `direct`: 0 or 1
+    random: bool = False  # more is drawn than the position in the pixel
+
+
+class Shown(NamedTuple):
+    """The film's channels as what a user gets."""
+
+    pixels: NDArray[Any]  # (H, W, 3)
+    aovs: Mapping[str, NDArray[Any]] = {}
+    aov_kinds: Mapping[str, str] = {}
+    notes: Mapping[str, str] = {}  # for the metadata
+
+
+@dataclass(frozen=True)
+class IntegratorKind:
+    """All that the reader, the plan, the tables and the film have to know of one."""
+
+    about: str  # for `--explain`
+    render: Any  # entry kernel: adds samples of a tile to the film's sums
+    # (case, say(topic, text)) -> Decision
+    decide: Callable[[Case, Callable[[str, str], None]], Decision]
+    # the plugin's own properties; None: no file can name it, `--integrator` alone
+    read: Callable[[Properties], Integrator] | None = None
+    described: tuple[str, ...] = ()  # properties that `--explain` names
+    channels: int = 3
+    show: Callable[[NDArray[Any], Integrator], Shown] = lambda film, asked: Shown(film)
+    sees_lights: bool = False  # gathers light, so that lights have tables
+    scatters: bool = False  # BSDFs choose one direction
+    splits: bool = False  # delta lobes are all followed, on a tree of rays
+    first_hit: bool = False  # shows uv and albedo
+    counts_work: bool = False

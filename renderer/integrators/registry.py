@@ -1,0 +1,15 @@
+"""All integrators: `INTEGRATOR` of the file that is named as the integrator is."""
+
+from __future__ import annotations
+
+import importlib
+
+from renderer import names
+from renderer.integrators.kind import IntegratorKind
+
+INTEGRATORS: dict[str, IntegratorKind] = {
+    name: importlib.import_module(f"renderer.integrators.{name}").INTEGRATOR
+    for name in names.INTEGRATORS
+    if name != "auto"
+}
+IN_FILES = {name: kind for name, kind in INTEGRATORS.items() if kind.read is not None}
