@@ -13,17 +13,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     "film": ("hdrfilm",),
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),
     "sampler": ("independent", "stratified", "multijitter", "orthogonal", "ldsampler"),
-    "shape": (
-        "obj",
-        "ply",
-        "rectangle",
-        "cube",
-        "sphere",
-        "disk",
-        "cylinder",
-        "shapegroup",
-        "instance",
-    ),
+    "shape": ("shapegroup", "instance"),
     "bsdf": ("twosided",),
     "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
     "emitter": ("area",),
@@ -40,6 +30,7 @@ _REGISTRIES = {
     "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
     "sensor": ("renderer.kinds.sensors.registry", "SENSORS"),
+    "shape": ("renderer.kinds.shapes.registry", "PLUGINS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
 }
 

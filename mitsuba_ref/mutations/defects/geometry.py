@@ -72,6 +72,32 @@ DEFECTS = (
         tests=("test_surface_points.py::test_shading_normals",),
     ),
     Mutation(
+        "serialized-first-mesh",
+        "every mesh of a serialized file is its first",
+        (
+            Edit(
+                "scene_file/meshes/serialized_file.py",
+                "content, table + index * entry)",
+                "content, table)",
+            ),
+        ),
+        scene="serialized",
+        tests=("test_serialized_files.py::test_it_is_read_as_mitsuba_reads_it",),
+    ),
+    Mutation(
+        "serialized-normals-dropped",
+        "normals of a serialized file are dropped, and computed",
+        (
+            Edit(
+                "scene_file/meshes/serialized_file.py",
+                "return MeshData(vertices, faces, normals, uvs,",
+                "return MeshData(vertices, faces, None, uvs,",
+            ),
+        ),
+        scene="serialized",
+        tests=("test_serialized_files.py::test_it_is_read_as_mitsuba_reads_it",),
+    ),
+    Mutation(
         "geometric-normal-for-light",
         "direct light is weighed by the cosine to the face instead of the smooth normal",
         (
