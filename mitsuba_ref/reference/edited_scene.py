@@ -6,7 +6,7 @@ anything is built, and each leaves a sentence that ends up in the report.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 
 BOX_INSTEAD = "reconstruction filter replaced by box"
+OURS_ALONE = ("implicit",)  # shapes that Mitsuba lacks
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,7 @@ def load_edited_scene(
             config, str(path), **{name: str(value) for name, value in parameters.items()}
         )
         nodes = _Nodes(mi, state)
+        nodes.refuse(OURS_ALONE)
         integrator = nodes.plugin("Integrator") or "path"  # Mitsuba's default
         # The default, float16, would round our reference to three digits.
         nodes.set_film("component_format", "float32")
@@ -118,6 +120,15 @@ class _Nodes:
         """Return the plugin's name of the first node of `kind`."""
         index = self._find(kind)
         return None if index is None else str(self._nodes[index].props.plugin_name())
+
+    def refuse(self, plugins: Collection[str]) -> None:
+        """Say that Mitsuba lacks a plugin, in clearer words than its own."""
+        for node in self._nodes:
+            if (name := str(node.props.plugin_name())) in plugins:
+                raise RuntimeError(
+                    f'the reference has no such shape: "{name}" is lightproof\'s own; '
+                    "there is nothing to compare it with but its tests"
+                )
 
     def set_film(self, name: str, value: Any) -> None:
         """Set one property of the film."""

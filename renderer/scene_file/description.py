@@ -125,6 +125,15 @@ Bsdf = Diffuse | Dielectric | Conductor | OtherBsdf | TwoSided
 # ------------------------------------------------------------------ shapes
 
 
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A function of x, y, z: operations in the order in which a stack takes them."""
+
+    operations: NDArray[np.int32]  # (n,) see `objects.expressions`
+    operands: NDArray[np.float64]  # (n,) value of a constant, exponent of a power
+    text: str  # where it comes from
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
     """What all shapes share."""
@@ -176,6 +185,16 @@ class Cylinder(Shape):
     """The local radius-1 tube around z from 0 to 1, without caps."""
 
     to_world: NDArray[np.float64]  # (4, 4)
+    flip_normals: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Implicit(Shape):
+    """Where a function of local x, y, z is 0, inside of a box; its gradient is outwards."""
+
+    to_world: NDArray[np.float64]  # (4, 4)
+    bounds: NDArray[np.float64]  # (2, 3) lower and upper corner of the box, local
+    program: Program
     flip_normals: bool = False
 
 

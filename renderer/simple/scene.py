@@ -13,6 +13,7 @@ from renderer.scene_file.description import (
 )
 from renderer.simple.lights import Light
 from renderer.simple.surfaces import Hit, Surface
+from renderer.simple.unit_shapes import UNIT_SHAPES
 from renderer.simple.vectors import Vector
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
@@ -53,6 +54,8 @@ def _check(description: SceneDescription) -> None:
         f"rfilter {rfilter.name!r}; possible is 'box'": rfilter.name == "box",
         "instances; possible are shapes alone": not description.instances,
     }
+    for shape in description.shapes:
+        covered[f"shape {type(shape).__name__.lower()!r}"] = type(shape) in UNIT_SHAPES
     for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
         covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = not isinstance(bsdf, OtherBsdf)
     for what, possible in covered.items():

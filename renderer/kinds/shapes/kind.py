@@ -38,6 +38,8 @@ class ShapeKind:
     plugins
         Name in scene files -> what makes the description from the properties of a file and
         the fields that all shapes have.
+    wide
+        Whether eight primitives can lie side by side in a leaf; `blocks` says how.
     """
 
     name: str
@@ -49,6 +51,7 @@ class ShapeKind:
     areas: Callable[[Any, Any], NDArray[np.float64]]
     group: Callable[[Any, Any, Any, Callable[[Any], Any]], Any]
     plugins: Mapping[str, Callable[[Any, dict[str, Any]], Any]]
+    wide: bool = True
 
 
 @dataclass(frozen=True)

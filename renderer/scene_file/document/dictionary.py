@@ -7,6 +7,7 @@ by their `matrix`).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,6 +22,7 @@ from renderer.scene_file.colors.spectrum_text import (
 from renderer.scene_file.description import Location
 from renderer.scene_file.document.tree import (
     Element,
+    Function,
     Reference,
     RgbValue,
     SpectrumValue,
@@ -117,6 +119,8 @@ def _value(
             if kind == "ref":
                 return Reference(str(value.get("id", "")))
             return _element(name, value, path, elements, reading)
+    if inspect.isroutine(value):
+        return Function(value)
     array = _array(getattr(value, "matrix", value))
     if array is not None and array.shape == (4, 4):
         return array
