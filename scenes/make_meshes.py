@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from make_textures import relief
 from newell_teapot import teapot_mesh
 from numpy.typing import NDArray
 
@@ -153,6 +154,18 @@ def _stacked(x: Points, y: Points, z: Points) -> Points:
     return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
 
+def displaced_square(rows: int, height: float) -> tuple[Points, Points, Faces]:
+    """Return the relief of `make_textures` as a mesh over [-1, 1]^2: points, normals."""
+    v, u = np.mgrid[0 : rows + 1, 0 : rows + 1] / rows
+    step = 1e-4
+    along = (relief(u + step, v) - relief(u - step, v)) / (2 * step) * height / 2
+    across = (relief(u, v + step) - relief(u, v - step)) / (2 * step) * height / 2
+    normals = _stacked(-along, -across, np.ones_like(u)).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = _stacked(2 * u - 1, 2 * v - 1, height * relief(u, v)).reshape(-1, 3)
+    return points, normals, grid_faces(rows + 1, rows + 1)
+
+
 def vase_profile() -> Points:
     """Return (radius, z) of a vase of height 2, from the foot to the lip."""
     t = np.linspace(0.0, 1.0, 25)
@@ -291,6 +304,9 @@ def main(folder: Path = HERE) -> None:
         folder / "instances/meshes/shell.ply", shell_points, shell_faces, shell_normals
     )
     write_copies(folder / "instances/meshes/copies.xml", "shell", 20)
+
+    points, slopes, faces = displaced_square(64, 0.16)
+    write_ply(folder / "bumps/meshes/displaced.ply", points, faces, slopes)
 
     vase, vase_normals, vase_uv, vase_faces = lathe(vase_profile(), 32)
     path = folder / "textured-room/meshes/vase.obj"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -71,6 +72,57 @@ def glaze(size: int = 128) -> Pixels:
     )
 
 
+def evening_sky(width: int = 128) -> NDArray[np.float16]:
+    """Return radiance in all directions, y up: dusk, a darker ground and a low sun."""
+    y, x = np.mgrid[0 : width // 2, 0:width]
+    up = np.cos(np.pi * (y + 0.5) / (width // 2))[..., None]
+    azimuth = (x + 0.5) / width
+    glow = np.array([1.1, 0.45, 0.2]) * np.exp(-8 * np.abs(up))
+    blue = np.array([0.22, 0.34, 0.62]) * (0.4 + 0.6 * np.maximum(up, 0))
+    ground = np.array([0.06, 0.05, 0.05])
+    sky = np.where(up > 0, blue + glow, ground + 0.15 * glow)
+    turn = np.hypot((azimuth - 0.3) * width, y - 0.415 * (width // 2))
+    sun = np.array([1.0, 0.72, 0.42]) * 160.0
+    sky = np.where((turn < 2.3)[..., None], sun, sky)
+    return sky.astype(np.float16)
+
+
+def leaf(width: int = 96, height: int = 64) -> Pixels:
+    """Return where a leaf is: grey, its edge softened over a texel, with holes."""
+    y, x = np.mgrid[0:height, 0:width]
+    u, v = (x + 0.5) / width, (y + 0.5) / height - 0.5
+    teeth = 0.02 * np.abs(np.mod(14 * u, 1.0) - 0.5)
+    half = 0.46 * np.sin(np.pi * np.clip(u, 0, 1) ** 0.7) ** 0.8 - teeth
+    inside = np.clip((half - np.abs(v)) * height + 0.5, 0.0, 1.0)
+    for center in ((0.62, 0.17), (0.4, -0.21), (0.71, -0.1)):
+        hole = np.hypot((u - center[0]) * width, (v - center[1]) * height)
+        inside = np.minimum(inside, np.clip(hole - 3.5, 0.0, 1.0))
+    return to_pixels(inside)
+
+
+def heights(size: int = 64) -> NDArray[np.float64]:
+    """Return studs and rings in [0, 1] at texel centres; they tile in both directions."""
+    y, x = (np.mgrid[0:size, 0:size] + 0.5) / size
+    return relief(x, y)
+
+
+def relief(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the height in [0, 1] at (u, v), of period 1 in both."""
+    across = np.sin(3 * np.pi * u) ** 2 + np.sin(3 * np.pi * v) ** 2
+    wave = 0.5 + 0.5 * np.cos(6 * np.pi * u) * np.cos(6 * np.pi * v)
+    return np.clip(0.6 * np.exp(-5 * across) + 0.4 * wave, 0.0, 1.0)
+
+
+def normals(height: float = 0.08, size: int = 64) -> Pixels:
+    """Return the relief's normals, `height` times as high as the square is wide."""
+    y, x = (np.mgrid[0:size, 0:size] + 0.5) / size
+    step = 0.5 / size
+    along = (relief(x + step, y) - relief(x - step, y)) * size * height
+    across = (relief(x, y + step) - relief(x, y - step)) * size * height
+    n = np.stack((-along, -across, np.ones_like(along)), axis=-1)
+    return to_pixels(0.5 + 0.5 * n / np.linalg.norm(n, axis=-1, keepdims=True))
+
+
 def to_pixels(values: NDArray[np.float64]) -> Pixels:
     """Round values in [0, 1], already in sRGB, to bytes."""
     return np.round(255 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
@@ -84,6 +136,15 @@ def main(folder: Path = HERE) -> None:
     Image.fromarray(invader()).save(textures / "invader.png", optimize=True)
     Image.fromarray(glaze()).save(textures / "glaze.png", optimize=True)
     Image.fromarray(sunset()).save(textures / "sunset.jpg", quality=92)
+    for scene in ("leaves", "bumps", "evening-sky"):
+        (folder / scene / "textures").mkdir(parents=True, exist_ok=True)
+    Image.fromarray(leaf()).save(folder / "leaves/textures/leaf.png", optimize=True)
+    Image.fromarray(normals()).save(folder / "bumps/textures/normals.png", optimize=True)
+    sixteen = np.round(65535 * heights()).astype(np.uint16)
+    Image.fromarray(sixteen).save(folder / "bumps/textures/heights.png", optimize=True)
+    sky = {"RGB": evening_sky()}
+    with OpenEXR.File({}, sky) as file:
+        file.write(str(folder / "evening-sky/textures/evening.exr"))
 
 
 if __name__ == "__main__":

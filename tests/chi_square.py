@@ -58,16 +58,17 @@ def cell_masses(density: Callable, edges_a: Array, edges_b: Array) -> Array:
     ValueError
         If 64 points along each axis of a cell do not suffice.
     """
-    last = _masses(density, edges_a, edges_b, _ORDERS[0])
+    last = gauss_masses(density, edges_a, edges_b, _ORDERS[0])
     for order in _ORDERS[1:]:
-        masses = _masses(density, edges_a, edges_b, order)
+        masses = gauss_masses(density, edges_a, edges_b, order)
         if np.abs(masses - last).sum() < PRECISION * np.abs(masses).sum():
             return masses
         last = masses
     raise ValueError("the density is not smooth inside the cells")
 
 
-def _masses(density: Callable, edges_a: Array, edges_b: Array, order: int) -> Array:
+def gauss_masses(density: Callable, edges_a: Array, edges_b: Array, order: int) -> Array:
+    """Integrate a density over each cell of a grid, with `order` points along each axis."""
     a, weight_a = _nodes(np.asarray(edges_a, float), order)
     b, weight_b = _nodes(np.asarray(edges_b, float), order)
     grid_a, grid_b = (x.ravel() for x in np.meshgrid(a, b, indexing="ij"))

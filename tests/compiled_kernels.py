@@ -23,7 +23,7 @@ ROOT = Path(renderer.__file__).parents[1]
 class Compiled(NamedTuple):
     """One kernel for one list of argument types."""
 
-    module: str | None  # None for what `renderer.jit.interface` and the like have written
+    module: str | None  # None for what is written by a program: loaders of parameters
     name: str
     arguments: tuple[str, ...]
 

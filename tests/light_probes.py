@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 import renderer
 from renderer.jit import Packed, call, entry_kernel, pack
+from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightKind
 from renderer.kinds.sampling.numbers_and_warps import choose_one
 from renderer.kinds.shapes.surface import pdf_shape
+from renderer.lanes.functions import splat_mask
 from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3
+from renderer.lanes.vectors import load3, store3
 from renderer.records.batch import LightSamples, make_workspace
 from renderer.records.kernel_scene import RECORD, SAMPLE_LIGHT
 from renderer.rendering.planning.plan import make_plan
@@ -43,6 +45,15 @@ def run_pdf_shape(kind, light, prim, position, distance, cosine, pdf):
         r, cos = load_row(distance, 0, i), load_row(cosine, 0, i)
         where, surfaces = load3(position, i), kind.lights.surfaces
         density = pdf_shape(surfaces, kind, which, met, which >= 0, where, r, cos)
+        store_row(pdf, 0, i, density)
+
+
+@entry_kernel
+def run_environment_light(kind, direction, radiance, pdf):
+    for i in range(0, pdf.size, 16):
+        everywhere = splat_mask(True)
+        color, density = environment_light(kind.lights, load3(direction, i), everywhere)
+        store3(radiance, i, color)
         store_row(pdf, 0, i, density)
 
 
@@ -151,6 +162,16 @@ class LightProbe:
         kind = light_kinds(self.inputs)[self.inputs.record.lights.kind[light[0]]]
         run_pdf_shape(kind, light, met, where, r, cos, pdf)
         return pdf[:n].astype(float)
+
+    def environment(self, name: str, direction: Any) -> tuple[Array, Array]:
+        """Return radiance (n, 3) and density (n,) of an environment from (n, 3)."""
+        n = len(direction)
+        wi = np.pad(float32(np.asarray(direction).T), ((0, 0), (0, -n % 16)), "edge")
+        radiance, pdf = np.empty_like(wi), np.empty(wi.shape[1], np.float32)
+        light = self.names.index(name)
+        kind = light_kinds(self.inputs)[self.inputs.record.lights.kind[light]]
+        run_environment_light(kind, wi, radiance, pdf)
+        return radiance[:, :n].T.astype(float), pdf[:n].astype(float)
 
     def choices(self, number: Any) -> NDArray[np.int32]:
         """Return the light that each of 16 k numbers chooses."""

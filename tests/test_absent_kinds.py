@@ -190,7 +190,7 @@ def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(tmp_path):
 
     What is compiled belongs to the folder of BSDFs, or is made for the record of the kind:
     no stage, light, shape or accelerator. The path tracer around it is found in the cache.
-    Functions without a module are single calls that `renderer.jit.interface` has written.
+    Functions without a module are the loaders of parameters, written by a program.
     """
     around = compiled_by('test_absent_kinds.render_box_with("diffuse")', tmp_path)
     assert {"render_paths", "reflect_light", "scatter_kind"} <= {k.name for k in around}

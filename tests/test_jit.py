@@ -20,7 +20,7 @@ from small_scenes import diffuse, scene, sensor, sphere
 
 import renderer
 import renderer.stages.film
-from renderer.jit import cache, decorators, entry_kernel, kernel, linking, with_neighbours
+from renderer.jit import cache, decorators, entry_kernel, kernel, versions, with_neighbours
 from renderer.jit.cache import KERNEL_FOLDERS, file_digest
 from renderer.scene_file.images import png_filters
 
@@ -241,6 +241,12 @@ def test_a_kernels_neighbours_are_part_of_its_source(tmp_path: Path) -> None:
         "second.py",
         "broken.py",
     }
+    part, package = tmp_path / "first" / "part.py", tmp_path / "first" / "__init__.py"
+    part.write_text("from . import deep\nfrom .deep import part")
+    assert set(with_neighbours(part)) == {part, package, part.parent / "deep" / "part.py"}
+    part.write_text("def f():\n    from .. import second")
+    package.write_text("import first.part")  # from within, by its full name
+    assert {file.name for file in with_neighbours(package)} >= {"part.py", "second.py"}
     first = file_digest(str(mine))
     file_digest.cache_clear()
     (tmp_path / "second.py").write_text("import mine  # edited")
@@ -284,13 +290,13 @@ def test_a_second_copy_of_the_sources_compiles_nothing(tmp_path: Path) -> None:
 
 
 def test_this_version_of_numba_has_been_tried() -> None:
-    """`renderer.jit.linking` replaces private parts of Numba, on versions it knows.
+    """`renderer.jit` replaces private parts of Numba, on versions it knows.
 
     On another version all works, but compiles longer. To add one to `TRIED`, run the whole
     suite with it.
     """
-    assert numba.__version__ in linking.TRIED, (
-        f"Numba {numba.__version__} has not been tried with renderer.jit.linking"
+    assert numba.__version__ in versions.TRIED, (
+        f"Numba {numba.__version__} has not been tried with renderer.jit"
     )
 
 

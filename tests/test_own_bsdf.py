@@ -39,9 +39,9 @@ from mitsuba_ref.command.cli import main
 from mitsuba_ref.command.validation import validate_scene
 from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.records.options import Options
-from mitsuba_ref.records.plugin_file import import_plugin_file
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
+from renderer.command.cli import main as render_command
 from renderer.jit import entry_kernel, pack
 from renderer.kinds.bsdfs.kind import Branch, BsdfMethods, BsdfSample, Color, Float, Numbers
 from renderer.kinds.bsdfs.registry import BSDFS
@@ -49,6 +49,7 @@ from renderer.kinds.sampling.arithmetic import Plain
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.memory import load_row, store_row
 from renderer.lanes.vectors import load3, store3, vec3
+from renderer.scene_file.plugin_file import import_plugin_file
 
 TESTS = Path(__file__).parent
 FILE, SCENE = TESTS / "own_bsdf.py", TESTS / "own_bsdf.xml"
@@ -377,7 +378,7 @@ def test_both_paths_agree_where_the_walk_through_traces_one(capsys, monkeypatch)
 IN_A_PROCESS = """
 import json, sys
 from numba.core.event import install_recorder
-from mitsuba_ref.records.plugin_file import import_plugin_file
+from renderer.scene_file.plugin_file import import_plugin_file
 with install_recorder("numba:compile") as compiled:
     import_plugin_file(sys.argv[1])
     import renderer
@@ -418,6 +419,35 @@ def test_an_edit_of_the_formula_is_seen(tmp_path):
     picture, _ = rendered_elsewhere(edited)
     here = renderer.render(renderer.load_file(SCENE), spp=1, threads=1)
     assert picture.mean() < 0.9 * here.pixels.mean()
+
+
+def test_the_command_line_takes_the_file(tmp_path, capsys):
+    """`--plugins` is the harness's import; what cannot be imported is one line."""
+    output = tmp_path / "moon.npy"
+    size = ["--spp", "1", "-o", str(output), "--quiet"]
+    assert render_command([str(SCENE), "--plugins", str(FILE), *size]) == 0
+    here = renderer.render(renderer.load_file(SCENE), spp=1)
+    np.testing.assert_array_equal(np.load(output), here.pixels)
+    assert render_command([str(SCENE), "--plugins", "no.py", *size]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and said[0].startswith("error: no.py: FileNotFoundError")
+
+
+def test_a_scene_does_not_mix_a_kind_with_its_successor():
+    """Registered anew, as in a notebook: the old scene is refused, a new one renders."""
+
+    class Successor(NamedTuple):
+        albedo: Color = 0.3
+
+    old = renderer.load_file(SCENE)
+    try:
+        kernels = {"sample": sample_polished, "reflection": polished_branch}
+        renderer.register_bsdf("lunar", Successor, **kernels)
+        with pytest.raises(renderer.SceneError, match="'lunar' was registered anew"):
+            renderer.render(old, spp=1)
+    finally:
+        BSDFS["lunar"] = LUNAR
+    assert renderer.render(old, spp=1).pixels.any()
 
 
 # --------------------------------------------------------------------- the walk-through

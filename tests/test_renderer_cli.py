@@ -263,7 +263,7 @@ EXPLAINED = {
         "method        path, as asked for",
         "as the mean of random paths (Kajiya 1986)",
         "accelerator   24 triangles, 6 rectangles: brute force",
-        "- conductor, dielectric: no shape has it; not compiled",
+        "- conductor, dielectric, roughconductor, roughdielectric, plastic, ",
         "- textures and uv: no BSDF looks at them",
         "weights       multiple importance sampling: light samples",
         "roulette      Russian, from segment 5 on",

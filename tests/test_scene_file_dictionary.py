@@ -165,8 +165,8 @@ def cyclic() -> dict[str, Any]:
             '<dictionary> scene.a.b: the dictionary lacks a "',
         ),
         (
-            scene(a={"type": "plastic"}),
-            '<dictionary> scene.a: type "plastic" is not supported; ',
+            scene(a={"type": "velvet"}),
+            '<dictionary> scene.a: type "velvet" is not supported; ',
         ),
         (
             scene(a={"type": "sphere", "x": 1}),

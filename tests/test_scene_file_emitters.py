@@ -137,9 +137,10 @@ def test_emitters_keep_the_order_of_the_file() -> None:
     ("plugin", "content", "message"),
     [
         (
-            "envmap",
+            "moon",
             "",
-            "supported emitter plugins: point, spot, directional, constant, area",
+            "supported emitter plugins: point, spot, directional, constant, envmap, "
+            "projector, area",
         ),
         (
             "point",

@@ -336,7 +336,10 @@ def test_documents_that_are_no_scene(document: str, message: str) -> None:
         ('<point name="x" x="1"/>', "<point> needs x, y and z"),
         ('<point name="x" value="1 2"/>', "2 numbers; expected 1 or 3"),
         ('<point name="x" value="1" y="1"/>', 'has "value" and "y"'),
-        ('<medium type="homogeneous"/>', "scene has no <medium>; supported: "),
+        (
+            '<shape type="sphere"><medium type="homogeneous" name="interior"/></shape>',
+            'shape "sphere" refers to medium "homogeneous"; this renderer has no medium',
+        ),
         ('<float name="gamma" value="1"/>', 'scene has no property "gamma"; supported: '),
         ('<alias id="a" as="b"/>', '<alias> of "a", which is no id so far'),
     ],
@@ -440,14 +443,16 @@ def test_second_integrator_and_second_environment() -> None:
     assert error_of(content).startswith("<string>:3: a second <integrator> in scene")
     assert mitsuba_refuses(content)
     content = '<emitter type="constant"/>\n<emitter type="constant"/>'
-    assert error_of(content).startswith('<string>:3: a second emitter "constant"')
+    assert error_of(content).startswith(
+        '<string>:3: emitter "constant" is a second environment beside line 2'
+    )
     assert mitsuba_refuses(content)
 
 
 def test_what_only_waits_for_references_is_checked_too() -> None:
     """Mitsuba makes an object of each, used or not."""
     for content in (
-        '<bsdf type="plastic"/>',
+        '<bsdf type="velvet"/>',
         '<texture type="bitmap"/>',
         '<texture type="uniform"><float name="valu" value="1"/></texture>',
         '<film type="hdrfilm"><integer name="width" value="0"/></film>',

@@ -13,6 +13,7 @@ from scene_file_samples import mi
 
 import renderer
 from renderer.jit import entry_kernel, pack
+from renderer.kinds.textures.registry import mean_of
 from renderer.lanes.functions import first_lanes
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene.materials import MaterialTables
@@ -20,8 +21,10 @@ from renderer.scene_file.description import (
     BitmapTexture,
     CheckerboardTexture,
     ConstantTexture,
+    Dielectric,
     Diffuse,
 )
+from renderer.simple.textures import eval_texture
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import load_constants
 
@@ -44,10 +47,13 @@ def run_parameters(bsdfs, points, count):
     look_up_textures(bsdfs, none, points, none, count)
 
 
-def evaluate(textures, texture_of, material, uv, constant=0.25):
-    """Colours (n, 3) of materials (n,) at uv (n, 2): diffuse ones with these textures."""
+def evaluate(textures, texture_of, material, uv, constant=0.25, bsdf=Diffuse):
+    """Colours (n, 3) of materials (n,) at uv (n, 2): diffuse ones with these textures.
+
+    With `bsdf` Dielectric the numbers that these textures mean, in [:, 0].
+    """
     n, plain = len(material), ConstantTexture((constant,) * 3)
-    materials = [Diffuse(textures[k] if k >= 0 else plain) for k in texture_of]
+    materials = [bsdf(textures[k] if k >= 0 else plain) for k in texture_of]
     scene = dataclasses.replace(
         renderer.load_dict(PLATE), materials=MaterialTables(materials)
     )
@@ -57,6 +63,10 @@ def evaluate(textures, texture_of, material, uv, constant=0.25):
     points.uv[:, :n] = np.asarray(uv, np.float32).T
     run_parameters(pack(inputs.record.bsdfs), pack(points), n)
     return points.parameters[:3, :n].T
+
+
+def rgb(*components):
+    return ConstantTexture(components)
 
 
 def colors(width, height):
@@ -85,23 +95,27 @@ BITMAPS = [
     for filter_type, wrap, size, name in itertools.product(FILTERS, WRAPS, SIZES, TO_UV)
 ]
 BOARDS = [
-    (name, CheckerboardTexture((0.1, 0.2, 0.3), (0.7, 0.8, 0.9), TO_UV[name]))
+    (name, CheckerboardTexture(rgb(0.1, 0.2, 0.3), rgb(0.7, 0.8, 0.9), TO_UV[name]))
     for name in TO_UV
 ]
 ALL = [texture for _, texture in BITMAPS + BOARDS]
 
 
-def in_mitsuba(texture, folder):
-    """The same texture, from a file, whose top row Mitsuba has at v = 0."""
+def transform(texture):
     to_uv = np.eye(4)
     to_uv[:2, :2], to_uv[:2, 3] = texture.to_uv[:2, :2], texture.to_uv[:2, 2]
-    common = {"to_uv": mi.ScalarTransform4f(to_uv)}
+    return mi.ScalarTransform4f(to_uv)
+
+
+def in_mitsuba(texture, folder):
+    """The same texture, from a file, whose top row Mitsuba has at v = 0."""
+    common = {"to_uv": transform(texture)}
     if isinstance(texture, CheckerboardTexture):
-        rgb = {
-            k: {"type": "rgb", "value": list(getattr(texture, k))}
+        both = {
+            k: {"type": "rgb", "value": list(getattr(texture, k).rgb)}
             for k in ("color0", "color1")
         }
-        return mi.load_dict({"type": "checkerboard", **rgb, **common})
+        return mi.load_dict({"type": "checkerboard", **both, **common})
     height, width = texture.pixels.shape[:2]
     path = folder / f"{width}x{height}.png"
     from_top = np.round(texture.pixels[::-1] * 255).astype(np.uint8)
@@ -128,15 +142,17 @@ def label(k):
 
 @pytest.fixture(scope="module")
 def picture():
-    """All textures at the same points, evaluated together: (textures, points, 3)."""
+    """All textures at the same points: colours (textures, points, 3), numbers."""
     rng = np.random.default_rng(0)
     uv = rng.uniform(-3, 4, (POINTS, 2))
     uv[:50] = rng.uniform(0, 1, (50, 2))
     uv[50:100] = rng.uniform(-200, 200, (50, 2))
     uv = uv.astype(np.float32)
     material = np.repeat(np.arange(len(ALL)), POINTS)
-    got = evaluate(ALL, np.arange(len(ALL)), material, np.tile(uv, (len(ALL), 1)))
-    return uv, got.reshape(len(ALL), POINTS, 3)
+    place = np.arange(len(ALL)), material, np.tile(uv, (len(ALL), 1))
+    colors = evaluate(ALL, *place).reshape(len(ALL), POINTS, 3)
+    numbers = evaluate(ALL, *place, bsdf=Dielectric)[:, 0].reshape(len(ALL), POINTS)
+    return uv, np.concatenate([colors, numbers[..., None]], axis=2)
 
 
 @pytest.mark.parametrize("k", range(len(ALL)), ids=label)
@@ -148,7 +164,7 @@ def test_against_mitsuba(picture, tmp_path, k):
     expected = []
     for u, v in uv.tolist():
         si.uv = (u, v)
-        expected.append(list(texture.eval(si)))
+        expected.append([*texture.eval(si), texture.eval_1(si)])
     difference = np.abs(got[k] - np.array(expected)).max(axis=1)
     assert np.mean(difference > 2e-4) <= 0.01, np.sort(difference)[::-1][:8]
 
@@ -156,6 +172,13 @@ def test_against_mitsuba(picture, tmp_path, k):
 def test_the_comparison_sees_every_texel(picture):
     """Unmoved, repeated, nearest: all 15 texels of the 5 x 3 bitmap occur."""
     assert len(np.unique(picture[1][0], axis=0)) == 15
+
+
+@pytest.mark.parametrize("k", [0, 5, len(BITMAPS)], ids=label)
+def test_mean_is_that_of_mitsuba(tmp_path, k):
+    """A bitmap has that of its luminance, a checkerboard that of its six numbers."""
+    expected = in_mitsuba(ALL[k], tmp_path).mean()
+    assert mean_of(ALL[k]) == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_bitmap_by_hand():
@@ -172,7 +195,7 @@ def test_a_bitmap_by_hand():
 
 
 def test_a_checkerboard_by_hand():
-    board = CheckerboardTexture((1, 1, 1), (0, 0, 0))
+    board = CheckerboardTexture(rgb(1, 1, 1), rgb(0, 0, 0))
     uv = [
         (0.25, 0.25),
         (0.75, 0.25),
@@ -185,9 +208,51 @@ def test_a_checkerboard_by_hand():
     np.testing.assert_array_equal(got, [1, 0, 0, 1, 1, 1])
 
 
+def test_boards_of_boards():
+    """The children see uv before `to_uv`; asked for a number, each board is swapped."""
+    picture = BitmapTexture(colors(5, 3), "nearest", "repeat")
+    inner = CheckerboardTexture(rgb(0.25, 0.5, 1), picture, TO_UV["scaled"])
+    outer = CheckerboardTexture(inner, rgb(0, 0, 0.5), TO_UV["slanted"])
+    uv = np.random.default_rng(3).uniform(-2, 2, (POINTS, 2)).astype(np.float32)
+    got = evaluate([outer], [0], [0] * POINTS, uv)
+    expected = [eval_texture(outer, *point) for point in uv.astype(float)]
+    np.testing.assert_allclose(got, expected, atol=1e-6)
+    assert len(np.unique(got, axis=0)) == 17
+
+    texture = in_mitsuba_nested(inner, outer)
+    numbers = evaluate([outer], [0], [0] * POINTS, uv, bsdf=Dielectric)[:, 0]
+    si = mi.SurfaceInteraction3f()
+    for (u, v), number in zip(uv.tolist(), numbers.tolist(), strict=True):
+        si.uv = (u, v)
+        assert texture.eval_1(si) == pytest.approx(number, abs=1e-6)
+    assert mean_of(outer) == pytest.approx(texture.mean(), rel=1e-6)
+
+
+def in_mitsuba_nested(inner, outer):
+    picture = inner.color1
+    return mi.load_dict(
+        {
+            "type": "checkerboard",
+            "to_uv": transform(outer),
+            "color0": {
+                "type": "checkerboard",
+                "to_uv": transform(inner),
+                "color0": {"type": "rgb", "value": list(inner.color0.rgb)},
+                "color1": {
+                    "type": "bitmap",
+                    "data": mi.TensorXf(np.ascontiguousarray(picture.pixels[::-1])),
+                    "raw": True,
+                    "filter_type": "nearest",
+                },
+            },
+            "color1": {"type": "rgb", "value": list(outer.color1.rgb)},
+        }
+    )
+
+
 def test_materials_without_a_texture_keep_their_constant():
     """In the same sixteen lanes as textured ones; ids are materials, not textures."""
-    board = CheckerboardTexture((1, 1, 1), (1, 1, 1))
+    board = CheckerboardTexture(rgb(1, 1, 1), rgb(1, 1, 1))
     texture_of = [-1, 0, -1]
     material = np.arange(40) % 3
     got = evaluate([board], texture_of, material, np.zeros((40, 2)))

@@ -15,13 +15,13 @@ import pytest
 from mitsuba_ref.command.cli import main
 from mitsuba_ref.our_renderer.picture import read_scene
 from mitsuba_ref.records.options import Options, scene_request
-from mitsuba_ref.records.plugin_file import import_plugin_file
 from mitsuba_ref.records.proof_file import NO_PROOF
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache, entry_name
 from mitsuba_ref.reference.errors import MitsubaError, MitsubaRefused
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.errors import SceneError
+from renderer.scene_file.plugin_file import import_plugin_file
 
 SCENE = """<scene version="3.0.0">
   <integrator type="path"><integer name="max_depth" value="3"/></integrator>

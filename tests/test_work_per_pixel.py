@@ -11,7 +11,7 @@ import OpenEXR
 import pytest
 from agreement import one_of_each_family
 from kernel_probes import Inputs, workspace
-from scene_file_samples import error_of
+from scene_file_samples import scene_text
 from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, sphere
 
 import renderer
@@ -206,5 +206,8 @@ def test_an_unknown_integrator_lists_this_one_too():
 
 def test_a_scene_file_does_not_ask_for_it():
     """A file says what a picture shows; what it costs is asked of the program."""
-    message = error_of('<integrator type="work"/>')
+    text = scene_text('<integrator type="work"/>')
+    with pytest.raises(SceneError) as refused:
+        renderer.render(renderer.load_string(text))
+    message = str(refused.value)
     assert "supported integrator plugins: direct, whitted, path, depth, aov" in message

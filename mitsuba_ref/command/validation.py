@@ -19,6 +19,7 @@ from mitsuba_ref.command.verdict_of_error import (
 from mitsuba_ref.comparison.compare import (
     Comparison,
     compare,
+    with_known_fault,
     with_metric,
     with_replays,
     without_numbers,
@@ -35,6 +36,7 @@ from mitsuba_ref.records.results import SceneResult, Seconds
 from mitsuba_ref.records.verdicts import COMPARED
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
+from mitsuba_ref.reference.known_faults import wrong_by
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.replay.replay_scene import replay_all
 from mitsuba_ref.speed.speed_against_accuracy import measure_ladder
@@ -169,6 +171,7 @@ def _validate(
         options.time_limit,
     )
     comparison = with_replays(comparison, replays)
+    comparison = with_known_fault(comparison, wrong_by(pictures[0].changes))
     blank = replace(
         blank,
         deterministic=bool(deterministic),
@@ -256,6 +259,7 @@ def _only_replays(
     finite = count_non_finite([pictures["replay_ours"]], [pictures["replay_reference"]])
     nothing = Comparison("pass", (), finite, {}, ())
     comparison = with_replays(nothing, replays)
+    comparison = with_known_fault(comparison, wrong_by(replays[-1].changes))
     result = replace(
         blank,
         width=width,

@@ -91,6 +91,16 @@ def with_metric(comparison: Comparison, name: str, metric: Metric) -> Comparison
     )
 
 
+def with_known_fault(comparison: Comparison, fault: str) -> Comparison:
+    """Return the comparison, not as a pass if Mitsuba's own picture is known to be wrong.
+
+    `fault` says how, and that it was undone; empty: there is none.
+    """
+    if not fault or comparison.verdict != "pass":
+        return comparison
+    return replace(comparison, verdict="reference-wrong", reasons=(fault,))
+
+
 def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Comparison:
     """Return the comparison with what replays said, which counts for the verdict."""
     reasons = [

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.records.results import Metric
+from mitsuba_ref.statistics import floors
+from mitsuba_ref.statistics.floors import Distance
 from mitsuba_ref.statistics.one_picture import BiasTest, bias_tests
 
 Array = NDArray[np.float32]
-Distance = Callable[[Array, Array], float]
 
 NOISY_RMSE_FACTOR = 1.25
 """Of the noise floor, where a scene's proof.toml says nothing."""
@@ -31,20 +31,20 @@ def judge_with_noise(
     factor
         How much larger than its floor the RMSE may be.
     """
-
-    def beside_floor(distance: Distance, what: str, factor: float | None = None) -> Metric:
-        return _beside_floor(distance, what, ours, references, factor)
-
     tests = bias_tests(ours, references)
     return {
-        "rmse": beside_floor(distances.rmse, "distance", factor),
-        "trimmed_rmse": beside_floor(
+        "rmse": _beside_floor(distances.rmse, "distance", ours, references, factor),
+        "trimmed_rmse": _beside_floor(
             distances.trimmed_rmse,
             "distance without the worst 0.1 % of the values",
+            ours,
+            references,
             # What makes a plain RMSE wander is left out, whatever the scene.
             NOISY_RMSE_FACTOR,
         ),
-        "tile_rmse": beside_floor(distances.tile_rmse, "distance of 8 x 8 tile means"),
+        "tile_rmse": _beside_floor(
+            distances.tile_rmse, "distance of 8 x 8 tile means", ours, references
+        ),
         "tile_bias": _judged(
             tests.tiles,
             f"distance of {tests.tile_count} tile means in units of their own noise, worst "
@@ -83,15 +83,10 @@ def _beside_floor(
     what: str,
     ours: Array,
     references: Sequence[Array],
-    factor: float | None,
+    factor: float | None = None,
 ) -> Metric:
     """Return a distance to Mitsuba's pictures beside the same among those."""
-
-    def pooled(pairs: Sequence[tuple[Array, Array]]) -> float:
-        return float(np.sqrt(np.mean([distance(a, b) ** 2 for a, b in pairs])))
-
-    value = pooled([(ours, reference) for reference in references])
-    floor = pooled(list(itertools.combinations(references, 2)))
+    value, floor = floors.beside_floor(ours, references, distance)
     meaning = (
         f"{what} to {len(references)} Mitsuba pictures, root mean square; floor: the same "
         "among those"

@@ -79,7 +79,9 @@ def find_obstacle(
     )
 
 
-def count_non_finite(ours: Iterable[Array], references: Iterable[Array]) -> Finite:
+def count_non_finite(
+    ours: Iterable[NDArray[np.floating]], references: Iterable[NDArray[np.floating]]
+) -> Finite:
     """Count NaN and infinite values on both sides."""
     ours, references = list(ours), list(references)
     return Finite(

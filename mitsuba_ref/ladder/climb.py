@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,9 +106,8 @@ def _rungs(
     if deterministic:
         yield lambda: rungs_without_noise.radiance(ours[0], theirs, their_aovs)
         return
-    yield lambda: rungs_with_noise.pixels(a, b, alpha)
-    yield lambda: rungs_with_noise.tiles(a, b, alpha)
-    yield lambda: rungs_with_noise.mean(a, b, alpha)
-    yield lambda: rungs_with_noise.uniformity(a, b, alpha)
-    yield lambda: rungs_with_noise.noise_free(a, b, alpha)
-    yield lambda: rungs_with_noise.floors(a, b, alpha)
+    for name in rungs_with_noise.WELCH:
+        yield partial(rungs_with_noise.welch, name, a, b, alpha)
+    yield partial(rungs_with_noise.uniformity, a, b, alpha)
+    yield partial(rungs_with_noise.noise_free, a, b, alpha)
+    yield partial(rungs_with_noise.floors, a, b, alpha)

@@ -7,6 +7,7 @@ of `statistics`, and says in a sentence what came out and what would have been s
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -77,53 +78,61 @@ def registration(
     )
 
 
-def pixels(ours: Floats, theirs: Floats, alpha: float) -> Rung:
-    """Welch's test for each pixel and channel."""
-    return _welch(
-        "pixels", pixel_test(ours, theirs), alpha, "pixel", "a single pixel of median noise"
-    )
-
-
-def tiles(ours: Floats, theirs: Floats, alpha: float) -> Rung:
-    """Welch's test for each tile of 8 x 8 pixels and channel."""
-    return _welch(
-        "tiles", tile_test(ours, theirs), alpha, "tile", "a single tile of median noise"
-    )
-
-
-def mean(ours: Floats, theirs: Floats, alpha: float) -> Rung:
-    """Welch's test for the mean of each channel."""
-    return _welch(
-        "mean", mean_test(ours, theirs), alpha, "channel's mean", "the whole picture"
-    )
-
-
-def _welch(name: str, test: FamilyTest, alpha: float, place: str, of: str) -> Rung:
+def welch(name: str, ours: Floats, theirs: Floats, alpha: float) -> Rung:
+    """Welch's test for each place and channel; `name` is one of `WELCH`."""
+    judge, place, of = WELCH[name]
+    test = judge(ours, theirs)
     seen = power.detectable_bias(test, alpha)
-    passed = test.p_value > alpha
-    if passed:
-        sentence = (
-            f"No {place} differs by more than noise explains; a bias of {seen:.2%} of {of} "
-            "would have been seen."
-        )
-    elif math.isinf(test.largest_t):
-        sentence = f"At least one {place} has no noise and yet differs."
-    else:
-        sentence = (
-            f"At least one {place} differs by {test.largest_t:.1f} times its noise; chance "
-            f"alone does this less than once in {1.0 / alpha:,.0f} runs."
-        )
-    return Rung(
-        name=name,
-        passed=passed,
-        statistic=test.largest_t,
-        limit=critical_t(alpha, test.tests, test.degrees),
-        p_value=test.p_value,
-        false_alarm_rate=alpha,
-        detectable_bias=seen,
-        detectable=f"relative bias of {of}",
-        sentence=sentence,
+    differs = (
+        f"At least one {place} differs by {test.largest_t:.1f} times its noise; chance "
+        f"alone does this less than once in {1.0 / alpha:,.0f} runs."
     )
+    if math.isinf(test.largest_t):
+        differs = f"At least one {place} has no noise and yet differs."
+    return _rung(
+        name,
+        alpha,
+        test.p_value,
+        (test.largest_t, critical_t(alpha, test.tests, test.degrees)),
+        (seen, f"relative bias of {of}"),
+        f"No {place} differs by more than noise explains; a bias of {seen:.2%} of {of} "
+        "would have been seen.",
+        differs,
+    )
+
+
+WELCH: dict[str, tuple[Callable[[Floats, Floats], FamilyTest], str, str]] = {
+    "pixels": (pixel_test, "pixel", "a single pixel of median noise"),
+    "tiles": (tile_test, "tile", "a single tile of median noise"),
+    "mean": (mean_test, "channel's mean", "the whole picture"),
+}
+
+
+def _rung(
+    name: str,
+    alpha: float,
+    p_value: float,
+    beside: tuple[float, float],
+    seen: tuple[float, str],
+    fine: str,
+    differs: str,
+) -> Rung:
+    """Judge by a p-value.
+
+    Parameters
+    ----------
+    name, alpha, p_value
+        It passes if chance does this more often than `alpha`.
+    beside
+        The statistic and its limit.
+    seen
+        The bias that would have been seen, and what it measures.
+    fine, differs
+        The sentence for either outcome.
+    """
+    passed = p_value > alpha
+    sentence = fine if passed else differs
+    return Rung(name, passed, *beside, p_value, alpha, *seen, sentence)
 
 
 def uniformity(ours: Floats, theirs: Floats, alpha: float) -> Rung:
@@ -131,32 +140,27 @@ def uniformity(ours: Floats, theirs: Floats, alpha: float) -> Rung:
     result = uniformity_test(ours, theirs, alpha)
     grey = pixel_test(ours.mean(axis=-1)[..., None], theirs.mean(axis=-1)[..., None])
     seen = power.detectable_in_all_pixels(result, grey.degrees, grey.relative_error)
-    passed = result.p_value > alpha
+    fine = (
+        "The differences of all pixels together are spread as noise is; "
+        f"a bias of {seen:.2%} of each pixel would have been seen."
+    )
+    differs = (
+        "The differences of all pixels together are not spread as noise is: too many "
+        "pixels differ a little."
+    )
     if not math.isfinite(result.limit):
-        sentence = (
+        fine = differs = (
             "Not judged: the renderers have different noise, or too few pixels have any "
             f"({result.pixels})."
         )
-    elif passed:
-        sentence = (
-            "The differences of all pixels together are spread as noise is; "
-            f"a bias of {seen:.2%} of each pixel would have been seen."
-        )
-    else:
-        sentence = (
-            "The differences of all pixels together are not spread as noise is: too many "
-            "pixels differ a little."
-        )
-    return Rung(
-        name="uniformity",
-        passed=passed,
-        statistic=result.distance,
-        limit=result.limit,
-        p_value=result.p_value,
-        false_alarm_rate=alpha,
-        detectable_bias=seen,
-        detectable="relative bias of every pixel, of any sign",
-        sentence=sentence,
+    return _rung(
+        "uniformity",
+        alpha,
+        result.p_value,
+        (result.distance, result.limit),
+        (seen, "relative bias of every pixel, of any sign"),
+        fine,
+        differs,
     )
 
 
@@ -165,26 +169,17 @@ def noise_free(ours: Floats, theirs: Floats, alpha: float) -> Rung:
     ours, theirs = relative_to_brightness(ours, theirs)
     result = noise_free_mse(ours, theirs, alpha)
     seen = power.detectable_rms(result, ours, theirs)
-    passed = result.p_value > alpha
     bounds = [math.sqrt(max(0.0, end)) for end in (result.low, result.high)]
     interval = f"between {bounds[0]:.2%} and {bounds[1]:.2%} (99 % confidence)"
-    if passed:
-        sentence = (
-            f"Without noise the pixels differ by {interval}, which can be nothing; a bias "
-            f"of {seen:.2%} would have been seen."
-        )
-    else:
-        sentence = f"Without noise the pixels still differ, by {interval}."
-    return Rung(
-        name="noise-free mse",
-        passed=passed,
-        statistic=result.value,
-        limit=result.limit,
-        p_value=result.p_value,
-        false_alarm_rate=alpha,
-        detectable_bias=seen,
-        detectable="relative bias of every pixel (root mean square), of any sign",
-        sentence=sentence,
+    return _rung(
+        "noise-free mse",
+        alpha,
+        result.p_value,
+        (result.value, result.limit),
+        (seen, "relative bias of every pixel (root mean square), of any sign"),
+        f"Without noise the pixels differ by {interval}, which can be nothing; a bias of "
+        f"{seen:.2%} would have been seen.",
+        f"Without noise the pixels still differ, by {interval}.",
     )
 
 
@@ -200,20 +195,15 @@ def floors(ours: Floats, theirs: Floats, alpha: float) -> Rung:
         f"{floor.theirs:.3g}"
         for floor in results
     )
-    passed = together > alpha
-    start = "Pictures of the two renderers are as far apart as two pictures of one"
-    if not passed:
-        start = "Pictures of the two renderers are further apart than two pictures of one"
-    return Rung(
-        name="floors",
-        passed=passed,
-        statistic=worst.excess,
-        limit=worst.limit,
-        p_value=together,
-        false_alarm_rate=alpha,
-        detectable_bias=seen,
-        detectable="root mean square of a bias, relative to the picture's, by RMSE",
-        sentence=f"{start}: {listed}.",
+    apart = "Pictures of the two renderers are {} two pictures of one: " + listed + "."
+    return _rung(
+        "floors",
+        alpha,
+        together,
+        (worst.excess, worst.limit),
+        (seen, "root mean square of a bias, relative to the picture's, by RMSE"),
+        apart.format("as far apart as"),
+        apart.format("further apart than"),
     )
 
 

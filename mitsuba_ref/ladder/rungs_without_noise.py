@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.comparison.preconditions import count_non_finite
 from mitsuba_ref.comparison.without_noise import (
     DETERMINISTIC_TOLERANCE,
     judge_without_noise,
@@ -27,8 +28,10 @@ def finite(
 ) -> Rung:
     """Check that all pictures have one size and no value is NaN or infinite."""
     shapes = {picture.shape for picture in (*ours, *theirs)}
-    bad = [_not_finite([*ours, *(our_aovs or {}).values()])]
-    bad.append(_not_finite([*theirs, *(their_aovs or {}).values()]))
+    found = count_non_finite(
+        [*ours, *(our_aovs or {}).values()], [*theirs, *(their_aovs or {}).values()]
+    )
+    bad = (found.ours_nan + found.ours_inf, found.reference_nan + found.reference_inf)
     if len(shapes) > 1:
         sentence = f"The pictures have different sizes: {sorted(shapes)}."
     elif any(bad):
@@ -52,10 +55,6 @@ def finite(
         detectable="a single value that is no number",
         sentence=sentence,
     )
-
-
-def _not_finite(arrays: Sequence[Array]) -> int:
-    return sum(int(np.count_nonzero(~np.isfinite(array))) for array in arrays)
 
 
 def aovs(ours: Aovs, theirs: Aovs) -> Rung:

@@ -17,6 +17,7 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import SceneResult
+from mitsuba_ref.records.verdicts import COMPARED
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.replay.replay_scene import replay_scene
@@ -124,7 +125,7 @@ def rungs_of(result: SceneResult, spp: int | None, seconds: float) -> list[Rung]
         return [rung(RUNS, result.reasons)]
     if result.verdict == "not-finite":
         return [rung(RUNS, ()), rung(FINITE, result.reasons)]
-    if result.verdict not in ("pass", "fail"):
+    if result.verdict not in COMPARED:
         raise MitsubaError(f"{result.verdict}: {'; '.join(result.reasons)}")
     aovs = [reason for reason in result.reasons if reason.startswith("AOV ")]
     radiance = [reason for reason in result.reasons if reason not in aovs]

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.records.plugin_file import import_plugin_file
 from mitsuba_ref.records.request import RenderRequest
 from renderer.scene_file.description import (
     AOV_KINDS,
@@ -18,6 +17,7 @@ from renderer.scene_file.description import (
     ReconstructionFilter,
     SceneDescription,
 )
+from renderer.scene_file.plugin_file import import_plugin_file
 
 Array = NDArray[np.float32]
 

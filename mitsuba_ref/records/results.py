@@ -89,6 +89,7 @@ class ReplayResult:
     sentence: str
     seconds_ours: float | None = None
     seconds_reference: float | None = None
+    changes: tuple[str, ...] = ()  # what Mitsuba rendered otherwise than the file says
     listed: tuple[DivergentPixel, ...] = ()  # the worst ones
 
 

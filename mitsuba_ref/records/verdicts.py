@@ -18,6 +18,7 @@ Verdict = Literal[
     "refused-by-both",
     "bad-request",
     "error",
+    "reference-wrong",
     "pass",
 ]
 
@@ -87,6 +88,11 @@ VERDICTS: dict[Verdict, VerdictFacts] = {
         "not rendered; only in a results.json of an older version",
         "compare again",
     ),
+    "reference-wrong": VerdictFacts(
+        12,
+        "the reference is known to be wrong here; with its fault undone both agree",
+        "nothing is to be done here; mind that Mitsuba alone shows another picture",
+    ),
     "pass": VerdictFacts(0, "the pictures agree up to noise", "nothing is to be done"),
 }
 """From the most severe to the best, which is the order of the page as well."""
@@ -94,8 +100,8 @@ VERDICTS: dict[Verdict, VerdictFacts] = {
 CURRENT = tuple(verdict for verdict in VERDICTS if verdict != "error")
 """What this version writes."""
 
-COMPARED: tuple[Verdict, ...] = ("fail", "pass")
-"""With these two, numbers were measured."""
+COMPARED: tuple[Verdict, ...] = ("fail", "reference-wrong", "pass")
+"""With these, numbers were measured."""
 
 
 def most_severe(verdicts: Iterable[Verdict]) -> Verdict:

@@ -29,7 +29,15 @@ from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
-SOURCES = ("edited_scene.py", "render.py", "user_plugins.py", "variant.py", "whitted.py")
+SOURCES = (
+    "edited_scene.py",
+    "known_faults.py",
+    "merl.py",
+    "render.py",
+    "user_plugins.py",
+    "variant.py",
+    "whitted.py",
+)
 
 RenderFunction = Callable[[RenderRequest, Path], None]
 """Renders a request and writes the entry to the path (see `write_entry`)."""

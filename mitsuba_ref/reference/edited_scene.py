@@ -12,6 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mitsuba_ref.reference.known_faults import (
+    PIXELS_INSTEAD,
+    RGB_INSTEAD,
+    divide_lights_without_extent,
+    give_spectra_colours,
+)
 from mitsuba_ref.reference.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
@@ -75,11 +81,17 @@ def load_edited_scene(
         state = mi.parser.parse_file(
             config, str(path), **{name: str(value) for name, value in parameters.items()}
         )
+        # names of old files as they are called since: only then can they be replaced
+        mi.parser.transform_upgrade(config, state)
         nodes = _Nodes(mi, state)
         nodes.refuse(OURS_ALONE)
         integrator = nodes.plugin("Integrator") or "path"  # Mitsuba's default
         # The default, float16, would round our reference to three digits.
         nodes.set_film("component_format", "float32")
+        if nodes.make_film_rgb():
+            changes.append(PIXELS_INSTEAD)
+        if give_spectra_colours(mi, state):
+            changes.append(RGB_INSTEAD)
         # Without it rays slip through shared edges (Mitsuba issue 1149).
         state.root.props["embree_use_robust_intersections"] = True
         if box_filter and nodes.replace("ReconstructionFilter", "box", {}):
@@ -94,6 +106,8 @@ def load_edited_scene(
             changes.append(f"film in blocks of {BLOCK_SIZE}")
         mi.parser.transform_all(config, state)
         scene = mi.parser.instantiate(config, state)
+    if divided := divide_lights_without_extent(mi, scene):
+        changes.append(divided)
     return EditedScene(scene, integrator, tuple(changes))
 
 
@@ -133,6 +147,15 @@ class _Nodes:
     def set_film(self, name: str, value: Any) -> None:
         """Set one property of the film."""
         self._nodes[self._film].props[name] = value
+
+    def make_film_rgb(self) -> bool:
+        """Let the film have three colours if it has luminance or XYZ; tell whether."""
+        film = self._nodes[self._film].props
+        asked = film["pixel_format"] if "pixel_format" in film else "rgb"
+        if str(asked).lower() in ("rgb", "rgba"):
+            return False
+        film["pixel_format"] = "rgb"
+        return True
 
     def set_block_size(self, size: int) -> None:
         """Set the integrator's block size."""

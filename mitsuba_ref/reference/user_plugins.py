@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import functools
 
-from mitsuba_ref.records.plugin_file import import_plugin_file, neighbours_importable
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.variant import load_mitsuba
 from renderer.errors import SceneError
+from renderer.scene_file.plugin_file import import_plugin_file, neighbours_importable
 
 
 @functools.cache

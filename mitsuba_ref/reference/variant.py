@@ -14,7 +14,7 @@ VARIANT = "scalar_rgb"
 
 @functools.cache
 def load_mitsuba() -> Any:
-    """Return the mitsuba module in `scalar_rgb`, quiet, with `whitted` registered."""
+    """Return mitsuba in `scalar_rgb`, quiet, with `whitted` and `merl` registered."""
     import drjit
     import mitsuba
 
@@ -22,9 +22,11 @@ def load_mitsuba() -> Any:
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(max(MIN_THREADS, os.cpu_count() or 1))
 
+    from mitsuba_ref.reference.merl import register_merl
     from mitsuba_ref.reference.whitted import register_whitted
 
     register_whitted(mitsuba)
+    register_merl(mitsuba)
     return mitsuba
 
 

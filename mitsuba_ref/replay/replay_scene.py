@@ -20,9 +20,9 @@ from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.records.results import DivergentPixel, ReplayResult
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.replay.edge_causes import first_hit_causes
-from mitsuba_ref.replay.traced_pair import METHODS, TracedPair
+from mitsuba_ref.replay.traced_pair import TracedPair, is_traceable
 from renderer.errors import NotReplayable
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.replay.way import Replayed
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
@@ -76,7 +76,7 @@ def replay_scene(
         parameters = parameters | {"spp": str(spp)}
     request = replace(request, parameters=parameters, spp=spp, box_filter=True, replay=True)
     description = read_scene(request)
-    _refuse_early(description, request)
+    plan = _refuse_early(description, request)
     reference = references.get(request, description.files)
     entries = reference.arrays.get("camera")
     camera = None if entries is None else tuple(float(entry) for entry in entries)
@@ -85,10 +85,10 @@ def replay_scene(
     result = compare_replay(ours.pixels, reference.pixels, limits)
     if causes and result.listed:
         few = result.listed[:causes]
-        if ours.integrator in METHODS:
+        if is_traceable(plan):
             told = _with_causes(few, request, time_limit)
         else:
-            told = first_hit_causes(few, request, ours.integrator, render_ours)
+            told = first_hit_causes(few, request, plan.name, render_ours)
         result = replace(result, listed=told + result.listed[causes:])
     result = replace(
         result,
@@ -96,15 +96,17 @@ def replay_scene(
         seed=request.seed,
         seconds_ours=ours.seconds,
         seconds_reference=reference.seconds,
+        changes=reference.changes,
     )
     return result, ours.pixels, reference.pixels
 
 
-def _refuse_early(description: SceneDescription, request: RenderRequest) -> None:
+def _refuse_early(description: SceneDescription, request: RenderRequest) -> Plan:
     """Raise NotReplayable before Mitsuba is asked for what makes it hang."""
     scene = build_scene(description)
     plan = make_plan(scene, sampler="mitsuba", spp=request.spp)
     Replayed(None).sampling(scene, plan, request.seed)
+    return plan
 
 
 def replay_all(

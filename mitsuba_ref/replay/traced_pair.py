@@ -21,13 +21,18 @@ from mitsuba_ref.replay.path_comparison import (
 )
 from mitsuba_ref.replay.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
 
 METHODS = ("path", "direct")
 
 Pixel = tuple[int, int]
+
+
+def is_traceable(plan: Plan) -> bool:
+    """Tell whether a plan's paths are written down bounce by bounce."""
+    return plan.name in METHODS
 
 
 class NotTraceable(SceneError):
@@ -61,12 +66,15 @@ class TracedPair:
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
         description = read_scene(request)
         description = edit_description(description, box_filter=True, first_hits=False)
-        method, film = description.integrator.name, description.camera.film
-        if method not in METHODS:
-            known = " and ".join(METHODS)
-            raise NotTraceable(f"{request.path}: a trace follows {known}, not {method}")
+        film = description.camera.film
         scene = build_scene(description)
         plan = make_plan(scene, sampler="mitsuba", spp=request.spp, ray_offset="mitsuba")
+        if not is_traceable(plan):
+            known = " and ".join(METHODS)
+            raise NotTraceable(
+                f"{request.path}: a trace follows {known} with one sample at a point, not "
+                f"{plan.name}"
+            )
         self.size = (film.crop_width, film.crop_height)
         self.spp = plan.spp
         self._request, self._scene, self._plan = request, scene, plan

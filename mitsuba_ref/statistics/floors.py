@@ -1,4 +1,4 @@
-"""RMSE, SSIM and FLIP beside what each renderer has against itself.
+"""Distances of pictures beside what each renderer has against itself, their floors.
 
 A distance between two noisy pictures says little. Beside it stands the same distance
 between two pictures of one renderer, its floor. If both draw from one distribution, the
@@ -6,6 +6,9 @@ mean distance across is the mean of those within [Szekely2013]. If they only hav
 noise, it lies between the two. So what counts is its excess over the *larger* floor, judged
 by its rank among relabelled pictures: exact for equal noise and any distance, and on the
 safe side for different noise (in the scene "emitters" ours is half of Mitsuba's).
+
+With a single picture of ours there is nothing to relabel: `beside_floor` gives the numbers
+alone, for a limit that somebody else has set.
 
 Sees a bias that is large beside the noise of one picture. Not more noise on one side: that
 is for the harness's comparison of RMSE with Mitsuba's floor.
@@ -72,13 +75,28 @@ def floor_tests(ours: Floats, theirs: Floats, alpha: float) -> list[Floor]:
     ]
 
 
-def all_distances(pictures: Sequence[Floats], distance: Distance) -> Floats:
+def all_distances(pictures: Sequence[NDArray[np.floating]], distance: Distance) -> Floats:
     """Return the distances of all pairs, (n, n), symmetric, with zeros in the diagonal."""
     table = np.zeros((len(pictures), len(pictures)))
     for i, first in enumerate(pictures):
         for j in range(i):
             table[i, j] = table[j, i] = distance(first, pictures[j])
     return table
+
+
+def beside_floor(
+    ours: NDArray[np.floating],
+    references: Sequence[NDArray[np.floating]],
+    distance: Distance,
+) -> tuple[float, float]:
+    """Return (how far one picture is from the references, how far these are apart).
+
+    Root mean squares over the pairs.
+    """
+    table = all_distances([ours, *references], distance)
+    pairs = table[1:, 1:][np.triu_indices(len(references), 1)]
+    across, within = (np.sqrt(np.mean(found**2)) for found in (table[0, 1:], pairs))
+    return float(across), float(within)
 
 
 def floor_test(name: str, table: Floats, dealt: NDArray[np.bool_], alpha: float) -> Floor:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.metrics.distances import TILE, tile_sums
-from mitsuba_ref.statistics.samples import ROUNDING, Floats, stack
+from mitsuba_ref.statistics.samples import ROUNDING, Floats, stack, standard_errors
 
 MEAN_LIMIT = 4.5
 """Standard errors. False alarms: 7e-6 for each channel by the normal law; should a few
@@ -72,8 +72,7 @@ def bias_tests(ours: Picture, references: Sequence[Picture], tile: int = TILE) -
     variances = np.mean(deviations**2, axis=0)
     d, v = tile_sums(deviations[0], tile), tile_sums(variances, tile)
     means = tile_sums(pictures[1:].mean(axis=0), tile)
-    excess = np.maximum(np.abs(d) - ROUNDING * np.abs(means), 0.0)
-    squares = np.divide(excess**2, v, out=np.zeros_like(v), where=v > 0.0)
+    squares = standard_errors(d, v, means) ** 2
     tiles = squares.shape[0] * squares.shape[1]
     # The squares of T standardised differences add up to about T, as a chi-square variable
     # with T degrees of freedom does.

@@ -14,6 +14,27 @@ ROUNDING = 1e-4
 thousands of samples, with a margin. A pixel whose noise is smaller than this has none."""
 
 
+def standard_errors(
+    difference: Floats, variance: Floats, scale: Floats, forgiven: float = ROUNDING
+) -> Floats:
+    """Return a difference in units of its noise, less the part that may be rounding.
+
+    Signed; 0 where rounding explains the difference, infinite where there is no noise
+    beside one that it does not.
+
+    Parameters
+    ----------
+    difference, variance, scale
+        The variance is that of the difference; `forgiven` refers to the scale.
+    forgiven
+        Relative difference that counts as none.
+    """
+    excess = np.maximum(np.abs(difference) - forgiven * np.abs(scale), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.sign(difference) * excess / np.sqrt(variance)
+    return np.where(excess > 0.0, z, 0.0)
+
+
 def stack(pictures: Sequence[NDArray[np.floating]]) -> Floats:
     """Return pictures as (K, H, W, C) in double precision.
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import special
 
 from mitsuba_ref.metrics.distances import TILE, tile_means
-from mitsuba_ref.statistics.samples import ROUNDING, Floats
+from mitsuba_ref.statistics.samples import ROUNDING, Floats, standard_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +63,8 @@ def welch(first: Floats, second: Floats, forgiven: float = ROUNDING) -> Welch:
     variance = part + part_other
     scale = (np.abs(mean) + np.abs(mean_other)) / 2.0
     difference = mean - mean_other
-    excess = np.maximum(np.abs(difference) - forgiven * scale, 0.0)
+    t = standard_errors(difference, variance, scale, forgiven)
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(excess > 0.0, np.sign(difference) * excess / np.sqrt(variance), 0.0)
         degrees = variance**2 / (part**2 / (count - 1) + part_other**2 / (other - 1))
     # Without noise any number serves: t is 0 or infinite. So it does for noise so small
     # that its square is not a number any more.

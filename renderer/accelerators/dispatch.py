@@ -25,37 +25,22 @@ from renderer.accelerators.bvh.wide_bvh import (
     closest_hit_wide,
     closest_hit_wide_bundles,
 )
-from renderer.accelerators.grids.hierarchical_grid import (
-    HierarchicalGrid,
-    any_hit_hierarchical_grid,
-    closest_hit_hierarchical_grid,
-)
-from renderer.accelerators.grids.uniform_grid import (
-    UniformGrid,
-    any_hit_uniform_grid,
-    closest_hit_uniform_grid,
-)
+from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
+from renderer.accelerators.grids.uniform_grid import UniformGrid
 from renderer.accelerators.groups.instances import (
     Instances,
     any_hit_instances,
     closest_hit_instances,
 )
-from renderer.accelerators.kd_tree.kd_tree import (
-    KdTree,
-    any_hit_kd_tree,
-    closest_hit_kd_tree,
-)
-from renderer.accelerators.octree_and_bsp.bsp import Bsp, any_hit_bsp, closest_hit_bsp
-from renderer.accelerators.octree_and_bsp.octree import (
-    Octree,
-    any_hit_octree,
-    closest_hit_octree,
-)
+from renderer.accelerators.kd_tree.kd_tree import KdTree
+from renderer.accelerators.octree_and_bsp.bsp import Bsp
+from renderer.accelerators.octree_and_bsp.octree import Octree
 from renderer.accelerators.rays.brute_force import (
     BruteForce,
     any_hit_brute_force,
     closest_hit_brute_force,
 )
+from renderer.accelerators.rays.ray_by_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
 from renderer.jit import record_class
 
 
@@ -80,13 +65,10 @@ TRAVERSALS = {
     WideBvh: Traversals(
         closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
     ),
-    Bsp: _alike(closest_hit_bsp, any_hit_bsp),
-    UniformGrid: _alike(closest_hit_uniform_grid, any_hit_uniform_grid),
-    HierarchicalGrid: _alike(closest_hit_hierarchical_grid, any_hit_hierarchical_grid),
     Instances: _alike(closest_hit_instances, any_hit_instances),
-    KdTree: _alike(closest_hit_kd_tree, any_hit_kd_tree),
-    Octree: _alike(closest_hit_octree, any_hit_octree),
 }
+for _structure in (Bsp, UniformGrid, HierarchicalGrid, KdTree, Octree):
+    TRAVERSALS[_structure] = _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray)
 
 
 def closest_hit(

@@ -64,7 +64,10 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     from renderer.picture.image_files import check_output_path
     from renderer.scene.scene import build_scene
     from renderer.scene_file import read_file
+    from renderer.scene_file.plugin_file import import_plugin_file
 
+    if options.plugins is not None:
+        import_plugin_file(str(options.plugins))
     path = options.scene / "scene.xml" if options.scene.is_dir() else options.scene
     outputs = options.output
     if not outputs and not options.explain:
@@ -139,7 +142,7 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
 def _command(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
-    for name in ("spp", "seed", "integrator", "accel", "sampler", "ray_offset"):
+    for name in ("spp", "seed", "integrator", "accel", "sampler", "ray_offset", "plugins"):
         value = getattr(options, name)
         if value != _parser().get_default(name):
             words += [f"--{name.replace('_', '-')}", str(value)]
@@ -251,6 +254,12 @@ def _parser() -> argparse.ArgumentParser:
         choices=RAY_OFFSETS,
         metavar="NAME",
         help="how far off their surface rays start: tight (default) or mitsuba",
+    )
+    add(
+        "--plugins",
+        type=Path,
+        metavar="FILE.py",
+        help="a Python file that registers BSDFs of yours (docs/adding-a-bsdf.md)",
     )
     add(
         "-D",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -43,18 +44,32 @@ def _read(properties: Properties) -> Integrator:
         aovs.append((name, kind))
     if not aovs:
         properties.fail("aovs", "an empty list", 'a list like "dd:depth, nn:sh_normal"')
-    nested = properties.child("integrator")
-    if nested is not None and nested.plugin == "aov":
-        raise SceneError(
-            f"{nested.location}: an aov integrator inside of another one is not supported; "
-            "write all aovs in one list"
-        )
+    nested = _nested(properties)
     return Integrator(
         "aov",
         hide_emitters=properties.boolean("hide_emitters", False),
         aovs=tuple(aovs),
-        nested=None if nested is None else read_integrator(nested, properties.reading),
+        nested=nested,
+        refusal="" if nested is None else nested.refusal,
     )
+
+
+def _nested(properties: Properties) -> Integrator | None:
+    children = properties.children("integrator")
+    child = properties.child("integrator")
+    if child is None:
+        return None
+    nested = read_integrator(child, properties.reading)
+    if nested.name == "aov":
+        raise SceneError(
+            f"{child.location}: an aov integrator inside of another one is not supported; "
+            "write all aovs in one list"
+        )
+    if nested.moments is not None:
+        within = f"{properties.element.name_of(children[0][0])}."
+        moments = dataclasses.replace(nested.moments, within=within)
+        nested = dataclasses.replace(nested, moments=moments)
+    return nested
 
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:

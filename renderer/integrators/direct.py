@@ -1,13 +1,89 @@
-"""Direct light alone [Appel1968]: path tracing of two segments."""
+"""Direct light alone [Appel1968]: path tracing of two segments.
+
+Where the file asks for several samples at each point, those of the lights come first, then
+those of the BSDF. Each way to find light is divided by its number of samples, and their
+densities count as often as they are drawn from [Veach1997, section 9.2.2].
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
-from renderer.integrators.path import decide_direct, render_paths
+from renderer.integrators.path import begin_bounce, decide_direct, render_paths
+from renderer.jit import entry_kernel, kernel
+from renderer.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
+from renderer.stages.camera_rays import camera_rays
+from renderer.stages.direct_light import direct_light
+from renderer.stages.emission import arrive
+from renderer.stages.film import add_to_tile, clear
+from renderer.stages.intersect import intersect, reset_hits
+from renderer.stages.materials import group_by_bsdf
+from renderer.stages.scatter import scatter
+
+KEPT = CAPACITY + 64  # where the camera's rays are kept while others are traced
+
+
+@kernel
+def _keep(rays, hits, count):
+    """Copy `count` rays and their hits behind those that are to be scattered."""
+    for i in range(count):
+        k = KEPT + i
+        for c in range(3):
+            rays.origin[c, k] = rays.origin[c, i]
+            rays.direction[c, k] = rays.direction[c, i]
+        rays.pdf[k], rays.eta[k] = rays.pdf[i], rays.eta[i]
+        rays.slot[k] = rays.slot[i]
+        hits.t[k], hits.prim[k] = hits.t[i], hits.prim[i]
+        hits.u[k], hits.v[k] = hits.u[i], hits.v[i]
+        hits.instance[k] = hits.instance[i]
+
+
+@kernel
+def _points(scene, work, count, samples):
+    """Find the surface points of the kept rays; each counts for one of so many samples."""
+    share = np.float32(1.0 / samples)
+    for i in range(KEPT, KEPT + count):
+        for c in range(3):
+            work.rays.throughput[c, i] = share
+    group_by_bsdf(scene, work, np.int64(KEPT), count)
+
+
+@kernel
+def trace_several(scene, tile, sample, work):
+    """Add one sample of each pixel of a tile to `work.radiance`."""
+    rays, hits, settings = work.rays, work.hits, scene.settings
+    if settings.max_depth < 1:
+        return
+    count = camera_rays(scene, tile, sample, work)
+    intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
+    arrive(scene, work, np.int64(0), count, settings.hide_emitters == 0)
+    if settings.max_depth < 2:
+        return
+    begin_bounce(scene, tile, sample, work, count)
+    _keep(rays, hits, count)
+    _points(scene, work, count, settings.light_samples)
+    for number in range(settings.light_samples):
+        direct_light(scene, tile, sample, number, work)
+    for number in range(settings.bsdf_samples):
+        _points(scene, work, count, settings.bsdf_samples)  # arriving needs their place
+        found = scatter(scene, tile, sample, number, work)
+        reset_hits(hits, np.int64(0), found)
+        intersect(scene.groups, rays, hits, np.int64(0), found, False, None)
+        arrive(scene, work, np.int64(0), found, True)
+
+
+@entry_kernel
+def render_several(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
+    """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    for sample in range(first_sample, end_sample):
+        clear(work.radiance)
+        trace_several(scene, tile, sample, work)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
 
 
 def _read(properties: Properties) -> Integrator:
@@ -30,9 +106,14 @@ def _read(properties: Properties) -> Integrator:
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     say("method", "direct, as asked for")
-    if max(case.asked.emitter_samples, case.asked.bsdf_samples) > 1 and not case.replay:
-        say("samples", "one of each light and of the BSDF, whatever the file asks for")
-    return decide_direct(case, min(case.depth, 2))
+    decision = decide_direct(case, min(case.depth, 2))
+    lights, directions = decision.light_samples, decision.bsdf_samples
+    if max(lights, directions) > 1:
+        whose = "each light" if decision.every_light else "one light at a time"
+        say("samples", f"at each point {lights} of {whose} and {directions} of the BSDF")
+    elif max(case.asked.emitter_samples, case.asked.bsdf_samples) > 1:
+        say("left out", "more samples at each point: no light has an extent")
+    return decision
 
 
 INTEGRATOR = IntegratorKind(
@@ -42,4 +123,5 @@ INTEGRATOR = IntegratorKind(
     _read,
     sees_lights=True,
     scatters=True,
+    render_several=render_several,
 )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import call, entry_kernel, kernel, method_kernel
-from renderer.kinds.bsdfs.kind import albedo_of, parameters_at, seen_albedo_of
-from renderer.kinds.sampling.arithmetic import to_local
+from renderer.kinds.bsdfs.kind import albedo_of, normal_of, parameters_at, seen_albedo_of
+from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.lanes.functions import (
     first_lanes,
     lane,
@@ -23,6 +23,7 @@ from renderer.records.kernel_scene import (
     HALVES,
     RECORD,
     SHOW_ALBEDO,
+    SHOW_NORMAL,
     SHOW_SEEN_ALBEDO,
 )
 from renderer.stages.camera_rays import camera_rays
@@ -102,30 +103,46 @@ def show_seen_albedo(bsdf, points, count, radiance):
         _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
 
 
-@kernel
-def _albedos(scene, points, count, radiance):
-    """Write k_d of all points; mirrors and glass have none and stay black.
+@method_kernel
+def show_normal(bsdf, points, count, radiance):
+    """Write the normal of the points that show a BSDF which turns it."""
+    for i in range(0, count, 16):
+        mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wo = to_local(frame, load3(points.wo, i))
+        turned = normal_of(parameters_at(bsdf.form, points, i), wo)
+        normal = to_world(bsdf.arithmetic, frame, turned)
+        valid = select(mine, splat_f32(1.0), splat_f32(0.0))
+        _store3(radiance, SH_NORMAL, load_row(points.slot, 0, i), valid, normal)
 
-    So do the black backs of those whose albedo is that of a direction.
+
+@kernel
+def _show_bsdfs(scene, points, count, radiance):
+    """Write what BSDFs show: k_d, of mirrors and glass none, and the normals they turn.
+
+    The backs of those whose albedo is that of a direction stay black too.
     """
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):
-        show, seen = bsdfs.methods[kind, SHOW_ALBEDO], bsdfs.methods[kind, SHOW_SEEN_ALBEDO]
-        if show == 0 and seen == 0:
+        if bsdfs.methods[kind, RECORD] == 0:
             continue
         for i in range(0, count, 16):
             valid = first_lanes(count - i)
-            if show != 0:
+            if bsdfs.methods[kind, SHOW_SEEN_ALBEDO] == 0:
                 mine = _show_front(scene.shapes, bsdfs.kind, kind, points, i, valid)
             else:
                 mine = show_bsdf(scene.shapes, bsdfs.kind, kind, points, i, valid)
             load_constants(bsdfs, kind, points, i, mine)
         look_up_textures(bsdfs, kind, points, np.int64(0), count)
-        call(
-            show if show != 0 else seen,
-            bsdfs.methods[kind, RECORD],
-            (points, count, radiance),
-        )
+        for method in range(SHOW_ALBEDO, SHOW_NORMAL + 1):
+            if bsdfs.methods[kind, method] != 0:
+                call(
+                    bsdfs.methods[kind, method],
+                    bsdfs.methods[kind, RECORD],
+                    (points, count, radiance),
+                )
 
 
 @kernel
@@ -170,7 +187,7 @@ def trace_first_hits(scene, tile, sample, work):
             scene.placements, hits, work.order, i, scene.shapes.number, shape, mask
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
-    _albedos(scene, points, found, radiance)
+    _show_bsdfs(scene, points, found, radiance)
 
 
 @entry_kernel

@@ -45,7 +45,8 @@ class Decision:
     every_light: bool = False  # ask all lights at each point instead of one at random
     follow: bool = False  # go on from diffuse surfaces
     cutoff: float = 0.0
-    bsdf_samples: int = 1  # of `direct`: 0 or 1
+    light_samples: int = 1  # of `direct`, at each point
+    bsdf_samples: int = 1  # of `direct`, at each point
     random: bool = False  # more is drawn than the position in the pixel
 
 
@@ -76,3 +77,5 @@ class IntegratorKind:
     splits: bool = False  # delta lobes are all followed, on a tree of rays
     first_hit: bool = False  # shows uv and albedo
     counts_work: bool = False
+    # entry kernel for several samples of lights or BSDF at a point; None: there are none
+    render_several: Any = None

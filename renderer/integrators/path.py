@@ -79,15 +79,18 @@ def _read(properties: Properties) -> Integrator:
 
 def decide_direct(case: Case, depth: int) -> Decision:
     """Return how direct light alone is followed."""
-    samples = case.asked.bsdf_samples
+    light_samples, samples = case.asked.emitter_samples, case.asked.bsdf_samples
+    if case.reduce and not case.extended:  # nothing varies from sample to sample
+        light_samples, samples = 1, min(samples, 1)
     return Decision(
         "direct",
         depth,
         no_roulette="direct light is two segments long",
         mirrors=case.delta and samples > 0,
-        every_light=not case.replay,
+        every_light=not case.replay and case.asked.moments is None,
         # BSDF samples look for lights only where lights can be hit
         follow=case.extended and samples > 0,
+        light_samples=light_samples,
         bsdf_samples=samples,
         random=case.extended or case.chooses,
     )

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import importlib
+from typing import Any
 
 from renderer import names
 from renderer.integrators.kind import IntegratorKind
+from renderer.integrators.moment import MOMENT
 
 INTEGRATORS: dict[str, IntegratorKind] = {
     name: importlib.import_module(f"renderer.integrators.{name}").INTEGRATOR
     for name in names.INTEGRATORS
     if name != "auto"
 }
-IN_FILES = {name: kind for name, kind in INTEGRATORS.items() if kind.read is not None}
+IN_FILES: dict[str, Any] = {
+    name: kind for name, kind in INTEGRATORS.items() if kind.read is not None
+} | {"moment": MOMENT}

@@ -16,12 +16,11 @@ from renderer.jit.decorators import (
     never_inline,
 )
 from renderer.jit.interfaces import interface
-from renderer.jit.methods import NO_METHOD, Method, call, compile_method, count_of
+from renderer.jit.methods import Method, call, compile_method, count_of
 from renderer.jit.records import Packed, pack, record_class, record_type
 
 __all__ = [
     "KERNEL_CACHE",
-    "NO_METHOD",
     "Method",
     "Packed",
     "builder_kernel",

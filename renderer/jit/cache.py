@@ -79,7 +79,7 @@ def file_digest(path: str) -> str:
 
 
 def with_neighbours(path: str | Path) -> list[Path]:
-    """Return a source file, and the files in its folder that it imports, at any depth.
+    """Return a source file and those that it imports from its folder or package, and so on.
 
     A user's kernels may call others of his, in another file: its edit counts as well. The
     renderer's own files are in the hash of all sources.
@@ -91,23 +91,37 @@ def with_neighbours(path: str | Path) -> list[Path]:
         if file in found or (found and file.is_relative_to(_PACKAGE)):
             continue
         found.append(file)
-        for name in _imported_by(file):
-            beside = [file.with_name(f"{name}.py"), *file.with_name(name).rglob("*.py")]
-            waiting += sorted(module for module in beside if module.is_file())
+        for module in _imported_by(file):
+            beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
+            waiting += sorted(path for path in beside if path.is_file())
     return found
 
 
-def _imported_by(file: Path) -> Iterator[str]:
-    """Yield the first name of all modules that a file imports, inside functions too."""
+def _imported_by(file: Path) -> Iterator[Path]:
+    """Yield where modules may lie that a file imports, inside functions too.
+
+    The first name counts: of a package all files are taken.
+    """
     try:
         tree = ast.parse(file.read_bytes())
     except SyntaxError:
         return  # whoever imports it will say so
+    around = file.parent  # of a package: the folder in which its name is looked up
+    while (around / "__init__.py").is_file():
+        around = around.parent
     for node in ast.walk(tree):
+        names: list[str] = []
+        folders = {file.parent, around}
         if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module.partition(".")[0]
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            # `from . import a`: a file, or a name in the package's own
+            own = [alias.name for alias in node.names] + ["__init__"]
+            names = [node.module] if node.module else own
+            if node.level:
+                folders = {file.parents[node.level - 1]}
+        for name in names:
+            yield from (folder / name.partition(".")[0] for folder in folders)
 
 
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types

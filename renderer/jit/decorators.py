@@ -10,8 +10,10 @@ from typing import Any
 import numba
 from numba.extending import intrinsic
 
+from renderer.jit import front_end  # noqa: F401  # replaces parts of Numba
 from renderer.jit.cache import keep
 from renderer.jit.linking import SEPARATE
+from renderer.jit.passes import PIPELINE
 
 _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
@@ -39,7 +41,7 @@ def rare_collections() -> Iterator[None]:
 
 
 def _dispatcher(function: Any, **flags: bool) -> Any:
-    dispatcher = numba.njit(**(_FLAGS | flags))(function)
+    dispatcher = numba.njit(**(_FLAGS | PIPELINE | flags))(function)
     keep(dispatcher, function)
     return dispatcher
 

@@ -13,13 +13,17 @@ run time, and what nobody calls is never compiled.
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Callable
 from typing import Any
 
+from numba.core import types
 from numba.core.errors import TypingError
-from numba.extending import overload
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, Signature, infer_global
 
+from renderer.jit.decorators import kernel
 from renderer.jit.records import record_class
 
 
@@ -38,40 +42,59 @@ def interface(declared: Callable[..., Any]) -> Any:
         implementation, which is not given the record itself if `drop_first`. `has(cls)`
         tells whether there is one.
     """
-    names = list(inspect.signature(declared).parameters)
-    listed = ", ".join(names)
-    implementations: dict[type, tuple[Any, str]] = {}  # and the arguments it is given
+    parameters = inspect.signature(declared)
+    # of each class: the implementation, and how many arguments it is not given
+    implementations: dict[type, tuple[Any, int]] = {}
+    copies: dict[Any, Any] = {}  # of implementations, by the Numba type of the record
 
-    def refuse(*args: Any, **kwargs: Any) -> None:
+    @functools.wraps(declared)
+    def function(*args: Any, **kwargs: Any) -> None:
         raise TypeError(f"{declared.__name__} can be called inside kernels only")
 
-    # Numba compares the parameters' names, so both functions must have the declared ones
-    function: Any = eval(f"lambda {listed}: _refuse({listed})", {"_refuse": refuse})
-    function.__name__ = function.__qualname__ = declared.__name__
-    function.__module__, function.__doc__ = declared.__module__, declared.__doc__
-
-    def implementation(first: Any) -> Any:
+    def implementation(first: Any) -> tuple[Any, int]:
         cls = record_class(first)
         if cls is None or cls not in implementations:
             known = ", ".join(c.__name__ for c in implementations)
             raise TypingError(f"{declared.__name__} exists for {known}, not for {first}")
-        chosen, given = implementations[cls]
-        return eval(f"lambda {listed}: _chosen({given})", {"_chosen": chosen})
+        chosen, left_out = implementations[cls]
+        if first not in copies and getattr(chosen, "is_compiling", False):
+            # A record within a record of its class, as a mask's in a mask. Numba would take
+            # it for a function that calls itself, and not link the inner one.
+            copies[first] = kernel(chosen.py_func)
+        return copies.get(first, chosen), left_out
 
-    choose = eval(
-        f"lambda {listed}: _implementation({names[0]})", {"_implementation": implementation}
-    )
-    overload(function)(choose)
+    class Choice(AbstractTemplate):  # type: ignore[misc]  # Numba has no types
+        """Type a call as a call of the implementation: no function between the two."""
+
+        key = function
+
+        def generic(self, args: Any, kws: Any) -> Signature:
+            args = parameters.bind(*args, **kws).args
+            chosen, left_out = implementation(args[0])
+            typed = self.context.resolve_function_type(chosen, args[left_out:], {})
+            of_all = (*args[:left_out], *typed.args)
+            return Signature(typed.return_type, of_all, None, pysig=parameters)
+
+    infer_global(function, types.Function(Choice))
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        chosen, left_out = implementation(sig.args[0])
+        inner = Signature(sig.return_type, sig.args[left_out:], None)
+        kernel_type = context.typing_context.resolve_value_type(chosen)
+        context.typing_context.resolve_function_type(kernel_type, inner.args, {})
+        return context.get_function(kernel_type, inner)(builder, args[left_out:])
+
+    lower_builtin(function, types.VarArg(types.Any))(lower)
 
     def by(*classes: type, drop_first: bool = False) -> Any:
-        given = ", ".join(names[1:] if drop_first else names)
-
         def add(chosen: Any) -> Any:
+            copies.clear()
             for cls in classes:
-                implementations[cls] = chosen, given
+                implementations[cls] = chosen, int(drop_first)
             return chosen
 
         return add
 
-    function.by, function.has = by, implementations.__contains__
+    function.by = by  # type: ignore[attr-defined]
+    function.has = implementations.__contains__  # type: ignore[attr-defined]
     return function

@@ -7,9 +7,8 @@ what is called from outside (entries, and methods, which are called by address) 
 machine code. Cornell box: 12.5 s of processor time without, 10 s with it; and a method is
 compiled once instead of once for each caller (docs/decisions/compile-time.md).
 
-This replaces private parts of Numba's code generator. It is tried on the versions below;
-on any other Numba compiles in its own way: slower, and to the same pictures.
-`tests/test_jit.py` fails on a version that has not been tried.
+This replaces private parts of Numba's code generator, on the versions of
+`renderer.jit.versions`.
 """
 
 from __future__ import annotations
@@ -17,10 +16,10 @@ from __future__ import annotations
 from typing import Any
 
 import llvmlite.binding as llvm
-import numba
 from numba.core import codegen, cpu, targetconfig
 
-TRIED = ("0.68.1",)
+from renderer.jit.versions import IS_TRIED
+
 SEPARATE: set[str] = set()  # names of functions that become machine code by themselves
 
 _Library, _JitLibrary = codegen.CPUCodeLibrary, codegen.JITCodeLibrary
@@ -122,5 +121,5 @@ def _replace_parts_of_numba() -> None:
     cpu.CPUContext.post_lowering = without_runtime
 
 
-if numba.__version__ in TRIED:
+if IS_TRIED:
     _replace_parts_of_numba()

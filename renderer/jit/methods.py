@@ -33,11 +33,8 @@ from renderer.jit.records import Packed
 class Method(NamedTuple):
     """Machine code, and the record that it works on."""
 
-    address: int  # 0: there is none
+    address: int
     record: int
-
-
-NO_METHOD = Method(0, 0)
 
 
 def compile_method(

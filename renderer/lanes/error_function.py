@@ -51,7 +51,7 @@ def erf(x):
 def erfinv(x):
     """Return the number whose error function is x, of f32x16 in [-1, 1].
 
-    By polynomials in w = -log(1 - x^2) [Giles2010], with coefficients of our own. Error at
+    By polynomials in w = -log(1 - x^2) [Giles2011], with coefficients of our own. Error at
     most 1 ulp. The ends give infinities, what is beyond them NaN.
     """
     # 1 - x and 1 + x lose no digits next to the ends, where w is steep

@@ -50,6 +50,10 @@ _COMPARISON = {
     operator.ne: "!=",
 }
 _ON_MASKS = (operator.and_, operator.or_, operator.xor)
+# Numba asks the meanings of an operator that belong to the very target before those that
+# belong to any, and takes the first that fits: else each `a + b` of lanes would ask those
+# for strings, lists, sets, dates, ... twice, and most of these compile something
+_FIRST = {"target": "cpu"}
 SCALARS = (types.Integer, types.Float, types.Boolean)
 
 
@@ -95,6 +99,8 @@ def _declare_binary(op: Callable[..., Any], meaning: Callable[..., Any]) -> None
     """Type and lower `op`; an in-place operator means the plain one."""
 
     class Typing(AbstractTemplate):
+        metadata = _FIRST
+
         def generic(self, args: Any, kws: Any) -> Any:
             left, right = args
             if isinstance(left, Mask) and left == right and meaning in _ON_MASKS:
@@ -145,6 +151,8 @@ for _op, _meaning in _INPLACE.items():
 
 @infer_global(operator.neg)
 class _Negation(AbstractTemplate):
+    metadata = _FIRST
+
     def generic(self, args: Any, kws: Any) -> Any:
         return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
 
@@ -158,6 +166,8 @@ def _negate(context: Any, builder: ir.IRBuilder, sig: Any, args: Any) -> ir.Valu
 
 @infer_global(operator.invert)
 class _Inversion(AbstractTemplate):
+    metadata = _FIRST
+
     def generic(self, args: Any, kws: Any) -> Any:
         (value,) = args
         integer = isinstance(value, Lanes) and isinstance(value.element, types.Integer)

@@ -32,6 +32,8 @@ _SUFFIXES = {
     "sh_normal": "XYZ",
     "prim_index": "I",
     "shape_index": "I",
+    "color": "RGB",
+    "xyz": "XYZ",
 }
 _SUFFIXES_BY_COUNT = {1: "Y", 2: "UV", 3: "XYZ", 4: "RGBA"}  # of a kind not known
 

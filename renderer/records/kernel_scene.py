@@ -28,9 +28,10 @@ CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE = 1, 2, 3, 4
 # kinds of shapes
 LOCATE = 1
 # kinds of BSDFs
-REFLECT_LIGHT, SCATTER, SPLIT, SHOW_ALBEDO, SHOW_SEEN_ALBEDO = 1, 2, 3, 4, 5
-# kinds of textures
-LOOK_UP = 1
+REFLECT_LIGHT, SCATTER, SPLIT = 1, 2, 3
+SHOW_ALBEDO, SHOW_SEEN_ALBEDO, SHOW_NORMAL = 4, 5, 6
+# kinds of textures: what can be asked of them
+LOOK_UP_COLOR, LOOK_UP_SCALAR = 1, 2
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
 # the sensor
@@ -81,10 +82,10 @@ class Bsdfs(NamedTuple):
     kind: NDArray[np.int32]  # (n,) row of `methods`, -1 in a scene without any
     values: NDArray[np.float32]  # (rows, n) parameters, in the order of the kind's record
     rows: NDArray[np.int32]  # (kinds,) how many rows a kind has
-    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, how many rows
+    # (m, 4) what to look up: kind of BSDF, kind of texture, first row, LOOK_UP_...
     look_ups: NDArray[np.int64]
     texture: NDArray[np.int32]  # (rows, n) texture id, -1: the constant of `values`
-    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`
+    texture_kind: NDArray[np.int32]  # (textures,) row of `texture_methods`, -1: nested
     texture_methods: Methods
 
 
@@ -106,6 +107,9 @@ class Settings(NamedTuple):
     hide_emitters: int  # the camera looks through them
     with_uv: int  # somebody looks at uv
     with_tangents: int  # somebody looks at dp/du
+    light_samples: int  # of `direct`, at each point
+    bsdf_samples: int  # of `direct`, at each point
+    light_share: float  # light samples for each BSDF sample, which weighs their densities
     cutoff: float  # weight below which a ray is dropped
     rounding_offset: float  # rays start so many rounding errors off their surface ...
     fixed_offset: float  # ... plus this times (1 + the largest coordinate)

@@ -27,6 +27,8 @@ def with_picture(image: Image, picture: Image) -> Image:
     return dataclasses.replace(
         image,
         pixels=picture.pixels,
+        aovs={**picture.aovs, **image.aovs},
+        aov_kinds={**picture.aov_kinds, **image.aov_kinds},
         seconds=image.seconds + picture.seconds,
         compile_seconds=image.compile_seconds + picture.compile_seconds,
         explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",

@@ -7,11 +7,13 @@ import operator
 import reprlib
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
+from renderer.integrators.moment import show_moments
 from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, with_picture
@@ -174,7 +176,8 @@ def _image(
 ) -> Image:
     plan = rendering.plan
     asked = rendering.scene.description.integrator
-    shown = plan.kind.show(rendering.film.develop(), asked)
+    show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
+    shown = show(rendering.film.develop(), asked)
     return Image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,

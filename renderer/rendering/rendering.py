@@ -11,6 +11,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
+from renderer.integrators.direct import KEPT
+from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
@@ -81,25 +83,33 @@ class Rendering:
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record
-        self._render_tile, self.channels = plan.kind.render, plan.kind.channels
+        kind = plan.kind
+        self._render_tile = kind.render_several if plan.several else kind.render
+        self.channels = kind.channels
         film = scene.description.camera.film
         # counts stay in their own pixel, so that they can be added up
-        self.counted = plan.kind.counts_work
+        self.counted = kind.counts_work
         self.rfilter = BOX if self.counted else filter_table(film.rfilter)
+        if plan.moments is not None:
+            squares = squared_sums(kind, scene.description.integrator)
+            self.rfilter = self.rfilter._replace(squares=squares)
+            self.channels += len(squares)
         self._packed_filter = pack(self.rfilter)
         self.border = filter_border(self.rfilter)
         self.film = Film(
             self.channels,
-            film.crop_offset_x,
-            film.crop_offset_y,
+            film.crop_offset_x + film.border,
+            film.crop_offset_y + film.border,
             film.crop_width,
             film.crop_height,
             self.border,
         )
-        self._tiles = self.film.tiles(film.width)
+        beyond = 2 * film.border
+        self._tiles = self.film.tiles(film.width + beyond, film.border)
         self.seed = seed
         self.samples_done = 0
-        self.samples_in_all = film.crop_width * film.crop_height * plan.spp
+        pixels = (film.crop_width + beyond) * (film.crop_height + beyond)
+        self.samples_in_all = pixels * plan.spp
         self._workspaces = _Workspaces(lambda: pack(self.make_workspace(self.channels)))
         self._before: dict[Tile, Future[Any]] = {}  # of a replay: the last job of each tile
 
@@ -119,11 +129,15 @@ class Rendering:
 
     def make_workspace(self, channels: int) -> Workspace:
         """Allocate what one thread works in."""
-        tree = self.plan.kind.splits
-        depths = self.plan.max_depth + 1 if tree else 1
+        depths, capacity = 1, CAPACITY
+        if self.plan.kind.splits:
+            depths = self.plan.max_depth + 1
+            capacity = REGION * depths
+        elif self.plan.several:
+            capacity = KEPT + CAPACITY
         bsdfs = self.kernel_scene.bsdfs
         return make_workspace(
-            ray_capacity=REGION * depths if tree else CAPACITY,
+            ray_capacity=capacity,
             channels=channels,
             depths=depths,
             kinds=len(bsdfs.methods),

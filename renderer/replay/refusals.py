@@ -6,6 +6,8 @@ from renderer.errors import NotReplayable
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 from renderer.scene_file.description import Integrator
 
+MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
+
 
 def check_replay(asked: Integrator, method: str, extended: bool) -> None:
     """Refuse what Mitsuba's order of random numbers does not let us follow.
@@ -40,9 +42,15 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
             "order of the tree; possible are path, direct, and whitted with point, spot "
             "and directional lights"
         )
-    if method == "direct" and (asked.bsdf_samples > 1 or asked.emitter_samples > 1):
+    most = max(asked.emitter_samples, asked.bsdf_samples)
+    if method == "direct" and most > MOST_SAMPLES:
         raise NotReplayable(
             f"sampler 'mitsuba': direct with {asked.emitter_samples} emitter_samples and "
-            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are 1, and "
-            "0 or 1"
+            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are up to "
+            f"{MOST_SAMPLES}, whose numbers are drawn ahead"
+        )
+    if asked.stands_for:
+        raise NotReplayable(
+            f"sampler 'mitsuba': {asked.stands_for}, which is rendered by path here, draws "
+            "in another order; its pictures agree in the mean"
         )

@@ -9,14 +9,15 @@ import numpy as np
 
 from renderer.jit import pack
 from renderer.kinds.sampling.source import Sampling
+from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.replay.numbers.numbers import (
-    ROWS,
     Replay,
     begin_bounce,
     choose_light,
     draw,
     draw_aperture,
     draw_film,
+    rows_of,
 )
 from renderer.replay.numbers.pixel_seeds import pixel_seeds
 from renderer.replay.numbers.sequences import make_sequence
@@ -24,7 +25,7 @@ from renderer.replay.rounding.camera import replay_camera, round_camera_rays
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.replay.rounding.hit_points import round_surface_points
 from renderer.replay.rounding.mesh_lights import triangle_shares
-from renderer.replay.rounding.new_rays import ScatteringBsdfs, round_rays
+from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
 from renderer.replay.rounding.surfaces import rounding_of
 from renderer.replay.rounding.triangle_arithmetic import face_normals, triangle_tangents
 from renderer.scene.materials import kind_of, sides
@@ -52,22 +53,28 @@ class Replayed:
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
-        film = scene.description.camera.film
-        seeds = np.zeros((film.height, film.width), np.uint32)
-        rows = slice(film.crop_offset_y, film.crop_offset_y + film.crop_height)
-        columns = slice(film.crop_offset_x, film.crop_offset_x + film.crop_width)
-        seeds[rows, columns] = pixel_seeds(film.crop_width, film.crop_height, seed)
+        camera = scene.description.camera
+        shutter = 2 if kind_of_sensor(camera).has_aperture else 1
+        film, beyond = camera.film, 2 * camera.film.border
+        width, height = film.crop_width + beyond, film.crop_height + beyond
+        seeds = np.zeros((film.height + beyond, film.width + beyond), np.uint32)
+        rows = slice(film.crop_offset_y, film.crop_offset_y + height)
+        columns = slice(film.crop_offset_x, film.crop_offset_x + width)
+        seeds[rows, columns] = pixel_seeds(width, height, seed)
         shown = [sides(shape.bsdf) for shape in scene.description.every_shape]
         smooth = [
             any(side is not None and kind_of(side).smooth for side in both)
             for both in shown
         ]
+        samples = max(plan.light_samples, plan.bsdf_samples)
         record = Replay(
             make_sequence(seeds.ravel(), plan.sampler),
-            np.zeros((ROWS, seeds.size), np.float32),
+            np.zeros((rows_of(samples), seeds.size), np.float32),
             np.array(smooth or [False], np.int32),
-            int(plan.bsdf_samples > 0),
+            plan.light_samples,
+            plan.bsdf_samples,
             int(plan.method == "direct"),
+            shutter if camera.shutter_time > 0.0 else 0,
         )
         return Sampling(
             pack(record), draw_film, draw, choose_light, draw_aperture, begin_bounce
@@ -90,13 +97,7 @@ class Replayed:
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Round camera rays, surface points and scattered rays."""
-        bsdfs = scene.materials.bsdfs
-        scattering = ScatteringBsdfs(
-            np.array([kind_of(b).transmits for b in bsdfs] or [False], np.int32),
-            np.array(
-                [b.eta if kind_of(b).transmits else 1.0 for b in bsdfs] or [1.0], np.float32
-            ),
-        )
+        scattering = scattering_bsdfs(scene.materials.bsdfs)
         camera = replay_camera(scene.description.camera, self._measured_camera)
         return [
             (round_camera_rays, camera),

@@ -12,9 +12,15 @@ from numpy.typing import NDArray
 from renderer.kinds.lights.area import AreaLights
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
+from renderer.kinds.lights.texel_choice import uv_choice
+from renderer.kinds.lights.textured_area import TexturedAreas
+from renderer.kinds.lights.textures import LightTextures, light_textures
 from renderer.kinds.shapes.registry import SHAPES
 from renderer.kinds.shapes.triangle import TriangleLights
+from renderer.kinds.shapes.uv_chart import uv_chart
+from renderer.kinds.textures.registry import kind_of_texture
 from renderer.scene.light_order import light_order
+from renderer.scene.materials import table_of
 from renderer.scene.scene import Scene
 
 # (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
@@ -28,7 +34,6 @@ class LightTables:
     count: int
     kind: NDArray[np.int32]  # (count,) place in `tables`, by light id
     tables: list[Any]  # records, columns by light id
-    plugins: list[str]  # of each table
 
 
 def light_tables(
@@ -53,33 +58,63 @@ def light_tables(
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
     kind = np.zeros(max(count, 1), np.int32)
     tables: list[Any] = []
-    plugins: list[str] = []
 
-    def add(plugin: str, ids: Iterable[int], table: Any) -> None:
+    def add(ids: Iterable[int], table: Any) -> None:
         kind[list(ids)] = len(tables)
         tables.append(table)
-        plugins.append(plugin)
 
     for plugin in LIGHTS.values():
         mine = {i: e for i, e in others.items() if plugin_of(e) is plugin}
-        if mine:
-            add(plugin.name, mine, plugin.table(count, mine, beyond))
-    primitives = _primitives_of_lights(scene, shining)
-    for shapes, of_kind in scene.surfaces.items():
+        for lights, textures in _by_texture(count, scene, mine, plugin.texture):
+            further = (textures,) if plugin.texture else ()
+            assert plugin.table is not None
+            add(lights, plugin.table(count, lights, beyond, *further))
+    primitives = _primitives_ids(scene, shining)
+    shapes = scene.description.shapes
+    for kind_of_shape, of_kind in scene.surfaces.items():
         lamps = {
-            light: ids
+            light: shapes[shining[light]]
             for light, ids in primitives.items()
             if of_kind.first <= ids[0] < of_kind.end
         }
-        if lamps:
-            args = (count, scene, shapes, surfaces[shapes], shining, lamps, mesh_choice)
-            add("area", lamps, _areas(*args))
-    return LightTables(count, kind, tables, plugins)
+        for lights, textures in _by_texture(count, scene, lamps, "radiance"):
+            ids = {light: primitives[light] for light in lights}
+            args = (
+                count,
+                scene,
+                kind_of_shape,
+                surfaces[kind_of_shape],
+                shining,
+                ids,
+            )
+            if textures is None:
+                add(lights, _areas(*args, mesh_choice))
+            else:
+                add(lights, _textured_areas(*args, textures))
+    return LightTables(count, kind, tables)
 
 
-def _primitives_of_lights(
-    scene: Scene, shining: dict[int, int]
-) -> dict[int, NDArray[np.int32]]:
+def _by_texture(
+    count: int, scene: Scene, lights: dict[int, Any], name: str
+) -> list[tuple[dict[int, Any], LightTextures | None]]:
+    """Return the lights in groups whose textures `name` can be in one table."""
+    groups: dict[Any, dict[int, Any]] = {}
+    for light, described in lights.items():
+        texture = getattr(described, name, None)
+        of = None if kind_of_texture(texture) is None else table_of(texture)
+        groups.setdefault(of, {})[light] = described
+    packed: list[tuple[dict[int, Any], LightTextures | None]] = []
+    for of, mine in groups.items():
+        textures = {
+            light: getattr(described, name, None) for light, described in mine.items()
+        }
+        packed.append(
+            (mine, None if of is None else light_textures(count, of[0], textures, scene))
+        )
+    return packed
+
+
+def _primitives_ids(scene: Scene, shining: dict[int, int]) -> dict[int, NDArray[np.int32]]:
     """Return the primitive ids of each area light; `shining` has their shapes."""
     by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
     ends = np.searchsorted(
@@ -118,6 +153,30 @@ def _areas(
         mesh_choice(count, scene.surfaces[kind], by_primitive)
         if kind == "triangles"
         else None,
+    )
+
+
+def _textured_areas(
+    count: int,
+    scene: Scene,
+    kind: str,
+    surfaces: Any,
+    shining: dict[int, int],
+    lights: dict[int, NDArray[np.int32]],
+    textures: LightTextures,
+) -> TexturedAreas:
+    """Return the area lights with textures on one kind of shape."""
+    shapes = scene.description.shapes
+    prims = np.zeros(count, np.int32)
+    for light, ids in lights.items():
+        prims[light] = ids[0]
+    return TexturedAreas(
+        textures,
+        uv_choice(count, {i: shapes[shining[i]].radiance for i in lights}),
+        prims,
+        number_column(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
+        surfaces,
+        uv_chart(count, surfaces, lights) if kind == "triangles" else None,
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import operator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,52 +11,80 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.kind import BsdfKind
+from renderer.kinds.bsdfs.kind import BsdfKind, Rows
+from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.bsdfs.registry import kind_of as kind_of
+from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
-from renderer.kinds.textures.registry import TEXTURES
-from renderer.records.kernel_scene import ANY, EMIT, FIRST_BSDF, MOST_BSDF_KINDS
+from renderer.kinds.textures.registry import kind_of_texture, mean_of
+from renderer.kinds.textures.uniform import UNIFORM
+from renderer.records.kernel_scene import (
+    ANY,
+    EMIT,
+    FIRST_BSDF,
+    LOOK_UP_COLOR,
+    LOOK_UP_SCALAR,
+    MOST_BSDF_KINDS,
+)
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
+    CheckerboardTexture,
     ConstantTexture,
     SceneDescription,
     Shape,
     TwoSided,
 )
 
-
-def kind_of(bsdf: Any) -> BsdfKind:
-    """Return the kind of a BSDF of the description."""
-    return BSDFS[bsdf.plugin]
+Kind = BsdfKind | Structure
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
-    """Return what a shape shows on the side of its normal and behind; None is black."""
+    """Return what a shape shows on the side of its normal and behind; None is black.
+
+    A nesting tells the sides apart by itself.
+    """
     if isinstance(bsdf, TwoSided):
-        return bsdf.front, bsdf.back
-    return bsdf, bsdf if kind_of(bsdf).transmits else None
+        both = bsdf.front, bsdf.back
+        nested = any(isinstance(kind_of(side), Structure) for side in both)
+        return (bsdf, bsdf) if nested else both
+    kind = kind_of(bsdf)
+    return bsdf, bsdf if kind.transmits or isinstance(kind, Structure) else None
+
+
+def value_of(bsdf: Any, name: str) -> Any:
+    """Return a parameter by its name in the kind's layout."""
+    return operator.attrgetter(name)(bsdf)
 
 
 def is_textured(value: Any) -> bool:
     """Return whether a parameter differs from point to point."""
-    return texture_kind_of(value) is not None
+    return kind_of_texture(value) not in (None, UNIFORM)
 
 
-def texture_kind_of(value: Any) -> TextureKind | None:
-    """Return the kind of texture that gives a parameter, None for a constant."""
-    for kind in TEXTURES.values():
-        if isinstance(value, kind.description):
-            return kind
-    return None
+def leaves(texture: Any) -> Iterator[Any]:
+    """Yield the textures that are looked up where this one gives a parameter."""
+    nested = children(texture) if isinstance(texture, CheckerboardTexture) else None
+    for part in nested or ():
+        yield from leaves(part)
+    if nested is None:
+        yield texture
+
+
+def table_of(texture: Any) -> tuple[TextureKind, Any]:
+    """Return the kind of a texture, and what tells its table from others of the kind."""
+    kind = kind_of_texture(texture)
+    assert kind is not None
+    return kind, kind.group(texture)
 
 
 def constant_of(value: Any, rows: int) -> Any:
     """Return a parameter as so many numbers; 0 where a texture gives it."""
-    if isinstance(value, ConstantTexture):
-        value = value.rgb if rows == 3 else value.rgb[0]
     if is_textured(value):
         return np.zeros(rows)
+    if isinstance(value, ConstantTexture):
+        value = value.rgb if rows == 3 else mean_of(value)
     return np.broadcast_to(np.asarray(value, np.float64), rows)
 
 
@@ -67,6 +96,7 @@ class MaterialTables:
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    loaded: list[Kind] = field(default_factory=list)  # the kind of each as it was built
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
@@ -87,6 +117,7 @@ class MaterialTables:
             ahead, behind = sides(shape.bsdf)
             front.append(number(ahead))
             back.append(number(behind))
+        tables.loaded = [kind_of(bsdf) for bsdf in tables.bsdfs]
         tables.front = np.array(front or [-1], np.int32)
         tables.back = np.array(back or [-1], np.int32)
         tables.light = np.full(max(len(front), 1), -1, np.int32)
@@ -94,10 +125,24 @@ class MaterialTables:
         return tables
 
     @property
-    def kinds(self) -> list[BsdfKind]:
-        """The kinds present: those with smooth lobes first, else as they are registered."""
-        present = {kind_of(bsdf).name for bsdf in self.bsdfs}
-        listed = [kind for name, kind in BSDFS.items() if name in present]
+    def kinds(self) -> list[Kind]:
+        """The kinds present: those with smooth lobes first, else as they are registered.
+
+        After these come nestings, each structure a kind.
+        """
+        found = [kind_of(bsdf) for bsdf in self.bsdfs]
+        for kind, loaded in zip(found, self.loaded, strict=True):
+            if kind != loaded:  # stages and parameters would be those of the old one
+                raise SceneError(
+                    f"BSDF {kind.name!r} was registered anew after the scene was loaded; "
+                    "load it again"
+                )
+        present = {kind.name: kind for kind in found}
+        known = list(BSDFS)
+        listed = sorted(
+            present.values(),
+            key=lambda k: (known.index(k.name) if k.name in known else len(known), k.name),
+        )
         return sorted(listed, key=lambda kind: not kind.smooth)
 
     @property
@@ -113,18 +158,17 @@ class MaterialTables:
     @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
-        kinds = [kind for kind in self.kinds if kind.reflection is not None]
-        return any(kind.smooth or kind.transmission is not None for kind in kinds)
+        return any(kind.chooses for kind in self.kinds)
 
     @property
     def oriented(self) -> bool:
-        """Whether any BSDF looks at dp/du."""
+        """Whether any BSDF has a direction along the surface, which is that of dp/du."""
         return any(kind.oriented for kind in self.kinds)
 
     @property
     def textured(self) -> bool:
         """Whether any BSDF looks at uv."""
-        return any(is_textured(value) for _, value in self._parameters())
+        return any(is_textured(value) for value in self._parameters())
 
     def stages(self, shapes: Sequence[Shape]) -> NDArray[np.int32]:
         """Return the bits of what a hit on each shape needs next."""
@@ -141,17 +185,27 @@ class MaterialTables:
             rows.append(bits | sum(bit[name] for name in shown))
         return np.array(rows or [0], np.int32)
 
-    def _parameters(self) -> list[tuple[Any, Any]]:
-        """Return (BSDF, value) of all parameters that each point has."""
-        return [
-            (bsdf, getattr(bsdf, name))
-            for bsdf in self.bsdfs
-            for name, _, _ in kind_of(bsdf).layout()
-        ]
+    def parameters_of(self, bsdf: Any) -> list[tuple[Any, int]]:
+        """Return (value, rows) of all parameters that points on a BSDF have."""
+        return [(value_of(bsdf, name), rows) for name, _, rows in kind_of(bsdf).layout()]
+
+    def _parameters(self) -> list[Any]:
+        return [value for b in self.bsdfs for value, _ in self.parameters_of(b)]
 
     def textures(self) -> list[Any]:
         """Return the distinct textures; their places are the texture ids."""
-        found = {id(v): v for _, v in self._parameters() if is_textured(v)}
+        found: dict[int, Any] = {}
+
+        def collect(texture: Any) -> None:
+            if id(texture) not in found:
+                found[id(texture)] = texture
+                if isinstance(texture, CheckerboardTexture):
+                    for part in children(texture) or ():
+                        collect(part)
+
+        for value in self._parameters():
+            if is_textured(value):
+                collect(value)
         return list(found.values())
 
     def values(self) -> NDArray[np.float32]:
@@ -160,17 +214,25 @@ class MaterialTables:
         table = np.zeros((max(rows, 1), max(len(self.bsdfs), 1)), np.float32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, count in kind_of(bsdf).layout():
-                table[first : first + count, k] = constant_of(getattr(bsdf, name), count)
+                table[first : first + count, k] = constant_of(value_of(bsdf, name), count)
         return table
 
-    def tables_of(self, kind: BsdfKind) -> dict[str, NDArray[np.float32]]:
-        """Return the tables of a kind by their names, (BSDFs, entries)."""
+    def tables_of(self, kind: Kind) -> dict[str, Rows]:
+        """Return the tables of a kind by their names; what BSDFs share is there once."""
         tables = {}
         for name in kind.tables:
-            rows = [getattr(b, name) if kind_of(b) is kind else None for b in self.bsdfs]
-            entries = max(len(row) for row in rows if row is not None)
-            rows = [np.zeros(entries) if row is None else row for row in rows]
-            tables[name] = np.array(rows, np.float32)
+            parts: list[NDArray[np.float32]] = []
+            at, end = {}, 0
+            first = np.zeros((1, len(self.bsdfs)), np.int32)
+            for k, bsdf in enumerate(self.bsdfs):
+                if kind_of(bsdf) != kind:
+                    continue
+                entries = value_of(bsdf, name)
+                if id(entries) not in at:
+                    at[id(entries)], end = end, end + len(entries)
+                    parts.append(np.asarray(entries, np.float32))
+                first[0, k] = at[id(entries)]
+            tables[name] = Rows(np.concatenate(parts)[None], first)
         return tables
 
     def texture_ids(self) -> NDArray[np.int32]:
@@ -179,21 +241,22 @@ class MaterialTables:
         table = np.full(self.values().shape, -1, np.int32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, _ in kind_of(bsdf).layout():
-                table[first, k] = ids.get(id(getattr(bsdf, name)), -1)
+                table[first, k] = ids.get(id(value_of(bsdf, name)), -1)
         return table
 
     def look_ups(
-        self, kinds: Sequence[BsdfKind | None], texture_kinds: Sequence[TextureKind]
+        self, kinds: Sequence[Kind | None], tables: Sequence[tuple[TextureKind, Any]]
     ) -> NDArray[np.int64]:
-        """Return (kind of BSDF, kind of texture, first row, rows) of all that is textured.
+        """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 
         None in place of a kind: nobody needs its parameters.
         """
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):
             for name, first, count in kind.layout() if kind else ():
-                for bsdf in (b for b in self.bsdfs if kind_of(b) is kind):
-                    of = texture_kind_of(getattr(bsdf, name))
-                    if of in texture_kinds:
-                        rows[k, texture_kinds.index(of), first, count] = None
+                request = LOOK_UP_COLOR if count == 3 else LOOK_UP_SCALAR
+                values = [value_of(b, name) for b in self.bsdfs if kind_of(b) == kind]
+                for texture in (v for v in values if is_textured(v)):
+                    for leaf in leaves(texture):
+                        rows[k, tables.index(table_of(leaf)), first, request] = None
         return np.array(sorted(rows), np.int64).reshape(-1, 4)

@@ -23,6 +23,7 @@ from renderer.records.kernel_scene import (
     Placements,
     Shapes,
 )
+from renderer.scene.attributes import check_attributes
 from renderer.scene.materials import MaterialTables
 from renderer.scene.placed_groups import (
     check_placements,
@@ -117,9 +118,10 @@ def _build_scene(description: SceneDescription) -> Scene:
         for kind in SHAPES
     }
     materials = MaterialTables.of(description)
+    group_of = _groups_of_shapes(description)
+    check_attributes(every_shape, materials, group_of)
     surfaces: dict[str, Any] = {}
     starts: dict[str, NDArray[np.int64]] = {}
-    group_of = _groups_of_shapes(description)
     shape_ids, faces = [], []
     first = 0
     for kind, entries in members.items():

@@ -7,13 +7,17 @@ act on column vectors; colours are linear sRGB; angles are degrees, as in the fi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
-from typing import ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from renderer.scene_file.images.image import Image
 
 Rgb = tuple[float, float, float]
 
@@ -43,26 +47,45 @@ class ConstantTexture:
     rgb: Rgb
 
 
+WHITE = ConstantTexture((1.0, 1.0, 1.0))
+
+
 @dataclass(frozen=True, eq=False)
 class BitmapTexture:
-    """An image over (u, v); row 0 of `pixels`, the last of the file, is v near 1."""
+    """An image over (u, v); row 0 of `texels`, the last of the file, is v near 1."""
 
-    pixels: NDArray[np.float32]  # (H, W, 3), linear, already out of sRGB unless `raw`
-    filter_type: Literal["bilinear", "nearest"] = "bilinear"
-    wrap_mode: Literal["repeat", "mirror", "clamp"] = "repeat"
+    texels: NDArray[Any]  # (H, W, 1 or 3), finite, uint8, float16 or float32
+    filter_type: str = "bilinear"  # or "nearest"
+    wrap_mode: str = "repeat"  # or "mirror", "clamp"
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))  # on (u, v, 1)
+    srgb: bool = False  # whether bytes are encoded; the other types are linear
+
+    @cached_property
+    def pixels(self) -> NDArray[np.float32]:
+        """Linear RGB, (H, W, 3)."""
+        return Image(self.texels, self.srgb).linear
 
 
 @dataclass(frozen=True, eq=False)
 class CheckerboardTexture:
     """Two colours in a 2 x 2 pattern per unit square of the transformed (u, v)."""
 
-    color0: Rgb = (0.4, 0.4, 0.4)
-    color1: Rgb = (0.2, 0.2, 0.2)
+    color0: Texture = ConstantTexture((0.4, 0.4, 0.4))
+    color1: Texture = ConstantTexture((0.2, 0.2, 0.2))
     to_uv: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
 
-Texture = ConstantTexture | BitmapTexture | CheckerboardTexture
+@dataclass(frozen=True, eq=False)
+class MeshAttributeTexture:
+    """What a mesh has at its vertices ("vertex_..."), or for each face ("face_...")."""
+
+    name: str
+    scale: float = 1.0
+    location: Location = NOWHERE
+
+
+Texture = ConstantTexture | BitmapTexture | CheckerboardTexture | MeshAttributeTexture
+Radiance = Rgb | BitmapTexture | CheckerboardTexture  # of a surface that shines
 
 
 # ------------------------------------------------------------------- BSDFs
@@ -82,8 +105,8 @@ class Dielectric:
 
     plugin: ClassVar[str] = "dielectric"
     eta: float = 1.5046 / 1.000277
-    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
-    specular_transmittance: Rgb = (1.0, 1.0, 1.0)
+    specular_reflectance: Texture = WHITE
+    specular_transmittance: Texture = WHITE
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +114,9 @@ class Conductor:
     """Smooth metal, one-sided; `material` "none" is eta 0, k 1: reflects everything."""
 
     plugin: ClassVar[str] = "conductor"
-    eta: Rgb
-    k: Rgb
-    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
+    eta: Texture
+    k: Texture
+    specular_reflectance: Texture = WHITE
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +135,73 @@ class OtherBsdf:
 
 
 @dataclass(frozen=True, eq=False)
+class ThinDielectric:
+    """A pane of glass, both of its surfaces; `eta` as of `Dielectric`."""
+
+    plugin: ClassVar[str] = "thindielectric"
+    eta: float = 1.5046 / 1.000277
+    specular_reflectance: Rgb = (1.0, 1.0, 1.0)
+    specular_transmittance: Rgb = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Null:
+    """Nothing: light goes straight on."""
+
+    plugin: ClassVar[str] = "null"
+
+
+@dataclass(frozen=True, eq=False)
 class TwoSided:
-    """One reflecting BSDF for each side; given once in the file, it serves both."""
+    """One BSDF for each side that lets no light through; given once, it serves both."""
 
-    front: Diffuse | Conductor | OtherBsdf
-    back: Diffuse | Conductor | OtherBsdf
+    plugin: ClassVar[str] = "twosided"
+    front: Bsdf
+    back: Bsdf
 
 
-Bsdf = Diffuse | Dielectric | Conductor | OtherBsdf | TwoSided
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """A BSDF with holes: the share `opacity` of the light meets it, the rest goes on."""
+
+    plugin: ClassVar[str] = "mask"
+    opacity: Texture
+    nested: Bsdf
+
+
+@dataclass(frozen=True, eq=False)
+class Blend:
+    """Two BSDFs; `weight` is the share of the second."""
+
+    plugin: ClassVar[str] = "blendbsdf"
+    weight: Texture
+    first: Bsdf
+    second: Bsdf
+
+
+@dataclass(frozen=True, eq=False)
+class NormalMap:
+    """A BSDF that is turned to other normals, given as (1 + n) / 2 in the local frame."""
+
+    plugin: ClassVar[str] = "normalmap"
+    normalmap: Texture
+    flip_invalid_normals: bool
+    use_shadowing_function: bool
+    nested: Bsdf
+
+
+Bsdf = (
+    Diffuse
+    | Dielectric
+    | ThinDielectric
+    | Conductor
+    | Null
+    | OtherBsdf
+    | TwoSided
+    | Mask
+    | Blend
+    | NormalMap
+)
 
 
 # ------------------------------------------------------------------ shapes
@@ -139,7 +221,7 @@ class Shape:
     """What all shapes share."""
 
     bsdf: Bsdf
-    radiance: Rgb | None = None  # of an area emitter on it, on the side of the normal
+    radiance: Radiance | None = None  # of an area emitter, on the side of the normal
     id: str = ""
     location: Location = NOWHERE
 
@@ -154,6 +236,8 @@ class Mesh(Shape):
     uvs: NDArray[np.float32] | None = None  # (V, 2)
     face_ids: NDArray[np.int32] | None = None  # (F,) index in the file; None: 0..F-1
     flip_normals: bool = False  # the geometric normal is -(e1 x e2)
+    # "vertex_..." (V, size) and "face_..." (F, size), finite
+    attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -240,6 +324,7 @@ class SpotLight:
     intensity: Rgb
     cutoff_angle: float = 20.0  # [deg], half angle
     beam_width: float = 15.0  # [deg], half angle; Mitsuba's default is 3/4 of the cutoff
+    texture: Texture | None = None  # over the square around the cone, times the intensity
 
 
 @dataclass(frozen=True)
@@ -257,7 +342,39 @@ class ConstantLight:
     radiance: Rgb
 
 
-Emitter = PointLight | SpotLight | DirectionalLight | ConstantLight
+@dataclass(frozen=True, eq=False)
+class Projector:
+    """A slide at the origin's z = 1, thrown along local +z; local +x is its left."""
+
+    plugin: ClassVar[str] = "projector"
+    to_world: NDArray[np.float64]  # (4, 4), without scale
+    irradiance: Texture  # of the slide
+    scale: float
+    fov_x: float  # [deg] across the slide's width
+    aspect: float  # width over height
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentMap:
+    """Radiance by direction: row 0 is local +y, column (0.5 + i) W shows local +z."""
+
+    plugin: ClassVar[str] = "envmap"
+    pixels: NDArray[np.float32]  # (H, W, 3) linear, from the top; at least 3 x 2
+    scale: float
+    to_world: NDArray[np.float64]  # (4, 4), a rotation or mirroring
+    mis_compensation: bool = False  # sample only what is above the mean
+
+
+@dataclass(frozen=True, eq=False)
+class AreaLight:
+    """What shines on the surface of a shape; stands there as its `radiance`."""
+
+    radiance: Radiance
+
+
+Emitter = (
+    PointLight | SpotLight | DirectionalLight | ConstantLight | EnvironmentMap | Projector
+)
 
 
 # ----------------------------------------------- sensor, film, integrator
@@ -285,6 +402,17 @@ class Film:
     crop_width: int = 768
     crop_height: int = 576
     rfilter: ReconstructionFilter = ReconstructionFilter()
+    sample_border: bool = False  # samples lie beyond the window too, see `border`
+
+    @property
+    def border(self) -> int:
+        """How many pixels beyond the crop window, on each side, samples are taken.
+
+        As many as the filter reaches over; Mitsuba takes its `RayEpsilon` twice off.
+        """
+        if not self.sample_border:
+            return 0
+        return math.ceil(self.rfilter.radius - 0.5 - 2.0 * 1500.0 * 2.0**-24)
 
 
 @dataclass(frozen=True)
@@ -305,6 +433,7 @@ class Sensor:
     to_world: NDArray[np.float64]  # (4, 4)
     near_clip: float = 0.01
     far_clip: float = 1e4
+    shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
     film: Film = Film()
     sampler: Sampler = Sampler()
 
@@ -344,6 +473,19 @@ AOV_KINDS = (
 
 
 @dataclass(frozen=True)
+class Moments:
+    """First and second moments of samples beside the picture, as `moment` names them.
+
+    X, Y and Z of the colours under `name`, and the means of their squares under `m2_` and
+    that name; in front of both stands `within`.
+    """
+
+    name: str  # of the integrator inside of `moment`
+    within: str = ""  # "NAME.": an `aov` around, whose child NAME is
+    colors: str = ""  # an `aov` inside, whose child this is: R, G and B under `name.colors`
+
+
+@dataclass(frozen=True)
 class Integrator:
     """`direct`, `whitted`, `path`, `depth` or `aov`; each uses the fields it needs."""
 
@@ -358,6 +500,9 @@ class Integrator:
     block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
     one_pass: bool = True  # false where the file gives samples_per_pass
     nested: Integrator | None = None  # aov: the integrator whose colours come first
+    moments: Moments | None = None  # `moment` stands around it
+    stands_for: str = ""  # the plugin of the file, where another name is as good here
+    refusal: str = ""  # why it cannot be rendered, "": it can; any other integrator can
 
 
 @dataclass(frozen=True, eq=False)

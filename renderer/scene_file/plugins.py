@@ -14,24 +14,25 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),
     "sampler": ("independent", "stratified", "multijitter", "orthogonal", "ldsampler"),
     "shape": ("shapegroup", "instance"),
-    "bsdf": ("twosided",),
-    "texture": ("bitmap", "checkerboard", "uniform", "srgb", "d65"),
-    "emitter": ("area",),
+    "bsdf": (),
+    "texture": ("srgb", "d65", "regular", "irregular", "blackbody"),
+    "emitter": (),
 }  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.
-_UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
-TAGS = (*_SUPPORTED, *_UNSUPPORTED_TAGS, "spectrum")
+UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
+TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 
 
 # Kinds that are read by what their own files say. They are loaded by name when a scene is
 # read, as any plugin is: they import this package, and hold kernels, so that whoever reads
 # no scene does not wait for Numba.
 _REGISTRIES = {
-    "bsdf": ("renderer.kinds.bsdfs.registry", "BSDFS"),
+    "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
     "sensor": ("renderer.kinds.sensors.registry", "SENSORS"),
     "shape": ("renderer.kinds.shapes.registry", "PLUGINS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
+    "texture": ("renderer.kinds.textures.registry", "TEXTURES"),
 }
 
 
@@ -50,6 +51,11 @@ def registered_kinds(tag: str) -> Mapping[str, Any]:
 def supported_plugins(tag: str) -> tuple[str, ...]:
     """Return the plugins of a tag; none for a tag that is not supported."""
     return (*registered_kinds(tag), *_SUPPORTED.get(tag, ()))
+
+
+def varying_textures() -> set[str]:
+    """Return the textures that differ from point to point."""
+    return set(registered_kinds("texture")) - {"uniform"}
 
 
 def tag_of_plugin(plugin: str) -> str | None:

@@ -17,7 +17,7 @@ from renderer.errors import SceneError
 from renderer.scene_file import transforms
 from renderer.scene_file.document.tree import UNNAMED, Element, Property, Vector
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.plugins import supported_plugins, supported_tags
+from renderer.scene_file.plugins import UNSUPPORTED_TAGS, supported_plugins, supported_tags
 from renderer.scene_file.reading import Reading
 
 
@@ -187,6 +187,12 @@ class Properties:
             Naming the first unknown property and those that the plugin has.
         """
         for name, property_ in self._left.items():
+            value = property_.value
+            if isinstance(value, Element) and value.tag in UNSUPPORTED_TAGS:
+                raise SceneError(
+                    f"{property_.location}: {self.element} refers to {value}; this "
+                    f"renderer has no {value.tag}"
+                )
             shown = (
                 f"<{property_.kind}>" if name.startswith(UNNAMED) else f'property "{name}"'
             )

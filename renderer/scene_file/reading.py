@@ -22,6 +22,8 @@ class Reading:
     folders: list[Path]  # searched in this order
     warnings: list[str] = field(default_factory=list)
     files: dict[str, None] = field(default_factory=dict)  # an ordered set
+    # the shape that an emitter is in, by the id() of the emitter's element
+    owners: dict[int, Element] = field(default_factory=dict)
     _built: dict[int, tuple[Element, Any]] = field(default_factory=dict)
 
     def find_file(self, name: str, location: Location, what: str) -> Path:

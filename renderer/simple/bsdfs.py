@@ -40,17 +40,18 @@ def sample_bsdf(hit: Hit, x: float, y: float, choice: float) -> BsdfSample | Non
             wi = a * s + b * t + cosine * hit.normal
             return BsdfSample(wi, albedo(bsdf, hit), cosine / np.pi) if cosine else None
         case Conductor() as bsdf:
-            index = np.array(bsdf.eta) + 1j * np.array(bsdf.k)
-            tint = np.array(bsdf.specular_reflectance)
+            index = eval_texture(bsdf.eta, *hit.uv) + 1j * eval_texture(bsdf.k, *hit.uv)
+            tint = eval_texture(bsdf.specular_reflectance, *hit.uv)
             weight = tint * fresnel(float(hit.wo @ hit.normal), index)
             return BsdfSample(reflect(hit.wo, hit.normal), weight, 0.0)
         case Dielectric() as bsdf:
             eta = bsdf.eta if hit.front else 1.0 / bsdf.eta
             if choice < fresnel(float(hit.wo @ hit.normal), eta):
                 wi = reflect(hit.wo, hit.normal)
-                return BsdfSample(wi, np.array(bsdf.specular_reflectance), 0.0)
+                tint = eval_texture(bsdf.specular_reflectance, *hit.uv)
+                return BsdfSample(wi, tint, 0.0)
             # radiance thins out by eta^2 where its rays spread [Veach1997, 5.2]
-            weight = np.array(bsdf.specular_transmittance) / eta**2
+            weight = eval_texture(bsdf.specular_transmittance, *hit.uv) / eta**2
             return BsdfSample(refract(hit.wo, hit.normal, eta), weight, 0.0, eta)
         case _:
             return None

@@ -24,6 +24,7 @@ from renderer.simple.vectors import Vector, normalize, orthonormal_basis
 from renderer.simple.warps import square_to_sphere
 
 Light = Emitter | Surface
+EMITTERS = (PointLight, SpotLight, DirectionalLight, ConstantLight)
 SPHERE_PDF = 1.0 / (4.0 * math.pi)
 
 
@@ -54,8 +55,9 @@ def sample_light(light: Light, p: Vector, x: float, y: float, z: float) -> Light
             wi = np.array(square_to_sphere(x, y))
             radiance = np.array(light.radiance) / SPHERE_PDF
             return LightSample(wi, math.inf, radiance, SPHERE_PDF)
-        case _:
+        case Surface():
             return _sample_surface(light, p, x, y, z)
+    raise TypeError(f"no formula for {light}")
 
 
 def _towards(to_light: Vector, intensity: Vector) -> LightSample:

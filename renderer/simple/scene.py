@@ -6,12 +6,14 @@ from renderer.errors import SceneError
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
+    Conductor,
     ConstantLight,
-    OtherBsdf,
+    Dielectric,
+    Diffuse,
     SceneDescription,
     TwoSided,
 )
-from renderer.simple.lights import Light
+from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.unit_shapes import UNIT_SHAPES
 from renderer.simple.vectors import Vector
@@ -57,7 +59,16 @@ def _check(description: SceneDescription) -> None:
     for shape in description.shapes:
         covered[f"shape {type(shape).__name__.lower()!r}"] = type(shape) in UNIT_SHAPES
     for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
-        covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = not isinstance(bsdf, OtherBsdf)
+        covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = isinstance(
+            bsdf, Diffuse | Conductor | Dielectric
+        )
+    covered["textures on lights; possible is one colour"] = not any(
+        shape.radiance is not None and not isinstance(shape.radiance, tuple)
+        for shape in description.shapes
+    ) and all(getattr(e, "texture", None) is None for e in description.emitters)
+    for emitter in description.emitters:
+        possible = isinstance(emitter, EMITTERS)
+        covered[f"emitter {getattr(emitter, 'plugin', '')!r}"] = possible
     for what, possible in covered.items():
         if not possible:
             raise SceneError(f"{description.source}: the simple path tracer has no {what}")

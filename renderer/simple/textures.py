@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.scene_file.description import (
     BitmapTexture,
     CheckerboardTexture,
     ConstantTexture,
+    MeshAttributeTexture,
     Texture,
 )
 from renderer.simple.vectors import Vector
@@ -21,7 +23,11 @@ def eval_texture(texture: Texture, u: float, v: float) -> Vector:
         case CheckerboardTexture():
             s, t, _ = texture.to_uv @ (u, v, 1.0)
             same = (s % 1.0 > 0.5) == (t % 1.0 > 0.5)
-            return np.array(texture.color0 if same else texture.color1)
+            return eval_texture(texture.color0 if same else texture.color1, u, v)
+        case MeshAttributeTexture():
+            raise SceneError(
+                f"{texture.location}: the simple path tracer has no texture mesh_attribute"
+            )
         case BitmapTexture():
             s, t, _ = texture.to_uv @ (u, v, 1.0)
             return _bitmap(texture, s, t)

@@ -25,6 +25,9 @@ class FilterTable(NamedTuple):
 
     radius: float  # [pixels]
     weights: NDArray[np.float64]  # (steps + 1,) at the lower ends of equal parts
+    # (m, n) sums of the first n channels whose squares are the m channels behind these:
+    # second moments; None: there are none
+    squares: NDArray[np.float32] | None = None
 
 
 BOX = FilterTable(0.0, np.zeros(0))
@@ -49,6 +52,20 @@ def tile_sums(channels: int, border: int) -> NDArray[np.float64]:
 
 
 @kernel
+def square_sums(squares, radiance):
+    """Write the squares of sums of the first channels to the channels behind them."""
+    if squares is None:
+        return
+    rows, columns = squares.shape
+    for slot in range(CAPACITY):
+        for row in range(rows):
+            value = np.float32(0.0)
+            for column in range(columns):
+                value += squares[row, column] * radiance[column, slot]
+            radiance[columns + row, slot] = value * value
+
+
+@kernel
 def clear(radiance):
     """Set the light of all slots to zero, before a sample is traced."""
     for channel in range(radiance.shape[0]):
@@ -63,6 +80,7 @@ def add_to_tile(rfilter, tile, film, radiance, sums, border):
     `film` has the samples' places on the full film, (2, slots) in pixels.
     """
     channels = sums.shape[0] - 1
+    square_sums(rfilter.squares, radiance)
     if rfilter.weights.size == 0:  # the box: samples stay in their pixel
         for slot in range(CAPACITY):
             x, y = slot_pixel(slot)
@@ -116,18 +134,16 @@ class Film:
         self.border = border
         self._sums = np.zeros((channels + 1, height, width))
 
-    def tiles(self, film_width: int) -> list[Tile]:
-        """Return the tiles that cover the window, row after row, of a film so wide."""
+    def tiles(self, film_width: int, beyond: int = 0) -> list[Tile]:
+        """Return the tiles of the window and `beyond` pixels on all sides, row after row.
+
+        `film_width` is that of the full film.
+        """
+        right, below = self.x + self.width + beyond, self.y + self.height + beyond
         return [
-            Tile(
-                x,
-                y,
-                min(TILE_SIZE, self.x + self.width - x),
-                min(TILE_SIZE, self.y + self.height - y),
-                film_width,
-            )
-            for y in range(self.y, self.y + self.height, TILE_SIZE)
-            for x in range(self.x, self.x + self.width, TILE_SIZE)
+            Tile(x, y, min(TILE_SIZE, right - x), min(TILE_SIZE, below - y), film_width)
+            for y in range(self.y - beyond, below, TILE_SIZE)
+            for x in range(self.x - beyond, right, TILE_SIZE)
         ]
 
     def add(self, tile: Tile, sums: NDArray[np.float64]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from renderer.jit import call, kernel
 from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.records.kernel_scene import FIRST_BSDF, LOOK_UP, RECORD
+from renderer.records.kernel_scene import FIRST_BSDF, RECORD
 from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf
 from renderer.stages.surface import surface_points
@@ -46,10 +46,10 @@ def look_up_textures(bsdfs, kind, points, start, stop):
         if bsdfs.look_ups[k, 0] != kind:
             continue
         texture_kind = bsdfs.look_ups[k, 1]
-        row, rows = bsdfs.look_ups[k, 2], bsdfs.look_ups[k, 3]
+        row, request = bsdfs.look_ups[k, 2], bsdfs.look_ups[k, 3]
         method = bsdfs.texture_methods
         call(
-            method[texture_kind, LOOK_UP],
+            method[texture_kind, request],
             method[texture_kind, RECORD],
-            (bsdfs, texture_kind, row, rows, points, start, stop),
+            (bsdfs, texture_kind, row, points, start, stop),
         )

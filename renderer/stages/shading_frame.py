@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from renderer.jit import kernel
-from renderer.kinds.bsdfs.kind import frame_tangents, visible_side
-from renderer.kinds.sampling.arithmetic import Frame
+from renderer.kinds.bsdfs.kind import visible_side
+from renderer.kinds.sampling.arithmetic import Frame, tangents_of
 from renderer.lanes.functions import select
 from renderer.lanes.memory import gather_row, load_row, store_row
 from renderer.lanes.vectors import dot, load3
@@ -36,7 +36,7 @@ def load_constants(bsdfs, kind, points, i, mask):
 def frame_at(form, arithmetic, points, i):
     """Return the local frames of points i to i + 15 for one kind of BSDF."""
     normal = load3(points.shading_normal, i)
-    s, t = frame_tangents(form, arithmetic, points, i, normal)
+    s, t = tangents_of(arithmetic, points, i, normal)
     front = dot(load3(points.wo, i), normal) > 0.0
     return Frame(s, t, visible_side(form, front, normal))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mitsuba_ref.records.verdicts import COMPARED, VERDICTS, Verdict
+from mitsuba_ref.records.verdicts import VERDICTS, Verdict
 
 NOTHING = "–"  # noqa: RUF001  an en dash, as tables print it
 
@@ -25,7 +25,7 @@ VERDICT_SIGNS: dict[Verdict, str] = {
     for verdict in VERDICTS
 }
 VERDICT_STYLES: dict[Verdict, str] = {  # classes of the style sheet
-    verdict: verdict if verdict in COMPARED else "error" for verdict in VERDICTS
+    verdict: verdict if verdict in ("pass", "fail") else "error" for verdict in VERDICTS
 }
 
 

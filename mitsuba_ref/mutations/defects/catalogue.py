@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from mitsuba_ref.mutations.defects import film, geometry, lights, materials, transport
+from mitsuba_ref.mutations.defects import (
+    film,
+    geometry,
+    lights,
+    materials,
+    rough_surfaces,
+    transport,
+)
 from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
 from mitsuba_ref.mutations.mutation import Mutation
 
@@ -10,6 +17,7 @@ DEFECTS: tuple[Mutation, ...] = (
     *transport.DEFECTS,
     *lights.DEFECTS,
     *materials.DEFECTS,
+    *rough_surfaces.DEFECTS,
     *film.DEFECTS,
     *geometry.DEFECTS,
 )

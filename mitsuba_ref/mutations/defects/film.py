@@ -11,8 +11,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/sensors/pinhole.py",
-                "self.f - self.x * (self.xres / 2.0)",
-                "self.f - self.x * ((self.xres - 1.0) / 2.0)",
+                "x, y = self.xres / 2.0 + border",
+                "x, y = self.xres / 2.0 - 0.5 + border",
             ),
         ),
         scene="depth-and-normals",

@@ -146,4 +146,57 @@ DEFECTS = (
         scene="cornell-box",
         tests=("test_closed_forms.py::test_disk_light_on_its_axis",),
     ),
+    Mutation(
+        "light-samples-undivided",
+        "several samples of the lights at a point are added instead of averaged",
+        (
+            Edit(
+                "integrators/direct.py",
+                "_points(scene, work, count, settings.light_samples)",
+                "_points(scene, work, count, np.int64(1))",
+            ),
+        ),
+        scene="many-samples",
+        tests=(
+            "test_direct_samples.py::test_the_variance_falls_with_the_number_of_samples",
+        ),
+    ),
+    Mutation(
+        "densities-without-their-numbers",
+        "light samples are weighed as if there were as many of the BSDF",
+        (
+            Edit(
+                "kinds/lights/weights.py",
+                "power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)",
+                "power_heuristic(light_pdf, bsdf_pdf)",
+            ),
+        ),
+        scene="many-samples",
+    ),
+    Mutation(
+        "envmap-density-half-a-texel-off",
+        "the density of a direction is looked up as if texels began where they are centred",
+        (
+            Edit(
+                "kinds/lights/envmap.py",
+                "shifted = u - _half_texel(sky)",
+                "shifted = u",
+            ),
+        ),
+        scene="envmap",
+        tests=("test_envmap.py::test_samples_follow_the_density",),
+    ),
+    Mutation(
+        "warp-cuts-columns-in-the-wrong-place",
+        "what is left of a number after a choice is cut off a little too high",
+        (
+            Edit(
+                "kinds/sampling/hierarchical_warp.py",
+                "x = select(second, x - left, x)",
+                "x = select(second, x - 0.99 * left, x)",
+            ),
+        ),
+        scene="envmap",
+        tests=("test_envmap.py::test_samples_follow_the_density",),
+    ),
 )

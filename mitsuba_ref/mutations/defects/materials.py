@@ -139,8 +139,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/textures/bitmap.py",
-                "y = (1.0 - v) * to_f32(height) - half",
-                "y = v * to_f32(height) - half",
+                "y = (1.0 - point.v) * to_f32(height) - half",
+                "y = point.v * to_f32(height) - half",
             ),
         ),
         scene="textured-room",
@@ -151,12 +151,52 @@ DEFECTS = (
         "8-bit texels are taken as they are instead of decoded from sRGB",
         (
             Edit(
-                "scene_file/images/images.py",
-                "pixels = encoded if raw else linear_from_srgb(encoded)",
-                "pixels = encoded",
+                "kinds/textures/texels.py",
+                "decoded = decoded_bytes(srgb)",
+                "decoded = decoded_bytes(False)",
             ),
         ),
         scene="textured-room",
         tests=("test_scene_file_textures.py::test_texels_are_those_of_mitsuba",),
+    ),
+    Mutation(
+        "half-angle-spaced-evenly",
+        "the cells of a measured material are taken for equally wide",
+        (
+            Edit(
+                "kinds/bsdfs/merl.py",
+                "return sqrt(theta / _HALF_PI)",
+                "return theta / _HALF_PI",
+            ),
+        ),
+        scene="measured-ball",
+        tests=("test_merl.py::test_a_known_brdf_comes_back",),
+    ),
+    Mutation(
+        "difference-angle-not-reciprocal",
+        "phi_d of a measured material is not folded into half a turn",
+        (
+            Edit(
+                "kinds/bsdfs/merl.py",
+                "select(turned < 0.0, turned + 1.0, turned)",
+                "fabs(turned)",
+            ),
+            Edit("kinds/bsdfs/merl.py", "    floor,\n", "    fabs,\n    floor,\n"),
+        ),
+        scene="measured-ball",
+        tests=("test_merl.py::test_a_known_brdf_comes_back",),
+    ),
+    Mutation(
+        "measured-density-of-half-vectors",
+        "the density of a measured material's samples is that of half vectors",
+        (
+            Edit(
+                "kinds/bsdfs/merl.py",
+                "_half_vector_pdf(table, h) / (4.0 * dot(wo, h))",
+                "_half_vector_pdf(table, h)",
+            ),
+        ),
+        scene="measured-ball",
+        tests=("test_merl.py::test_half_vectors_come_as_often_as_the_density_says",),
     ),
 )

@@ -44,19 +44,16 @@ from renderer.accelerators.grids.grid_walk import (
     set_out,
     step,
 )
-from renderer.accelerators.grids.uniform_grid import no_hit_before
+from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.single_ray import (
     MAILBOXES,
     already_tested,
     clear_mailboxes,
-    load_hit,
     nearer,
     nearest_in_range,
-    store_hit,
 )
-from renderer.jit import kernel, method_kernel
+from renderer.jit import kernel
 from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.vectors import column
 from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 
 
@@ -66,29 +63,6 @@ class HierarchicalGrid(NamedTuple):
     grids: Grids  # items below n: columns of `primitives`; n + g: grid g
     reach: np.float32  # rays from farther away (|x| + |y| + |z|) test all primitives
     primitives: Any  # a group of one kind
-
-
-@method_kernel
-def closest_hit_hierarchical_grid(accel, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1 with nearer hits."""
-    for i in range(first, first + count):
-        origin, direction = column(rays.origin, i), column(rays.direction, i)
-        hit = _hit_in_grids(accel, origin, direction, load_hit(hits, i), False, tally, i)
-        store_hit(hits, i, hit)
-
-
-@method_kernel
-def any_hit_hierarchical_grid(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
-    for i in range(count):
-        if shadow_rays.blocked[i] != 0:
-            continue
-        origin = column(shadow_rays.origin, i)
-        direction = column(shadow_rays.direction, i)
-        hit = no_hit_before(shadow_rays.t_max[i])
-        hit = _hit_in_grids(accel, origin, direction, hit, True, tally, i)
-        if hit.prim >= 0:
-            shadow_rays.blocked[i] = 1
 
 
 @kernel
@@ -103,8 +77,9 @@ def _enter(grids, g, walk, level, t, tally, i):
     return True
 
 
+@trace_ray.by(HierarchicalGrid)
 @kernel
-def _hit_in_grids(accel, origin, direction, hit, any_will_do, tally, i):
+def _trace_grids(accel, origin, direction, hit, any_will_do, tally, i):
     """Return the nearest hit of one ray, or the first one found if any will do."""
     grids, primitives = accel.grids, accel.primitives
     start, items, count = grids.start, grids.items, primitives.count

@@ -35,19 +35,16 @@ from renderer.accelerators.grids.grid_walk import (
     set_out,
     step,
 )
+from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.single_ray import (
     MAILBOXES,
-    RayHit,
     already_tested,
     clear_mailboxes,
-    load_hit,
     nearer,
     nearest_in_range,
-    store_hit,
 )
-from renderer.jit import builder_kernel, kernel, method_kernel
+from renderer.jit import builder_kernel, kernel
 from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.vectors import column
 from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to
 
 
@@ -118,39 +115,16 @@ def _build(covers, pad, density):
     return grids
 
 
-@method_kernel
-def closest_hit_uniform_grid(grid, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1 with nearer hits."""
-    for i in range(first, first + count):
-        origin, direction = column(rays.origin, i), column(rays.direction, i)
-        hit = load_hit(hits, i)
-        hit = _hit_in_grid(grid, grid.mailboxed, origin, direction, hit, False, tally, i)
-        store_hit(hits, i, hit)
-
-
-@method_kernel
-def any_hit_uniform_grid(grid, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
-    for i in range(count):
-        if shadow_rays.blocked[i] != 0:
-            continue
-        origin = column(shadow_rays.origin, i)
-        direction = column(shadow_rays.direction, i)
-        hit = no_hit_before(shadow_rays.t_max[i])
-        hit = _hit_in_grid(grid, grid.mailboxed, origin, direction, hit, True, tally, i)
-        if hit.prim >= 0:
-            shadow_rays.blocked[i] = 1
-
-
+@trace_ray.by(UniformGrid)
 @kernel
-def no_hit_before(t_max):
-    """Return what a ray has found that ends at t_max and has met nothing."""
-    return RayHit(t_max, np.int32(-1), np.float32(0.0), np.float32(0.0))
+def _trace_grid(grid, origin, direction, hit, any_will_do, tally, i):
+    """Return the nearest hit of one ray, or the first one found if any will do."""
+    return _hit_in_grid(grid, grid.mailboxed, origin, direction, hit, any_will_do, tally, i)
 
 
 @kernel
 def _hit_in_grid(grid, mailboxed, origin, direction, hit, any_will_do, tally, i):
-    """Return the nearest hit of one ray, or the first one found if any will do.
+    """Trace one ray.
 
     `mailboxed` is an argument of its own because only then Numba sees at compile time
     that it is None.

@@ -23,17 +23,12 @@ from renderer.accelerators.kd_tree.kd_tree_build import build_kd_arrays
 from renderer.accelerators.kd_tree.kd_tree_checks import validate_kd_arrays
 from renderer.accelerators.kd_tree.kd_tree_nodes import LEAF
 from renderer.accelerators.kd_tree.kd_tree_split import CHEAPEST, MEDIAN, MIDDLE
+from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.ray_interval import interval_in_box, starts_beyond
-from renderer.accelerators.rays.single_ray import (
-    blocked_in_range,
-    load_hit,
-    nearest_in_range,
-    store_hit,
-)
+from renderer.accelerators.rays.single_ray import nearest_in_range
 from renderer.accelerators.references import boxes_of, hulls_of
-from renderer.jit import kernel, method_kernel
+from renderer.jit import kernel
 from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.vectors import column
 from renderer.records.tally import BOXES, NODES, add_to, note_stack
 
 STACK = 64  # the builder keeps the depth at 60 or below
@@ -97,19 +92,10 @@ def validate_kd_tree(tree: KdTree, extents: Extents) -> None:
 # ------------------------------------------------------------------------ the traversal
 
 
-@method_kernel
-def closest_hit_kd_tree(tree, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1, one ray at a time."""
-    for i in range(first, first + count):
-        origin = column(rays.origin, i)
-        direction = column(rays.direction, i)
-        hit = nearest_in_kd_tree(tree, origin, direction, load_hit(hits, i), tally, i)
-        store_hit(hits, i, hit)
-
-
+@trace_ray.by(KdTree)
 @kernel
-def nearest_in_kd_tree(tree, origin, direction, hit, tally, i):
-    """Return the nearest hit of one ray."""
+def _trace_kd_tree(tree, origin, direction, hit, any_will_do, tally, i):
+    """Return the nearest hit of one ray, or the first one found if any will do."""
     primitives = tree.primitives
     if starts_beyond(tree.reach, origin):
         n = primitives.count
@@ -129,7 +115,7 @@ def nearest_in_kd_tree(tree, origin, direction, hit, tally, i):
         )
         begin, end = tree.first[leaf], tree.first[leaf + 1]
         hit = nearest_in_range(primitives, begin, end, origin, direction, hit, tally, i)
-        if depth == 0 or leave > hit.t:
+        if depth == 0 or leave > hit.t or (any_will_do and hit.prim >= 0):
             return hit
         depth -= 1
         node, enter, leave = np.int64(waiting[depth]), leave, ends[depth]
@@ -165,44 +151,3 @@ def _leaf_at(tree, node, enter, leave, start, scale, waiting, ends, depth, tally
                 leave = cut
             else:
                 node = far
-
-
-@method_kernel
-def any_hit_kd_tree(tree, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays, one ray at a time."""
-    for i in range(count):
-        if shadow_rays.blocked[i] != 0:
-            continue
-        origin = column(shadow_rays.origin, i)
-        direction = column(shadow_rays.direction, i)
-        if blocked_in_kd_tree(tree, origin, direction, shadow_rays.t_max[i], tally, i):
-            shadow_rays.blocked[i] = 1
-
-
-@kernel
-def blocked_in_kd_tree(tree, origin, direction, t_max, tally, i):
-    """Return whether one ray meets anything up to t_max."""
-    primitives = tree.primitives
-    if starts_beyond(tree.reach, origin):
-        n = primitives.count
-        return blocked_in_range(primitives, 0, n, origin, direction, t_max, tally, i)
-    inverse = np.float32(1.0) / direction
-    enter, leave = interval_in_box(tree.bounds, origin, inverse, t_max)
-    if not enter <= leave:
-        return False
-    start, scale = local_f32(3), local_f32(3)
-    start[0], start[1], start[2] = origin.x, origin.y, origin.z
-    scale[0], scale[1], scale[2] = inverse.x, inverse.y, inverse.z
-    waiting, ends = local_i32(STACK), local_f32(STACK)
-    node, depth = np.int64(0), 0
-    while True:
-        leaf, leave, depth = _leaf_at(
-            tree, node, enter, leave, start, scale, waiting, ends, depth, tally, i
-        )
-        begin, end = tree.first[leaf], tree.first[leaf + 1]
-        if blocked_in_range(primitives, begin, end, origin, direction, t_max, tally, i):
-            return True
-        if depth == 0:
-            return False
-        depth -= 1
-        node, enter, leave = np.int64(waiting[depth]), leave, ends[depth]

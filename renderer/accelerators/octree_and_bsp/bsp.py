@@ -24,17 +24,10 @@ from renderer.accelerators.octree_and_bsp.bsp_build import (
     build_planes,
     require_nodes,
 )
-from renderer.accelerators.rays.single_ray import (
-    blocked_in_list,
-    blocked_in_range,
-    load_hit,
-    nearest_in_list,
-    nearest_in_range,
-    store_hit,
-)
-from renderer.jit import kernel, method_kernel
+from renderer.accelerators.rays.ray_by_ray import trace_ray
+from renderer.accelerators.rays.single_ray import hit_in_list, nearest_in_range
+from renderer.jit import kernel
 from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.vectors import column
 from renderer.records.tally import BOXES, NODES, add_to, note_stack
 
 STACK = 64  # the builder keeps the depth at 60 or below
@@ -173,21 +166,13 @@ def _first_leaf(bsp, node, t_enter, t_leave, waiting, origin, direction, tally, 
     return node, Waiting(stack, enters, leaves, depth)
 
 
-@method_kernel
-def closest_hit_bsp(bsp, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1, one ray at a time."""
-    for i in range(first, first + count):
-        origin = column(rays.origin, i)
-        direction = column(rays.direction, i)
-        if _is_ray(origin, direction):
-            hit = _nearest(bsp, origin, direction, load_hit(hits, i), tally, i)
-            store_hit(hits, i, hit)
-
-
+@trace_ray.by(Bsp)
 @kernel
-def _nearest(bsp, origin, direction, hit, tally, i):
-    """Return the nearest hit of one ray."""
+def _trace_bsp(bsp, origin, direction, hit, any_will_do, tally, i):
+    """Return the nearest hit of one ray, or the first one found if any will do."""
     primitives, items = bsp.primitives, bsp.items
+    if not _is_ray(origin, direction):
+        return hit
     if not _within(origin, direction, bsp.reach):
         return nearest_in_range(
             primitives, 0, primitives.count, origin, direction, hit, tally, i
@@ -202,57 +187,15 @@ def _nearest(bsp, origin, direction, hit, tally, i):
         )
         start = bsp.child[node]
         end = start + bsp.count[node]
-        hit = nearest_in_list(
-            primitives, items, start, end, origin, direction, hit, tally, i
+        hit = hit_in_list(
+            primitives, items, start, end, origin, direction, hit, any_will_do, tally, i
         )
-        if waiting.depth == 0:
+        if waiting.depth == 0 or (any_will_do and hit.prim >= 0):
             break
         node, t_enter, t_leave, waiting = _next(waiting)
         # all that waits begins here or later; at t_enter = hit.t there may be a tie
         t_leave = min(t_leave, hit.t)
     return hit
-
-
-@method_kernel
-def any_hit_bsp(bsp, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays, one ray at a time."""
-    for i in range(count):
-        if shadow_rays.blocked[i] != 0:
-            continue
-        origin = column(shadow_rays.origin, i)
-        direction = column(shadow_rays.direction, i)
-        if _is_ray(origin, direction) and _blocked(
-            bsp, origin, direction, shadow_rays.t_max[i], tally, i
-        ):
-            shadow_rays.blocked[i] = 1
-
-
-@kernel
-def _blocked(bsp, origin, direction, t_max, tally, i):
-    """Return whether one ray meets anything up to t_max."""
-    primitives, items = bsp.primitives, bsp.items
-    if not _within(origin, direction, bsp.reach):
-        return blocked_in_range(
-            primitives, 0, primitives.count, origin, direction, t_max, tally, i
-        )
-    waiting = Waiting(local_i32(STACK), local_f32(STACK), local_f32(STACK), 0)
-    node = 0
-    t_enter, t_leave = _interval(bsp.bounds, origin, direction, t_max)
-    add_to(tally, BOXES, i, 1)
-    while t_enter <= t_leave:
-        node, waiting = _first_leaf(
-            bsp, node, t_enter, t_leave, waiting, origin, direction, tally, i
-        )
-        start = bsp.child[node]
-        end = start + bsp.count[node]
-        if blocked_in_list(
-            primitives, items, start, end, origin, direction, t_max, tally, i
-        ):
-            return True
-        if waiting.depth == 0:
-            break
-        node, t_enter, t_leave, waiting = _next(waiting)
-    return False
 
 
 # -------------------------------------------------------------------------------- proof

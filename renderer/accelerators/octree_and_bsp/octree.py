@@ -16,17 +16,12 @@ from numpy.typing import NDArray
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.octree_and_bsp.octree_build import EMPTY, build_octree_arrays
 from renderer.accelerators.octree_and_bsp.octree_checks import validate_octree_arrays
+from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.ray_interval import interval_in_box, starts_beyond
-from renderer.accelerators.rays.single_ray import (
-    blocked_in_range,
-    load_hit,
-    nearest_in_range,
-    store_hit,
-)
+from renderer.accelerators.rays.single_ray import nearest_in_range
 from renderer.accelerators.references import boxes_of, hulls_of
-from renderer.jit import kernel, method_kernel
+from renderer.jit import kernel
 from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.vectors import column
 from renderer.records.tally import BOXES, NODES, add_to, note_stack
 
 STACK = 64  # three more a level than it is deep, at most 16 levels
@@ -72,19 +67,10 @@ def validate_octree(tree: Octree, extents: Extents) -> None:
 # ------------------------------------------------------------------------ the traversal
 
 
-@method_kernel
-def closest_hit_octree(tree, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1, one ray at a time."""
-    for i in range(first, first + count):
-        origin = column(rays.origin, i)
-        direction = column(rays.direction, i)
-        hit = nearest_in_octree(tree, origin, direction, load_hit(hits, i), tally, i)
-        store_hit(hits, i, hit)
-
-
+@trace_ray.by(Octree)
 @kernel
-def nearest_in_octree(tree, origin, direction, hit, tally, i):
-    """Return the nearest hit of one ray."""
+def _trace_octree(tree, origin, direction, hit, any_will_do, tally, i):
+    """Return the nearest hit of one ray, or the first one found if any will do."""
     primitives = tree.primitives
     if starts_beyond(tree.reach, origin):
         n = primitives.count
@@ -109,7 +95,7 @@ def nearest_in_octree(tree, origin, direction, hit, tally, i):
             begin, end = tree.first[-1 - link], tree.first[-link]
             hit = nearest_in_range(primitives, begin, end, origin, direction, hit, tally, i)
         depth -= 1
-        if depth < 0 or starts[depth] > hit.t:
+        if depth < 0 or starts[depth] > hit.t or (any_will_do and hit.prim >= 0):
             return hit
         link, enter, leave = np.int64(waiting[depth]), starts[depth], ends[depth]
 
@@ -171,48 +157,3 @@ def _push(link, enter, leave, waiting, starts, ends, depth):
     starts[depth] = enter
     ends[depth] = leave
     return depth + 1
-
-
-@method_kernel
-def any_hit_octree(tree, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays, one ray at a time."""
-    for i in range(count):
-        if shadow_rays.blocked[i] != 0:
-            continue
-        origin = column(shadow_rays.origin, i)
-        direction = column(shadow_rays.direction, i)
-        if blocked_in_octree(tree, origin, direction, shadow_rays.t_max[i], tally, i):
-            shadow_rays.blocked[i] = 1
-
-
-@kernel
-def blocked_in_octree(tree, origin, direction, t_max, tally, i):
-    """Return whether one ray meets anything up to t_max."""
-    primitives = tree.primitives
-    if starts_beyond(tree.reach, origin):
-        n = primitives.count
-        return blocked_in_range(primitives, 0, n, origin, direction, t_max, tally, i)
-    inverse = np.float32(1.0) / direction
-    enter, leave = interval_in_box(tree.bounds, origin, inverse, t_max)
-    if not enter <= leave:
-        return False
-    waiting = local_i32(STACK)
-    starts, ends = local_f32(STACK), local_f32(STACK)
-    depth = 0
-    link = np.int64(tree.link[0])
-    while True:
-        add_to(tally, NODES, i, 1)
-        if link >= 0:
-            add_to(tally, BOXES, i, 3)
-            depth = _push_children(
-                tree, link, origin, inverse, enter, leave, waiting, starts, ends, depth
-            )
-            note_stack(tally, i, depth)
-        else:
-            begin, end = tree.first[-1 - link], tree.first[-link]
-            if blocked_in_range(primitives, begin, end, origin, direction, t_max, tally, i):
-                return True
-        depth -= 1
-        if depth < 0:
-            return False
-        link, enter, leave = np.int64(waiting[depth]), starts[depth], ends[depth]

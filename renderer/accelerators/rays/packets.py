@@ -66,7 +66,10 @@ def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, cou
 
 @kernel
 def blocked_by(primitives, start, end, origin, direction, t_max, blocked, tally, i, count):
-    """Return `blocked`, set also where one of primitives start .. end - 1 is met."""
+    """Return `blocked`, set also where one of primitives start .. end - 1 is met.
+
+    `nearest_of` would do, but takes 1.09 times as long: it goes on when all are blocked.
+    """
     for k in range(start, end):
         add_to_packet(tally, PRIMITIVES, i, count, 1)
         x = hit_primitive(primitives, primitive_at(primitives, k), origin, direction, t_max)

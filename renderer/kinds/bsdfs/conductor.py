@@ -9,11 +9,12 @@ from renderer.kinds.bsdfs.fresnel import fresnel_conductor
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color
 from renderer.lanes.functions import splat_f32
 from renderer.lanes.vectors import vec3
-from renderer.scene_file.colors.colors import Use, read_color
+from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.colors.conductor_materials import MATERIALS
 from renderer.scene_file.description import Conductor as Description
-from renderer.scene_file.description import Rgb
+from renderer.scene_file.description import ConstantTexture, Texture
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.objects.textures import read_texture
 
 
 class Conductor(NamedTuple):
@@ -27,25 +28,24 @@ class Conductor(NamedTuple):
 def read(properties: Any) -> Description:
     """Read the properties of a file."""
     eta, k = read_complex_index(properties)
-    return Description(
-        eta, k, read_color(properties, "specular_reflectance", 1.0, Use.REFLECTANCE)
-    )
+    return Description(eta, k, read_texture(properties, "specular_reflectance", 1.0))
 
 
-def read_complex_index(properties: Any) -> tuple[Rgb, Rgb]:
+def read_complex_index(properties: Any) -> tuple[Texture, Texture]:
     """Return eta and k: of a material by name, or as the file gives them."""
     name = properties.string("material", "none")
-    if properties.has("material") and (properties.has("eta") or properties.has("k")):
+    if name != "none" and (properties.has("eta") or properties.has("k")):
         other = "eta" if properties.has("eta") else "k"
         properties.fail(other, 'a value beside "material"', "one of the two")
     if name == "none":
         return (
-            read_color(properties, "eta", 0.0, Use.REFRACTION),
-            read_color(properties, "k", 1.0, Use.REFRACTION),
+            read_texture(properties, "eta", 0.0, Use.REFRACTION),
+            read_texture(properties, "k", 1.0, Use.REFRACTION),
         )
     if name not in MATERIALS:
         properties.fail("material", quoted(name), "one of none, " + ", ".join(MATERIALS))
-    return MATERIALS[name]
+    eta, k = MATERIALS[name]
+    return ConstantTexture(eta), ConstantTexture(k)
 
 
 @kernel

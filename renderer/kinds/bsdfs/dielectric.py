@@ -9,10 +9,11 @@ from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
 from renderer.lanes.functions import select, splat_f32
 from renderer.lanes.vectors import select3, vec3
-from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
+from renderer.scene_file.description import Texture
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.objects.textures import read_texture
 
 
 class Dielectric(NamedTuple):
@@ -25,14 +26,15 @@ class Dielectric(NamedTuple):
 
 def read(properties: Any) -> Description:
     """Read the properties of a file."""
-    return Description(
-        eta=read_relative_index(properties, "bk7"),
-        specular_reflectance=read_color(
-            properties, "specular_reflectance", 1.0, Use.REFLECTANCE
-        ),
-        specular_transmittance=read_color(
-            properties, "specular_transmittance", 1.0, Use.REFLECTANCE
-        ),
+    return Description(*read_glass(properties))
+
+
+def read_glass(properties: Any) -> tuple[float, Texture, Texture]:
+    """Return the index of refraction, inside over outside, and two colours."""
+    return (
+        read_relative_index(properties, "bk7"),
+        read_texture(properties, "specular_reflectance", 1.0),
+        read_texture(properties, "specular_transmittance", 1.0),
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
-from renderer.kinds.sampling.arithmetic import tangents_along_u, tangents_of, to_world
+from renderer.kinds.sampling.arithmetic import to_world
 from renderer.lanes.memory import gather_row, load_row
 from renderer.lanes.vectors import dot, select3, vec3
 
@@ -27,7 +27,7 @@ class Color:
 
 
 class Float:
-    """Annotation of a parameter: a number in 16 lanes."""
+    """Annotation of a parameter: a number in 16 lanes, constant or from a texture."""
 
 
 class Table:
@@ -35,10 +35,26 @@ class Table:
 
 
 class Rows(NamedTuple):
-    """What kernels see of a `Table`."""
+    """What kernels see of a `Table`; in the kind's record `first` is that of each BSDF."""
 
-    numbers: Any  # (BSDFs, entries)
-    bsdf: Any  # of each point
+    numbers: Any  # (1, entries of all BSDFs), one behind the other
+    first: Any  # where those of each point's BSDF begin
+
+
+class Nested:
+    """Annotation of a parameter that is a BSDF itself; these come last (`nesting.py`)."""
+
+
+class Gradient:
+    """Annotation of a parameter: how a texture's brightness changes with u and v."""
+
+
+class Surface:
+    """Annotation of a parameter that comes from the surface point, not from a file."""
+
+
+# of the parameters that each point has
+ROWS = {Color: 3, Gradient: 2, Float: 1, Table: 0, Surface: 0}
 
 
 class Numbers(NamedTuple):
@@ -102,8 +118,13 @@ class BsdfKind:
         Whether light goes through, so that the back of a surface shows the same BSDF.
     source
         Module and hash of the file that holds the kernels; empty for the renderer's own.
+    delta_pdf
+        (parameters, wo, sample) -> probability of the delta lobe that was chosen, which a
+        blend weighs it by; None: as `reflection` and `transmission` say.
+    straight
+        Whether the transmitted lobe goes straight on.
     oriented
-        Whether x and y of the local frame matter: x is along dp/du then.
+        Whether the x axis of the local frame must be along dp/du.
     """
 
     name: str
@@ -117,7 +138,10 @@ class BsdfKind:
     albedo: Any = None
     transmits: bool = False
     source: str = ""
+    delta_pdf: Any = None
+    straight: bool = False
     oriented: bool = False
+    normal = None  # the AOV `sh_normal` shows that of the surface
 
     @property
     def seen_albedo(self) -> bool:
@@ -134,6 +158,13 @@ class BsdfKind:
         """Whether it has lobes of a single direction."""
         return self.reflection is not None or self.transmission is not None
 
+    @property
+    def chooses(self) -> bool:
+        """Whether a delta lobe is chosen at random, among others or beside smooth ones."""
+        return self.reflection is not None and (
+            self.smooth or self.transmission is not None
+        )
+
     def form(self, tables: dict[str, Any] | None = None) -> Any:
         """Return the kind's record: arrays of its tables, None for what points have."""
         given = tables or {}
@@ -144,7 +175,7 @@ class BsdfKind:
         """Return (name, first row, rows) of the parameters that each point has."""
         rows, at = [], 0
         for name, kind in typing.get_type_hints(self.parameters).items():
-            count = {Color: 3, Float: 1, Table: 0}[kind]
+            count = ROWS[kind]
             if count:
                 rows.append((name, at, count))
             at += count
@@ -166,8 +197,19 @@ class BsdfKind:
 
 
 @interface
-def parameters_at(form: Any, points: Any, i: int) -> Any:
+def parameters_from(form: Any, points: Any, first: int, i: int) -> Any:
+    """Return the parameters of points i to i + 15 that begin in row `first`."""
+
+
+@interface
+def rows_of(form: Any) -> int:
+    """Return how many rows the parameters take."""
+
+
+@kernel
+def parameters_at(form, points, i):
     """Return the parameters of points i to i + 15, as a record of the kind's class."""
+    return parameters_from(form, points, np.int64(0), i)
 
 
 @interface
@@ -201,8 +243,8 @@ def seen_albedo_of(parameters: Any, wo: Any) -> Any:
 
 
 @interface
-def frame_tangents(form: Any, arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
-    """Return the x and y axes of the local frame, whichever side is seen."""
+def normal_of(parameters: Any, wo: Any) -> Any:
+    """Return the local normal that the AOV `sh_normal` shows, where it is not z."""
 
 
 @interface
@@ -218,16 +260,6 @@ def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample
 @interface
 def is_possible(form: Any, sample: BsdfSample) -> Any:
     """Return which samples are no failures, as far as the density tells."""
-
-
-@kernel
-def _any_tangents(form, arithmetic, points, i, normal):
-    return tangents_of(arithmetic, points, i, normal)
-
-
-@kernel
-def _tangents_along_u(form, arithmetic, points, i, normal):
-    return tangents_along_u(arithmetic, points, i, normal)
 
 
 @kernel
@@ -256,6 +288,12 @@ def _mirrored_or_bent(form, arithmetic, frame, wo, sample):
     same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
     bent = refract(wo, frame.n, sample.wi.z, sample.eta)
     return select3(same_side, reflect(wo, frame.n), bent)
+
+
+@kernel
+def _mirrored_or_straight(form, arithmetic, frame, wo, sample):
+    same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
+    return select3(same_side, reflect(wo, frame.n), -wo)
 
 
 @kernel
@@ -293,6 +331,12 @@ def _by_weight_alone(form, sample):
 
 
 @kernel
+def rows2(rows, first, i):
+    """Load columns i to i + 15 of two rows."""
+    return load_row(rows, first, i), load_row(rows, first + 1, i)
+
+
+@kernel
 def rows3(rows, first, i):
     """Load columns i to i + 15 of three rows as a vector of lanes."""
     return vec3(
@@ -301,37 +345,51 @@ def rows3(rows, first, i):
 
 
 @kernel
+def entries_at(table, bsdf):
+    """Return where the entries of each point's BSDF are."""
+    return Rows(table.numbers, gather_row(table.first, 0, bsdf, bsdf >= 0))
+
+
+@kernel
 def entry_of(table, i):
-    """Return entry i of the rows of a `Table`, lane by lane."""
-    rows, bsdf = table.numbers, table.bsdf
-    return gather_row(rows, 0, bsdf * np.int32(rows.shape[1]) + i, bsdf >= 0)
+    """Return entry i of the point's own rows of a `Table`, lane by lane."""
+    return gather_row(table.numbers, 0, table.first + i, i >= 0)
 
 
-def _loader(kind: BsdfKind) -> Any:
-    """Return the kernel that loads a kind's parameters, made from its annotations."""
-    at = {name: (first, count) for name, first, count in kind.layout()}
-    parts = []
-    for name in kind.parameters._fields:  # type: ignore[attr-defined]
-        first, count = at.get(name, (0, 0))
+def make_loader(parameters: type, given: dict[str, str] | None = None) -> tuple[Any, Any]:
+    """Return the kernels `parameters_from` and `rows_of`, made from the annotations.
+
+    `given`: what to take for fields that are in no row.
+    """
+    parts, rows, nested = [], 0, ""
+    for name, kind in typing.get_type_hints(parameters).items():
+        if kind is Nested:
+            parts.append(f"parameters_from(form.{name}, points, first + {rows}{nested}, i)")
+            nested += f" + rows_of(form.{name})"
+            continue
+        count = ROWS[kind]
+        table = f"entries_at(form.{name}, load_row(points.bsdf, 0, i))"
         load = {
-            0: f"Rows(form.{name}, load_row(points.bsdf, 0, i))",
-            1: "load_row(points.parameters, {}, i)",
-            3: "rows3(points.parameters, {}, i)",
+            0: table if kind is Table else (given or {}).get(name, ""),
+            1: f"load_row(points.parameters, first + {rows}, i)",
+            2: f"rows2(points.parameters, first + {rows}, i)",
+            3: f"rows3(points.parameters, first + {rows}, i)",
         }
-        parts.append(load[count].format(first))
-    names = {
-        "load_row": load_row,
-        "rows3": rows3,
-        "record": kind.parameters,
-        "Rows": Rows,
-    }
-    return kernel(eval(f"lambda form, points, i: record({', '.join(parts)})", names))
+        parts.append(load[count])
+        rows += count
+    names = globals() | {"record": parameters}
+    load_all = f"lambda form, points, first, i: record({', '.join(parts)})"
+    return kernel(eval(load_all, names)), kernel(
+        eval(f"lambda form: {rows}{nested}", names)
+    )
 
 
 def make_known(kind: BsdfKind) -> None:
     """Let the stages find the kernels of a kind."""
     cls = kind.parameters
-    parameters_at.by(cls)(_loader(kind))
+    load, count = make_loader(cls)
+    parameters_from.by(cls)(load)
+    rows_of.by(cls)(count)
     sample_bsdf.by(cls)(kind.sample)
     for function, chosen in (
         (eval_pdf_bsdf, kind.eval_pdf),
@@ -341,7 +399,10 @@ def make_known(kind: BsdfKind) -> None:
     ):
         if chosen is not None:
             function.by(cls)(chosen)
-    frame_tangents.by(cls)(_tangents_along_u if kind.oriented else _any_tangents)
     visible_side.by(cls)(_as_it_is if kind.transmits else _turned)
-    outgoing.by(cls)(_OUTGOING[kind.smooth, kind.delta, kind.transmits])
+    outgoing.by(cls)(
+        _mirrored_or_straight
+        if kind.straight
+        else _OUTGOING[kind.smooth, kind.delta, kind.transmits]
+    )
     is_possible.by(cls)(_by_weight_alone if kind.delta else _by_density)

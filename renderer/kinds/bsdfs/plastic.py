@@ -9,25 +9,17 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from renderer.jit import kernel
 from renderer.kinds.bsdfs.dielectric import read_relative_index
 from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
+from renderer.kinds.textures.registry import mean_of
 from renderer.lanes.functions import maximum, select, splat_f32
 from renderer.lanes.vectors import select3, vec3
-from renderer.scene_file.description import (
-    BitmapTexture,
-    CheckerboardTexture,
-    OtherBsdf,
-    Texture,
-)
+from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
-
-_LUMINANCE = (0.212671, 0.715160, 0.072169)  # of linear sRGB, as Mitsuba rounds it
 
 
 class Plastic(NamedTuple):
@@ -53,16 +45,6 @@ def read_coated(properties: Any, eta: float) -> dict[str, Any]:
         "diffuse_reflectance": diffuse,
         "specular_reflectance": specular,
     }
-
-
-def mean_of(texture: Texture) -> float:
-    """Return the mean that Mitsuba weighs lobes by: of an image, that of its luminance."""
-    match texture:
-        case BitmapTexture():
-            return float(np.mean(texture.pixels @ np.array(_LUMINANCE)))
-        case CheckerboardTexture():
-            return float(np.mean([texture.color0, texture.color1]))
-    return float(np.mean(texture.rgb))
 
 
 def read(properties: Any) -> OtherBsdf:
@@ -142,6 +124,13 @@ def reflection(plastic, wo):
 
 
 @kernel
+def delta_pdf(plastic, wo, sample):
+    """Return how often the coat is sampled."""
+    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
+    return specular_probability(plastic, reflected)
+
+
+@kernel
 def albedo(plastic):
     """Return the colour of the base without its coat, as Mitsuba does."""
     return plastic.diffuse_reflectance
@@ -156,4 +145,5 @@ PLASTIC = BsdfKind(
     eval_pdf,
     reflection=reflection,
     albedo=albedo,
+    delta_pdf=delta_pdf,
 )

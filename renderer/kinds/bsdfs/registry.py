@@ -5,27 +5,45 @@ from __future__ import annotations
 import inspect
 import typing
 import uuid
+from collections import ChainMap
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from renderer.jit.cache import file_digest
+from renderer.kinds.bsdfs.blend import BLEND
 from renderer.kinds.bsdfs.conductor import CONDUCTOR
 from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
-from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
+from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, Nested, make_known
+from renderer.kinds.bsdfs.mask import MASK
+from renderer.kinds.bsdfs.merl import MERL
+from renderer.kinds.bsdfs.nesting import (
+    Structure,
+    Wrapper,
+    make_nestable,
+    make_wrapper_known,
+)
+from renderer.kinds.bsdfs.normalmap import NORMAL_MAP
+from renderer.kinds.bsdfs.null import NULL
 from renderer.kinds.bsdfs.plastic import PLASTIC
 from renderer.kinds.bsdfs.roughconductor import ROUGHCONDUCTOR
 from renderer.kinds.bsdfs.roughdielectric import ROUGHDIELECTRIC
 from renderer.kinds.bsdfs.roughplastic import ROUGHPLASTIC
-from renderer.scene_file.description import OtherBsdf
-from renderer.scene_file.objects.textures import read_texture
+from renderer.kinds.bsdfs.thindielectric import THIN_DIELECTRIC
+from renderer.kinds.bsdfs.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
+from renderer.scene_file.description import OtherBsdf, TwoSided
+from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
+WRAPPERS: dict[str, Wrapper] = {}
+# of both kinds, as the reader asks for them
+PLUGINS: ChainMap[str, Any] = ChainMap(WRAPPERS, BSDFS)  # type: ignore[arg-type]
 
 
 def _register(kind: BsdfKind) -> None:
     make_known(kind)
+    make_nestable(kind)
     BSDFS[kind.name] = kind
 
 
@@ -37,9 +55,15 @@ for _kind in (
     ROUGHDIELECTRIC,
     PLASTIC,
     ROUGHPLASTIC,
+    THIN_DIELECTRIC,
+    NULL,
+    MERL,
 ):
     _register(_kind)
-_OURS = (*BSDFS, "twosided")
+for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP):
+    make_wrapper_known(_wrapper)
+    WRAPPERS[_wrapper.name] = _wrapper
+_OURS = tuple(PLUGINS)
 _KERNELS = ("sample", "eval_pdf", "reflection", "transmission", "albedo")
 
 
@@ -125,7 +149,7 @@ def register_bsdf(
             values[key] = (
                 read_texture(properties, key, default)
                 if kind is Color
-                else properties.number(key, default)
+                else read_scalar_texture(properties, key, default)
             )
         return OtherBsdf(name, values)
 
@@ -145,6 +169,18 @@ def register_bsdf(
             source=_source_of([f.py_func for f in kernels if f is not None]),
         )
     )
+
+
+def kind_of(bsdf: Any) -> BsdfKind | Structure:
+    """Return the kind of a BSDF of the description, with all that is inside of it."""
+    if bsdf.plugin in BSDFS:
+        return BSDFS[bsdf.plugin]
+    wrapper = WRAPPERS[bsdf.plugin]
+    if isinstance(bsdf, TwoSided) and bsdf.front is bsdf.back:
+        wrapper = ONE_FOR_BOTH
+    hints = typing.get_type_hints(wrapper.parameters)
+    inside = [getattr(bsdf, name) for name, hint in hints.items() if hint is Nested]
+    return Structure(wrapper, tuple(kind_of(nested) for nested in inside))
 
 
 def _source_of(functions: list[Any]) -> str:

@@ -19,7 +19,7 @@ from renderer.kinds.bsdfs.mirror import reflect
 from renderer.kinds.bsdfs.roughness import read_roughness
 from renderer.lanes.functions import select, splat_f32
 from renderer.lanes.vectors import dot, normalize, select3, vec3
-from renderer.scene_file.description import ConstantTexture, OtherBsdf
+from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
 
 
@@ -39,8 +39,8 @@ def read(properties: Any) -> OtherBsdf:
     """Read the properties of a file."""
     eta, k = read_complex_index(properties)
     values = {
-        "eta": ConstantTexture(eta),
-        "k": ConstantTexture(k),
+        "eta": eta,
+        "k": k,
         "specular_reflectance": read_texture(properties, "specular_reflectance", 1.0),
     }
     return OtherBsdf("roughconductor", read_roughness(properties) | values)

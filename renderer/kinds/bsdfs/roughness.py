@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from renderer.scene_file.objects.textures import read_scalar_texture
+
 _DEFAULT = 0.1
 
 
@@ -42,4 +44,6 @@ def _read_alphas(properties: Any, textured: bool) -> tuple[Any, Any]:
 
 
 def _read_alpha(properties: Any, name: str, textured: bool) -> Any:
+    if textured:
+        return read_scalar_texture(properties, name, _DEFAULT)
     return properties.number(name, _DEFAULT)

@@ -11,14 +11,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel, method_kernel
-from renderer.kinds.lights.kind import LightSample, sample_light
+from renderer.jit import interface, kernel, method_kernel
+from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
+from renderer.kinds.lights.texel_choice import texel_luminance
+from renderer.kinds.lights.textures import refuse_nested
 from renderer.kinds.lights.weights import add_lanes, bsdf_sample_weight, light_probability
 from renderer.kinds.sampling.arithmetic import seen_from
 from renderer.kinds.shapes.surface import pdf_shape, sample_shape
 from renderer.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
 from renderer.lanes.memory import gather_row, load_row
 from renderer.lanes.vectors import dot, gather3, length, load3
+from renderer.scene_file.colors.colors import Use
+from renderer.scene_file.description import (
+    AreaLight,
+    BitmapTexture,
+    CheckerboardTexture,
+    ConstantTexture,
+)
+from renderer.scene_file.objects.textures import read_texture
 
 
 class AreaLights(NamedTuple):
@@ -47,10 +57,29 @@ def sample_area(areas, kind, light, mask, position, x, y, z):
     return LightSample(wi, r, gather3(areas.radiance, light, mask) * inverse, pdf)
 
 
+@interface
+def emitted_light(
+    lights: Any, kind: Any, points: Any, i: int, light: Any, mask: Any
+) -> Any:
+    """Return the radiance of lights at points i to i + 15 of them, and the density.
+
+    The density [1/sr] is that with which `sample_light` chooses the direction to there
+    from the point before. `lights` is the table of a kind that lies on shapes.
+    """
+
+
+@emitted_light.by(AreaLights)
+@kernel
+def _emitted(areas, kind, points, i, light, mask):
+    previous, distance, cosine = seen_from(kind.arithmetic, points, i)
+    prim = load_row(points.prim, 0, i)
+    pdf = pdf_shape(areas.surfaces, kind, light, prim, mask, previous, distance, cosine)
+    return gather3(areas.radiance, light, mask), pdf
+
+
 @method_kernel
 def add_emission(kind, settings, lights, shapes, points, count, radiance):
     """Add L_e of the lights of one kind that `count` paths have arrived at."""
-    areas = kind.lights
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
         valid = first_lanes(count - i)
@@ -60,14 +89,29 @@ def add_emission(kind, settings, lights, shapes, points, count, radiance):
         shining = mine & (dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)
         if mask_bits(shining) == 0:
             continue
-        previous, distance, cosine = seen_from(kind.arithmetic, points, i)
-        prim = load_row(points.prim, 0, i)
-        light_pdf = pdf_shape(
-            areas.surfaces, kind, light, prim, shining, previous, distance, cosine
-        )
+        color, light_pdf = emitted_light(kind.lights, kind, points, i, light, shining)
         weight = bsdf_sample_weight(
             settings, load_row(points.pdf, 0, i), light_pdf * probability
         )
-        emitted = gather3(areas.radiance, light, shining) * weight
-        carried = load3(points.throughput, i) * emitted
+        carried = load3(points.throughput, i) * (color * weight)
         add_lanes(radiance, load_row(points.slot, 0, i), carried, shining)
+
+
+def read(properties: Any) -> AreaLight:
+    """Read the properties of a file."""
+    if properties.has("to_world"):
+        properties.fail("to_world", "a transform", "none: the light is where its shape is")
+    radiance = read_texture(properties, "radiance", 1.0, Use.EMISSION)
+    if isinstance(radiance, ConstantTexture):
+        return AreaLight(radiance.rgb)
+    if not isinstance(radiance, BitmapTexture | CheckerboardTexture):
+        properties.fail(
+            "radiance", "a texture that Mitsuba cannot sample", "a bitmap or checkerboard"
+        )
+    refuse_nested(properties, "radiance", radiance)
+    if isinstance(radiance, BitmapTexture) and not texel_luminance(radiance).any():
+        properties.fail("radiance", "a black bitmap", "one that shines")
+    return AreaLight(radiance)
+
+
+AREA = LightPlugin("area", AreaLight, read, on_shapes=True)

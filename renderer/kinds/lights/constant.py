@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel, method_kernel
+from renderer.jit import kernel
 from renderer.kinds.lights.columns import vector_columns
+from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
-from renderer.kinds.lights.weights import add_lanes, bsdf_sample_weight, light_probability
 from renderer.kinds.sampling.numbers_and_warps import square_to_sphere
-from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
-from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import column, gather3, load3
+from renderer.lanes.functions import splat_f32
+from renderer.lanes.vectors import column
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import ConstantLight
 
@@ -25,7 +24,7 @@ _FOUR_PI = np.float32(4.0 * np.pi)
 class ConstantLights(NamedTuple):
     """The environment; at most one."""
 
-    radiance: NDArray[np.float32]  # (3, n)
+    radiance: NDArray[np.float32]  # (3, 1)
     distance: float  # beyond the whole scene
 
 
@@ -38,9 +37,8 @@ def read(properties: Any) -> ConstantLight:
 
 def table(count: int, lights: dict[int, ConstantLight], beyond: float) -> ConstantLights:
     """Return the lights as columns."""
-    return ConstantLights(
-        vector_columns(count, {i: e.radiance for i, e in lights.items()}), beyond
-    )
+    (sky,) = lights.values()
+    return ConstantLights(vector_columns(1, {0: sky.radiance}), beyond)
 
 
 @sample_light.by(ConstantLights)
@@ -51,34 +49,16 @@ def sample_constant(constants, kind, light, mask, position, x, y, z):
     Half the samples of a surface point are below its horizon.
     """
     distance = splat_f32(np.float32(constants.distance))
-    radiance = gather3(constants.radiance, light, mask) * _FOUR_PI
+    radiance = column(constants.radiance, 0) * splat_f32(_FOUR_PI)
     return LightSample(square_to_sphere(x, y), distance, radiance, splat_f32(SPHERE_PDF))
 
 
-@method_kernel
-def add_constant(kind, settings, lights, rays, hits, first, count, radiance):
-    """Add the environment for the rays that have hit nothing."""
-    index = 0
-    while kind.kind[index] != kind.index:
-        index += 1
-    color = column(kind.lights.radiance, index)
-    probability = light_probability(lights, settings)
-    for i in range(first, first + count, 16):
-        valid = first_lanes(first + count - i)
-        missed = valid & (load_row(hits.prim, 0, i) < 0)
-        if mask_bits(missed) == 0:
-            continue
-        pdf = load_row(rays.pdf, 0, i)
-        weight = bsdf_sample_weight(settings, pdf, splat_f32(SPHERE_PDF * probability))
-        carried = load3(rays.throughput, i) * weight * color
-        add_lanes(radiance, load_row(rays.slot, 0, i), carried, missed)
+@environment_light.by(ConstantLights)
+@kernel
+def _constant_light(constants, direction, mask):
+    return column(constants.radiance, 0), splat_f32(SPHERE_PDF)
 
 
 CONSTANT = LightPlugin(
-    "constant",
-    ConstantLight,
-    read,
-    table,
-    at_infinity=True,
-    environment=add_constant,
+    "constant", ConstantLight, read, table, at_infinity=True, environment=True
 )

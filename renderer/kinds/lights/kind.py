@@ -35,7 +35,7 @@ class LightKind(NamedTuple):
 
 @dataclass(frozen=True)
 class LightPlugin:
-    """One kind of emitter that stands alone in a scene.
+    """One kind of emitter.
 
     Parameters
     ----------
@@ -50,16 +50,25 @@ class LightPlugin:
         of the kind, columns by light id.
     at_infinity
         Whether it is infinitely far away.
+        With textures a further argument are the `LightTextures`, or None.
+    texture
+        The attribute of the description that may be a texture, "" for none. Lights whose
+        textures are of different kinds, or without, are in tables of their own.
+    on_shapes
+        Whether it lies on a shape, in whose element it stands.
     environment
-        The kernel that adds it to the rays that have hit nothing; None: it has no extent.
+        Whether rays that hit nothing find it: `environment_light` is implemented for it.
+        A scene has one at most.
     """
 
     name: str
     description: type
     read: Callable[[Any], Any]
-    table: Callable[[int, dict[int, Any], float], Any]
+    table: Callable[..., Any] | None = None  # None: by `light_tables`, with its shapes
+    texture: str = ""
+    on_shapes: bool = False
     at_infinity: bool = False
-    environment: Any = None
+    environment: bool = False
 
 
 @interface

@@ -1,15 +1,19 @@
-"""All kinds of emitter that stand alone: one line makes a kind known."""
+"""All kinds of emitter: one line makes a kind known."""
 
 from __future__ import annotations
 
+from renderer.kinds.lights.area import AREA
 from renderer.kinds.lights.constant import CONSTANT
 from renderer.kinds.lights.directional import DIRECTIONAL
+from renderer.kinds.lights.envmap import ENVMAP
 from renderer.kinds.lights.kind import LightPlugin
 from renderer.kinds.lights.point import POINT
+from renderer.kinds.lights.projector import PROJECTOR
 from renderer.kinds.lights.spot import SPOT
 
 LIGHTS: dict[str, LightPlugin] = {
-    kind.name: kind for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT)
+    kind.name: kind
+    for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT, ENVMAP, PROJECTOR, AREA)
 }
 
 

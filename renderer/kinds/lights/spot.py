@@ -11,13 +11,15 @@ from renderer.jit import kernel
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH
+from renderer.kinds.lights.textures import LightTextures, light_color, refuse_nested
 from renderer.lanes.functions import select, splat_f32
 from renderer.lanes.mathematics import arccos
 from renderer.lanes.memory import gather_row
 from renderer.lanes.vectors import dot, gather3, length
 from renderer.scene_file import transforms
 from renderer.scene_file.colors.colors import Use, read_color
-from renderer.scene_file.description import SpotLight
+from renderer.scene_file.description import ConstantTexture, SpotLight
+from renderer.scene_file.objects.textures import read_texture
 
 
 class SpotLights(NamedTuple):
@@ -30,6 +32,15 @@ class SpotLights(NamedTuple):
     cos_beam: NDArray[np.float32]  # (n,)
     cutoff: NDArray[np.float32]  # (n,) [rad]
     inverse_transition: NDArray[np.float32]  # (n,) 1 / (cutoff - beam width) [1/rad]
+    across: Any  # with textures: SpotSquares, else None
+
+
+class SpotSquares(NamedTuple):
+    """The squares that textures fill, at z = 1 of each light; columns by light id."""
+
+    textures: LightTextures
+    right: NDArray[np.float32]  # (3, n) local x axis, over twice the half width
+    up: NDArray[np.float32]  # (3, n)
 
 
 def read(properties: Any) -> SpotLight:
@@ -45,15 +56,24 @@ def read(properties: Any) -> SpotLight:
     to_world[:3, :3] /= lengths  # the size of a point means nothing
     cutoff = properties.number("cutoff_angle", 20.0, above=0.0, at_most=180.0)
     beam = properties.number("beam_width", 0.75 * cutoff, at_least=0.0, at_most=cutoff)
-    if properties.has("texture"):
-        properties.fail(
-            "texture", "a projected texture", "none: spots have one colour here"
-        )
     intensity = read_color(properties, "intensity", 1.0, Use.EMISSION)
-    return SpotLight(to_world, intensity, cutoff, beam)
+    texture = None
+    if properties.has("texture"):
+        texture = read_texture(properties, "texture", 1.0)
+        if isinstance(texture, ConstantTexture):
+            properties.fail("texture", "one colour", "a texture that varies")
+        refuse_nested(properties, "texture", texture)
+        if cutoff >= 90.0:
+            properties.fail("cutoff_angle", f"{cutoff:g} with a texture", "less than 90")
+    return SpotLight(to_world, intensity, cutoff, beam, texture)
 
 
-def table(count: int, lights: dict[int, SpotLight], beyond: float) -> SpotLights:
+def table(
+    count: int,
+    lights: dict[int, SpotLight],
+    beyond: float,
+    textures: LightTextures | None,
+) -> SpotLights:
     """Return the lights as columns."""
     cutoff = {i: np.radians(e.cutoff_angle) for i, e in lights.items()}
     beam = {i: np.radians(e.beam_width) for i, e in lights.items()}
@@ -69,7 +89,30 @@ def table(count: int, lights: dict[int, SpotLight], beyond: float) -> SpotLights
         number_column(count, {i: np.cos(a) for i, a in beam.items()}),
         number_column(count, cutoff),
         number_column(count, {i: 1.0 / w if w > 0 else 0.0 for i, w in widths.items()}),
+        None if textures is None else _squares(count, lights, textures),
     )
+
+
+def _squares(
+    count: int, lights: dict[int, SpotLight], textures: LightTextures
+) -> SpotSquares:
+    sides = []
+    for axis in (0, 1):
+        inverse = {i: 0.5 / np.tan(np.radians(e.cutoff_angle)) for i, e in lights.items()}
+        ways = {i: e.to_world[:3, axis] * inverse[i] for i, e in lights.items()}
+        sides.append(vector_columns(count, ways))
+    return SpotSquares(textures, sides[0], sides[1])
+
+
+@kernel
+def _through_slide(radiance, square, light, wi, cosine, mask):
+    """Return what the textures leave of a radiance in the direction -wi of the lights."""
+    if square is None:
+        return radiance
+    along = -1.0 / select(cosine > 0.0, cosine, splat_f32(1.0))
+    u = 0.5 + dot(wi, gather3(square.right, light, mask)) * along
+    v = 0.5 + dot(wi, gather3(square.up, light, mask)) * along
+    return radiance * light_color(square.textures, light, u, v, None, None, mask)
 
 
 @sample_light.by(SpotLights)
@@ -88,7 +131,8 @@ def sample_spot(spots, kind, light, mask, position, x, y, z):
     lit = cosine > gather_row(spots.cos_cutoff, 0, light, mask)
     falloff = select(lit, falloff, splat_f32(0.0))
     radiance = gather3(spots.intensity, light, mask) * (falloff / dot(to_light, to_light))
+    radiance = _through_slide(radiance, spots.across, light, wi, cosine, mask)
     return LightSample(wi, r, radiance, splat_f32(0.0))
 
 
-SPOT = LightPlugin("spot", SpotLight, read, table)
+SPOT = LightPlugin("spot", SpotLight, read, table, texture="texture")

@@ -22,7 +22,8 @@ def light_sample_weight(settings, light_pdf, bsdf_pdf):
     """Return the weight of a light sample beside BSDF sampling; point lights get 1."""
     if settings.weigh == 0:
         return splat_f32(1.0)
-    return select(light_pdf > 0.0, power_heuristic(light_pdf, bsdf_pdf), 1.0)
+    weight = power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)
+    return select(light_pdf > 0.0, weight, 1.0)
 
 
 @kernel
@@ -30,7 +31,8 @@ def bsdf_sample_weight(settings, pdf, light_pdf):
     """Return the weight of a BSDF sample beside light sampling; mirrors (pdf 0) get 1."""
     if settings.weigh == 0:
         return splat_f32(1.0)
-    return select(pdf > 0.0, power_heuristic(pdf, light_pdf), 1.0)
+    weight = power_heuristic(pdf, light_pdf * np.float32(settings.light_share))
+    return select(pdf > 0.0, weight, 1.0)
 
 
 @kernel

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 
 from renderer.jit import interface, kernel
 from renderer.kinds.sampling.numbers_and_warps import square_to_cosine_hemisphere
-from renderer.lanes.functions import fabs, sqrt
+from renderer.lanes.functions import fabs
 from renderer.lanes.memory import load_row
 from renderer.lanes.vectors import (
     cross,
     dot,
     load3,
+    normalize,
     orthonormal_basis,
     select3,
     vec3,
@@ -24,6 +25,15 @@ from renderer.lanes.vectors import (
 
 class Plain(NamedTuple):
     """The formulas as they stand."""
+
+
+class AlongU(NamedTuple):
+    """The same, with the x axis of the local frame along dp/du."""
+
+
+def along_u(arithmetic: Any) -> Any:
+    """Return the arithmetic for BSDFs that are not the same in all directions around z."""
+    return AlongU() if isinstance(arithmetic, Plain) else arithmetic
 
 
 class Frame(NamedTuple):
@@ -53,11 +63,6 @@ def tangents_of(arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
 
 
 @interface
-def tangents_along_u(arithmetic: Any, points: Any, i: int, normal: Any) -> Any:
-    """Return `tangents_of`, the first of them along dp/du where there is one."""
-
-
-@interface
 def density_normal(arithmetic: Any, flat: Any, smooth: Any) -> Any:
     """Return the normal whose cosine turns a density per area into one per solid angle.
 
@@ -76,13 +81,13 @@ def to_local(frame, direction):
     return vec3(dot(direction, frame.s), dot(direction, frame.t), dot(direction, frame.n))
 
 
-@cosine_direction.by(Plain)
+@cosine_direction.by(Plain, AlongU)
 @kernel
 def _cosine_direction(arithmetic, x, y):
     return square_to_cosine_hemisphere(x, y)
 
 
-@to_world.by(Plain)
+@to_world.by(Plain, AlongU)
 @kernel
 def _to_world(arithmetic, frame, local):
     return frame.s * local.x + frame.t * local.y + frame.n * local.z
@@ -94,15 +99,15 @@ def _tangents_of(arithmetic, points, i, normal):
     return orthonormal_basis(normal)
 
 
-@tangents_along_u.by(Plain)
+@tangents_of.by(AlongU)
 @kernel
 def _tangents_along_u(arithmetic, points, i, normal):
     along_u = load3(points.tangent, i)
     across = along_u - normal * dot(normal, along_u)
-    length2 = dot(across, across)
-    other, _ = orthonormal_basis(normal)
-    s = select3(length2 > 0.0, across * (1.0 / sqrt(length2)), other)
-    return s, cross(normal, s)
+    nowhere = ~(dot(across, across) > 0.0)  # at a pole, or where u does not change
+    s, t = orthonormal_basis(normal)
+    across = normalize(select3(nowhere, s, across))
+    return across, select3(nowhere, t, cross(normal, across))
 
 
 @density_normal.by(Plain)

@@ -51,6 +51,7 @@ def axes(camera: OrthographicCamera) -> tuple[NDArray[np.float64], ...]:
     film = camera.film
     pixel = 2.0 / film.width  # on either axis: pixels are square
     corner = origin + left + up * (film.height / film.width) + forward * camera.near_clip
+    corner += (left + up) * (pixel * film.border)  # samples may begin beyond the film
     return corner, -left * pixel, -up * pixel
 
 

@@ -12,7 +12,7 @@ from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import pinhole, vector_column
 from renderer.lanes.vectors import column, dot, normalize
 from renderer.scene_file.description import PerspectiveCamera
-from renderer.scene_file.objects.sensors import field_of_view, shared, without_scale
+from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
 
 
 class Perspective(NamedTuple):
@@ -30,11 +30,12 @@ class Perspective(NamedTuple):
 def read(properties: Any) -> PerspectiveCamera:
     """Read the properties of a file."""
     common = shared(properties)
+    film = common["film"]
     properties.number("focus_distance", common["far_clip"])  # pinholes are sharp everywhere
     return PerspectiveCamera(
         **common,
         to_world=without_scale(properties),
-        fov_x=field_of_view(properties, common["film"]),
+        fov_x=read_fov_x(properties, film.width / film.height),
         principal_point_offset_x=properties.number("principal_point_offset_x", 0.0),
         principal_point_offset_y=properties.number("principal_point_offset_y", 0.0),
     )
@@ -44,7 +45,9 @@ def record(camera: PerspectiveCamera) -> Perspective:
     """Return the camera as its kernel uses it."""
     p = pinhole(camera)
     forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
-    vectors = (vector_column(v) for v in (p.o, p.corner, p.x, p.y, forward))
+    vectors = (
+        vector_column(v) for v in (p.o, p.corner(camera.film.border), p.x, p.y, forward)
+    )
     return Perspective(*vectors, float(camera.near_clip), float(camera.far_clip))
 
 

@@ -28,10 +28,10 @@ class Pinhole:
     xres: int
     yres: int
 
-    @property
-    def corner(self) -> NDArray[np.float64]:
-        """The vector to the film's upper left corner, pixel position (0, 0)."""
-        return self.f - self.x * (self.xres / 2.0) - self.y * (self.yres / 2.0)
+    def corner(self, border: int) -> NDArray[np.float64]:
+        """Return the vector to where samples begin, so many pixels beyond the film."""
+        x, y = self.xres / 2.0 + border, self.yres / 2.0 + border
+        return self.f - self.x * x - self.y * y
 
 
 def pinhole(camera: PerspectiveCamera) -> Pinhole:

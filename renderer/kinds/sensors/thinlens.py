@@ -17,7 +17,7 @@ from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import pinhole, vector_column
 from renderer.lanes.vectors import column, dot, normalize
 from renderer.scene_file.description import ThinLensCamera
-from renderer.scene_file.objects.sensors import field_of_view, shared, without_scale
+from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
 
 # Mitsuba's radius in place of 0: half the distance from 1 to the next float32
 _SMALLEST_RADIUS = 2.0**-24
@@ -41,6 +41,7 @@ class ThinLens(NamedTuple):
 def read(properties: Any) -> ThinLensCamera:
     """Read the properties of a file."""
     common = shared(properties)
+    film = common["film"]
     if not properties.has("aperture_radius"):
         properties.fail("aperture_radius", "nothing", "the radius of the lens, above 0")
     radius = properties.number("aperture_radius", 0.0, at_least=0.0)
@@ -54,7 +55,7 @@ def read(properties: Any) -> ThinLensCamera:
     return ThinLensCamera(
         **common,
         to_world=without_scale(properties),
-        fov_x=field_of_view(properties, common["film"]),
+        fov_x=read_fov_x(properties, film.width / film.height),
         aperture_radius=radius,
         focus_distance=properties.number("focus_distance", common["far_clip"], above=0.0),
     )
@@ -67,7 +68,7 @@ def record(camera: ThinLensCamera) -> ThinLens:
         camera.to_world[:3, k] / np.linalg.norm(camera.to_world[:3, k]) for k in range(3)
     )
     lens = (p.o, left * camera.aperture_radius, up * camera.aperture_radius)
-    plane = (v * camera.focus_distance for v in (p.corner, p.x, p.y))
+    plane = (v * camera.focus_distance for v in (p.corner(camera.film.border), p.x, p.y))
     vectors = (vector_column(v) for v in (*lens, *plane, forward))
     return ThinLens(*vectors, float(camera.near_clip), float(camera.far_clip))
 

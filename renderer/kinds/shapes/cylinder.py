@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.jit import kernel
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 from renderer.kinds.shapes.arrays import float32
@@ -234,7 +235,13 @@ def read(properties: Any, common: dict[str, Any]) -> Description:
             "a transform that makes the tube elliptic or slanted",
             "a rotation, translation and uniform scale",
         )
-    if common["radiance"] is not None and transforms.mirrors(to_world):
+    radiance = common["radiance"]
+    if radiance is not None and not isinstance(radiance, tuple):
+        raise SceneError(
+            f"{properties.location}: {properties.element} emits a texture, whose points "
+            "Mitsuba puts in wrong places on a cylinder; expected one colour"
+        )
+    if radiance is not None and transforms.mirrors(to_world):
         properties.fail(
             "to_world",
             "a mirrored cylinder that emits, whose two sides Mitsuba confuses",

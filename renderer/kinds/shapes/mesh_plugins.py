@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from renderer.errors import SceneError
 from renderer.scene_file.description import Mesh
 from renderer.scene_file.meshes.cube import cube_mesh
@@ -14,6 +16,7 @@ from renderer.scene_file.meshes.mesh_data import MeshData
 from renderer.scene_file.meshes.obj_file import read_obj
 from renderer.scene_file.meshes.ply_file import read_ply
 from renderer.scene_file.meshes.serialized_file import read_serialized
+from renderer.scene_file.meshes.uv_grid import overlap
 
 
 def read_obj_shape(properties: Any, common: dict[str, Any]) -> Mesh:
@@ -56,7 +59,21 @@ def _mesh(
     )
     for line in log:
         properties.reading.warn(properties.location, line)
+    if common["radiance"] is not None and not isinstance(common["radiance"], tuple):
+        _check_chart(properties, mesh)
     return mesh
+
+
+def _check_chart(properties: Any, mesh: Mesh) -> None:
+    """Refuse a textured lamp whose points are not known by their (u, v)."""
+    what = f"{properties.location}: {properties.element} emits a texture, "
+    if mesh.uvs is None:
+        raise SceneError(f"{what}but has no texture coordinates")
+    if overlap(mesh.uvs[mesh.faces].astype(np.float64)):
+        raise SceneError(
+            f"{what}but some of its faces share a part of it, so that Mitsuba samples one "
+            "of them at random; expected texture coordinates that do not overlap"
+        )
 
 
 def _file(properties: Any, read: Callable[[Path], MeshData]) -> MeshData:

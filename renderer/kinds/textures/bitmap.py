@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.jit import kernel
-from renderer.kinds.textures.kind import TextureKind
+from renderer.kinds.textures.kind import LUMINANCE, TextureKind
+from renderer.kinds.textures.texels import (
+    as_color,
+    as_number,
+    chosen,
+    packed_texels,
+    texel_at,
+)
 from renderer.lanes.functions import (
     floor,
     mask_bits,
@@ -20,52 +28,117 @@ from renderer.lanes.functions import (
     to_i32,
 )
 from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import gather3, select3
-from renderer.scene_file.description import BitmapTexture
+from renderer.scene_file.colors.colors import Use
+from renderer.scene_file.description import BitmapTexture, Location
+from renderer.scene_file.images.image import Image, checked, linear_values
+from renderer.scene_file.images.images import READ_FROM, read_texels
 
 REPEAT = 0
 MIRROR = 1
 CLAMP = 2
+NEAREST = 4  # no interpolation
+FORMATS = ("auto", "variant", "fp16", "float16", "uint8")
 _WRAP = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 
 
 class Bitmaps(NamedTuple):
-    """All bitmaps in one long row of texels; columns by texture id."""
+    """Bitmaps whose texels have one format; columns by texture id."""
 
-    texels: NDArray[np.float32]  # (3, total), row after row from the top
+    texels: Any  # see `kinds.textures.texels`; row after row from the top
     start: NDArray[np.int32]  # (n,) first texel
     width: NDArray[np.int32]  # (n,)
     height: NDArray[np.int32]  # (n,)
-    nearest: NDArray[np.int32]  # (n,) 1: no interpolation
-    wrap: NDArray[np.int32]  # (n,) REPEAT, MIRROR or CLAMP
+    mode: NDArray[np.int32]  # (n,) REPEAT, MIRROR or CLAMP, or'ed with NEAREST
 
 
-def bitmap_table(textures: list[BitmapTexture | None]) -> Bitmaps:
-    """Pack bitmaps into one record."""
-    texels, starts, widths, heights = [np.zeros((3, 1), np.float32)], [], [], []
-    total = 1
-    for bitmap in textures:
-        height, width = bitmap.pixels.shape[:2] if bitmap else (1, 1)
-        starts.append(total if bitmap else 0)
-        widths.append(width)
-        heights.append(height)
-        if bitmap:
-            texels.append(bitmap.pixels.reshape(-1, 3).T)
-            total += width * height
+def read(properties: Any, use: Use) -> BitmapTexture:
+    """Read the properties of a file, and the image that it names."""
+    image, name, location = _image(properties)
+    raw = properties.boolean("raw", False)
+    storage = properties.choice("format", "auto", FORMATS)
+    properties.boolean("accel", True)  # of GPU backends; nothing to accelerate here
+    texels, srgb = image.texels, image.srgb and not raw
+    if storage == "uint8" and texels.dtype != np.uint8:
+        properties.fail("format", f'"uint8" for texels of {texels.dtype}', "auto")
+    if storage == "auto" and texels.dtype == np.uint16:
+        storage = "float16"
+    if storage not in ("auto", "uint8"):
+        with np.errstate(over="ignore"):
+            kept = np.float32 if storage == "variant" else np.float16
+            texels, srgb = linear_values(texels, srgb).astype(kept), False
+        if not np.isfinite(texels).all():
+            properties.fail("format", "half floats", "variant: there are larger pixels")
+    bitmap = BitmapTexture(
+        # Mitsuba has the top row of the file at v = 0; the record has row 0 at v = 1.
+        np.ascontiguousarray(texels[::-1]),
+        properties.choice("filter_type", "bilinear", ("bilinear", "nearest")),
+        properties.choice("wrap_mode", "repeat", ("repeat", "mirror", "clamp")),
+        properties.uv_transform("to_uv"),
+        srgb,
+    )
+    if use is Use.REFLECTANCE and (largest := float(bitmap.pixels.max())) > 1.0:
+        # Mitsuba lets such images through, so they render here; but light is created.
+        properties.reading.warn(
+            location, f"{name} has reflectances up to {largest:g}; energy is not conserved"
+        )
+    return bitmap
+
+
+def _image(properties: Any) -> tuple[Image, str, Location]:
+    """Return the image, its name and where the file says it."""
+    if properties.has("filename"):
+        filename = properties.string("filename", "")
+        location = properties.element.properties["filename"].location
+        path = properties.reading.find_file(filename, location, "the image")
+        name, given = path.name, None
+    else:  # dictionaries may hold the pixels
+        name = "data" if properties.has("data") else "bitmap"
+        location = properties.location
+        if not properties.has(name):
+            properties.fail("filename", "nothing", f"the path of an image: {READ_FROM}")
+        given = properties.take(name).value
+        if not isinstance(given, Image):
+            properties.fail(name, "no image", "an array of (height, width, channels)")
+    try:
+        image = read_texels(path) if given is None else checked(given, name)
+    except SceneError as error:
+        raise SceneError(f"{location}: {properties.element}: {error}") from None
+    return image, name, location
+
+
+def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:
+    """Return the mean luminance of the texels."""
+    mean_color = bitmap.pixels.mean(axis=(0, 1), dtype=np.float64)
+    return float(mean_color @ LUMINANCE)
+
+
+def format_of(bitmap: BitmapTexture) -> tuple[str, int, bool]:
+    """Return what differs between tables: type and number of channels, and encoding."""
+    return bitmap.texels.dtype.name, bitmap.texels.shape[2], bitmap.srgb
+
+
+def bitmap_table(textures: list[BitmapTexture | None], scene: Any) -> Bitmaps:
+    """Pack bitmaps of one format into one record."""
+    mine = [bitmap for bitmap in textures if bitmap is not None]
+    sizes = [b.texels.shape[:2] if b is not None else (0, 0) for b in textures]
+    heights, widths = (np.array(size, np.int32) for size in zip(*sizes, strict=True))
+    total = heights.astype(np.int64) * widths
     return Bitmaps(
-        np.ascontiguousarray(np.concatenate(texels, axis=1), np.float32),
-        np.array(starts, np.int32),
-        np.array(widths, np.int32),
-        np.array(heights, np.int32),
-        np.array(
-            [b is not None and b.filter_type == "nearest" for b in textures], np.int32
-        ),
-        np.array([_WRAP[b.wrap_mode] if b else REPEAT for b in textures], np.int32),
+        packed_texels([bitmap.texels for bitmap in mine], mine[0].srgb),
+        (np.cumsum(total) - total).astype(np.int32),
+        widths,
+        heights,
+        np.array([_mode(b) if b else 0 for b in textures], np.int32),
     )
 
 
+def _mode(bitmap: BitmapTexture) -> int:
+    nearest = NEAREST if bitmap.filter_type == "nearest" else 0
+    return _WRAP[bitmap.wrap_mode] | nearest
+
+
 @kernel
-def _wrap(i, size, mode):
+def wrapped(i, size, mode):
     """Return texel coordinates brought into [0, size)."""
     n = to_f32(size)
     x = to_f32(i)
@@ -82,38 +155,62 @@ def _wrap(i, size, mode):
 
 @kernel
 def _texel(bitmaps, start, width, height, mode, x, y, mask):
-    column = _wrap(x, width, mode)
-    row = _wrap(y, height, mode)
-    return gather3(bitmaps.texels, start + row * width + column, mask)
+    column = wrapped(x, width, mode)
+    row = wrapped(y, height, mode)
+    return texel_at(bitmaps.texels, start + row * width + column, mask)
 
 
 @kernel
-def bitmap_color(bitmaps, texture, u, v, mask):
-    """Return the colour at (u, v); v runs upwards, rows downwards."""
+def _interpolated(bitmaps, texture, point, mask):
+    """Return texels or their mean at (u, v); v runs upwards, rows downwards."""
     start = gather_row(bitmaps.start, 0, texture, mask)
     width = gather_row(bitmaps.width, 0, texture, mask)
     height = gather_row(bitmaps.height, 0, texture, mask)
-    mode = gather_row(bitmaps.wrap, 0, texture, mask)
-    nearest = gather_row(bitmaps.nearest, 0, texture, mask) != 0
+    mode = gather_row(bitmaps.mode, 0, texture, mask)
+    nearest = (mode & NEAREST) != 0
+    mode = mode & ~NEAREST
     half = select(nearest, splat_f32(0.0), splat_f32(0.5))
-    x = u * to_f32(width) - half
-    y = (1.0 - v) * to_f32(height) - half
+    x = point.u * to_f32(width) - half
+    y = (1.0 - point.v) * to_f32(height) - half
     x0 = floor(x)
     y0 = floor(y)
     column = to_i32(x0)
     row = to_i32(y0)
-    color = _texel(bitmaps, start, width, height, mode, column, row, mask)
+    texel = _texel(bitmaps, start, width, height, mode, column, row, mask)
     smooth = mask & ~nearest
     if mask_bits(smooth) == 0:
-        return color
+        return texel
     fx = x - x0
     fy = y - y0
     right = _texel(bitmaps, start, width, height, mode, column + 1, row, smooth)
     below = _texel(bitmaps, start, width, height, mode, column, row + 1, smooth)
     across = _texel(bitmaps, start, width, height, mode, column + 1, row + 1, smooth)
-    upper = color * (1.0 - fx) + right * fx
+    upper = texel * (1.0 - fx) + right * fx
     lower = below * (1.0 - fx) + across * fx
-    return select3(smooth, upper * (1.0 - fy) + lower * fy, color)
+    mean = upper * (1.0 - fy) + lower * fy
+    return chosen(bitmaps.texels, smooth, mean, texel)
 
 
-BITMAP = TextureKind("bitmap", BitmapTexture, bitmap_table, Bitmaps, bitmap_color)
+@kernel
+def bitmap_color(bitmaps, texture, point, mask):
+    """Return the colour at (u, v)."""
+    return as_color(bitmaps.texels, _interpolated(bitmaps, texture, point, mask))
+
+
+@kernel
+def bitmap_scalar(bitmaps, texture, point, mask):
+    """Return the luminance at (u, v)."""
+    return as_number(bitmaps.texels, _interpolated(bitmaps, texture, point, mask))
+
+
+BITMAP = TextureKind(
+    "bitmap",
+    BitmapTexture,
+    read,
+    bitmap_table,
+    Bitmaps,
+    bitmap_color,
+    bitmap_scalar,
+    mean,
+    format_of,
+)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
 from renderer.integrators.registry import INTEGRATORS
+from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.scene.scene import KINDS, Scene
@@ -62,7 +63,7 @@ class Explanation:
 
 def describe_integrator(asked: Integrator) -> str:
     """Return the integrator's name and the properties that it has."""
-    text = asked.name
+    text = asked.name if asked.moments is None else f"the moments of {asked.name}"
     for name in INTEGRATORS[asked.name].described:
         value = getattr(asked, name)
         text += f", {name} {'no limit' if value < 0 else value}"
@@ -119,16 +120,14 @@ def explain_accelerators(
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
     """List BSDFs and lights, and what of these the scene does not have."""
     materials = scene.materials
-    kinds = {name: kind in materials.kinds for name, kind in BSDFS.items()}
-    why.say(
-        "BSDFs", ", ".join(kind for kind, present in kinds.items() if present) or "none"
-    )
+    used = {leaf.name for kind in materials.kinds for leaf in leaves_of(kind)}
+    why.say("BSDFs", ", ".join(kind.name for kind in materials.kinds) or "none")
     lights = _lights(scene)
     listed = ", ".join(f"{count} {kind}" for kind, count in lights.items() if count)
     why.say("lights", listed or "none")
     if not materials.textured:
         why.say("left out", "textures and uv: no BSDF looks at them; not compiled")
-    _leave_out([k for k, present in kinds.items() if not present], "no shape has it", why)
+    _leave_out([name for name in BSDFS if name not in used], "no shape has it", why)
     if listed:
         absent = [kind for kind, count in lights.items() if not count]
         _leave_out(absent, "the scene has no such light", why)
@@ -219,8 +218,8 @@ def _lights(scene: Scene) -> dict[str, int]:
     lights = dict.fromkeys(LIGHTS, 0)
     for emitter in scene.description.emitters:
         lights[plugin_of(emitter).name] += 1
-    area = sum(shape.radiance is not None for shape in scene.description.shapes)
-    return lights | {"area": area}
+    lights["area"] = sum(shape.radiance is not None for shape in scene.description.shapes)
+    return lights
 
 
 def _primitives(scene: Scene) -> dict[str, int]:

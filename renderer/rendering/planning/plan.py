@@ -31,6 +31,7 @@ from renderer.replay.refusals import check_replay
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
+    Moments,
     Sampler,
 )
 from renderer.scene_file.objects.samplers import round_sample_count
@@ -56,6 +57,7 @@ class Plan(Decision):
     sampler: Sampler
     ray_offset: str = "tight"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
+    moments: Moments | None = None  # second moments stand beside the picture
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -63,6 +65,17 @@ class Plan(Decision):
     def kind(self) -> IntegratorKind:
         """The integrator that runs."""
         return INTEGRATORS[self.method]
+
+    @property
+    def several(self) -> bool:
+        """Whether a point takes more than one sample of its lights or its BSDF."""
+        return max(self.light_samples, self.bsdf_samples) > 1
+
+    @property
+    def name(self) -> str:
+        """The method, and what makes its loop another one."""
+        name = f"{self.method} with several samples" if self.several else self.method
+        return name if self.moments is None else f"moments of {name}"
 
     @property
     def asks_lights(self) -> bool:
@@ -86,11 +99,15 @@ def _has_extended_lights(scene: Scene) -> bool:
 def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
     asked = scene.description.integrator
     if name in (None, "auto", asked.name):
+        if asked.refusal:
+            raise SceneError(asked.refusal)
         return asked
     if name not in INTEGRATORS:
         known = ", ".join(names.INTEGRATORS)
         raise SceneError(f"integrator {name!r} is unknown; there are: {known}")
-    return dataclasses.replace(asked, name=name, aovs=(), nested=None)
+    if asked.refusal:  # nothing in it was read, so that the defaults count
+        return Integrator(name)
+    return dataclasses.replace(asked, name=name, aovs=(), nested=None, moments=None)
 
 
 def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
@@ -181,8 +198,8 @@ def _decide(
     why = Explanation()
     asked = _choose_integrator(scene, integrator)
     replay = sampler == REPLAY
-    # a leaner method gives the same answer, but not by the same paths
-    reduce = integrator in (None, "auto") and not replay
+    # a leaner method gives the same answer, but not by the same paths, nor the same moments
+    reduce = integrator in (None, "auto") and not replay and asked.moments is None
     chosen_sampler = _choose_sampler(scene, sampler)
     count = chosen_sampler.sample_count if spp is None else spp
     materials = scene.materials
@@ -215,7 +232,12 @@ def _decide(
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,
         replay=replay,
+        moments=asked.moments,
     )
+    if plan.moments is not None:
+        why.say("moments", "the means of the squares of single samples, as in Mitsuba")
+    if plan.kind.splits and plan.mirrors:
+        _check_tree(scene)
     if plan.kind.sees_lights:
         explain_weights(plan, scene, extended, why)
         explain_roulette(plan, why)
@@ -231,6 +253,22 @@ def _decide(
     random = decision.random and depth > 1
     explain_samples(chosen_sampler, count, random, why, replay=replay)
     return dataclasses.replace(plan, lines=tuple(why.lines))
+
+
+def _check_tree(scene: Scene) -> None:
+    """Refuse nestings whose mirrors and holes a tree of rays has no branches for.
+
+    Raises
+    ------
+    SceneError
+        Naming the first.
+    """
+    for kind in scene.materials.kinds:
+        if kind.delta and kind.reflection is None and kind.transmission is None:
+            raise SceneError(
+                f"{scene.description.source}: integrator 'whitted' has no branches for the "
+                f"bsdf {kind.name}; possible are path and direct, or whitted without it"
+            )
 
 
 def stratified_cells(sample_count: int) -> tuple[int, int]:

@@ -5,15 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from renderer.integrators.first_hit import show_albedo, show_seen_albedo
+from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_albedo
 from renderer.jit import Packed, record_type
-from renderer.kinds.bsdfs.kind import BsdfKind, BsdfMethods
-from renderer.kinds.textures.kind import TextureKind, TextureMethods
-from renderer.kinds.textures.look_up import look_up_kind
-from renderer.kinds.textures.registry import TEXTURES
-from renderer.records.kernel_scene import Bsdfs, Settings
+from renderer.kinds.bsdfs.kind import BsdfMethods
+from renderer.kinds.sampling.arithmetic import along_u
+from renderer.kinds.textures.kind import TextureMethods
+from renderer.kinds.textures.look_up import look_up_color, look_up_scalar
+from renderer.kinds.textures.nested import nested_boards
+from renderer.records.kernel_scene import (
+    LOOK_UP_COLOR,
+    LOOK_UP_SCALAR,
+    Bsdfs,
+    Settings,
+)
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     FLOAT,
@@ -24,15 +29,19 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.scene.materials import MaterialTables, texture_kind_of
+from renderer.scene.materials import Kind, MaterialTables, kind_of, leaves, table_of
+from renderer.scene.scene import Scene
 from renderer.stages.direct_light import reflect_light
 from renderer.stages.scatter import scatter_kind
 from renderer.stages.split import split_glass, split_mirror
 
+# in the order of their columns
+_LOOK_UPS = {LOOK_UP_COLOR: look_up_color, LOOK_UP_SCALAR: look_up_scalar}
+
 
 def bsdf_tables(
     tables: MethodTables,
-    materials: MaterialTables,
+    scene: Scene,
     plan: Plan,
     settings: Settings,
     arithmetic: Any,
@@ -42,36 +51,60 @@ def bsdf_tables(
 
     `lit`: lights are sampled at smooth ones.
     """
+    materials = scene.materials
     kinds, textures = materials.kinds, materials.textures()
-    kinds_of_textures = [texture_kind_of(texture) for texture in textures]
-    texture_kinds = [kind for kind in TEXTURES.values() if kind in kinds_of_textures]
+    ends = [list(leaves(texture)) for texture in textures]  # of a nested one: others
+    looked_up = {id(leaf): table_of(leaf) for end in ends for leaf in end}
+    texture_tables = list(dict.fromkeys(looked_up.values()))
     methods = tables.table(
-        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 5
+        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 6
     )
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
     bsdfs = Bsdfs(
         methods,
         sum(kind.smooth for kind in kinds),
-        np.array([place[b.plugin] for b in materials.bsdfs] or [-1], np.int32),
+        np.array([place[kind_of(b).name] for b in materials.bsdfs] or [-1], np.int32),
         materials.values(),
         np.array([kind.row_count for kind in kinds], np.int32),
-        materials.look_ups(needed, texture_kinds),
+        materials.look_ups(needed, texture_tables),
         materials.texture_ids(),
-        np.array([texture_kinds.index(k) for k in kinds_of_textures if k], np.int32),
+        np.array(
+            [
+                texture_tables.index(looked_up[id(t)]) if id(t) in looked_up else -1
+                for t in textures
+            ],
+            np.int32,
+        ),
         np.zeros((0, 2), np.int64),
     )
     if bsdfs.look_ups.size == 0:
         return bsdfs
-    return bsdfs._replace(
-        texture_methods=_texture_methods(tables, bsdfs, textures, texture_kinds)
-    )
+    to_uv = np.array([getattr(t, "to_uv", np.eye(3))[:2] for t in textures], np.float32)
+    to_uv = np.ascontiguousarray(to_uv.reshape(-1, 6).T)
+    nested = nested_boards(textures)
+    look_up = (record_type(bsdfs), INT, INT, work_types().points, INT, INT)
+    rows = []
+    for k, (kind, _) in enumerate(texture_tables):
+        mine = [t if bsdfs.texture_kind[i] == k else None for i, t in enumerate(textures)]
+        record = tables.pack(TextureMethods(kind.table(mine, scene), to_uv, nested))
+        asked = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
+        rows.append(
+            (
+                record,
+                [
+                    (method, look_up, NOTHING) if request in asked else None
+                    for request, method in _LOOK_UPS.items()
+                ],
+            )
+        )
+    return bsdfs._replace(texture_methods=tables.table(rows, len(_LOOK_UPS)))
 
 
 def _row(
     tables: MethodTables,
     materials: MaterialTables,
-    kind: BsdfKind,
+    kind: Kind,
     plan: Plan,
     settings: Settings,
     arithmetic: Any,
@@ -90,26 +123,15 @@ def _row(
     scatters = goes_on and plan.kind.scatters
     splits = kind.delta and plan.mirrors and plan.kind.splits
     shows = kind.albedo is not None and plan.kind.first_hit
+    turns = kind.normal is not None and plan.kind.first_hit
     form = kind.form(materials.tables_of(kind))
-    record = tables.pack(BsdfMethods(form, arithmetic), kind.source)
+    rounded = along_u(arithmetic) if kind.oriented else arithmetic
+    record = tables.pack(BsdfMethods(form, rounded), kind.source)
     return record, [
         reflect if kind.smooth and lit else None,
         (scatter_kind, along, INT) if scatters else None,
         (split, (given, *group, work.rays, INT), INT) if splits else None,
         (show_albedo, shown, NOTHING) if shows and not kind.seen_albedo else None,
         (show_seen_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
+        (show_normal, shown, NOTHING) if turns else None,
     ]
-
-
-def _texture_methods(
-    tables: MethodTables, bsdfs: Bsdfs, textures: list[Any], kinds: list[TextureKind]
-) -> NDArray[np.int64]:
-    """Return the methods that look parameters up, a row for each kind of texture."""
-    look_up = (record_type(bsdfs), INT, INT, INT, work_types().points, INT, INT)
-    to_uv = np.array([t.to_uv[:2].ravel() for t in textures], np.float32)
-    rows = []
-    for kind in kinds:
-        mine = [t if texture_kind_of(t) is kind else None for t in textures]
-        record = TextureMethods(kind.table(mine), np.ascontiguousarray(to_uv.T))
-        rows.append((tables.pack(record), [(look_up_kind, look_up, NOTHING)]))
-    return tables.table(rows, 1)

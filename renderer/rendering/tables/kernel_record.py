@@ -85,7 +85,7 @@ class KernelInputs:
             placements,
             primitives,
             scene.shapes,
-            bsdf_tables(tables, scene.materials, plan, settings, variant.arithmetic, lit),
+            bsdf_tables(tables, scene, plan, settings, variant.arithmetic, lit),
             lights,
             _sensor_methods(tables, scene.description.camera),
             _sampler_methods(tables, sampling, scene, plan, lit),
@@ -110,9 +110,16 @@ def has_lights(scene: Scene) -> bool:
     return bool(order.of_emitters) or max(order.of_shapes, default=-1) >= 0
 
 
+def has_textured_lamps(scene: Scene) -> bool:
+    """Return whether the radiance of a shape depends on where it is met."""
+    lit = (shape.radiance for shape in scene.description.shapes)
+    return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
+
+
 def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
     kind = plan.kind
-    with_uv = (scene.materials.textured or kind.first_hit) and not kind.counts_work
+    textured = scene.materials.textured or has_textured_lamps(scene)
+    with_uv = (textured or kind.first_hit) and not kind.counts_work
     return Settings(
         plan.max_depth,
         NO_LIMIT if plan.roulette_depth is None else plan.roulette_depth,
@@ -121,6 +128,9 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(plan.hide_emitters),
         int(with_uv),
         int(variant.previous_points or scene.materials.oriented),
+        plan.light_samples,
+        plan.bsdf_samples,
+        plan.light_samples / plan.bsdf_samples if plan.weigh else 1.0,
         float(plan.cutoff),
         *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
     )

@@ -8,9 +8,9 @@ import numpy as np
 
 import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
 from renderer.jit import record_type
-from renderer.kinds.lights.area import AreaLights, add_emission
+from renderer.kinds.lights.area import add_emission, emitted_light
+from renderer.kinds.lights.environment import add_environment, environment_light
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
-from renderer.kinds.lights.registry import LIGHTS
 from renderer.records.kernel_scene import Lights, Settings, Shapes
 from renderer.rendering.tables.methods import INT, NOTHING, ROWS, MethodTables, work_types
 from renderer.scene.light_tables import LightTables
@@ -37,12 +37,11 @@ def light_methods(
     emission = (add_emission, arriving, NOTHING)
     sky = (*given, work.rays, work.hits, INT, INT, ROWS)
     rows = []
-    for k, (plugin, table) in enumerate(zip(lights.plugins, lights.tables, strict=True)):
-        environment = LIGHTS[plugin].environment if plugin in LIGHTS else None
+    for k, table in enumerate(lights.tables):
         methods = [
             sample if lit else None,
-            emission if isinstance(table, AreaLights) else None,
-            (environment, sky, NOTHING) if environment is not None else None,
+            emission if emitted_light.has(type(table)) else None,
+            (add_environment, sky, NOTHING) if environment_light.has(type(table)) else None,
         ]
         rows.append((tables.pack(LightKind(table, k, lights.kind, arithmetic)), methods))
     return Lights(lights.count, lights.kind, tables.table(rows, 3))

@@ -96,7 +96,8 @@ def replay_camera(camera: Sensor, measured: Sequence[float] | None) -> Any:
         scale = np.maximum(np.abs(ours), np.float32(half))
         ours = np.where(np.abs(theirs - ours) <= _SAME * scale, theirs, ours)
     one = np.float32(1.0) / crop.astype(np.float32)
-    shift = -offset.astype(np.float32) * one
+    # ours begins `border` pixels before the film where samples lie beyond it
+    shift = -(offset + film.border).astype(np.float32) * one
     found = ReplayCamera(
         ours.astype(np.float32),
         np.array([one, shift, moved * size / crop], np.float32),

@@ -19,7 +19,6 @@ from renderer.kinds.sampling.arithmetic import (
     cosine_direction,
     density_normal,
     seen_from,
-    tangents_along_u,
     tangents_of,
     to_world,
 )
@@ -157,7 +156,6 @@ def _to_world(arithmetic, frame, local):
     return to_world_as_mitsuba(frame.s, frame.t, frame.n, local)
 
 
-@tangents_along_u.by(AsMitsuba)
 @tangents_of.by(AsMitsuba)
 @kernel
 def _tangents_of(arithmetic, points, i, normal):

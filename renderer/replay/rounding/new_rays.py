@@ -8,12 +8,15 @@ thousands of samples, and bit for bit Mitsuba's.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.jit import kernel, method_kernel
+from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.bsdfs.registry import kind_of
 from renderer.lanes.vectors import column, dot, vec3
 from renderer.replay.rounding.fused import fused_multiply_add
 from renderer.replay.rounding.hit_points import ROUNDING
@@ -47,19 +50,42 @@ def _refracted(wi, eta):
 class ScatteringBsdfs(NamedTuple):
     """What of the BSDFs tells a delta direction; columns by BSDF id."""
 
+    in_frame: NDArray[np.int32]  # (n,) 1: directions have been turned by the frame already
     transmits: NDArray[np.int32]  # (n,)
-    eta: NDArray[np.float32]  # (n,) index of refraction, inside over outside
+    # (n,) index of refraction, inside over outside; 0: what is transmitted goes straight on
+    eta: NDArray[np.float32]
+
+
+def scattering_bsdfs(bsdfs: Sequence[Any]) -> ScatteringBsdfs:
+    """Return it for the BSDFs of a scene."""
+    rows = [(1, 0, 1.0)] * (not bsdfs)
+    for bsdf in bsdfs:
+        kind = kind_of(bsdf)
+        in_frame = isinstance(kind, Structure)
+        bends = kind.transmits and not in_frame
+        eta = 0.0 if kind.straight else getattr(bsdf, "eta", 1.0) if bends else 1.0
+        rows.append((in_frame, bends, eta))
+    in_frame, transmits, eta = zip(*rows, strict=True)
+    return ScatteringBsdfs(
+        np.array(in_frame, np.int32),
+        np.array(transmits, np.int32),
+        np.array(eta, np.float32),
+    )
 
 
 @kernel
 def _scattered(bsdfs, points, i, direction):
     """Return `direction`, in which a path leaves point i, as Mitsuba computes it."""
     bsdf = points.bsdf[i]
+    if bsdfs.in_frame[bsdf] != 0:
+        return direction  # `directions.py` has done it
     normal, view = column(points.shading_normal, i), column(points.wo, i)
     s, t = _frame(points, i, normal)
     wi = vec3(dot(view, s), dot(view, t), dot(view, normal))
     if bsdfs.transmits[bsdf] == 0 or dot(direction, normal) * wi.z > _ZERO:
         wo = vec3(-wi.x, -wi.y, wi.z)
+    elif bsdfs.eta[bsdf] == _ZERO:
+        wo = -wi
     else:
         wo = _refracted(wi, bsdfs.eta[bsdf])
     return fused_sum(normal, wo.z, fused_sum(t, wo.y, s * wo.x))

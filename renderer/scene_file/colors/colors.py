@@ -11,9 +11,12 @@ from enum import Enum
 
 import numpy as np
 
+from renderer.errors import SceneError
 from renderer.scene_file.colors.spectra import as_rgb, emission_of_uniform, srgb_of_spectrum
+from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS, read_spectrum
 from renderer.scene_file.description import Rgb
 from renderer.scene_file.document.tree import Element, RgbValue, SpectrumValue
+from renderer.scene_file.plugins import varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -24,6 +27,15 @@ class Use(Enum):
     REFLECTANCE = "a reflectance in [0, 1]"
     EMISSION = "an emission of at least 0"
     REFRACTION = "an index of refraction of at least 0"
+    NUMBER = "any numbers"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the largest that a component may be."""
+        return {
+            Use.REFLECTANCE: (0.0, 1.0),
+            Use.NUMBER: (-np.inf, np.inf),
+        }.get(self, (0.0, np.inf))
 
 
 def read_color(properties: Properties, name: str, default: float, use: Use) -> Rgb:
@@ -54,18 +66,18 @@ def read_color(properties: Properties, name: str, default: float, use: Use) -> R
             rgb = value.rgb
         case SpectrumValue():
             rgb = _from_spectrum(properties, name, value, use)
-        case Element(tag="texture", plugin="bitmap" | "checkerboard"):
+        case Element(tag="texture") if value.plugin in varying_textures():
             properties.fail(name, f"{value}, which varies over the surface", "one colour")
         case Element(tag="texture"):
-            rgb = read_constant_plugin(value, properties.reading)
+            rgb = read_constant_plugin(value, properties.reading, use)
         case _:
             properties.fail(
                 name,
                 f"a value of type {property_.kind}",
                 "a colour: rgb, spectrum or float",
             )
-    upper = 1.0 if use is Use.REFLECTANCE else np.inf
-    if not all(0.0 <= component <= upper for component in rgb):
+    lower, upper = use.limits
+    if not all(lower <= component <= upper for component in rgb):
         shown = ", ".join(f"{component:g}" for component in rgb)
         properties.fail(name, f"the colour ({shown})", use.value)
     return rgb
@@ -79,24 +91,38 @@ def _from_spectrum(
         return (
             emission_of_uniform(number) if use is Use.EMISSION else (number, number, number)
         )
+    where = properties.element.properties[name].location
+    what = f'{where}: {properties.element}, property "{name}"'
+    return _linear_srgb(value, use, properties.reading, what)
+
+
+def _linear_srgb(
+    spectrum: SpectrumValue, use: Use | None, reading: Reading, what: str
+) -> Rgb:
+    """Return the colour of a spectrum over wavelengths; `what` is for a warning."""
     raw = srgb_of_spectrum(
-        value.wavelengths, value.values, under_d65=use is not Use.EMISSION
+        spectrum.wavelengths, spectrum.values, under_d65=use is not Use.EMISSION
     )
-    clamped = np.clip(raw, 0.0, 1.0 if use is Use.REFLECTANCE else None)
+    clamped = np.clip(raw, *(Use.NUMBER if use is None else use).limits)
     # Bright white reflectances end a hair above 1, which is no news.
-    if np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
+    if use is not None and np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
         shown = ", ".join(f"{component:.4g}" for component in raw)
-        properties.reading.warn(
-            properties.element.properties[name].location,
-            f'{properties.element}, property "{name}": the spectrum has the colour '
-            f"({shown}), "
+        reading.warnings.append(
+            f"{what}: the spectrum has the colour ({shown}), "
             "which is clamped to what linear sRGB can show",
         )
     return as_rgb(clamped)
 
 
-def read_constant_plugin(element: Element, reading: Reading) -> Rgb:
+def read_constant_plugin(element: Element, reading: Reading, use: Use | None = None) -> Rgb:
     """Return the colour of a spectrum plugin that is the same everywhere.
+
+    Parameters
+    ----------
+    element, reading
+        What is read.
+    use
+        What the colour is for; None where nobody uses it.
 
     Raises
     ------
@@ -109,6 +135,22 @@ def read_constant_plugin(element: Element, reading: Reading) -> Rgb:
             grey = properties.number("value", 1.0)
         case "d65":  # white is white: relative to sRGB, D65 has the colour (1, 1, 1)
             grey = properties.number("scale", 1.0)
+            tint = properties.take("color")
+            if tint is not None:
+                if not isinstance(tint.value, RgbValue):
+                    properties.fail("color", f"a value of type {tint.kind}", "rgb")
+                properties.finish()
+                red, green, blue = (grey * component for component in tint.value.rgb)
+                return (red, green, blue)
+        case plugin if plugin in OVER_WAVELENGTHS:
+            if plugin == "blackbody" and use not in (Use.EMISSION, None):
+                raise SceneError(
+                    f"{element.location}: {element} is no reflectance; expected a list of "
+                    "wavelengths and values (a black body emits)"
+                )
+            spectrum = read_spectrum(properties)
+            properties.finish()
+            return _linear_srgb(spectrum, use, reading, f"{element.location}: {element}")
         case _:
             color = properties.take("color")
             if color is None or not isinstance(color.value, RgbValue):

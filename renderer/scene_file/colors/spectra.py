@@ -18,6 +18,7 @@ from renderer.scene_file.colors.cie_tables import D65, OBSERVER, WAVELENGTHS
 from renderer.scene_file.description import Rgb
 
 _STEPS = 1000  # sets the result: 999 intervals but a width of 1/1000, so 0.1 % too dark
+SPECTRUM_NODES = np.linspace(WAVELENGTHS[0], WAVELENGTHS[-1], _STEPS)  # [nm]
 _Y_NORMALIZATION = 106.7502593994140625  # integral of y-bar over the 5 nm table
 _D65_NORMALIZATION = 98.99741751876255  # makes the luminance of D65 one
 
@@ -55,7 +56,7 @@ def srgb_of_spectrum(
     rgb
         (3,) linear sRGB, negative where the colour is outside of the gamut.
     """
-    x = np.linspace(WAVELENGTHS[0], WAVELENGTHS[-1], _STEPS)
+    x = SPECTRUM_NODES
     y = np.interp(x, wavelengths, values, left=0.0, right=0.0)
     if under_d65:
         y = y * np.interp(x, WAVELENGTHS, D65) / _D65_NORMALIZATION
@@ -70,10 +71,3 @@ def as_rgb(values: NDArray[np.float64]) -> Rgb:
     """Return three plain floats."""
     red, green, blue = (float(value) for value in values)
     return red, green, blue
-
-
-def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Undo the transfer curve of sRGB (IEC 61966-2-1); both ends in [0, 1]."""
-    # The power of a negative base never reaches the result, but would warn.
-    curve = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.where(encoded <= 0.04045, encoded / 12.92, curve)

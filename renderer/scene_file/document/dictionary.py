@@ -30,6 +30,7 @@ from renderer.scene_file.document.tree import (
     Value,
     Vector,
 )
+from renderer.scene_file.images.image import Image
 from renderer.scene_file.numbers import check_float, check_integer, quoted
 from renderer.scene_file.plugins import every_plugin, tag_of_plugin
 from renderer.scene_file.reading import Reading
@@ -69,6 +70,8 @@ def _element(
     if not isinstance(plugin, str):
         raise SceneError(f'{location}: the dictionary lacks a "type"')
     tag = tag_of_plugin(plugin)
+    if tag is None and key == "integrator":  # another one may be asked for to render it
+        tag = "integrator"
     if tag is None:
         supported = ", ".join(every_plugin())
         raise SceneError(
@@ -121,6 +124,8 @@ def _value(
             return _element(name, value, path, elements, reading)
     if inspect.isroutine(value):
         return Function(value)
+    if name in ("bitmap", "data") and (image := _image(name, value)) is not None:
+        return image
     array = _array(getattr(value, "matrix", value))
     if array is not None and array.shape == (4, 4):
         return array
@@ -136,6 +141,23 @@ def _value(
         "expected a number, string, boolean, three "
         "numbers, a 4 x 4 or 3 x 3 matrix, or a dictionary"
     )
+
+
+def _image(name: str, value: Any) -> Image | None:
+    """Return an array of pixels, or Mitsuba's object for one, in its own format.
+
+    As in Mitsuba bytes are encoded in sRGB, but the numbers of a tensor ("data") are not.
+    """
+    if not hasattr(value, "__array__") and not hasattr(value, "__array_interface__"):
+        return None
+    pixels = np.asarray(value)
+    if pixels.ndim != 3 or pixels.dtype.kind not in "fiu":
+        return None
+    if pixels.dtype not in (np.uint8, np.uint16, np.float16):
+        pixels = pixels.astype(np.float32)
+    said = getattr(value, "srgb_gamma", None)
+    srgb = said() if said else name == "bitmap" and pixels.dtype == np.uint8
+    return Image(pixels, bool(srgb))
 
 
 def _spectrum(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location, Rgb
+from renderer.scene_file.images.image import Image
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,13 @@ class Element:
         """Return `bsdf "diffuse"`, the form of all messages."""
         return self.plugin if self.tag == "scene" else f'{self.tag} "{self.plugin}"'
 
+    def name_of(self, key: str) -> str:
+        """Return the name that Mitsuba has for a property; it numbers those without."""
+        if not key.startswith(UNNAMED):
+            return key
+        unnamed = [name for name in self.properties if name.startswith(UNNAMED)]
+        return f"_arg_{unnamed.index(key)}"
+
     def add(self, name: str, value: Value, location: Location) -> None:
         """Add a property; a nested element without a name gets one of its own.
 
@@ -100,6 +108,7 @@ Value = (
     | Reference
     | Element
     | NDArray[np.float64]
+    | Image  # of dictionaries
 )
 
 
@@ -130,6 +139,7 @@ _KINDS: tuple[tuple[type, str], ...] = (
     (Function, "function"),
     (Reference, "ref"),
     (np.ndarray, "transform"),
+    (Image, "image"),
 )
 
 

@@ -20,13 +20,14 @@ def is_exr(path: Path) -> bool:
         return file.read(4) == _MAGIC
 
 
-def read_exr(path: Path) -> NDArray[np.float32]:
+def read_exr(path: Path) -> NDArray[np.float16 | np.float32]:
     """Read the colours of a one-part EXR file.
 
     Returns
     -------
     pixels
-        (H, W, 3) linear sRGB, or (H, W, 1) if the file is grey.
+        (H, W, 3) linear sRGB, or (H, W, 1) if the file is grey; half floats if all of its
+        colours are.
 
     Raises
     ------
@@ -38,7 +39,7 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {
-                name: np.asarray(channel.pixels, dtype=np.float32)
+                name: np.asarray(channel.pixels)
                 for name, channel in file.channels().items()
             }
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
@@ -47,10 +48,12 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     names = {name.rpartition(".")[2]: name for name in channels}  # "layer.R" -> R
     for layout in _LAYOUTS:
         if names.keys() - {"A"} == set(layout) and len(names) == len(channels):
-            pixels = np.stack([channels[names[key]] for key in layout], axis=-1)
+            stacked = np.stack([channels[names[key]] for key in layout], axis=-1)
+            kept = np.float16 if stacked.dtype == np.float16 else np.float32
+            pixels = stacked.astype(np.float32)
             if layout[0] == "X":
-                pixels = (pixels @ SRGB_FROM_XYZ.T).astype(np.float32)
-            return pixels
+                pixels = pixels @ SRGB_FROM_XYZ.T
+            return pixels.astype(kept)
     raise SceneError(
         f"{path}: the EXR file has the channels {', '.join(sorted(channels)) or 'none'}; "
         "expected R, G, B or Y or X, Y, Z (and A)"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
-from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Rgb
+from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Radiance
 from renderer.scene_file.meshes.mesh_data import MeshData, first_not_finite, show_numbers
 
 # A triangle whose height is less than this part of its longest edge is a line: far below
@@ -25,7 +25,7 @@ def build_mesh(
     bsdf: Bsdf,
     face_normals: bool = False,
     flip_normals: bool = False,
-    radiance: Rgb | None = None,
+    radiance: Radiance | None = None,
     id: str = "",
     location: Location = NOWHERE,
 ) -> tuple[Mesh, tuple[str, ...]]:
@@ -109,6 +109,10 @@ def build_mesh(
         uvs=None if data.uvs is None else data.uvs.astype(np.float32),
         face_ids=np.flatnonzero(keep).astype(np.int32) if dropped else None,
         flip_normals=flip_normals,
+        attributes={
+            name: (of[keep] if name.startswith("face_") else of).astype(np.float32)
+            for name, of in data.attributes.items()
+        },
     )
     return mesh, tuple(warnings)
 

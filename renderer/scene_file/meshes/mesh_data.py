@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,8 @@ class MeshData:
     uvs: NDArray[np.float64] | None = None  # (V, 2) finite
     source: str = "<memory>"  # for messages: the file
     warnings: tuple[str, ...] = ()  # for the log
+    # "vertex_..." (V, size) and "face_..." (F, size), finite
+    attributes: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def read_mesh_bytes(path: Path) -> bytes:

@@ -16,6 +16,7 @@ from renderer.scene_file.meshes.mesh_data import (
     read_mesh_bytes,
     show_numbers,
 )
+from renderer.scene_file.meshes.ply_attributes import ply_attributes
 from renderer.scene_file.meshes.ply_header import PlyHeader, parse_ply_header
 from renderer.scene_file.meshes.ply_records import Columns, read_records
 
@@ -59,7 +60,12 @@ def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
         uvs = _finite_columns(vertex, pair, "uv", path)
         if flip_tex_coords:
             uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
-    return MeshData(vertices, faces, normals, uvs, str(path), _warnings(header, path))
+    of_vertices, dropped = ply_attributes(vertex, "vertex", path)
+    of_faces, dropped_too = ply_attributes(elements["face"], "face", path)
+    warnings = (*_warnings(header, path), *dropped, *dropped_too)
+    return MeshData(
+        vertices, faces, normals, uvs, str(path), warnings, of_vertices | of_faces
+    )
 
 
 def _finite_columns(

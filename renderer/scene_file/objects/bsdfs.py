@@ -1,15 +1,16 @@
-"""BSDFs: those that are registered, and twosided around them."""
+"""BSDFs, and those that are inside of others."""
 
 from __future__ import annotations
 
-from typing import Any
-
 from renderer.errors import SceneError
-from renderer.scene_file.description import Bsdf, TwoSided
+from renderer.scene_file.description import Bsdf
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+
+# Each structure is compiled for itself, in time that grows with its depth.
+DEEPEST = 8
 
 
 def read_bsdf(element: Element, reading: Reading) -> Bsdf:
@@ -25,31 +26,39 @@ def read_bsdf(element: Element, reading: Reading) -> Bsdf:
 
 def _read(properties: Properties) -> Bsdf:
     plugin = properties.element.plugin
-    bsdf = (
-        _two_sided(properties)
-        if plugin == "twosided"
-        else registered_kinds("bsdf")[plugin].read(properties)
-    )
+    depth = _depth(properties.element)
+    if depth > DEEPEST:
+        raise SceneError(
+            f"{properties.location}: {properties.element} nests more than {DEEPEST} bsdfs; "
+            f"at most {DEEPEST} inside of one another are possible"
+        )
+    bsdf: Bsdf = registered_kinds("bsdf")[plugin].read(properties)
     properties.finish()
     return bsdf
 
 
-def _two_sided(properties: Properties) -> TwoSided:
+def _depth(element: Element) -> int:
+    """Return how many BSDFs are inside of one another, as far as that may matter."""
+    depth, level = 0, [element]
+    while level and depth <= DEEPEST:
+        depth += 1
+        inside = (p.value for e in level for p in e.properties.values())
+        level = [e for e in inside if isinstance(e, Element) and e.tag == "bsdf"]
+    return depth
+
+
+def read_nested(properties: Properties, least: int, most: int, expected: str) -> list[Bsdf]:
+    """Return the BSDFs inside of one, in the order of the file.
+
+    Raises
+    ------
+    SceneError
+        If there are fewer or more than may be; the message says what was expected.
+    """
     nested = properties.children("bsdf")
-    if not 1 <= len(nested) <= 2:
+    if not least <= len(nested) <= most:
         raise SceneError(
             f"{properties.location}: {properties.element} holds {len(nested)} bsdfs; "
-            "expected one for both sides, or one for each"
+            f"expected {expected}"
         )
-    sides: list[Any] = []
-    kinds = registered_kinds("bsdf")
-    possible = [name for name, kind in kinds.items() if not kind.transmits]
-    for _, element in nested:
-        # before reading it: twosided inside of twosided would recurse
-        if element.plugin in ("twosided", *kinds) and element.plugin not in possible:
-            raise SceneError(
-                f"{element.location}: {element} cannot be inside of twosided; supported: "
-                + ", ".join(possible)
-            )
-        sides.append(read_bsdf(element, properties.reading))
-    return TwoSided(front=sides[0], back=sides[-1])
+    return [read_bsdf(element, properties.reading) for _, element in nested]

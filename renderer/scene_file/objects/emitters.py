@@ -1,66 +1,72 @@
-"""Emitters: area lights on shapes, and those that stand alone."""
+"""Emitters: those of the scene, and those inside of shapes, most of which make them shine.
+
+Mitsuba takes any emitter in a shape: one that is no `area` is where its own properties put
+it, and lights the scene as if it stood there; of the shape it makes the default BSDF black.
+"""
 
 from __future__ import annotations
 
+from typing import Any
+
 from renderer.errors import SceneError
-from renderer.scene_file.colors.colors import Use, read_color
-from renderer.scene_file.description import (
-    Emitter,
-    Rgb,
-)
+from renderer.scene_file.description import Emitter, Radiance
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
 
-def read_area_radiance(element: Element, reading: Reading) -> Rgb:
-    """Return the radiance of the emitter inside a shape.
+def read_radiance(shape: Element, element: Element, reading: Reading) -> Radiance | None:
+    """Return with what radiance the emitter inside a shape makes it shine, None if not.
 
     Raises
     ------
     SceneError
-        If it is anything but a uniform area light.
+        If it cannot be in a shape, or is in another one too.
     """
-    properties = Properties(element, reading)
-    if element.plugin != "area":
+    owner = reading.owners.setdefault(id(element), shape)
+    if owner is not shape:
         raise SceneError(
-            f"{element.location}: {element} cannot be in a shape; supported there: area"
+            f"{shape.location}: {element} of line {element.location.line} is that of the "
+            f"shape of line {owner.location.line} already; expected one of its own"
         )
-    if properties.has("to_world"):
-        properties.fail("to_world", "a transform", "none: the light is where its shape is")
-    radiance = read_color(properties, "radiance", 1.0, Use.EMISSION)
-    _weight(properties)
-    properties.finish()
+    described = reading.once(element, lambda: _read(element, reading))
+    kind = registered_kinds("emitter")[element.plugin]
+    if kind.environment:
+        raise SceneError(
+            f"{element.location}: {element} cannot be in a shape: it is an environment of "
+            "the scene"
+        )
+    radiance: Radiance | None = described.radiance if kind.on_shapes else None
     return radiance
 
 
-def read_emitter(element: Element, reading: Reading) -> Emitter:
-    """Read an `<emitter>` of the scene.
+def read_emitter(element: Element, reading: Reading) -> Emitter | None:
+    """Read an `<emitter>` of the scene; None for one that shapes refer to.
 
     Raises
     ------
     SceneError
         If it is not supported or something in it is wrong.
     """
-    properties = Properties(element, reading)
-    kinds = registered_kinds("emitter")
-    kind = kinds.get(element.plugin)
-    if kind is None:
+    described: Emitter = reading.once(element, lambda: _read(element, reading))
+    if not registered_kinds("emitter")[element.plugin].on_shapes:
+        return described
+    if not element.id:
         raise SceneError(
             f"{element.location}: {element} belongs inside of a <shape>, whose surface "
-            f"it makes shine; emitters of the scene: {', '.join(kinds)}"
+            "it makes shine, or has an id for shapes to refer to"
         )
-    emitter: Emitter = kind.read(properties)
-    _weight(properties)
-    properties.finish()
-    return emitter
+    return None
 
 
-def _weight(properties: Properties) -> None:
-    """Refuse a sampling weight, which would change how lights are chosen."""
+def _read(element: Element, reading: Reading) -> Any:
+    properties = Properties(element, reading)
+    described = registered_kinds("emitter")[element.plugin].read(properties)
     weight = properties.number("sampling_weight", 1.0)
-    if weight != 1.0:
+    if weight != 1.0:  # it would change how lights are chosen
         properties.fail(
             "sampling_weight", f"{weight:g}", "1: lights are chosen with equal probability"
         )
+    properties.finish()
+    return described

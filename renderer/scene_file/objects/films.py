@@ -10,6 +10,7 @@ from renderer.scene_file.reading import Reading
 
 _LARGEST = 2**28  # pixels of the crop window: 11 GiB, sums in float64 and picture
 _LONGEST = 2**20  # pixels of a side
+_PIXELS = ("rgb", "rgba", "luminance", "luminance_alpha", "xyz", "xyza")
 
 
 def read_film(element: Element | None, reading: Reading) -> Film:
@@ -33,11 +34,19 @@ def read_film(element: Element | None, reading: Reading) -> Film:
             f"expected at most {_LARGEST}"
         )
     _file_properties(properties)
+    sample_border = properties.boolean("sample_border", False)
     nested = properties.child("rfilter")
     rfilter = ReconstructionFilter() if nested is None else read_rfilter(nested, reading)
     properties.finish()
     return Film(
-        width, height, crop_offset_x, crop_offset_y, crop_width, crop_height, rfilter
+        width,
+        height,
+        crop_offset_x,
+        crop_offset_y,
+        crop_width,
+        crop_height,
+        rfilter,
+        sample_border,
     )
 
 
@@ -64,14 +73,17 @@ def _file_properties(properties: Properties) -> None:
     properties.choice(
         "file_format", "openexr", ("openexr", "exr", "pfm", "rgbe"), any_case=True
     )
-    properties.choice("pixel_format", "rgb", ("rgb", "rgba"), any_case=True)
+    pixels = properties.choice("pixel_format", "rgb", _PIXELS, any_case=True)
+    if pixels not in ("rgb", "rgba"):
+        properties.reading.warn(
+            properties.element.properties["pixel_format"].location,
+            f"{properties.element} asks for {pixels} pixels; pictures are rgb here",
+        )
     properties.choice(
         "component_format", "float16", ("float16", "float32", "uint32"), any_case=True
     )
     properties.boolean("compensate", False)  # of summation errors; sums are float64 here
     properties.boolean("banner", False)
-    if properties.boolean("sample_border", False):
-        properties.fail("sample_border", "true", "false: samples stay inside of the film")
 
 
 def read_rfilter(element: Element, reading: Reading) -> ReconstructionFilter:

@@ -79,7 +79,7 @@ def _check_member(child: Element, group: Element, name: str) -> None:
             "surface (place each shape by its own to_world)"
         )
     for property_ in child.properties.values():
-        if property_.kind == "emitter":
+        if isinstance(property_.value, Element) and property_.value.tag == "emitter":
             raise SceneError(
                 f"{property_.location}: {child} emits light inside {group}; expected "
                 "shapes that do not (place lights in the scene, not in a group)"

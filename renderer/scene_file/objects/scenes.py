@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from renderer.errors import SceneError
-from renderer.scene_file.description import ConstantLight, Emitter, SceneDescription
+from renderer.scene_file.description import Emitter, SceneDescription
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
 from renderer.scene_file.objects.films import read_film, read_rfilter
 from renderer.scene_file.objects.groups import SPECIAL, read_shapes
-from renderer.scene_file.objects.integrators import read_integrator
+from renderer.scene_file.objects.integrators import read_scene_integrator
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
-from renderer.scene_file.plugins import supported_plugins
+from renderer.scene_file.plugins import (
+    UNSUPPORTED_TAGS,
+    registered_kinds,
+    supported_plugins,
+)
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -40,7 +42,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         read_sensor(element, reading) for _, element in properties.children("sensor")
     ]
     shapes, groups, instances = read_shapes(properties)
-    emitters = _emitters(properties)
+    emitters = _emitters(root, properties)
     _read_unused(properties)
     properties.finish()
     if not sensors:
@@ -54,12 +56,12 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
         )
     description = SceneDescription(
         camera=sensors[0],
-        integrator=read_integrator(integrator, reading),
+        integrator=read_scene_integrator(integrator, root, reading),
         shapes=shapes,
         groups=groups,
         instances=instances,
-        emitters=tuple(emitters),
-        emitter_places=_emitter_places(root),
+        emitters=tuple(emitter for emitter, _ in emitters),
+        emitter_places=tuple(place for _, place in emitters),
         warnings=tuple(dict.fromkeys(reading.warnings)),
         source=source,
         files=tuple(reading.files),
@@ -67,30 +69,49 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     return description
 
 
-def _emitters(properties: Properties) -> list[Emitter]:
-    emitters: list[Emitter] = []
-    for _, element in properties.children("emitter"):
-        emitter = read_emitter(element, properties.reading)
-        if isinstance(emitter, ConstantLight) and any(
-            isinstance(other, ConstantLight) for other in emitters
-        ):
-            raise SceneError(
-                f"{element.location}: a second {element}; expected at most one"
-            )
-        emitters.append(emitter)
+def _emitters(root: Element, properties: Properties) -> list[tuple[Emitter, int]]:
+    """Return the emitters, and how many surfaces come before each in the file."""
+    reading, kinds = properties.reading, registered_kinds("emitter")
+    properties.children("emitter")
+    emitters: list[tuple[Emitter, int]] = []
+    environment = None
+    surfaces = 0
+    for child in (property_.value for property_ in root.properties.values()):
+        if not isinstance(child, Element) or child.tag not in ("emitter", "shape"):
+            continue
+        element = child if child.tag == "emitter" else _emitter_beside(child)
+        if element is not None and (emitter := read_emitter(element, reading)) is not None:
+            _check_place(element, child, reading)
+            emitters.append((emitter, surfaces))
+            if kinds[element.plugin].environment:
+                if environment is not None:
+                    raise SceneError(
+                        f"{element.location}: {element} is a second environment beside "
+                        f"line {environment.location.line}; expected at most one"
+                    )
+                environment = element
+        surfaces += child.tag == "shape" and child.plugin not in SPECIAL
     return emitters
 
 
-def _emitter_places(root: Element) -> tuple[int, ...]:
-    """Return for each emitter how many surfaces come before it in the file."""
-    places: list[int] = []
-    surfaces = 0
-    for child in (property_.value for property_ in root.properties.values()):
+def _emitter_beside(shape: Element) -> Element | None:
+    """Return the emitter inside of a shape that does not make its surface shine."""
+    kinds = registered_kinds("emitter")
+    for child in (property_.value for property_ in shape.properties.values()):
         if isinstance(child, Element) and child.tag == "emitter":
-            places.append(surfaces)
-        elif isinstance(child, Element) and child.tag == "shape":
-            surfaces += child.plugin not in SPECIAL
-    return tuple(places)
+            kind = kinds.get(child.plugin)
+            return None if kind is None or kind.on_shapes else child
+    return None
+
+
+def _check_place(element: Element, where: Element, reading: Reading) -> None:
+    """Refuse an emitter that is the scene's and a shape's: Mitsuba would count it twice."""
+    if element is where and id(element) in reading.owners:
+        shape = reading.owners[id(element)]
+        raise SceneError(
+            f"{shape.location}: {element} of line {element.location.line} lights the scene "
+            "already; only an area emitter can be referred to by a shape"
+        )
 
 
 def _read_unused(properties: Properties) -> None:
@@ -99,10 +120,13 @@ def _read_unused(properties: Properties) -> None:
     for _, element in properties.children("bsdf"):
         read_bsdf(element, reading)
     for _, element in properties.children("texture"):
-        reading.once(element, partial(read_texture_plugin, element, reading))
+        read_texture_plugin(element, reading)
     for _, element in properties.children("film"):
         read_film(element, reading)
     for _, element in properties.children("rfilter"):
         read_rfilter(element, reading)
     for _, element in properties.children("sampler"):
         read_sampler(element, reading)
+    for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
+        for _, element in properties.children(tag):
+            reading.warn(element.location, f"{element} is not read: no {tag} is used here")

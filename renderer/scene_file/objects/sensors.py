@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.scene_file.description import Film, Sensor
+from renderer.scene_file.description import Sensor
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.numbers import parse_float
 from renderer.scene_file.objects.films import read_film
@@ -54,7 +54,13 @@ def shared(properties: Properties) -> dict[str, Any]:
     if closes < opens:
         name = "shutter_close" if properties.has("shutter_close") else "shutter_open"
         properties.fail(name, f"open {opens:g}, close {closes:g}", "open <= close")
-    return {"near_clip": near, "far_clip": far, "film": film, "sampler": sampler}
+    return {
+        "near_clip": near,
+        "far_clip": far,
+        "shutter_time": closes - opens,
+        "film": film,
+        "sampler": sampler,
+    }
 
 
 def without_scale(properties: Properties) -> NDArray[np.float64]:
@@ -68,9 +74,8 @@ def without_scale(properties: Properties) -> NDArray[np.float64]:
     return to_world
 
 
-def field_of_view(properties: Properties, film: Film) -> float:
-    """Return the angle across the film's full width [deg]."""
-    aspect = film.width / film.height
+def read_fov_x(properties: Properties, aspect: float) -> float:
+    """Return the angle across the full width [deg] of what is so much wider than high."""
     if properties.has("fov") and properties.has("focal_length"):
         properties.fail("focal_length", 'a value beside "fov"', "one of the two")
     if properties.has("fov"):

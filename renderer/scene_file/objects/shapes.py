@@ -12,7 +12,7 @@ from renderer.scene_file import transforms
 from renderer.scene_file.description import Bsdf, ConstantTexture, Diffuse, Mesh, Shape
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.bsdfs import read_bsdf
-from renderer.scene_file.objects.emitters import read_area_radiance
+from renderer.scene_file.objects.emitters import read_radiance
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reach import check_reach
@@ -34,11 +34,11 @@ def read_shape(element: Element, reading: Reading) -> Shape:
     # Mitsuba's own default is black, not grey, on a shape that shines.
     nested = properties.child("bsdf")
     emitter = properties.child("emitter")
-    radiance = None if emitter is None else read_area_radiance(emitter, reading)
+    radiance = None if emitter is None else read_radiance(element, emitter, reading)
     bsdf: Bsdf
     if nested is not None:
         bsdf = read_bsdf(nested, reading)
-    elif radiance is not None:
+    elif emitter is not None:
         bsdf = Diffuse(ConstantTexture((0.0, 0.0, 0.0)))
     else:
         bsdf = Diffuse()

@@ -1,100 +1,81 @@
-"""Textures: a colour property that may vary over the surface."""
+"""Textures: a parameter that may vary over the surface; what kinds there are, they say."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from renderer.errors import SceneError
 from renderer.scene_file.colors.colors import Use, read_color, read_constant_plugin
-from renderer.scene_file.description import (
-    BitmapTexture,
-    CheckerboardTexture,
-    ConstantTexture,
-    Texture,
-)
+from renderer.scene_file.description import ConstantTexture, Texture
 from renderer.scene_file.document.tree import Element
-from renderer.scene_file.images.images import read_image
+from renderer.scene_file.plugins import registered_kinds, varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
-_VARYING = ("bitmap", "checkerboard")
 
+def read_texture(
+    properties: Properties, name: str, default: float, use: Use = Use.REFLECTANCE
+) -> Texture:
+    """Return the texture of a colour property; a plain colour is one too.
 
-def read_texture(properties: Properties, name: str, default: float) -> Texture:
-    """Return the texture of a reflectance property; a plain colour is one too.
+    Parameters
+    ----------
+    default
+        The grey that an absent property means.
+    use
+        Decides which plain colours are possible.
 
     Raises
     ------
     SceneError
         If it is neither, or its image cannot be used.
     """
+    texture = _varying(properties, name, use)
+    if texture is not None:
+        return texture
+    return ConstantTexture(read_color(properties, name, default, use))
+
+
+def read_scalar_texture(
+    properties: Properties, name: str, default: float, use: Use = Use.NUMBER
+) -> Texture | float:
+    """Return the number of a property, or the texture that gives it.
+
+    A colour means the mean of its three numbers, as in Mitsuba.
+
+    Raises
+    ------
+    SceneError
+        As `read_texture`.
+    """
+    texture = _varying(properties, name, use)
+    if texture is not None:
+        return texture
+    return sum(read_color(properties, name, default, use)) / 3.0
+
+
+def _varying(properties: Properties, name: str, use: Use) -> Texture | None:
     property_ = properties.take(name)
-    if property_ is not None and isinstance(property_.value, Element):
-        element = property_.value
-        if element.tag == "texture" and element.plugin in _VARYING:
-            reading = properties.reading
-            return reading.once(element, lambda: read_texture_plugin(element, reading))
-    return ConstantTexture(read_color(properties, name, default, Use.REFLECTANCE))
+    element = None if property_ is None else property_.value
+    if not isinstance(element, Element) or element.plugin not in varying_textures():
+        return None  # the colour of a constant is for `read_color`, which checks it
+    return read_texture_plugin(element, properties.reading, use)
 
 
-def read_texture_plugin(element: Element, reading: Reading) -> Texture:
-    """Read a `<texture>` element by its plugin.
+def read_texture_plugin(
+    element: Element, reading: Reading, use: Use = Use.REFLECTANCE
+) -> Texture:
+    """Read a `<texture>` by its plugin; the same element gives the same record each time.
 
     Raises
     ------
     SceneError
         If it is not supported or something in it is wrong.
     """
-    match element.plugin:
-        case "bitmap":
-            return _bitmap(Properties(element, reading))
-        case "checkerboard":
-            return _checkerboard(Properties(element, reading))
-        case _:
-            return ConstantTexture(read_constant_plugin(element, reading))
+    return reading.once(element, lambda: _read(Properties(element, reading), use))
 
 
-def _bitmap(properties: Properties) -> BitmapTexture:
-    if not properties.has("filename"):
-        properties.fail("filename", "nothing", "the path of a PNG, JPEG or EXR image")
-    filename = properties.string("filename", "")
-    location = properties.element.properties["filename"].location
-    path = properties.reading.find_file(filename, location, "the image")
-    raw = properties.boolean("raw", False)
-    storage = properties.choice("format", "auto", ("auto", "variant", "fp16"))
-    properties.boolean("accel", True)  # of GPU backends; nothing to accelerate here
-    try:
-        pixels = read_image(path, raw=raw, storage=storage)
-    except SceneError as error:
-        raise SceneError(f"{location}: {properties.element}: {error}") from None
-    filter_type = properties.choice("filter_type", "bilinear", ("bilinear", "nearest"))
-    wrap_mode = properties.choice("wrap_mode", "repeat", ("repeat", "mirror", "clamp"))
-    to_uv = properties.uv_transform("to_uv")
-    properties.finish()
-    if (largest := float(pixels.max())) > 1.0:
-        # Mitsuba lets such images through, so they render here; but light is created.
-        properties.reading.warn(
-            location,
-            f"{path.name} has reflectances up to {largest:g}; energy is not conserved",
-        )
-    return BitmapTexture(
-        # Mitsuba has the top row of the file at v = 0; the record has row 0 at v = 1.
-        np.ascontiguousarray(pixels[::-1]),
-        "nearest" if filter_type == "nearest" else "bilinear",
-        "mirror"
-        if wrap_mode == "mirror"
-        else "clamp"
-        if wrap_mode == "clamp"
-        else "repeat",
-        to_uv,
-    )
-
-
-def _checkerboard(properties: Properties) -> CheckerboardTexture:
-    texture = CheckerboardTexture(
-        read_color(properties, "color0", 0.4, Use.REFLECTANCE),
-        read_color(properties, "color1", 0.2, Use.REFLECTANCE),
-        properties.uv_transform("to_uv"),
-    )
+def _read(properties: Properties, use: Use) -> Texture:
+    element = properties.element
+    if element.plugin not in varying_textures():
+        return ConstantTexture(read_constant_plugin(element, properties.reading))
+    texture: Texture = registered_kinds("texture")[element.plugin].read(properties, use)
     properties.finish()
     return texture

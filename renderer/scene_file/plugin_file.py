@@ -1,8 +1,6 @@
-"""A user's file of plugins (`--plugins FILE.py`): imported in both renderers' processes.
+"""A user's file of plugins (`--plugins FILE.py`), which registers them when it is imported.
 
-The file registers its plugins with our renderer when it is imported, and with Mitsuba in a
-function `register_mitsuba()`, which runs in Mitsuba's process alone, after the variant is
-set: only there may it import `mitsuba`.
+Whoever compares with another renderer imports the same file in that one's process too.
 """
 
 from __future__ import annotations

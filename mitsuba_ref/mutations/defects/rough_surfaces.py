@@ -1,0 +1,117 @@
+"""Defects of rough surfaces and plastics."""
+
+from __future__ import annotations
+
+from mitsuba_ref.mutations.mutation import Edit, Mutation
+
+NUMBER_BY_NUMBER = (
+    "test_bsdfs_against_mitsuba.py::test_eval_and_pdf",
+    "test_bsdfs_against_mitsuba.py::test_sample",
+)
+
+DEFECTS = (
+    Mutation(
+        "roughness-squared",
+        "alpha of a file is taken for the root of the roughness",
+        (
+            Edit(
+                "kinds/bsdfs/microfacets.py",
+                "maximum(rough.alpha_u, _SMOOTHEST)",
+                "maximum(rough.alpha_u * rough.alpha_u, _SMOOTHEST)",
+            ),
+        ),
+        scene="rough-metal-and-glass",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "facets-shadowed-once",
+        "what rough metal shows is not masked on its way out",
+        (
+            Edit(
+                "kinds/bsdfs/roughconductor.py",
+                "unshadowed(facets, wo, h) * unshadowed(facets, wi, h)",
+                "unshadowed(facets, wi, h)",
+            ),
+        ),
+        scene="rough-metal-and-glass",
+        tests=NUMBER_BY_NUMBER[:1],
+    ),
+    Mutation(
+        "half-vector-not-bent",
+        "the density of a refraction turns with the half vector of a reflection",
+        (
+            Edit(
+                "kinds/bsdfs/roughdielectric.py",
+                "refracted = 1.0 / (bend * bend)",
+                "refracted = 0.25 / (cos_i * cos_i)",
+            ),
+        ),
+        scene="rough-metal-and-glass",
+        tests=NUMBER_BY_NUMBER[:1],
+    ),
+    Mutation(
+        "rough-glass-not-squeezed",
+        "radiance that enters rough glass is not scaled by eta^2",
+        (
+            Edit(
+                "kinds/bsdfs/roughdielectric.py",
+                "squeeze = 1.0 / (crossing * crossing)",
+                "squeeze = 1.0",
+            ),
+        ),
+        scene="rough-metal-and-glass",
+        tests=NUMBER_BY_NUMBER[1:],
+    ),
+    Mutation(
+        "plastic-always-linear",
+        "colours do not deepen by what a coat throws back",
+        (
+            Edit(
+                "kinds/bsdfs/plastic.py",
+                "plastic.nonlinear != 0.0",
+                "plastic.nonlinear > 1.0",
+            ),
+        ),
+        scene="plastics",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "coat-seen-from-outside",
+        "what a coat throws back is what it reflects from outside",
+        (
+            Edit(
+                "kinds/bsdfs/plastic.py",
+                "thrown_back = diffuse_fresnel(1.0 / eta)",
+                "thrown_back = diffuse_fresnel(eta)",
+            ),
+        ),
+        scene="plastics",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "coat-between-no-entries",
+        "the table of a rough coat is not interpolated",
+        (
+            Edit(
+                "kinds/bsdfs/roughplastic.py",
+                "* (x - below)",
+                "* 0.0",
+            ),
+        ),
+        scene="plastics",
+        tests=NUMBER_BY_NUMBER,
+    ),
+    Mutation(
+        "one-table-for-all",
+        "every rough plastic looks at the table of the scene's first BSDF",
+        (
+            Edit(
+                "kinds/bsdfs/kind.py",
+                "gather_row(table.first, 0, bsdf, bsdf >= 0)",
+                "gather_row(table.first, 0, bsdf * 0, bsdf >= 0)",
+            ),
+        ),
+        scene="plastics",
+        tests=("test_bsdfs_against_mitsuba.py::test_several_tables_in_one_scene",),
+    ),
+)

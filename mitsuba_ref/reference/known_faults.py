@@ -1,0 +1,101 @@
+"""What Mitsuba 3.9.1 cannot do in `scalar_rgb`, or does wrong: undone on its side.
+
+Each leaves a sentence. Without the first two there would be no picture to compare, and
+without the last one a picture that is known to be wrong.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from renderer.scene_file.colors.colors import Use, read_constant_plugin
+from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS
+from renderer.scene_file.description import NOWHERE
+from renderer.scene_file.document.tree import Element
+from renderer.scene_file.reading import Reading
+
+RGB_INSTEAD = "spectra that scalar_rgb cannot evaluate replaced by their colours"
+PIXELS_INSTEAD = "pixels of the film in rgb"
+WRONG = "lights without extent divided by "
+"""What a change begins with that undoes a fault; `wrong_by` makes a sentence of it."""
+
+
+def give_spectra_colours(mi: Any, state: Any) -> bool:
+    """Replace `regular`, `irregular` and `blackbody` where something refers to them.
+
+    The colour is our reader's, so a comparison says nothing about it. A replaced node
+    stays, and nobody evaluates it. Returns whether there was one.
+    """
+    found = False
+    for node in state.nodes:
+        emits = node.type == mi.ObjectType.Emitter
+        for name in list(node.props.keys()):
+            target = _referenced(state, node.props[name])
+            if target is None or target.props.plugin_name() not in OVER_WAVELENGTHS:
+                continue
+            use = Use.EMISSION if emits else Use.REFLECTANCE
+            if name in ("eta", "k"):
+                use = Use.REFRACTION
+            if node.type != mi.ObjectType.Scene:  # there it only stands for others
+                node.props[name] = mi.ScalarColor3f(*_colour(target.props, use))
+                found = True
+    return found
+
+
+def _referenced(state: Any, value: Any) -> Any:
+    """Return the node that a property refers to, or None."""
+    kind = type(value).__name__
+    if kind == "ResolvedReference":
+        return state.nodes[value.index()]
+    if kind == "Reference":
+        index = state.id_to_index.get(value.id())
+        return None if index is None else state.nodes[index]
+    return None
+
+
+def _colour(props: Any, use: Use) -> tuple[float, float, float]:
+    element = Element("texture", props.plugin_name(), NOWHERE)
+    for name in props.keys():
+        element.add(name, props[name], NOWHERE)
+    return read_constant_plugin(element, Reading([]), use)
+
+
+def divide_lights_without_extent(mi: Any, scene: Any) -> str:
+    """Undo that `direct` adds `emitter_samples` samples of a point light undivided.
+
+    Returns
+    -------
+    What was changed, beginning with `WRONG`; empty: nothing.
+    """
+    match = re.search(r"emitter_samples = (\d+)", str(scene.integrator()))
+    samples = int(match[1]) if match else 1
+    if samples < 2:
+        return ""
+    lights = list(_without_extent(mi, scene))
+    for emitter in lights:
+        parameters = mi.traverse(emitter)
+        for name in ("scale", "intensity.value", "irradiance.value"):
+            if name in parameters:
+                parameters[name] = parameters[name] / samples
+                parameters.update()
+                break
+    return f"{WRONG}{samples}" if lights else ""
+
+
+def _without_extent(mi: Any, scene: Any) -> Iterator[Any]:
+    delta = mi.EmitterFlags.Delta
+    return (e for e in scene.emitters() if mi.has_flag(e.flags(), delta))
+
+
+def wrong_by(changes: tuple[str, ...]) -> str:
+    """Return the sentence about a fault that was undone; empty: there was none."""
+    factor = next((c.removeprefix(WRONG) for c in changes if c.startswith(WRONG)), "")
+    if not factor:
+        return ""
+    return (
+        f"the reference is known to be wrong here, by a factor of {factor}: Mitsuba 3.9.1 "
+        f"adds its {factor} emitter_samples of a light without extent undivided; with such "
+        f"lights divided by {factor} on its side, the pictures agree"
+    )

@@ -1,0 +1,117 @@
+"""`moment`: the picture of the integrator inside of it, and second moments beside it.
+
+The channels are Mitsuba's: X, Y and Z of the colours, and the means of the squares of
+single samples under `m2_`. From both the variance of a pixel follows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.integrators.kind import IntegratorKind, Shown
+from renderer.scene_file.description import Integrator, Moments
+from renderer.scene_file.document.tree import Element
+from renderer.scene_file.objects.integrators import read_integrator
+from renderer.scene_file.properties import Properties
+
+# XYZ of linear sRGB, with the digits that Mitsuba has
+XYZ_FROM_SRGB = np.array(
+    [
+        [0.412453, 0.357580, 0.180423],
+        [0.212671, 0.715160, 0.072169],
+        [0.019334, 0.119193, 0.950227],
+    ],
+    np.float32,
+)
+
+
+class Moment(NamedTuple):
+    """The plugin, which is read and then a property of the integrator inside of it."""
+
+    def read(self, properties: Properties) -> Integrator:
+        """Return the integrator inside, with moments beside its picture.
+
+        Raises
+        ------
+        SceneError
+            If there is not one, or one that has moments itself.
+        """
+        element = properties.element
+        children = properties.children("integrator")
+        if len(children) != 1:
+            found = f"{element} holds {len(children)} integrators"
+            raise SceneError(f"{element.location}: {found}; expected one")
+        key, child = children[0]
+        inner = read_integrator(child, properties.reading)
+        nested = inner.nested
+        if inner.moments is not None or (nested is not None and nested.moments is not None):
+            raise SceneError(
+                f"{child.location}: {element} around another one is not supported; "
+                "expected path, direct, whitted, depth, or aov around one of them"
+            )
+        name = element.name_of(key)
+        if nested is not None:
+            below = next(
+                key
+                for key, property_ in child.properties.items()
+                if isinstance(property_.value, Element)
+            )
+            moments = Moments(name, colors=child.name_of(below))
+            nested = dataclasses.replace(nested, moments=moments)
+        properties.boolean("hide_emitters", False)  # that of the integrator inside counts
+        return dataclasses.replace(inner, moments=Moments(name), nested=nested)
+
+
+MOMENT = Moment()
+
+
+def squared_sums(kind: IntegratorKind, asked: Integrator) -> NDArray[np.float32]:
+    """Return which sums of an integrator's channels have their squares taken.
+
+    Of AOVs each channel, of colours X, Y and Z, and R, G and B where an `aov` lies between.
+    What is shown is linear in the channels, so that it tells for each channel by itself.
+
+    Returns
+    -------
+    ndarray of shape (m, channels)
+    """
+    single = np.eye(kind.channels, dtype=np.float32)[:, None, :]
+    shown = [values for _, values, _ in _parts(kind.show(single, asked), asked)]
+    return np.ascontiguousarray(np.concatenate(shown, axis=2)[:, 0, :].T)
+
+
+def show_moments(kind: IntegratorKind, film: NDArray[Any], asked: Integrator) -> Shown:
+    """Return what the integrator shows, then the moments; `film` has squares behind."""
+    shown = kind.show(film[..., : kind.channels], asked)
+    moments = asked.moments
+    assert moments is not None
+    first, second = moments.within, f"{moments.within}m2_"
+    aovs: dict[str, NDArray[Any]] = {}
+    kinds: dict[str, str] = {}
+    squares: dict[str, NDArray[Any]] = {}
+    start = kind.channels
+    for name, values, meaning in _parts(shown, asked):
+        end = start + values.shape[2]
+        aovs[first + name], kinds[first + name] = values, meaning
+        squares[second + name], kinds[second + name] = film[..., start:end], meaning
+        start = end
+    both = {name: np.ascontiguousarray(values) for name, values in (aovs | squares).items()}
+    return Shown(shown.pixels, both, kinds, shown.notes)
+
+
+def _parts(shown: Shown, asked: Integrator) -> Iterator[tuple[str, NDArray[Any], str]]:
+    """Yield name, values (H, W, C) and kind of what has moments."""
+    moments = asked.moments
+    assert moments is not None
+    for name, values in shown.aovs.items():
+        yield f"{moments.name}.{name}", values, shown.aov_kinds[name]
+    if not shown.aovs:
+        yield moments.name, shown.pixels @ XYZ_FROM_SRGB.T, "xyz"
+        if moments.colors:
+            yield f"{moments.name}.{moments.colors}", shown.pixels, "color"

@@ -1,0 +1,370 @@
+"""BSDFs around BSDFs: masks, blends, bumps, two sides, in any nesting.
+
+The parameters of a wrapper are a record whose last fields are the records of what is
+inside. Numba tells such records apart by all that is in them, so the functions below, which
+call one another from the outside in, are compiled for each *structure* that a scene has, as
+"mask(blendbsdf(diffuse, conductor))": a row of the method tables, like any kind
+(docs/decisions/nested-bsdfs.md).
+
+Other than a kind by itself, a BSDF inside of another one may be seen from any side, and it
+says with what probability it chose a delta lobe.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from renderer.jit import interface, kernel
+from renderer.kinds.bsdfs.kind import (
+    ROWS,
+    BsdfKind,
+    BsdfSample,
+    Nested,
+    albedo_of,
+    eval_pdf_bsdf,
+    is_possible,
+    make_loader,
+    normal_of,
+    outgoing,
+    parameters_from,
+    reflection_of,
+    rows_of,
+    sample_bsdf,
+    visible_side,
+)
+from renderer.kinds.sampling.arithmetic import to_world
+from renderer.lanes.functions import select, splat_f32, splat_mask
+from renderer.lanes.vectors import select3, vec3
+
+
+class Lobe(NamedTuple):
+    """A direction that a nested BSDF has chosen, for 16 surface points."""
+
+    wi: Any  # unit, local
+    weight: Any  # f cos / pdf; 0: the path ends
+    pdf: Any  # [1/sr], or of a delta lobe its probability
+    eta: Any
+    delta: Any  # mask
+
+
+@interface
+def sample_lobe(parameters: Any, wo: Any, numbers: Any) -> Lobe:
+    """Choose a direction, whatever side wo is on."""
+
+
+@interface
+def eval_pdf_lobes(parameters: Any, wo: Any, wi: Any) -> Any:
+    """Return f |cos| and the density of smooth lobes, whatever sides wo and wi are on."""
+
+
+@interface
+def _lobe_of(parameters: Any, wo: Any, numbers: Any) -> Lobe:
+    """Choose a direction from a side that the BSDF is seen from."""
+
+
+@interface
+def _delta_pdf(parameters: Any, wo: Any, sample: BsdfSample) -> Any:
+    """Return the probability of a delta lobe that was chosen."""
+
+
+@kernel
+def black():
+    """Return no light."""
+    none = splat_f32(0.0)
+    return vec3(none, none, none)
+
+
+# ------------------------------------------------------- kinds that nothing is inside of
+
+
+@kernel
+def _is_certain(parameters, wo, sample):
+    return splat_f32(1.0)
+
+
+@kernel
+def _by_share(parameters, wo, sample):
+    reflected = reflection_of(parameters, wo).share
+    same_side = (sample.wi.z > 0.0) ^ ~(wo.z > 0.0)
+    return select(same_side, reflected, 1.0 - reflected)
+
+
+@kernel
+def _delta_direction(wo, sample):
+    """Return the mirrored or refracted direction; of a sample's own only z counts."""
+    same_side = (sample.wi.z > 0.0) ^ ~(wo.z > 0.0)
+    across = select(same_side, splat_f32(-1.0), -1.0 / sample.eta)
+    return vec3(wo.x * across, wo.y * across, select(same_side, wo.z, sample.wi.z))
+
+
+@kernel
+def _smooth_lobe(parameters, wo, numbers):
+    s = sample_bsdf(parameters, wo, numbers)
+    weight = select3(s.pdf > 0.0, s.weight, black())
+    return Lobe(s.wi, weight, s.pdf, s.eta, splat_mask(False))
+
+
+@kernel
+def _delta_lobe(parameters, wo, numbers):
+    s = sample_bsdf(parameters, wo, numbers)
+    wi, pdf = _delta_direction(wo, s), _delta_pdf(parameters, wo, s)
+    return Lobe(wi, s.weight, pdf, s.eta, splat_mask(True))
+
+
+@kernel
+def _smooth_or_delta_lobe(parameters, wo, numbers):
+    s = sample_bsdf(parameters, wo, numbers)
+    smooth = s.pdf > 0.0
+    wi = select3(smooth, s.wi, _delta_direction(wo, s))
+    pdf = select(smooth, s.pdf, _delta_pdf(parameters, wo, s))
+    return Lobe(wi, s.weight, pdf, s.eta, ~smooth)
+
+
+@kernel
+def _lobe_in_front(parameters, wo, numbers):
+    """Ask a BSDF that does not transmit; from behind it is black."""
+    lobe, front = _lobe_of(parameters, wo, numbers), wo.z > 0.0
+    return Lobe(
+        select3(front, lobe.wi, black()),
+        select3(front, lobe.weight, black()),
+        select(front, lobe.pdf, 0.0),
+        lobe.eta,
+        lobe.delta,
+    )
+
+
+@kernel
+def _lobes_in_front(parameters, wo, wi):
+    f_cos, pdf = eval_pdf_bsdf(parameters, wo, wi)
+    front = wo.z > 0.0
+    return select3(front, f_cos, black()), select(front, pdf, 0.0)
+
+
+@kernel
+def _lobes(parameters, wo, wi):
+    return eval_pdf_bsdf(parameters, wo, wi)
+
+
+@kernel
+def _no_smooth_lobes(parameters, wo, wi):
+    return black(), splat_f32(0.0)
+
+
+_LOBE_OF = {
+    (True, False): _smooth_lobe,
+    (False, True): _delta_lobe,
+    (True, True): _smooth_or_delta_lobe,
+}
+
+
+@kernel
+def _no_albedo(parameters):
+    return black()
+
+
+def make_nestable(kind: BsdfKind) -> None:
+    """Let wrappers find the kernels of a kind."""
+    cls = kind.parameters
+    lobe = _LOBE_OF[kind.smooth, kind.delta]
+    _lobe_of.by(cls)(lobe)
+    sample_lobe.by(cls)(lobe if kind.transmits else _lobe_in_front)
+    by_share = _by_share if kind.reflection is not None else _is_certain
+    _delta_pdf.by(cls)(kind.delta_pdf or by_share)
+    if not kind.smooth:
+        eval_pdf_lobes.by(cls)(_no_smooth_lobes)
+    else:
+        eval_pdf_lobes.by(cls)(_lobes if kind.transmits else _lobes_in_front)
+    if kind.albedo is None or kind.seen_albedo:
+        albedo_of.by(cls)(_no_albedo)
+
+
+# ------------------------------------------------------------------------------ wrappers
+
+
+@dataclass(frozen=True)
+class Wrapper:
+    """A kind of BSDF that others are inside of.
+
+    Parameters
+    ----------
+    name, read, about
+        As of a `BsdfKind`.
+    parameters
+        A NamedTuple class; those fields that are annotated `Nested` come last.
+    sample
+        (parameters, wo, numbers) -> Lobe.
+    eval_pdf
+        (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes.
+    albedo
+        parameters -> RGB that the AOV shows.
+    passes
+        Whether some of the light goes straight through, whatever is inside.
+    oriented
+        Whether the x axis of the local frame must be along dp/du.
+    surface
+        Fields that are in no row, with the expressions of `points` and `i` that give them.
+    normal
+        (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
+    """
+
+    name: str
+    parameters: type
+    read: Callable[[Any], Any]
+    about: str
+    sample: Any
+    eval_pdf: Any
+    albedo: Any
+    passes: bool = False
+    oriented: bool = False
+    surface: tuple[tuple[str, str], ...] = ()
+    normal: Any = None
+
+
+@kernel
+def _seen_as_it_is(form, front, normal):
+    return normal
+
+
+@kernel
+def _from_the_frame(form, arithmetic, frame, wo, sample):
+    return to_world(arithmetic, frame, sample.wi)
+
+
+@kernel
+def _always(form, sample):
+    return sample.pdf == sample.pdf
+
+
+@kernel
+def _sample(parameters, wo, numbers):
+    """Sample as the stages expect it: the density of a delta lobe is 0."""
+    lobe = sample_lobe(parameters, wo, numbers)
+    return BsdfSample(lobe.wi, lobe.weight, select(lobe.delta, 0.0, lobe.pdf), lobe.eta)
+
+
+def make_wrapper_known(wrapper: Wrapper) -> None:
+    """Let stages and other wrappers find the kernels of a wrapper."""
+    cls = wrapper.parameters
+    load, count = make_loader(cls, dict(wrapper.surface))
+    parameters_from.by(cls)(load)
+    rows_of.by(cls)(count)
+    sample_lobe.by(cls)(wrapper.sample)
+    eval_pdf_lobes.by(cls)(wrapper.eval_pdf)
+    sample_bsdf.by(cls)(_sample)
+    eval_pdf_bsdf.by(cls)(wrapper.eval_pdf)
+    albedo_of.by(cls)(wrapper.albedo)
+    if wrapper.normal is not None:
+        normal_of.by(cls)(wrapper.normal)
+    visible_side.by(cls)(_seen_as_it_is)
+    outgoing.by(cls)(_from_the_frame)
+    is_possible.by(cls)(_always)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A wrapper with what is inside of it: to the method tables a kind like any other."""
+
+    wrapper: Wrapper
+    inside: tuple[BsdfKind | Structure, ...]
+
+    # nobody knows in what branches Whitted's trees should follow it
+    reflection = transmission = None
+    straight = seen_albedo = False
+
+    @property
+    def name(self) -> str:
+        """As of a function of what is inside."""
+        return f"{self.wrapper.name}({', '.join(kind.name for kind in self.inside)})"
+
+    @property
+    def smooth(self) -> bool:
+        """Whether lights are sampled at its points."""
+        return any(kind.smooth for kind in self.inside)
+
+    @property
+    def delta(self) -> bool:
+        """Whether it has lobes of a single direction."""
+        return self.wrapper.passes or any(kind.delta for kind in self.inside)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether one of several delta lobes is chosen at random."""
+        return self.delta
+
+    @property
+    def transmits(self) -> bool:
+        """Whether light goes through."""
+        return self.wrapper.passes or any(kind.transmits for kind in self.inside)
+
+    @property
+    def oriented(self) -> bool:
+        """Whether the x axis of the local frame must be along dp/du."""
+        return self.wrapper.oriented or any(kind.oriented for kind in self.inside)
+
+    @property
+    def albedo(self) -> Any:
+        """The wrapper's kernel, None if there is nothing but black to be shown."""
+        shows = any(kind.albedo is not None for kind in self.inside)
+        return self.wrapper.albedo if shows else None
+
+    @property
+    def normal(self) -> Any:
+        """The wrapper's kernel; Mitsuba shows none of those inside either."""
+        return self.wrapper.normal
+
+    @property
+    def source(self) -> str:
+        """As of a `BsdfKind`."""
+        return " ".join(sorted({leaf.source for leaf in leaves_of(self)} - {""}))
+
+    @property
+    def tables(self) -> list[str]:
+        """The names of the parameters inside that are tables, as "child.name"."""
+        return [f"{at}.{name}" for at, kind in self._fields() for name in kind.tables]
+
+    def _fields(self) -> list[tuple[str, BsdfKind | Structure]]:
+        """Return what is inside with the names of the fields."""
+        hints = typing.get_type_hints(self.wrapper.parameters)
+        names = [name for name, hint in hints.items() if hint is Nested]
+        return list(zip(names, self.inside, strict=True))
+
+    def form(self, tables: dict[str, Any]) -> Any:
+        """Return the record: tables, and None for what points have."""
+        inside = {}
+        for at, kind in self._fields():
+            start = f"{at}."
+            mine = {
+                n.removeprefix(start): t for n, t in tables.items() if n.startswith(start)
+            }
+            inside[at] = kind.form(mine)
+        fields = self.wrapper.parameters._fields  # type: ignore[attr-defined]
+        return self.wrapper.parameters(*(inside.get(name) for name in fields))
+
+    def layout(self) -> list[tuple[str, int, int]]:
+        """Return (name, first row, rows); names inside are "child.name"."""
+        rows: list[tuple[str, int, int]] = []
+        at, inside = 0, iter(self.inside)
+        for name, annotation in typing.get_type_hints(self.wrapper.parameters).items():
+            if annotation is Nested:
+                kind = next(inside)
+                rows += [(f"{name}.{n}", at + first, k) for n, first, k in kind.layout()]
+                at += kind.row_count
+            elif count := ROWS[annotation]:
+                rows.append((name, at, count))
+                at += count
+        return rows
+
+    @property
+    def row_count(self) -> int:
+        """Rows of all parameters."""
+        return sum(count for _, _, count in self.layout())
+
+
+def leaves_of(kind: BsdfKind | Structure) -> tuple[BsdfKind, ...]:
+    """Return the kinds in a structure that nothing is inside of."""
+    if isinstance(kind, BsdfKind):
+        return (kind,)
+    return tuple(leaf for nested in kind.inside for leaf in leaves_of(nested))

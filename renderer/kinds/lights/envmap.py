@@ -1,0 +1,197 @@
+"""Environment map: radiance by direction from an image of latitude and longitude.
+
+Texels lie at the centres of W columns around the local y axis, but at the ends of H rows:
+the first is the pole +y itself, the last -y. Mitsuba has the same two conventions.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.jit import kernel
+from renderer.kinds.lights.environment import environment_light
+from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
+from renderer.kinds.lights.placing import STRETCH
+from renderer.kinds.sampling.hierarchical_warp import (
+    Warp,
+    make_warp,
+    sample_warp,
+    warp_density,
+)
+from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
+from renderer.lanes.functions import (
+    floor,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_i32,
+    sqrt,
+    to_f32,
+    to_i32,
+)
+from renderer.lanes.mathematics import arccos, arctan2, sincos
+from renderer.lanes.vectors import column, dot, gather3, select3, vec3
+from renderer.scene_file.description import EnvironmentMap
+from renderer.scene_file.images.images import read_image
+
+_PI = np.float32(np.pi)
+_INV_TWO_PI = np.float32(0.5 / np.pi)
+# Jacobian of directions by (u, v) in [0, 1]^2, without the sine: du dv = 2 pi^2 sin dw
+_BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
+_SMALLEST_SINE = np.float32(2.0**-24)
+_LUMINANCE = np.array([0.212671, 0.715160, 0.072169], np.float32)  # those of Mitsuba
+_FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # a smaller image repeats its last column and row
+
+
+class EnvironmentMaps(NamedTuple):
+    """The environment; at most one."""
+
+    # (3, H (W + 2)) texels by row from the top, each between its neighbours on the circle
+    texels: NDArray[np.float32]
+    width: int  # W
+    height: int  # H
+    scale: float
+    to_world: NDArray[np.float32]  # (3, 3) a rotation
+    warp: Warp  # chooses (u - half a texel, v)
+    distance: float  # beyond the whole scene
+
+
+def read(properties: Any) -> EnvironmentMap:
+    """Read the properties of a file."""
+    if not properties.has("filename"):
+        properties.fail("filename", "nothing", "the path of an EXR, HDR, PNG or JPEG image")
+    filename = properties.string("filename", "")
+    location = properties.element.properties["filename"].location
+    path = properties.reading.find_file(filename, location, "the image")
+    try:
+        pixels = read_image(path)
+    except SceneError as error:
+        raise SceneError(f"{location}: {properties.element}: {error}") from None
+    scale = properties.number("scale", 1.0, at_least=0.0)
+    if scale * float(pixels.max()) > float(np.finfo(np.float32).max):
+        properties.fail("scale", f"{scale:g}", "one that leaves all pixels finite")
+    to_world = properties.transform("to_world")
+    axes = to_world[:3, :3]
+    if np.abs(axes.T @ axes - np.eye(3)).max() > STRETCH:
+        # Mitsuba would look up stretched vectors as if their length were 1.
+        properties.fail(
+            "to_world", "a transform that stretches directions", "a rotation or a mirroring"
+        )
+    compensated = properties.boolean("mis_compensation", False)
+    environment = EnvironmentMap(_padded(pixels), scale, to_world, compensated)
+    if make_warp(_importance(environment)) is None:
+        properties.fail(
+            "filename",
+            "an image that is black, or too dark to be sampled, off its first and last row",
+            "one that shines",
+        )
+    return environment
+
+
+def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width = pixels.shape[:2]
+    more = (0, max(0, _FEWEST_ROWS - height)), (0, max(0, _FEWEST_COLUMNS - width)), (0, 0)
+    return np.pad(pixels, more, mode="edge")
+
+
+def _importance(environment: EnvironmentMap) -> NDArray[np.float32]:
+    """Return the unscaled density in (u, v) at the texels, (H, W + 1).
+
+    With compensation what is everywhere is left to the BSDFs' samples: it is luminance
+    above the mean that counts [Karlik2019].
+    """
+    r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
+    luminance = r + g + b
+    if environment.mis_compensation:
+        mean = np.float32(luminance.mean(dtype=np.float64))
+        if mean - luminance.min() > np.float32(0.01) * mean:  # else there is nothing above
+            luminance = np.maximum(luminance - mean, np.float32(0.0))
+    # in float32 throughout: the choice of a patch follows its last bits, and with these
+    # an even map is sampled as in Mitsuba to the bit
+    step = np.float32(1.0 / (len(luminance) - 1)) * np.float32(np.pi)
+    sine = np.sin(np.arange(len(luminance), dtype=np.float32) * step)
+    sine = np.maximum(sine, np.float32(0.0))
+    return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
+
+
+def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> EnvironmentMaps:
+    """Return the environment as the kernels see it."""
+    (sky,) = lights.values()
+    warp = make_warp(_importance(sky))
+    assert warp is not None  # as `read` has seen
+    around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
+    return EnvironmentMaps(
+        np.ascontiguousarray(around.reshape(-1, 3).T),
+        sky.pixels.shape[1],
+        sky.pixels.shape[0],
+        sky.scale,
+        np.ascontiguousarray(sky.to_world[:3, :3], np.float32),
+        warp,
+        beyond,
+    )
+
+
+@kernel
+def _radiance(sky, u, v, mask):
+    """Return the radiance at points of the image; it repeats in u and ends in v."""
+    x = (u - floor(u)) * np.float32(sky.width) + 0.5  # from the centre of the copy in front
+    y = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0)) * np.float32(sky.height - 1)
+    i = minimum(to_i32(x), splat_i32(np.int32(sky.width)))
+    j = minimum(to_i32(y), splat_i32(np.int32(sky.height - 2)))
+    a, b = x - to_f32(i), y - to_f32(j)
+    first = j * np.int32(sky.width + 2) + i
+    below = first + np.int32(sky.width + 2)
+    upper = gather3(sky.texels, first, mask) * (1.0 - a)
+    upper = upper + gather3(sky.texels, first + 1, mask) * a
+    lower = gather3(sky.texels, below, mask) * (1.0 - a)
+    lower = lower + gather3(sky.texels, below + 1, mask) * a
+    return (upper * (1.0 - b) + lower * b) * np.float32(sky.scale)
+
+
+@kernel
+def _half_texel(sky):
+    return np.float32(0.5) / np.float32(sky.width)
+
+
+@sample_light.by(EnvironmentMaps)
+@kernel
+def sample_envmap(sky, kind, light, mask, position, x, y, z):
+    """Choose a direction in proportion to its luminance."""
+    u, v, density = sample_warp(sky.warp, x, y, mask)
+    u = u + _half_texel(sky)
+    sine, cosine = sincos(v * _PI)
+    across, along = sincos(u * TWO_PI)
+    wi = column(sky.to_world, 0) * (across * sine)
+    wi = wi + column(sky.to_world, 1) * cosine
+    wi = wi - column(sky.to_world, 2) * (along * sine)
+    pdf = density * (_BY_SOLID_ANGLE / maximum(sine, splat_f32(_SMALLEST_SINE)))
+    usable = pdf > 0.0  # NaN is not
+    pdf = select(usable, pdf, splat_f32(0.0))
+    radiance = _radiance(sky, u, v, mask) * (1.0 / select(usable, pdf, splat_f32(1.0)))
+    black = splat_f32(0.0)
+    radiance = select3(usable, radiance, vec3(black, black, black))
+    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
+
+
+@environment_light.by(EnvironmentMaps)
+@kernel
+def _envmap_light(sky, direction, mask):
+    """Go from the direction to (u, v)."""
+    x = dot(column(sky.to_world, 0), direction)
+    y = dot(column(sky.to_world, 1), direction)
+    z = dot(column(sky.to_world, 2), direction)
+    u, v = arctan2(x, -z) * _INV_TWO_PI, arccos(y) * INV_PI
+    shifted = u - _half_texel(sky)
+    density = warp_density(sky.warp, shifted - floor(shifted), v, mask)
+    sine = maximum(sqrt(x * x + z * z), splat_f32(_SMALLEST_SINE))
+    return _radiance(sky, u, v, mask), density * (_BY_SOLID_ANGLE / sine)
+
+
+ENVMAP = LightPlugin(
+    "envmap", EnvironmentMap, read, table, at_infinity=True, environment=True
+)

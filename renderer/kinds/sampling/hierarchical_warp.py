@@ -1,0 +1,169 @@
+"""Hierarchical sample warping: the unit square to a density that is bilinear in patches.
+
+A pyramid of sums is descended from its top: in each block of 2 x 2 a row is chosen in
+proportion to its sum, then one of its columns, and what is left of the two numbers is used
+again one level below [Clarberg2005]. Inside the patch at the end the marginal and the
+conditional density are linear, and inverted as such. The map is continuous, so that a
+pattern of samples stays well spread. Mitsuba's envmap does the same, in the same order.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.jit import kernel
+from renderer.lanes.functions import (
+    fabs,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_i32,
+    sqrt,
+    to_f32,
+    to_i32,
+)
+from renderer.lanes.memory import gather_row
+
+# relative difference of two ends below which a linear density is taken as constant
+_FLAT = np.float32(1e-4)
+
+
+class Warp(NamedTuple):
+    """A density over the unit square: `columns` x `rows` patches, their mean is 1."""
+
+    columns: int
+    rows: int
+    nodes: NDArray[np.float32]  # ((columns + 1) (rows + 1),) density at the corners, by row
+    # (4, blocks) sums of the patches below each part of a block: 00, 10, 01, 11 (x first)
+    blocks: NDArray[np.float32]
+    start: NDArray[np.int32]  # (levels,) first block, from the top down
+    across: NDArray[np.int32]  # (levels,) blocks in a row
+
+
+def make_warp(nodes: NDArray[np.float32]) -> Warp | None:
+    """Return the warp of a density that is given at the corners of its patches.
+
+    Parameters
+    ----------
+    nodes : ndarray of shape (rows + 1, columns + 1)
+        Not negative, of any scale; at least two rows and columns.
+
+    Returns
+    -------
+    Warp or None
+        None if the density is 0 everywhere, or cannot be scaled to the mean 1 in float32.
+    """
+    corners = nodes[:-1, :-1] + nodes[:-1, 1:] + nodes[1:, :-1] + nodes[1:, 1:]
+    patches = np.float32(0.25) * corners
+    total = patches.sum(dtype=np.float64)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        scale = np.float32(patches.size / total)
+        nodes, level = nodes * scale, patches * scale
+    if not (total > 0.0 and np.isfinite(nodes).all() and level.any()):
+        return None
+    rows, columns = patches.shape
+    levels: list[NDArray[np.float32]] = []
+    while level.size > 1:
+        level = np.pad(level, [(0, n % 2) for n in level.shape])
+        parts = [level[j::2, i::2] for j in (0, 1) for i in (0, 1)]
+        levels.insert(0, np.stack(parts))
+        level = parts[0] + parts[1] + parts[2] + parts[3]
+    levels = levels or [np.zeros((4, 0, 0), np.float32)]
+    counts = [part.shape[1] * part.shape[2] for part in levels]
+    return Warp(
+        columns,
+        rows,
+        np.ascontiguousarray(nodes.ravel(), np.float32),
+        np.ascontiguousarray(np.concatenate([p.reshape(4, -1) for p in levels], axis=1)),
+        np.cumsum([0, *counts[:-1]]).astype(np.int32),
+        np.array([part.shape[2] for part in levels], np.int32),
+    )
+
+
+@kernel
+def _clip(x):
+    return minimum(maximum(x, splat_f32(0.0)), splat_f32(1.0))
+
+
+@kernel
+def _between(a, b, t):
+    return b * t + (a - a * t)
+
+
+@kernel
+def _linear(a, b, x):
+    """Return where x of the area below a line from a to b lies to the left."""
+    steep = fabs(a - b) > _FLAT * (a + b)
+    slope = select(steep, a - b, splat_f32(1.0))
+    below = sqrt(maximum(_between(a * a, b * b, x), splat_f32(0.0)))
+    return select(steep, (a - below) / slope, x)
+
+
+@kernel
+def _corners(warp, column, row, mask):
+    """Return the density at the corners 00, 10, 01, 11 of patches."""
+    first = row * np.int32(warp.columns + 1) + column
+    above = first + np.int32(warp.columns + 1)
+    return (
+        gather_row(warp.nodes, 0, first, mask),
+        gather_row(warp.nodes, 0, first + 1, mask),
+        gather_row(warp.nodes, 0, above, mask),
+        gather_row(warp.nodes, 0, above + 1, mask),
+    )
+
+
+@kernel
+def sample_warp(warp, x, y, mask):
+    """Map numbers in [0, 1) to points (u, v) of the unit square.
+
+    Returns
+    -------
+    u, v, density
+        The density is NaN or 0 in the rare case that a number falls on the edge of a
+        part that is never chosen.
+    """
+    column, row = splat_i32(0), splat_i32(0)
+    for level in range(warp.start.size):
+        block = row * warp.across[level] + (column + warp.start[level])
+        v00 = gather_row(warp.blocks, 0, block, mask)
+        v10 = gather_row(warp.blocks, 1, block, mask)
+        v01 = gather_row(warp.blocks, 2, block, mask)
+        v11 = gather_row(warp.blocks, 3, block, mask)
+        lower, upper = v00 + v10, v01 + v11
+        y = _clip(y) * (lower + upper)
+        second = y > lower
+        y = select(second, y - lower, y)
+        share = select(second, upper, lower)
+        left, right = select(second, v01, v00), select(second, v11, v10)
+        row = row + row + select(second, splat_i32(1), splat_i32(0))
+        x = _clip(x) * share
+        second = x > left
+        x = select(second, x - left, x)
+        part = select(second, right, left)
+        column = column + column + select(second, splat_i32(1), splat_i32(0))
+        # one division for both
+        inverse = 1.0 / (share * part)
+        y = y * (part * inverse)
+        x = x * (share * inverse)
+    v00, v10, v01, v11 = _corners(warp, column, row, mask)
+    y = _linear(v00 + v10, v01 + v11, y)
+    left, right = _between(v00, v01, y), _between(v10, v11, y)
+    x = _linear(left, right, x)
+    u = (to_f32(column) + x) * np.float32(1.0 / warp.columns)
+    v = (to_f32(row) + y) * np.float32(1.0 / warp.rows)
+    return u, v, _between(left, right, x)
+
+
+@kernel
+def warp_density(warp, u, v, mask):
+    """Return the density with which `sample_warp` chooses points of [0, 1]^2."""
+    x, y = _clip(u) * np.float32(warp.columns), _clip(v) * np.float32(warp.rows)
+    column = minimum(to_i32(x), splat_i32(np.int32(warp.columns - 1)))
+    row = minimum(to_i32(y), splat_i32(np.int32(warp.rows - 1)))
+    v00, v10, v01, v11 = _corners(warp, column, row, mask)
+    x, y = x - to_f32(column), y - to_f32(row)
+    return _between(_between(v00, v10, x), _between(v01, v11, x), y)

@@ -1,0 +1,114 @@
+"""Points of shapes by their (u, v): where a texture that shines is sampled.
+
+|dp/du x dp/dv| turns a density over (u, v) into one over the area.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.jit import interface, kernel
+from renderer.kinds.sampling.numbers_and_warps import TWO_PI
+from renderer.kinds.shapes.cylinder import CylinderSurfaces
+from renderer.kinds.shapes.disk import DiskSurfaces
+from renderer.kinds.shapes.rectangle import RectangleSurfaces
+from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.lanes.mathematics import sincos
+from renderer.lanes.memory import gather_row
+from renderer.lanes.vectors import cross, gather3, gather_rows3, length
+
+_PI = np.float32(np.pi)
+
+
+class UvPoint(NamedTuple):
+    """A point of a shape in 16 lanes."""
+
+    position: Any  # in the world
+    side: Any  # unit normal of the side that shines
+    area: Any  # |dp/du x dp/dv|
+    found: Any  # mask: the shape has a point there
+
+
+@interface
+def point_at_uv(
+    surfaces: Any,
+    chart: Any,
+    light: Any,
+    prim: Any,
+    orientation: Any,
+    u: Any,
+    v: Any,
+    mask: Any,
+) -> UvPoint:
+    """Return the points of area lights at (u, v).
+
+    Parameters
+    ----------
+    chart
+        Of meshes: where each triangle lies in (u, v).
+    prim
+        The primitive, where the light has only one.
+    orientation
+        -1 where the outward normal is flipped.
+    """
+
+
+@point_at_uv.by(RectangleSurfaces)
+@kernel
+def _on_rectangle(rectangles, chart, light, prim, orientation, u, v, mask):
+    """Ignore the orientation, as Mitsuba does: a flipped one is sampled from its front.
+
+    It shines to the back still, on what finds it by itself.
+    """
+    index = prim - rectangles.first
+    edge1 = gather3(rectangles.edge1, index, mask)
+    edge2 = gather3(rectangles.edge2, index, mask)
+    position = gather3(rectangles.corner, index, mask) + edge1 * u + edge2 * v
+    side = gather3(rectangles.normal, index, mask)
+    return UvPoint(position, side, length(cross(edge1, edge2)), mask)
+
+
+@point_at_uv.by(DiskSurfaces)
+@kernel
+def _on_disk(disks, chart, light, prim, orientation, u, v, mask):
+    index = prim - disks.first
+    edge1, edge2 = gather3(disks.edge1, index, mask), gather3(disks.edge2, index, mask)
+    sine, cosine = sincos(TWO_PI * v)
+    way = edge1 * cosine + edge2 * sine
+    position = gather3(disks.corner, index, mask) + way * u
+    side = gather3(disks.normal, index, mask) * orientation
+    return UvPoint(position, side, length(cross(edge1, edge2)) * (TWO_PI * u), mask)
+
+
+@kernel
+def _around(frame, index, angle, mask):
+    sine, cosine = sincos(angle)
+    x, y = gather_rows3(frame, 0, index, mask), gather_rows3(frame, 3, index, mask)
+    return x * cosine + y * sine
+
+
+@point_at_uv.by(CylinderSurfaces)
+@kernel
+def _on_cylinder(cylinders, chart, light, prim, orientation, u, v, mask):
+    index = prim - cylinders.first
+    radius = gather_row(cylinders.radius, 0, index, mask)
+    height = gather_row(cylinders.height, 0, index, mask)
+    axis = gather_rows3(cylinders.frame, 6, index, mask)
+    n = _around(cylinders.frame, index, TWO_PI * u, mask)
+    position = gather3(cylinders.base, index, mask) + axis * (height * v) + n * radius
+    return UvPoint(position, n * orientation, TWO_PI * radius * height, mask)
+
+
+@point_at_uv.by(SphereSurfaces)
+@kernel
+def _on_sphere(spheres, chart, light, prim, orientation, u, v, mask):
+    index = prim - spheres.first
+    radius = gather_row(spheres.radius, 0, index, mask)
+    sine, cosine = sincos(_PI * v)
+    n = _around(spheres.frame, index, TWO_PI * u, mask) * sine
+    n = n + gather_rows3(spheres.frame, 6, index, mask) * cosine
+    position = gather3(spheres.center, index, mask) + n * radius
+    area = (TWO_PI * _PI) * radius * radius * sine
+    return UvPoint(position, n * orientation, area, mask)

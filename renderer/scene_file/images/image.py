@@ -1,0 +1,76 @@
+"""Image: pixels in the format of their file, and what they mean as linear light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """Pixels without alpha, row 0 at the top."""
+
+    texels: NDArray[Any]  # (H, W, 1 or 3) uint8, uint16, float16 or float32
+    srgb: bool = False  # whether they are encoded; of integers only
+
+    @property
+    def linear(self) -> NDArray[np.float32]:
+        """The pixels as linear RGB, (H, W, 3)."""
+        values = linear_values(self.texels, self.srgb)
+        color = np.broadcast_to(values, (*values.shape[:2], 3))
+        return np.ascontiguousarray(color, dtype=np.float32)
+
+
+def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Undo the transfer curve of sRGB (IEC 61966-2-1); both ends in [0, 1]."""
+    # The power of a negative base never reaches the result, but would warn.
+    curve = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
+    return np.where(encoded <= 0.04045, encoded / 12.92, curve)
+
+
+def linear_values(texels: NDArray[Any], srgb: bool) -> NDArray[np.floating]:
+    """Return what texels mean: integers in [0, 1], out of sRGB if they are encoded so."""
+    if texels.dtype.kind == "f":
+        return texels
+    if texels.dtype == np.uint8:
+        return decoded_bytes(srgb, np.float64)[texels]
+    encoded = texels / 65535.0
+    return linear_from_srgb(encoded) if srgb else encoded
+
+
+def decoded_bytes(srgb: bool, dtype: Any = np.float32) -> NDArray[Any]:
+    """Return what each of the 256 bytes means."""
+    encoded = np.arange(256) / 255.0
+    return (linear_from_srgb(encoded) if srgb else encoded).astype(dtype)
+
+
+def checked(image: Image, name: str) -> Image:
+    """Return an image with one or three channels, without alpha.
+
+    Raises
+    ------
+    SceneError
+        If it has others, no pixels, or values that are negative, NaN or infinite. (Mitsuba
+        renders such pixels, and they spoil all that their light reaches.)
+    """
+    texels = image.texels
+    if texels.ndim != 3 or texels.shape[2] not in (1, 2, 3, 4) or texels.size == 0:
+        raise SceneError(
+            f"{name}: the image has the shape {texels.shape}; expected (height, width, "
+            "channels) with 1 to 4 channels"
+        )
+    if texels.shape[2] in (2, 4):
+        texels = texels[:, :, :-1]
+    if texels.dtype.kind == "f":
+        if not np.isfinite(texels).all():
+            raise SceneError(f"{name}: the image has NaN or infinite pixels")
+        if texels.min() < 0.0:
+            raise SceneError(
+                f"{name}: the image has negative pixels, down to {texels.min():g}"
+            )
+    return Image(np.ascontiguousarray(texels), image.srgb)

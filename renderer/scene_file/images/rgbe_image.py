@@ -1,0 +1,119 @@
+"""Radiance pictures (.hdr, .rgbe) as linear RGB [Ward1991].
+
+Three bytes share the exponent in a fourth. Rows of 8 to 32767 pixels may be packed: each of
+the four bytes of all pixels as runs and literal pieces.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+
+_SIZE = re.compile(rb"-Y (\d{1,7}) \+X (\d{1,7})")
+_LONGEST_HEADER = 1 << 16  # [bytes]
+_PACKED = range(8, 32768)  # widths of rows that may be packed
+
+
+def is_rgbe(path: Path) -> bool:
+    """Tell whether a file starts as Radiance pictures do."""
+    with path.open("rb") as file:
+        return file.read(2) == b"#?"
+
+
+def read_rgbe(path: Path, largest: int) -> NDArray[np.float32]:
+    """Read the pixels, (H, W, 3), row 0 at the top.
+
+    Exposure and gamma of the header are not applied, as in Mitsuba.
+
+    Raises
+    ------
+    SceneError
+        If the file is damaged, has more pixels than `largest`, or is one of XYZE, or with
+        its rows in another order.
+    """
+    content = path.read_bytes()
+    end = content.find(b"\n\n", 0, _LONGEST_HEADER)
+    if end < 0:
+        raise SceneError(f"{path}: damaged HDR file: its header does not end")
+    lines = content[:end].split(b"\n")
+    formats = [line[7:].strip() for line in lines if line.startswith(b"FORMAT=")]
+    if formats and formats[-1] != b"32-bit_rle_rgbe":
+        shown = formats[-1].decode("latin-1")[:40]
+        raise SceneError(
+            f"{path}: HDR files of format {shown!r} are not supported; "
+            "supported: 32-bit_rle_rgbe"
+        )
+    start = content.find(b"\n", end + 2, end + 64) + 1
+    size = _SIZE.fullmatch(content[end + 2 : start - 1]) if start else None
+    if size is None:
+        raise SceneError(
+            f"{path}: the HDR file says no size `-Y HEIGHT +X WIDTH` (rows from the top) "
+            "after its header"
+        )
+    height, width = (int(number) for number in size.groups())
+    if not 0 < height * width <= largest:
+        raise SceneError(
+            f"{path}: {width} x {height} pixels; expected at least 1 and at most {largest}"
+        )
+    # before memory is taken: a packed row has at least its start and two bytes for each
+    # run of 127
+    row_at_least = 4 * width
+    if width in _PACKED and content[start : start + 2] == b"\2\2":
+        row_at_least = 4 + 8 * -(-width // 127)
+    if len(content) - start < height * row_at_least:
+        raise SceneError(
+            f"{path}: damaged HDR file: {len(content) - start} bytes for {height} rows of "
+            f"{width} pixels"
+        )
+    return _decoded(_pixels(content, start, width, height, path))
+
+
+def _pixels(
+    content: bytes, at: int, width: int, height: int, path: Path
+) -> NDArray[np.uint8]:
+    """Return the four bytes of each pixel, (H, W, 4)."""
+    pixels = np.empty((height, width, 4), np.uint8)
+    packed = bytes((2, 2, width >> 8, width & 255))
+    for y in range(height):
+        if width in _PACKED and content[at : at + 4] == packed:
+            at += 4
+            for component in range(4):
+                row, at = _unpacked(content, at, width, y, path)
+                pixels[y, :, component] = np.frombuffer(row, np.uint8)
+            continue
+        plain = content[at : at + 4 * width]
+        if len(plain) < 4 * width:
+            raise SceneError(f"{path}: damaged HDR file: it ends in row {y}")
+        pixels[y] = np.frombuffer(plain, np.uint8).reshape(width, 4)
+        at += 4 * width
+    return pixels
+
+
+def _unpacked(
+    content: bytes, at: int, width: int, y: int, path: Path
+) -> tuple[bytearray, int]:
+    """Return one component of a row, and where the next begins."""
+    row = bytearray()
+    while len(row) < width:
+        count = content[at] if at < len(content) else 0
+        if count > 128:
+            piece, size = content[at + 1 : at + 2] * (count - 128), 2
+        else:
+            piece, size = content[at + 1 : at + 1 + count], 1 + count
+        if not piece or at + size > len(content) or len(row) + len(piece) > width:
+            raise SceneError(f"{path}: damaged HDR file: row {y} cannot be unpacked")
+        row += piece
+        at += size
+    return row, at
+
+
+def _decoded(pixels: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return mantissas times 2^(exponent - 136); an exponent of 0 is black."""
+    exponent = pixels[:, :, 3:].astype(np.int32)
+    values = np.ldexp(pixels[:, :, :3].astype(np.float32), exponent - 136)
+    return np.where(exponent == 0, np.float32(0.0), values)

@@ -1,0 +1,257 @@
+"""Environment maps: look-up, sampling and density, against Mitsuba's and by themselves.
+
+Maps with what goes wrong: steep noise, a single bright texel, one on the seam of the
+circle, light at the poles, an even one, one of a single pixel, one turned and mirrored.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import OpenEXR
+import pytest
+from chi_square import assert_follows, cell_masses, histogram
+from light_probes import LightProbe
+from scene_file_samples import error_of
+from small_scenes import diffuse, pixels, scene, sensor, sphere
+
+import renderer
+from renderer.errors import SceneError
+from renderer.simple.scene import Scene as SimpleScene
+
+mi = pytest.importorskip("mitsuba")
+
+N = 1 << 18
+SEED = 20
+LAMP = {"lamp": {"type": "rectangle"}}
+
+
+def write_exr(path, image):
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    rgb = {c: np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate("RGB")}
+    with OpenEXR.File(header, rgb) as file:
+        file.write(str(path))
+    return str(path)
+
+
+def noise(height, width):
+    rng = np.random.default_rng(5)
+    return rng.random((height, width, 3), np.float32) ** 4 * 5
+
+
+def dark_but(height, width, *bright):
+    image = np.full((height, width, 3), 0.01, np.float32)
+    for row, column in bright:
+        image[row, column] = 100.0, 80.0, 50.0
+    return image
+
+
+def turned():
+    axis = np.array([1, 2, 0.5]) / np.linalg.norm([1, 2, 0.5])
+    spin = mi.ScalarTransform4f().rotate(list(axis), 40).rotate([0, 1, 0], 25)
+    return spin.scale([1, 1, -1])
+
+
+MAPS = {
+    "noise": (noise(9, 16), {"scale": 1.7}),
+    "turned": (noise(13, 7), {"scale": 0.3, "turned": True}),
+    "compensated": (noise(8, 16), {"mis_compensation": True}),
+    "one texel": (dark_but(17, 32, (5, 20)), {}),
+    "seam": (dark_but(8, 12, (3, 0), (4, 11)), {}),
+    "poles": (dark_but(9, 8, (0, slice(None)), (8, slice(None)), (1, 3)), {}),
+    "even": (np.ones((4, 8, 3), np.float32), {"mis_compensation": True}),
+    "one pixel": (np.full((1, 1, 3), 2.0, np.float32), {}),
+}
+
+
+class Pair:
+    """One environment in both renderers."""
+
+    def __init__(self, name, folder):
+        self.image, settings = MAPS[name]
+        settings = dict(settings)
+        self.to_world = turned() if settings.pop("turned", False) else None
+        self.content = {
+            "type": "envmap",
+            "filename": write_exr(folder / f"{name}.exr", self.image),
+            **settings,
+        }
+        if self.to_world is not None:
+            self.content["to_world"] = self.to_world
+        ours = self.content
+        if self.to_world is not None:
+            ours = {**ours, "to_world": np.array(self.to_world.matrix, np.float64)}
+        self.ours = LightProbe(LAMP, {"sky": ours}, (1.0, 1.0, 1.0))
+        world = {"type": "scene", "ball": {"type": "sphere"}, "sky": self.content}
+        self.scene = mi.load_dict(world)
+        self.theirs = self.scene.environment()
+
+
+@pytest.fixture(scope="module", params=list(MAPS))
+def pair(request, tmp_path_factory):
+    return Pair(request.param, tmp_path_factory.mktemp("maps"))
+
+
+def directions(n):
+    """Even over the sphere, and 1 in 200 within a hundredth of the poles."""
+    rng = np.random.default_rng(SEED)
+    d = rng.normal(size=(n, 3))
+    d[: n // 200] *= 0.003, 1.0, 0.003
+    return np.float32(d / np.linalg.norm(d, axis=1, keepdims=True)).astype(float)
+
+
+def assert_close(mine, reference, within):
+    """Relative, and by a thousandth of it to the largest value: 99 % and all values.
+
+    Both renderers go by way of angles. Close to a pole acos has an error of the root of
+    the rounding error, and the density is divided by the sine; and what is left of a
+    random number after a choice of 1 in 10^4 has as many digits less.
+    """
+    scale = np.maximum(np.abs(reference), 1e-3 * np.abs(reference).max())
+    off = np.abs(mine - reference) / scale
+    assert np.quantile(off, 0.99) < within, f"{np.quantile(off, 0.99):.1e}"
+    assert off.max() < 0.2, f"{off.max():.1e}"
+
+
+def test_radiance_and_density_by_direction(pair):
+    """Steep maps lose digits in the angles; an even one is exact to rounding."""
+    wi = directions(1500)
+    radiance, pdf = pair.ours.environment("sky", wi)
+    their_radiance, their_pdf = [], []
+    at = mi.SurfaceInteraction3f()
+    sample = mi.DirectionSample3f()
+    for d in wi:
+        at.wi = mi.Vector3f(-d)
+        sample.d = mi.Vector3f(d)
+        their_radiance.append(np.array(pair.theirs.eval(at)).ravel())
+        their_pdf.append(pair.theirs.pdf_direction(at, sample))
+    assert_close(radiance, np.array(their_radiance), 1e-3)
+    assert_close(pdf, np.array(their_pdf), 1e-3)
+
+
+def test_samples(pair):
+    """The same numbers give the same direction, density and weight."""
+    numbers = np.random.default_rng(SEED).random((3, 1500), np.float32)
+    drawn = pair.ours.sample("sky", [0.1, 0.2, 0.3], numbers)
+    at = mi.Interaction3f()
+    at.p = [0.1, 0.2, 0.3]
+    d, pdf, weight = [], [], []
+    for x, y, _ in numbers.T:
+        sample, w = pair.theirs.sample_direction(at, mi.Point2f(x, y))
+        d.append(np.array(sample.d).ravel())
+        pdf.append(sample.pdf)
+        weight.append(np.array(w).ravel())
+    np.testing.assert_allclose(drawn.wi, d, atol=4e-4)
+    assert_close(drawn.pdf, np.array(pdf), 3e-4)
+    assert_close(drawn.radiance, np.array(weight), 1e-3)
+
+
+def test_samples_follow_the_density(pair):
+    """Chi-square over the patches of the map; 2^18 samples, false alarm rate 1e-5."""
+    height, width = max(pair.image.shape[0], 3), max(pair.image.shape[1], 2)
+    rotation = np.eye(3)
+    if pair.to_world is not None:
+        rotation = np.array(pair.to_world.matrix)[:3, :3]
+    u, v = np.linspace(0, 1, width + 1), np.linspace(0, 1, height)
+
+    def stated(u, v):
+        phi, theta = 2 * np.pi * (u + 0.5 / width), np.pi * v
+        sine = np.sin(theta)
+        local = np.stack((np.sin(phi) * sine, np.cos(theta), -np.cos(phi) * sine))
+        pdf = pair.ours.environment("sky", (rotation @ local).T)[1]
+        return pdf * 2 * np.pi**2 * sine
+
+    masses = cell_masses(lambda u, v: stated(u, v), u, v)
+    numbers = np.random.default_rng(SEED).random((3, N), np.float32)
+    x, y, z = (pair.ours.sample("sky", np.zeros(3), numbers).wi @ rotation).T
+    turn = np.arctan2(x, -z) / (2 * np.pi) - 0.5 / width
+    down = np.arctan2(np.hypot(x, z), y) / np.pi
+    counts = histogram(turn - np.floor(turn), down, u, v)
+    assert_follows(counts, masses, N, finds=0.07, within=1e-4)
+
+
+# ------------------------------------------------------------------------ energy
+
+
+def test_furnace(tmp_path):
+    """Under an even map of radiance 1.5 a body of albedo 0.6 has the radiance 0.9."""
+    even = np.full((4, 8, 3), 0.5, np.float32)
+    sky = {"type": "envmap", "filename": write_exr(tmp_path / "even.exr", even), "scale": 3}
+    view = sensor((0, -5, 0), (0, 0, 0), size=(16, 16), fov=5.0, spp=256, jitter=True)
+    picture = pixels(scene(view, "path", sphere(diffuse(0.6)), sky, max_depth=3))
+    np.testing.assert_allclose(picture.mean(), 0.9, rtol=3e-3)
+
+
+def test_sky_that_the_camera_sees_is_the_image(tmp_path):
+    """A direction at the centre of a texel, on a row, has the texel's radiance."""
+    image = noise(5, 8)
+    pair = LightProbe(
+        LAMP,
+        {"sky": {"type": "envmap", "filename": write_exr(tmp_path / "n.exr", image)}},
+        (1.0, 1.0, 1.0),
+    )
+    row, column = np.meshgrid(np.arange(5), np.arange(8), indexing="ij")
+    phi, theta = 2 * np.pi * (column + 0.5) / 8, np.pi * row / 4
+    sine = np.sin(theta)
+    wi = np.stack((np.sin(phi) * sine, np.cos(theta), -np.cos(phi) * sine), axis=-1)
+    radiance, _ = pair.environment("sky", wi[1:-1].reshape(-1, 3))
+    np.testing.assert_allclose(radiance, image[1:-1].reshape(-1, 3), atol=5e-6)
+
+
+# --------------------------------------------------------------------- bad input
+
+
+def env(properties, name="sky.exr"):
+    filename = f'<string name="filename" value="{name}"/>'
+    return f'<emitter type="envmap">{filename}{properties}</emitter>'
+
+
+def with_value(value):
+    image = np.ones((4, 4, 3), np.float32)
+    image[1, 2, 1] = value
+    return image
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (with_value(np.nan), "the image has NaN or infinite pixels"),
+        (with_value(np.inf), "the image has NaN or infinite pixels"),
+        (with_value(-1.0), "the image has negative pixels, down to -1"),
+        (np.zeros((4, 8, 3)), "found an image that is black"),
+        (dark_but(4, 8, (0, slice(None))) * 0 + [[[1.0]], [[0]], [[0]], [[0]]], "black"),
+    ],
+    ids=["nan", "infinite", "negative", "black", "pole"],
+)
+def test_pixels_that_cannot_be_sampled(image, words, tmp_path):
+    write_exr(tmp_path / "sky.exr", image)
+    assert words in error_of(env(""), folder=tmp_path)
+
+
+def test_files_and_properties_that_cannot_be_used(tmp_path):
+    write_exr(tmp_path / "sky.exr", noise(4, 8))
+    (tmp_path / "cut.exr").write_bytes((tmp_path / "sky.exr").read_bytes()[:200])
+
+    def refused(content):
+        return error_of(content, folder=tmp_path)
+
+    assert "damaged EXR file" in refused(env("", "cut.exr"))
+    assert '"none.exr" not found; looked in' in refused(env("", "none.exr"))
+    assert 'property "filename": found nothing' in refused('<emitter type="envmap"/>')
+    scale = '<float name="scale" value="{}"/>'
+    assert "at least 0" in refused(env(scale.format(-1)))
+    assert "leaves all pixels finite" in refused(env(scale.format(3e38)))
+    stretched = '<transform name="to_world"><scale x="2"/></transform>'
+    assert "a transform that stretches directions" in refused(env(stretched))
+    assert 'has no property "radiance"' in refused(
+        env('<float name="radiance" value="1"/>')
+    )
+    two = env("") + '\n<emitter type="constant"/>'
+    assert ':3: emitter "constant" is a second environment beside line 2' in refused(two)
+
+
+def test_the_simple_path_tracer_has_no_environment_maps(tmp_path):
+    sky = {"type": "envmap", "filename": write_exr(tmp_path / "n.exr", noise(3, 4))}
+    view = sensor((0, -5, 0), (0, 0, 0), size=(4, 4), fov=5.0, spp=1)
+    loaded = renderer.load_dict(scene(view, "path", sphere(diffuse(0.6)), sky))
+    with pytest.raises(SceneError, match="the simple path tracer has no emitter 'envmap'"):
+        SimpleScene(loaded.description)

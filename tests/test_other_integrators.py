@@ -1,0 +1,98 @@
+"""Integrators that only Mitsuba has: refused with what to do, and doing it renders."""
+
+import numpy as np
+import pytest
+from scene_file_samples import SENSOR, error_of, ours, scene_text
+
+import renderer
+from renderer.command.cli import main
+from renderer.errors import SceneError
+from renderer.scene_file.description import NOWHERE
+from renderer.scene_file.document.tree import Element
+from renderer.scene_file.objects.integrators import read_scene_integrator
+from renderer.scene_file.reading import Reading
+
+SMALL = SENSOR.replace(
+    "</sensor>",
+    '<film type="hdrfilm"><integer name="width" value="8"/>'
+    '<integer name="height" value="6"/>'
+    "</film></sensor>",
+)
+SKY = '<emitter type="constant"/>'
+
+
+def text_with(integrator):
+    return scene_text(integrator + SKY, sensor=SMALL)
+
+
+UNKNOWN = '<integrator type="prb"><integer name="anything" value="3"/></integrator>'
+
+
+def test_the_error_says_how_the_scene_is_rendered():
+    scene = renderer.load_string(text_with(UNKNOWN))
+    with pytest.raises(SceneError) as refused:
+        renderer.render(scene)
+    message = str(refused.value)
+    assert message.startswith('<string>:2: integrator "prb" is not supported; supported')
+    assert "--integrator path" in message
+    assert 'render(scene, integrator="path")' in message
+
+
+@pytest.mark.parametrize(
+    "around",
+    ["{}", "<integrator type='aov'><string name='aovs' value='t:depth'/>{}</integrator>"],
+)
+def test_path_renders_it_as_if_the_file_had_asked_for_path(around):
+    asked = renderer.load_string(text_with(around.format(UNKNOWN)))
+    path = renderer.load_string(text_with('<integrator type="path"/>'))
+    image = renderer.render(asked, integrator="path", spp=2)
+    np.testing.assert_array_equal(
+        image.pixels, renderer.render(path, integrator="path", spp=2).pixels
+    )
+
+
+def test_a_dictionary_names_it_as_integrator():
+    content = {
+        "type": "scene",
+        "integrator": {"type": "prb_volpath"},
+        "s": {"type": "perspective"},
+    }
+    with pytest.raises(SceneError, match='integrator "prb_volpath" is not supported'):
+        renderer.render(renderer.load_dict(content))
+
+
+def test_the_command_line_does_so(tmp_path, capsys):
+    file, picture = tmp_path / "scene.xml", tmp_path / "a.npy"
+    file.write_text(text_with(UNKNOWN))
+    assert main([str(file), "-o", str(picture)]) == 1
+    assert "--integrator path" in capsys.readouterr().err
+    assert main([str(file), "-o", str(picture), "--integrator", "path"]) == 0
+    assert np.load(picture).mean() > 0.1
+
+
+@pytest.mark.parametrize("plugin", ["volpath", "volpathmis"])
+def test_paths_through_volumes_are_paths_where_there_are_none(plugin):
+    described = ours(
+        f'<integrator type="{plugin}"><integer name="max_depth" value="3"/>'
+        '<integer name="rr_depth" value="7"/></integrator>'
+    )
+    mine = described.integrator
+    assert (mine.name, mine.max_depth, mine.rr_depth) == ("path", 3, 7)
+    assert mine.stands_for == plugin
+    assert described.warnings == (
+        f"<string>:2: {plugin} is rendered by path: without media both have the same "
+        "expected picture",
+    )
+    assert error_of(f'<integrator type="{plugin}"><float name="x" value="1"/></integrator>')
+
+
+@pytest.mark.parametrize("plugin", ["null", "mask", "thindielectric"])
+def test_they_are_not_where_their_shadow_rays_see_through_something(plugin):
+    scene = Element("scene", "scene", NOWHERE)
+    shape = Element("shape", "sphere", NOWHERE)
+    shape.add("", Element("bsdf", plugin, NOWHERE), NOWHERE)
+    scene.add("", shape, NOWHERE)
+    asked = read_scene_integrator(
+        Element("integrator", "volpath", NOWHERE), scene, Reading([])
+    )
+    assert f'not supported where volpath meets bsdf "{plugin}"' in asked.refusal

@@ -1,0 +1,202 @@
+"""Rough surfaces and plastics: Mitsuba's defaults, values and checks."""
+
+from __future__ import annotations
+
+import mitsuba as mi
+import numpy as np
+import pytest
+from bsdf_probes import BsdfProbe, MitsubaProbe, seen_under
+from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+
+from renderer.kinds.bsdfs.plastic import diffuse_fresnel, mean_of
+from renderer.kinds.bsdfs.rough_transmittance import rough_transmittance
+from renderer.scene_file.description import Bsdf, CheckerboardTexture, ConstantTexture
+
+SHAPE = '<shape type="sphere">\n<bsdf type="{}">{}</bsdf></shape>'
+ROUGH = ("roughconductor", "roughdielectric", "roughplastic")
+
+
+def read(plugin: str, content: str = "") -> Bsdf:
+    return ours(SHAPE.format(plugin, content)).shapes[0].bsdf
+
+
+@pytest.mark.parametrize("plugin", ROUGH)
+def test_roughness_that_a_file_is_silent_about(plugin: str) -> None:
+    bsdf = read(plugin)
+    assert (bsdf.alpha_u, bsdf.alpha_v) == (0.1, 0.1)
+    assert (bsdf.beckmann, bsdf.every_normal) == (1.0, 0.0)
+    assert bsdf.specular_reflectance == ConstantTexture((1.0, 1.0, 1.0))
+
+
+def test_indices_that_a_file_is_silent_about() -> None:
+    for plugin, eta in (
+        ("roughdielectric", 1.5046),
+        ("plastic", 1.49),
+        ("roughplastic", 1.49),
+    ):
+        assert read(plugin).eta == pytest.approx(eta / 1.000277)
+    metal = read("roughconductor")
+    assert (metal.eta.rgb, metal.k.rgb) == ((0.0,) * 3, (1.0,) * 3)
+    plastic = read("plastic")
+    assert plastic.diffuse_reflectance.rgb == (0.5,) * 3
+    assert (plastic.nonlinear, plastic.specular_share) == (0.0, pytest.approx(2 / 3))
+
+
+@pytest.mark.parametrize("name", ["ggx", "GGX", "Beckmann", "beckmann"])
+def test_distributions_are_known_in_any_case(name: str) -> None:
+    content = f'<string name="distribution" value="{name}"/>'
+    assert read("roughconductor", content).beckmann == (name.lower() == "beckmann")
+    theirs(SHAPE.format("roughconductor", content))
+
+
+def test_two_alphas() -> None:
+    content = '<float name="alpha_u" value="0.2"/><float name="alpha_v" value="{}"/>'
+    bsdf = read("roughconductor", content.format(0.3))
+    assert (bsdf.alpha_u, bsdf.alpha_v) == (0.2, 0.3)
+    bsdf = read("roughplastic", content.format(0.2))
+    assert (bsdf.alpha_u, bsdf.alpha_v) == (0.2, 0.2)
+
+
+@pytest.mark.parametrize("alpha", [0.0, -1.0, 1e-5, 1e-4])
+def test_a_roughness_of_nothing_is_taken_as_a_ten_thousandth(alpha: float) -> None:
+    """As by Mitsuba: read as it is, the same table, and in the kernels the same lobe."""
+    given = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
+    mine, reference = BsdfProbe(given), MitsubaProbe(given)
+    wo, numbers = seen_under(30), np.array([[0.3, 0.6, 0.5]])
+    a, b = mine.sample(wo, numbers), reference.sample(wo, numbers)
+    np.testing.assert_allclose(a.wi, b.wi, atol=1e-6)
+    np.testing.assert_allclose(a.pdf, b.pdf, rtol=1e-2)
+    table, _ = rough_transmittance(False, alpha, 1.5)
+    np.testing.assert_array_equal(table, rough_transmittance(False, 1e-4, 1.5)[0])
+
+
+def test_means_that_weigh_the_lobes() -> None:
+    assert mean_of(ConstantTexture((0.1, 0.2, 0.6))) == pytest.approx(0.3)
+    board = CheckerboardTexture((0.1, 0.2, 0.6), (0.5, 0.5, 0.5))
+    assert mean_of(board) == pytest.approx(0.4)
+
+
+def test_a_coat_throws_back_what_mitsuba_says() -> None:
+    """Both fits, and the integral that they stand for, at an index of 1.5."""
+    for eta in (0.5, 0.7, 0.99, 1.0, 1.3, 1.5, 2.5):
+        assert diffuse_fresnel(eta) == pytest.approx(
+            mi.fresnel_diffuse_reflectance(eta), abs=1e-6
+        )
+    cosine = (np.arange(4000) + 0.5) / 4000
+    exact = [2 * c * mi.fresnel(float(c), 1.5)[0] for c in cosine]
+    assert diffuse_fresnel(1.5) == pytest.approx(np.mean(exact), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("beckmann", "alpha", "eta", "expected"),
+    [
+        (True, 0.1, 1.49 / 1.000277, (0.370129, 0.392376, 0.961324, 0.574663)),
+        (False, 0.1, 1.49 / 1.000277, (0.573123, 0.570510, 0.960892, 0.545523)),
+        (True, 0.5, 1.9, (0.735849, 0.740928, 0.901965, 0.624593)),
+    ],
+)
+def test_the_table_of_a_coat_is_mitsuba_s(beckmann, alpha, eta, expected) -> None:
+    """At cosines 0, 1/63 and 1, and from inside; read back from Mitsuba's `eval`."""
+    table, thrown_back = rough_transmittance(beckmann, alpha, eta)
+    got = (table[0], table[1], table[63], thrown_back)
+    assert got == pytest.approx(expected, abs=4e-6)
+
+
+# -------------------------------------------------------------------- errors
+
+ALPHA = '<float name="{}" value="0.2"/>'
+
+
+@pytest.mark.parametrize(
+    ("plugin", "content", "message"),
+    [
+        (
+            "roughconductor",
+            '<string name="distribution" value="phong"/>',
+            'property "distribution": found "phong", expected one of beckmann, ggx',
+        ),
+        (
+            "roughconductor",
+            ALPHA.format("alpha_u"),
+            'property "alpha_u": found this one alone, expected both alpha_u and alpha_v',
+        ),
+        (
+            "roughdielectric",
+            "".join(map(ALPHA.format, ("alpha", "alpha_u", "alpha_v"))),
+            'property "alpha_u": found a value beside "alpha", expected one of the two',
+        ),
+        (
+            "roughplastic",
+            '<float name="alpha_u" value="0.2"/><float name="alpha_v" value="0.3"/>',
+            'property "alpha_u": found 0.2 beside alpha_v 0.3, expected the same roughness',
+        ),
+        (
+            "roughplastic",
+            '<rgb name="alpha" value="0.5"/>',
+            'property "alpha": found a value of type rgb, expected float',
+        ),
+        (
+            "roughconductor",
+            '<string name="material" value="gold"/>',
+            'property "material": found "gold", expected one of none, Ag',
+        ),
+        (
+            "roughconductor",
+            '<string name="material" value="Au"/><rgb name="eta" value="1"/>',
+            'property "eta": found a value beside "material"',
+        ),
+        (
+            "roughdielectric",
+            '<float name="int_ior" value="1.5"/><float name="ext_ior" value="1.5"/>',
+            'property "int_ior": found 1.5 on both sides, expected two different indices',
+        ),
+        (
+            "roughplastic",
+            '<string name="ext_ior" value="polypropylene"/>',
+            'property "ext_ior": found 1.49 on both sides',
+        ),
+        (
+            "plastic",
+            '<string name="int_ior" value="jelly"/>',
+            'property "int_ior": found "jelly", expected a float or one of vacuum',
+        ),
+        (
+            "plastic",
+            '<float name="int_ior" value="-1"/>',
+            "expected an index of refraction above 0",
+        ),
+        (
+            "plastic",
+            ALPHA.format("alpha"),
+            'has no property "alpha"; supported: int_ior, ext_ior',
+        ),
+        (
+            "roughplastic",
+            '<string name="nonlinear" value="yes"/>',
+            'property "nonlinear": found a value of type string, expected boolean',
+        ),
+        (
+            "plastic",
+            '<rgb name="diffuse_reflectance" value="2"/>',
+            "expected a reflectance in [0, 1]",
+        ),
+    ],
+)
+def test_rough_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
+    text = SHAPE.format(plugin, content)
+    assert error_of(text).startswith("<string>:3: ")
+    assert message in error_of(text)
+    assert mitsuba_refuses(text)
+
+
+@pytest.mark.parametrize("plugin", ["roughdielectric", "plastic", "roughplastic"])
+def test_an_index_of_nothing_is_refused_by_us_alone(plugin: str) -> None:
+    """Mitsuba divides by it, and shows NaN."""
+    content = '<float name="int_ior" value="0"/>'
+    assert "an index of refraction above 0" in error_of(SHAPE.format(plugin, content))
+
+
+def test_rough_glass_cannot_be_inside_of_twosided() -> None:
+    text = SHAPE.format("twosided", '<bsdf type="roughdielectric"/>')
+    assert 'bsdf "roughdielectric" cannot be inside of twosided' in error_of(text)
+    assert mitsuba_refuses(text)
