@@ -249,6 +249,17 @@ def test_a_sphere_is_the_sphere():
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-6)
 
 
+def test_normals_go_by_the_inverse_transpose():
+    """An ellipsoid by its equation in the world, and a ball that to_world stretches."""
+    text = "((x - 0.1) / 0.5)^2 + (y / 0.4)^2 + (z / 0.5)^2 - 1"
+    stretched = {"type": "implicit", "expression": SPHERE, "to_world": STRETCHED}
+    found, expected = (
+        picture(scene(stretched)),
+        picture(scene({"type": "implicit", "expression": text})),
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+
+
 @pytest.mark.slow
 def test_every_structure_and_an_instance_show_the_same():
     """Brute force, trees, and a copy of a group; an ellipsoid, whose normals turn."""
