@@ -37,5 +37,8 @@ def test_a_link_follows_its_symbol():
     assert re.fullmatch(
         r"\[`sphere\.py::hit_sphere`\]\(\.\./renderer/kinds/shapes/sphere\.py#L\d+\)", page
     )
-    gone = "[`x.py::no_such_symbol`](../renderer/scene/camera.py)"
-    assert on_their_lines(gone) == (gone, ["../renderer/scene/camera.py::no_such_symbol"])
+    gone = "[`x.py::no_such_symbol`](../renderer/kinds/sensors/pinhole.py)"
+    assert on_their_lines(gone) == (
+        gone,
+        ["../renderer/kinds/sensors/pinhole.py::no_such_symbol"],
+    )

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 
+from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.scene_file.description import Film, PerspectiveCamera, Sampler
 from renderer.scene_file.objects.samplers import round_sample_count
+from renderer.simple.camera import camera_ray
 
 SENSOR = '<sensor type="perspective">\n{}</sensor>'
 FILM = '<film type="hdrfilm">\n{}</film>'
@@ -95,6 +97,89 @@ def test_rays_are_those_of_mitsuba(content: str) -> None:
         forward = direction @ mine.to_world[:3, 2]
         length = (mine.far_clip - mine.near_clip) / forward
         assert length == pytest.approx(expected.maxt, rel=1e-4)
+
+
+LENS = '<float name="aperture_radius" value="0.3"/><float name="focus_distance" value="4"/>'
+PLANES = '<float name="near_clip" value="0.5"/><float name="far_clip" value="7"/>'
+SCALED = (
+    '<transform name="to_world"><scale x="-2" y="3" z="1.5"/>'
+    '<lookat origin="1 2 3" target="0 0.5 -1" up="0 1 0.2"/></transform>'
+)
+SENSORS = [
+    ("perspective", CROPPED + LOOKAT + PLANES),
+    ("thinlens", CROPPED + LOOKAT + PLANES + LENS),
+    ("thinlens", TALL + '<float name="aperture_radius" value="0.01"/>'),
+    (
+        "thinlens",
+        WIDE
+        + LENS
+        + '<float name="fov" value="50"/><string name="fov_axis" value="larger"/>',
+    ),
+    ("orthographic", ""),
+    ("orthographic", TALL + LOOKAT + PLANES),
+    ("orthographic", CROPPED + SCALED + PLANES),
+]
+
+
+@pytest.mark.parametrize(("plugin", "content"), SENSORS, ids=range(len(SENSORS)))
+def test_all_sensors_have_the_rays_of_mitsuba(plugin: str, content: str) -> None:
+    """In double precision, all over the crop window and the lens."""
+    text = f'<sensor type="{plugin}">\n{content}</sensor>'
+    mine, sensor = ours("", sensor=text).camera, theirs("", sensor=text).sensors()[0]
+    film = mine.film
+    lens = kind_of_sensor(mine).has_aperture
+    assert lens == sensor.needs_aperture_sample()
+    for x, y, u, v in np.random.default_rng(1).random((20, 4)):
+        expected, _ = sensor.sample_ray(0.0, 0.5, [x, y], [u, v])
+        across = film.crop_offset_x + x * film.crop_width
+        down = film.crop_offset_y + y * film.crop_height
+        p, d, near, far = camera_ray(mine, across, down, (u, v))
+        np.testing.assert_allclose(d, expected.d, atol=2e-6)
+        np.testing.assert_allclose(p + near * d, expected.o, atol=1e-5)
+        assert far - near == pytest.approx(expected.maxt, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "content", "message"),
+    [
+        ("thinlens", "", 'property "aperture_radius": found nothing, expected the radius'),
+        ("thinlens", '<float name="aperture_radius" value="-1"/>', "found -1, expected at"),
+        (
+            "thinlens",
+            LENS + '<transform name="to_world"><scale value="2"/></transform>',
+            "a transform that scales or shears, expected a rotation and translation",
+        ),
+        (
+            "thinlens",
+            '<float name="aperture_radius" value="1"/>'
+            '<float name="focus_distance" value="0"/>',
+            "found 0, expected above 0",
+        ),
+        (
+            "thinlens",
+            LENS + '<float name="principal_point_offset_x" value="0.1"/>',
+            'has no property "principal_point_offset_x"',
+        ),
+        ("orthographic", '<float name="fov" value="9"/>', 'has no property "fov"'),
+        (
+            "orthographic",
+            '<transform name="to_world"><scale value="1e15"/></transform>',
+            "what makes the picture reach farther than 1e+18",
+        ),
+        ("radiancemeter", "", "sensor plugins: perspective, thinlens, orthographic"),
+    ],
+)
+def test_bad_sensors_are_refused(plugin: str, content: str, message: str) -> None:
+    assert message in error_of("", sensor=f'<sensor type="{plugin}">\n{content}</sensor>')
+
+
+def test_a_lens_of_radius_0_becomes_a_small_one() -> None:
+    """As in Mitsuba, with a warning."""
+    text = '<sensor type="thinlens"><float name="aperture_radius" value="0"/></sensor>'
+    scene = ours("", sensor=text)
+    expected = mi.traverse(theirs("", sensor=text).sensors()[0])["aperture_radius"]
+    assert scene.camera.aperture_radius == expected
+    assert "0 is taken as 5.96046e-08" in scene.warnings[0]
 
 
 def test_default_film_sampler_and_filter_are_those_of_mitsuba() -> None:

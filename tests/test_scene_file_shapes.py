@@ -156,9 +156,9 @@ def test_properties_without_effect_are_taken() -> None:
     ("plugin", "content", "message"),
     [
         (
-            "serialized",
+            "ellipsoids",
             "",
-            "supported shape plugins: obj, ply, rectangle, cube, sphere, disk",
+            "supported shape plugins: obj, ply, cube, serialized, rectangle, disk",
         ),
         ("diffuse", "", 'shape "diffuse" is not supported; supported shape plugins: obj'),
         ("obj", "", 'property "filename": found nothing, expected the path of a .obj file'),
@@ -206,8 +206,7 @@ def test_shapes_that_are_wrong(plugin: str, content: str, message: str) -> None:
     text = f'<shape type="{plugin}">{content}</shape>'
     assert error_of(text).startswith(("<string>:2: ", "<string>:3: "))
     assert message in error_of(text)
-    if plugin != "serialized":
-        assert mitsuba_refuses(text)
+    assert mitsuba_refuses(text)
 
 
 @pytest.mark.parametrize(

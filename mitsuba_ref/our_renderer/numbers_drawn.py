@@ -8,9 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
+from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.records.tile import Tile
 from renderer.rendering.rendering import Rendering
-from renderer.replay.numbers.numbers import BSDF, BSDF_CHOICE, FILM, LIGHT, ROULETTE, Replay
+from renderer.replay.numbers.numbers import (
+    APERTURE,
+    BSDF,
+    BSDF_CHOICE,
+    FILM,
+    LIGHT,
+    ROULETTE,
+    Replay,
+)
 
 
 class NumbersDrawn:
@@ -18,6 +27,7 @@ class NumbersDrawn:
 
     def __init__(self, rendering: Rendering) -> None:
         self._shape = rendering.scene.shape
+        self._has_aperture = kind_of_sensor(rendering.scene.description.camera).has_aperture
         record = rendering.sampler.record
         self._sampler = record if isinstance(record, Replay) else None
         arrays = _arrays(self._sampler.sequence) if self._sampler else []
@@ -30,8 +40,11 @@ class NumbersDrawn:
         return range(sample if self._sampler else 0)
 
     def of_film(self, tile: Tile) -> Numbers:
-        """Return the numbers of the position on the film."""
-        return {} if self._sampler is None else self._pair(tile, "film", FILM)
+        """Return the numbers of the positions on the film and on the lens."""
+        if self._sampler is None:
+            return {}
+        lens = self._pair(tile, "aperture", APERTURE) if self._has_aperture else {}
+        return self._pair(tile, "film", FILM) | lens
 
     def of_bounce(self, tile: Tile, prim: int) -> Numbers:
         """Return the numbers drawn at a hit on a primitive."""

@@ -6,7 +6,7 @@ anything is built, and each leaves a sentence that ends up in the report.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,7 @@ from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 
 BOX_INSTEAD = "reconstruction filter replaced by box"
+OURS_ALONE = ("implicit",)  # shapes that Mitsuba lacks
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,7 @@ def load_edited_scene(
         # names of old files as they are called since: only then can they be replaced
         mi.parser.transform_upgrade(config, state)
         nodes = _Nodes(mi, state)
+        nodes.refuse(OURS_ALONE)
         integrator = nodes.plugin("Integrator") or "path"  # Mitsuba's default
         # The default, float16, would round our reference to three digits.
         nodes.set_film("component_format", "float32")
@@ -132,6 +134,15 @@ class _Nodes:
         """Return the plugin's name of the first node of `kind`."""
         index = self._find(kind)
         return None if index is None else str(self._nodes[index].props.plugin_name())
+
+    def refuse(self, plugins: Collection[str]) -> None:
+        """Say that Mitsuba lacks a plugin, in clearer words than its own."""
+        for node in self._nodes:
+            if (name := str(node.props.plugin_name())) in plugins:
+                raise RuntimeError(
+                    f'the reference has no such shape: "{name}" is lightproof\'s own; '
+                    "there is nothing to compare it with but its tests"
+                )
 
     def set_film(self, name: str, value: Any) -> None:
         """Set one property of the film."""

@@ -93,14 +93,13 @@ def render_reference(request: RenderRequest) -> Reference:
 def camera_entries(mi: Any, sensor: Any) -> Array:
     """Return what of the matrix from the crop window to the camera a replay rounds by."""
     film = sensor.film()
-    to_window = mi.perspective_projection(
-        film.size(),
-        film.crop_size(),
-        film.crop_offset(),
-        mi.traverse(sensor)["x_fov"],
-        sensor.near_clip(),
-        sensor.far_clip(),
-    )
+    window = (film.size(), film.crop_size(), film.crop_offset())
+    planes = (sensor.near_clip(), sensor.far_clip())
+    parameters = mi.traverse(sensor)
+    if "x_fov" in parameters:
+        to_window = mi.perspective_projection(*window, parameters["x_fov"], *planes)
+    else:
+        to_window = mi.orthographic_projection(*window, *planes)
     matrix = np.array(to_window.inverse().matrix, np.float32)
     return np.array([matrix[entry] for entry in ENTRIES], np.float32)
 

@@ -13,6 +13,7 @@ from renderer.accelerators.cost_model import (
     box_dimension,
     estimate_all,
 )
+from renderer.kinds.shapes.registry import SHAPES
 from renderer.scene.scene import Scene, primitive_bounds
 
 
@@ -49,6 +50,8 @@ def choose_structure(
     kind: str, surfaces: Any, count: int, asked: str, rays: RayCounts = USUAL_RAYS
 ) -> Choice:
     """Return what to build for the first `count` primitives of one kind."""
+    if not SHAPES[kind].wide and asked in ("auto", "wide"):
+        return Choice("bvh", "the tree for primitives that are tested one at a time")
     if asked != "auto":
         return Choice(asked, "as asked for")
     dimension = box_dimension(*primitive_bounds(kind, _sample(surfaces, count)))

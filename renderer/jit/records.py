@@ -2,7 +2,7 @@
 
 A NamedTuple of arrays, passed by value, is some hundred arguments, and a new signature of
 everything it is passed to. `pack` writes its leaves (pointers, shapes, numbers) into one
-buffer; kernels are given its address and read attributes as before: `scene.camera.origin`
+buffer; kernels are given its address and read attributes as before: `scene.lights.count`
 is a load, `x is None` is still decided when a kernel is compiled.
 """
 

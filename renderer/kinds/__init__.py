@@ -1,1 +1,1 @@
-"""What scenes are made of, a file for each kind: BSDFs, lights, shapes, textures."""
+"""What scenes are made of: BSDFs, lights, sensors, shapes, textures; a file each."""

@@ -60,3 +60,4 @@ def _local_array(element: types.Number) -> Any:
 local_i32 = _local_array(types.int32)
 local_i64 = _local_array(types.int64)
 local_f32 = _local_array(types.float32)
+local_f64 = _local_array(types.float64)

@@ -93,7 +93,8 @@ class Workspace(NamedTuple):
     shadow_rays: ShadowRays
     points: SurfacePoints
     light_samples: LightSamples
-    film: NDArray[np.float32]  # (2, n) place of each pixel's sample on the film [pixels]
+    # (4, n) place of each pixel's sample on the film [pixels], and in [0, 1) on the lens
+    film: NDArray[np.float32]
     numbers: NDArray[np.float32]  # (4, n) random numbers for each surface point
     order: NDArray[np.int32]  # (n,) hits sorted by what they need next
     ends: NDArray[np.int64]  # (kinds + 1,) where each kind of BSDF begins and ends in it
@@ -199,7 +200,7 @@ def make_workspace(
         shadow_rays,
         points,
         light_samples,
-        _rows(2, capacity),
+        _rows(4, capacity),
         _rows(4, n),
         _numbers(n),
         np.zeros(kinds + 1, np.int64),

@@ -36,8 +36,10 @@ LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
 DERIVE = 1
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
+# the sensor
+FILL_RAYS = 1
 # the sampler
-DRAW_FILM, BEGIN_BOUNCE, DRAW, CHOOSE_LIGHT = 1, 2, 3, 4
+DRAW_FILM, BEGIN_BOUNCE, DRAW, CHOOSE_LIGHT, DRAW_APERTURE = 1, 2, 3, 4, 5
 # what may be done after a stage, a row each
 AFTER_CAMERA_RAYS, AFTER_SURFACE_POINTS, AFTER_SCATTERING = 0, 1, 2
 
@@ -99,18 +101,6 @@ class Lights(NamedTuple):
     methods: Methods
 
 
-class Camera(NamedTuple):
-    """A pinhole: rays from `origin` along corner + x right + y down, in pixels."""
-
-    origin: NDArray[np.float32]  # (3, 1)
-    corner: NDArray[np.float32]  # (3, 1) towards pixel position (0, 0)
-    right: NDArray[np.float32]  # (3, 1) one pixel further in x
-    down: NDArray[np.float32]  # (3, 1) one pixel further in y
-    forward: NDArray[np.float32]  # (3, 1) unit
-    near: float
-    far: float
-
-
 class Settings(NamedTuple):
     """What the chosen method does; 0 is no."""
 
@@ -140,7 +130,7 @@ class KernelScene(NamedTuple):
     shapes: Shapes
     bsdfs: Bsdfs
     lights: Lights
-    camera: Camera
+    sensor: Methods  # one row
     sampler: Methods  # one row
     hooks: Methods  # AFTER_CAMERA_RAYS, ...
     settings: Settings

@@ -9,11 +9,13 @@ import numpy as np
 
 from renderer.jit import pack
 from renderer.kinds.sampling.source import Sampling
+from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.replay.numbers.numbers import (
     Replay,
     begin_bounce,
     choose_light,
     draw,
+    draw_aperture,
     draw_film,
     rows_of,
 )
@@ -52,6 +54,7 @@ class Replayed:
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
         camera = scene.description.camera
+        shutter = 2 if kind_of_sensor(camera).has_aperture else 1
         film, beyond = camera.film, 2 * camera.film.border
         width, height = film.crop_width + beyond, film.crop_height + beyond
         seeds = np.zeros((film.height + beyond, film.width + beyond), np.uint32)
@@ -71,9 +74,11 @@ class Replayed:
             plan.light_samples,
             plan.bsdf_samples,
             int(plan.method == "direct"),
-            int(camera.shutter_time > 0.0),
+            shutter if camera.shutter_time > 0.0 else 0,
         )
-        return Sampling(pack(record), draw_film, draw, choose_light, begin_bounce)
+        return Sampling(
+            pack(record), draw_film, draw, choose_light, draw_aperture, begin_bounce
+        )
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
         """Return triangles with Mitsuba's normals and dp/du."""

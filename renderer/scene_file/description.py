@@ -220,6 +220,15 @@ Bsdf = (
 # ------------------------------------------------------------------ shapes
 
 
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A function of x, y, z: operations in the order in which a stack takes them."""
+
+    operations: NDArray[np.int32]  # (n,) see `objects.expressions`
+    operands: NDArray[np.float64]  # (n,) value of a constant, exponent of a power
+    text: str  # where it comes from
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shape:
     """What all shapes share."""
@@ -273,6 +282,16 @@ class Cylinder(Shape):
     """The local radius-1 tube around z from 0 to 1, without caps."""
 
     to_world: NDArray[np.float64]  # (4, 4)
+    flip_normals: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Implicit(Shape):
+    """Where a function of local x, y, z is 0, inside of a box; its gradient is outwards."""
+
+    to_world: NDArray[np.float64]  # (4, 4)
+    bounds: NDArray[np.float64]  # (2, 3) lower and upper corner of the box, local
+    program: Program
     flip_normals: bool = False
 
 
@@ -420,19 +439,38 @@ class Sampler:
     strength: int = 2  # orthogonal
 
 
-@dataclass(frozen=True, eq=False)
-class PerspectiveCamera:
-    """A pinhole camera that looks along local +z; local +x points left, +y up."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sensor:
+    """What all sensors share: they look along local +z; local +x points left, +y up."""
 
-    to_world: NDArray[np.float64]  # (4, 4), no scale
-    fov_x: float  # [deg] across the full film's width, whatever fov_axis the file used
+    to_world: NDArray[np.float64]  # (4, 4)
     near_clip: float = 0.01
     far_clip: float = 1e4
-    principal_point_offset_x: float = 0.0  # in fractions of the film's width
-    principal_point_offset_y: float = 0.0
     shutter_time: float = 0.0  # [s] nothing moves, but Mitsuba draws a time if it is not 0
     film: Film = Film()
     sampler: Sampler = Sampler()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PerspectiveCamera(Sensor):
+    """A pinhole camera; `to_world` has no scale."""
+
+    fov_x: float  # [deg] across the full film's width, whatever fov_axis the file used
+    principal_point_offset_x: float = 0.0  # in fractions of the film's width
+    principal_point_offset_y: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ThinLensCamera(PerspectiveCamera):
+    """A camera with a round lens in place of the pinhole, and its plane of focus."""
+
+    aperture_radius: float
+    focus_distance: float  # depth, along local z
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OrthographicCamera(Sensor):
+    """Parallel rays; the film's width covers [-1, 1] of local x, its height follows."""
 
 
 AOV_KINDS = (
@@ -484,7 +522,7 @@ class Integrator:
 class SceneDescription:
     """A whole scene, in the order of the file."""
 
-    camera: PerspectiveCamera
+    camera: Sensor
     integrator: Integrator
     shapes: tuple[Shape, ...]
     emitters: tuple[Emitter, ...]  # without the area emitters, which are on their shapes

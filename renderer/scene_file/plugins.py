@@ -9,21 +9,11 @@ from typing import Any
 _SUPPORTED: dict[str, tuple[str, ...]] = {
     "scene": ("scene",),
     "integrator": (),
-    "sensor": ("perspective",),
+    "sensor": (),
     "film": ("hdrfilm",),
     "rfilter": ("box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"),
     "sampler": ("independent", "stratified", "multijitter", "orthogonal", "ldsampler"),
-    "shape": (
-        "obj",
-        "ply",
-        "rectangle",
-        "cube",
-        "sphere",
-        "disk",
-        "cylinder",
-        "shapegroup",
-        "instance",
-    ),
+    "shape": ("shapegroup", "instance"),
     "bsdf": (),
     "texture": ("srgb", "d65", "regular", "irregular", "blackbody"),
     "emitter": (),
@@ -39,6 +29,8 @@ TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 _REGISTRIES = {
     "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
+    "sensor": ("renderer.kinds.sensors.registry", "SENSORS"),
+    "shape": ("renderer.kinds.shapes.registry", "PLUGINS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
     "texture": ("renderer.kinds.textures.registry", "TEXTURES"),
 }

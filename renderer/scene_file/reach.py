@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from renderer.scene_file.description import Cylinder, Disk, Mesh, Rectangle, Shape, Sphere
 from renderer.scene_file.document.tree import Element, Value, Vector
 from renderer.scene_file.properties import Properties
 
@@ -14,49 +14,27 @@ _PLACING = ("center", "radius", "p0", "p1", "to_world")
 _SUSPECT = 1e9
 
 
-def check_reach(shape: Shape, properties: Properties) -> None:
+def check_reach(corners: list[NDArray[np.float32]], properties: Properties) -> None:
     """Refuse a shape whose coordinates are too large to be squared.
+
+    Parameters
+    ----------
+    corners
+        Coordinates in the world, of points whose boxes hold the primitives of a shape.
+    properties
+        Of the shape.
 
     Raises
     ------
     SceneError
         Naming the property that takes it so far.
     """
-    if not largest_coordinate(shape) < FARTHEST:
+    if not all(np.abs(points).max() < FARTHEST for points in corners):
         properties.fail(
             _to_blame(properties.element),
             f"what makes the shape reach farther than {FARTHEST:g}",
             "coordinates that single precision can square; scale the scene down",
         )
-
-
-def largest_coordinate(shape: Shape) -> float:
-    """Return the largest absolute coordinate of a shape in world space.
-
-    Raises
-    ------
-    TypeError
-        For a kind of shape that is unknown here.
-    """
-    if isinstance(shape, Mesh):
-        reach = np.abs(shape.vertices).max()
-        if not reach < FARTHEST:  # a vertex that no face uses does not count
-            reach = np.abs(shape.vertices[shape.faces]).max()
-        return float(reach)
-    if not isinstance(shape, Rectangle | Disk | Sphere | Cylinder):
-        raise TypeError(f"no reach for {type(shape).__name__}")
-    x, y, _, center = np.abs(shape.to_world[:3]).T
-    match shape:
-        case Rectangle():
-            reach = center + x + y
-        case Disk():
-            reach = center + np.hypot(x, y)
-        case Sphere():
-            reach = center + np.linalg.norm(x)
-        case Cylinder():
-            top = np.abs(shape.to_world[:3, 3] + shape.to_world[:3, 2])
-            reach = np.maximum(center, top) + np.hypot(x, y)
-    return float(reach.max())
 
 
 def _to_blame(element: Element) -> str:

@@ -21,13 +21,13 @@ from functools import partial
 
 import numpy as np
 
-from renderer.scene.camera import Pinhole, pinhole
 from renderer.scene_file.description import Diffuse, SceneDescription
 from renderer.simple.bsdfs import albedo, sample_bsdf
+from renderer.simple.camera import Ray, camera_ray
 from renderer.simple.lights import pdf_light, power_heuristic, sample_light
 from renderer.simple.scene import Scene, closest_hit, visible
 from renderer.simple.surfaces import Hit
-from renderer.simple.vectors import Vector, normalize
+from renderer.simple.vectors import Vector
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
 # pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the block after it the light
@@ -45,33 +45,25 @@ def render(
 ) -> Vector:
     """Return the crop window as (height, width, 3), linear sRGB: each pixel a mean."""
     scene, film = Scene(description), description.camera.film
-    camera = pinhole(description.camera)
     picture = np.zeros((film.crop_height, film.crop_width, 3))
     for row, column in np.ndindex(film.crop_height, film.crop_width):
         x, y = film.crop_offset_x + column, film.crop_offset_y + row
         for sample in range(spp):
             draw = partial(numbers, y * film.width + x, sample)
             dx, dy, _, _ = draw(0)
-            p, d = camera.o, camera_direction(camera, x + dx, y + dy)
-            picture[row, column] += path_radiance(scene, p, d, draw) / spp
+            u, v, _, _ = draw(BLOCKS_PER_BOUNCE)  # the lens, if there is one
+            ray = camera_ray(description.camera, x + dx, y + dy, (u, v))
+            picture[row, column] += path_radiance(scene, ray, draw) / spp
     return picture
 
 
-def camera_direction(camera: Pinhole, x: float, y: float) -> Vector:
-    """Return the unit vector from o through a place on the film, in pixels."""
-    across = (x - camera.xres / 2) * camera.x + (y - camera.yres / 2) * camera.y
-    return normalize(camera.f + across)
-
-
-def path_radiance(
-    scene: Scene, p: Vector, d: Vector, draw: Callable[[int], Sequence[float]]
-) -> Vector:
-    """Return an estimate of the light that arrives at p against the direction d."""
+def path_radiance(scene: Scene, ray: Ray, draw: Callable[[int], Sequence[float]]) -> Vector:
+    """Return an estimate of the light that arrives against the direction of a ray."""
+    p, d, near, far = ray  # the camera's planes end the first ray alone
     radiance = np.zeros(3)
     throughput = np.ones(3)  # product of f cos / pdf along the path
     pdf = 0.0  # [1/sr] of d; 0: the camera, a mirror or glass chose it, with certainty
     eta = 1.0  # product of the relative indices of refraction
-    near, far = scene.clip(d)  # the camera's planes end the first ray alone
     for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
         block = 1 + BLOCKS_PER_BOUNCE * bounce
         hit = closest_hit(scene, p, d, near, far)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from renderer.errors import SceneError
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
@@ -17,6 +15,7 @@ from renderer.scene_file.description import (
 )
 from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.surfaces import Hit, Surface
+from renderer.simple.unit_shapes import UNIT_SHAPES
 from renderer.simple.vectors import Vector
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
@@ -35,7 +34,7 @@ class Scene:
     """
 
     def __init__(self, description: SceneDescription) -> None:
-        integrator, camera = description.integrator, description.camera
+        integrator = description.integrator
         _check(description)
         self.max_depth, self.rr_depth = integrator.max_depth, integrator.rr_depth
         self.surfaces = [Surface(shape) for shape in description.shapes]
@@ -47,14 +46,6 @@ class Scene:
         self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
         skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
         self.environment = skies[0] if skies else None
-        self._forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
-        self._planes = camera.near_clip, camera.far_clip
-
-    def clip(self, d: Vector) -> tuple[float, float]:
-        """Return t of a camera ray on the near and on the far plane."""
-        near, far = self._planes
-        cosine = float(d @ self._forward)
-        return near / cosine, far / cosine
 
 
 def _check(description: SceneDescription) -> None:
@@ -65,6 +56,8 @@ def _check(description: SceneDescription) -> None:
         f"rfilter {rfilter.name!r}; possible is 'box'": rfilter.name == "box",
         "instances; possible are shapes alone": not description.instances,
     }
+    for shape in description.shapes:
+        covered[f"shape {type(shape).__name__.lower()!r}"] = type(shape) in UNIT_SHAPES
     for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
         covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = isinstance(
             bsdf, Diffuse | Conductor | Dielectric

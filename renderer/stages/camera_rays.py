@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, kernel
+from renderer.jit import call, count_of, kernel, method_kernel
+from renderer.kinds.sensors.kind import camera_ray
 from renderer.lanes.functions import (
     lane_index,
     mask_bits,
@@ -14,9 +15,15 @@ from renderer.lanes.functions import (
     to_f32,
 )
 from renderer.lanes.memory import append_row, load_row, store_row
-from renderer.lanes.vectors import append3, column, dot, normalize, vec3
+from renderer.lanes.vectors import append3, vec3
 from renderer.records.batch import CAPACITY
-from renderer.records.kernel_scene import AFTER_CAMERA_RAYS, DRAW_FILM, RECORD
+from renderer.records.kernel_scene import (
+    AFTER_CAMERA_RAYS,
+    DRAW_APERTURE,
+    DRAW_FILM,
+    FILL_RAYS,
+    RECORD,
+)
 from renderer.records.tile import slot_pixel
 
 
@@ -26,8 +33,27 @@ def camera_rays(scene, tile, sample, work):
 
     `work.film` is filled with the places on the full film that they go through.
     """
-    camera, rays, hits, film = scene.camera, work.rays, work.hits, work.film
-    call(scene.sampler[0, DRAW_FILM], scene.sampler[0, RECORD], (tile, sample, film))
+    rays, film, sampler, sensor = work.rays, work.film, scene.sampler, scene.sensor
+    call(sampler[0, DRAW_FILM], sampler[0, RECORD], (tile, sample, film))
+    if sampler[0, DRAW_APERTURE] != 0:
+        call(sampler[0, DRAW_APERTURE], sampler[0, RECORD], (tile, sample, film))
+    count = count_of(sensor[0, FILL_RAYS], sensor[0, RECORD], (tile, rays, work.hits, film))
+    after = scene.hooks
+    if after[AFTER_CAMERA_RAYS, 1] != 0:
+        call(
+            after[AFTER_CAMERA_RAYS, 1],
+            after[AFTER_CAMERA_RAYS, RECORD],
+            (rays, count, film),
+        )
+    return count
+
+
+@method_kernel
+def fill_rays(sensor, tile, rays, hits, film):
+    """Fill `rays` for samples whose places in their pixels are in `film`; return how many.
+
+    The places are replaced by those on the full film.
+    """
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
     count = np.int64(0)
     for first in range(0, CAPACITY, 16):
@@ -40,28 +66,14 @@ def camera_rays(scene, tile, sample, work):
         py = to_f32(y + tile.y) + load_row(film, 1, first)
         store_row(film, 0, first, px)
         store_row(film, 1, first, py)
-        direction = normalize(
-            column(camera.corner, 0)
-            + px * column(camera.right, 0)
-            + py * column(camera.down, 0)
-        )
-        # the near plane cuts the ray's start, the far plane its end
-        along = 1.0 / dot(direction, column(camera.forward, 0))
-        near = np.float32(camera.near) * along
-        append3(rays.origin, count, column(camera.origin, 0) + direction * near, inside)
-        append3(rays.direction, count, direction, inside)
+        ray = camera_ray(sensor, px, py, load_row(film, 2, first), load_row(film, 3, first))
+        append3(rays.origin, count, ray.origin, inside)
+        append3(rays.direction, count, ray.direction, inside)
         append3(rays.throughput, count, one, inside)
         append_row(rays.pdf, 0, count, splat_f32(0.0), inside)
         append_row(rays.eta, 0, count, splat_f32(1.0), inside)
         append_row(rays.slot, 0, count, slot, inside)
-        append_row(hits.t, 0, count, np.float32(camera.far) * along - near, inside)
+        append_row(hits.t, 0, count, ray.length, inside)
         append_row(hits.prim, 0, count, splat_i32(-1), inside)
         count += popcount(mask_bits(inside))
-    after = scene.hooks
-    if after[AFTER_CAMERA_RAYS, 1] != 0:
-        call(
-            after[AFTER_CAMERA_RAYS, 1],
-            after[AFTER_CAMERA_RAYS, RECORD],
-            (rays, count, film),
-        )
     return count

@@ -7,7 +7,12 @@ surface point, and the light that each point samples.
 from __future__ import annotations
 
 from renderer.jit import method_kernel
-from renderer.kinds.sampling.numbers_and_warps import FILM_BLOCK, choose_one, draw4
+from renderer.kinds.sampling.numbers_and_warps import (
+    APERTURE_BLOCK,
+    FILM_BLOCK,
+    choose_one,
+    draw4,
+)
 from renderer.lanes.functions import lane_index, mask_bits, splat_i32
 from renderer.lanes.memory import load_row, store_row
 from renderer.records.batch import CAPACITY
@@ -25,6 +30,19 @@ def draw_film(sampler, tile, sample, film):
         dx, dy, _, _ = draw4(sampler, pixel_key(tile, slot), sample, FILM_BLOCK)
         store_row(film, 0, first, dx)
         store_row(film, 1, first, dy)
+
+
+@method_kernel
+def draw_aperture(sampler, tile, sample, film):
+    """Write where on the lens the samples of a tile lie, by slot, in [0, 1)^2."""
+    for first in range(0, CAPACITY, 16):
+        slot = lane_index() + first
+        x, y = slot_pixel(slot)
+        if mask_bits((x < tile.width) & (y < tile.height)) == 0:
+            continue
+        u, v, _, _ = draw4(sampler, pixel_key(tile, slot), sample, APERTURE_BLOCK)
+        store_row(film, 2, first, u)
+        store_row(film, 3, first, v)
 
 
 @method_kernel

@@ -10,9 +10,9 @@ DEFECTS = (
         "the picture is shifted by half a pixel",
         (
             Edit(
-                "scene/camera.py",
-                "corner = p.f - p.x * (p.xres / 2.0 ",
-                "corner = p.f - p.x * ((p.xres - 1.0) / 2.0 ",
+                "kinds/sensors/pinhole.py",
+                "x, y = self.xres / 2.0 + border",
+                "x, y = self.xres / 2.0 - 0.5 + border",
             ),
         ),
         scene="depth-and-normals",
@@ -22,7 +22,7 @@ DEFECTS = (
         "left and right change places",
         (
             Edit(
-                "scene/camera.py",
+                "kinds/sensors/pinhole.py",
                 "x = -left * (width / film.width)",
                 "x = left * (width / film.width)",
             ),
@@ -34,7 +34,7 @@ DEFECTS = (
         "principal_point_offset_x moves the picture the other way",
         (
             Edit(
-                "scene/camera.py",
+                "kinds/sensors/pinhole.py",
                 "+ x * (camera.principal_point_offset_x * film.width)",
                 "- x * (camera.principal_point_offset_x * film.width)",
             ),
@@ -46,7 +46,7 @@ DEFECTS = (
         "camera rays reach beyond far_clip",
         (
             Edit(
-                "stages/camera_rays.py",
+                "kinds/sensors/perspective.py",
                 "np.float32(camera.far) * along - near",
                 "np.float32(np.inf) * along - near",
             ),
@@ -58,13 +58,64 @@ DEFECTS = (
         "near_clip is a distance along the ray instead of the depth of a plane",
         (
             Edit(
-                "stages/camera_rays.py",
+                "kinds/sensors/perspective.py",
                 "near = np.float32(camera.near) * along",
                 "near = np.float32(camera.near) + 0.0 * along",
             ),
         ),
         scene="smooth-lamp",
         remark="few pixels of few scenes lie between the plane and the sphere",
+    ),
+    Mutation(
+        "focus-by-distance",
+        "a thin lens is focused on a sphere around it instead of a plane",
+        (
+            Edit(
+                "kinds/sensors/thinlens.py",
+                "direction = normalize(in_focus - on_lens)",
+                "direction = normalize(normalize(in_focus) * np.float32(4.2) - on_lens)",
+            ),
+        ),
+        scene="thinlens",
+        tests=("test_simple_path_tracer.py::test_the_same_paths_find_the_same_light",),
+    ),
+    Mutation(
+        "half-a-lens",
+        "a thin lens has half the radius that the file says",
+        (
+            Edit(
+                "kinds/sensors/thinlens.py",
+                "left * camera.aperture_radius, up * camera.aperture_radius",
+                "left * (camera.aperture_radius / 2), up * (camera.aperture_radius / 2)",
+            ),
+        ),
+        scene="thinlens",
+        tests=("test_simple_path_tracer.py::test_the_same_paths_find_the_same_light",),
+    ),
+    Mutation(
+        "parallel-film-is-square",
+        "an orthographic film is as high as it is wide",
+        (
+            Edit(
+                "kinds/sensors/orthographic.py",
+                "left + up * (film.height / film.width)",
+                "left + up * 1.0",
+            ),
+        ),
+        scene="orthographic",
+        tests=("test_simple_path_tracer.py::test_the_same_paths_find_the_same_light",),
+    ),
+    Mutation(
+        "parallel-far-plane-from-camera",
+        "far_clip is taken from the near plane on",
+        (
+            Edit(
+                "kinds/sensors/orthographic.py",
+                "float(camera.far_clip - camera.near_clip)",
+                "float(camera.far_clip)",
+            ),
+        ),
+        scene="orthographic",
     ),
     Mutation(
         "no-antialiasing",

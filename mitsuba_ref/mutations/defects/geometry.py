@@ -72,6 +72,76 @@ DEFECTS = (
         tests=("test_surface_points.py::test_shading_normals",),
     ),
     Mutation(
+        "roots-where-monotone-only",
+        "where g may have several roots along a ray, none is looked for",
+        (
+            Edit(
+                "kinds/shapes/roots.py",
+                "if half > narrowest and depth < _STACK:",
+                "if half > narrowest and depth < 0:",
+            ),
+        ),
+        scene="diffuse",
+        tests=(
+            "test_implicit_surfaces.py::test_no_first_root_is_missed_and_none_invented",
+        ),
+        remark="Mitsuba has no implicit surfaces",
+    ),
+    Mutation(
+        "sine-without-chain-rule",
+        "the slope of sin g is that of g",
+        (
+            Edit(
+                "kinds/shapes/intervals.py",
+                "return sine(a), multiply(cosine(a), da)",
+                "return sine(a), da",
+            ),
+        ),
+        scene="diffuse",
+        tests=("test_implicit_surfaces.py::test_an_interval_holds_all_values_and_slopes",),
+        remark="Mitsuba has no implicit surfaces",
+    ),
+    Mutation(
+        "implicit-normals-as-points",
+        "normals of an implicit surface are moved as vectors are",
+        (
+            Edit(
+                "kinds/shapes/implicit.py",
+                "m = surfaces.to_object  # normals",
+                "m = surfaces.to_world  # normals",
+            ),
+        ),
+        scene="diffuse",
+        tests=("test_implicit_surfaces.py::test_normals_go_by_the_inverse_transpose",),
+        remark="Mitsuba has no implicit surfaces",
+    ),
+    Mutation(
+        "serialized-first-mesh",
+        "every mesh of a serialized file is its first",
+        (
+            Edit(
+                "scene_file/meshes/serialized_file.py",
+                "content, table + index * entry)",
+                "content, table)",
+            ),
+        ),
+        scene="serialized",
+        tests=("test_serialized_files.py::test_it_is_read_as_mitsuba_reads_it",),
+    ),
+    Mutation(
+        "serialized-normals-dropped",
+        "normals of a serialized file are dropped, and computed",
+        (
+            Edit(
+                "scene_file/meshes/serialized_file.py",
+                "return MeshData(vertices, faces, normals, uvs,",
+                "return MeshData(vertices, faces, None, uvs,",
+            ),
+        ),
+        scene="serialized",
+        tests=("test_serialized_files.py::test_it_is_read_as_mitsuba_reads_it",),
+    ),
+    Mutation(
         "geometric-normal-for-light",
         "direct light is weighed by the cosine to the face instead of the smooth normal",
         (

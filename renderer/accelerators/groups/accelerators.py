@@ -13,4 +13,5 @@ class Accelerators(NamedTuple):
     disks: Any
     spheres: Any
     cylinders: Any
+    implicits: Any
     instances: Any = None  # accelerators.instances.Instances; the last to be traced

@@ -38,9 +38,11 @@ _TO_UNIT = np.float32(2.0**-24)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 
 # Dimension blocks of four numbers: 0 is the film, then a stride for each bounce: block 0 of
-# a bounce draws the BSDF, the following ones the lights.
+# a bounce draws the BSDF, the following ones the lights. The lens has the one before the
+# second bounce's first.
 FILM_BLOCK = 0
 BLOCKS_PER_BOUNCE = 1 << 20
+APERTURE_BLOCK = BLOCKS_PER_BOUNCE
 
 
 class Independent(NamedTuple):

@@ -16,4 +16,5 @@ class Sampling:
     film: Any  # kernels of `stages.draws`, or others with the same parameters
     draw: Any
     choose_light: Any
+    aperture: Any
     begin_bounce: Any = None  # None: numbers need not be drawn in order

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.jit import kernel
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 from renderer.kinds.shapes.arrays import float32
@@ -33,7 +34,9 @@ from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import sincos
 from renderer.lanes.memory import gather_row, load_eight, load_one, load_row
 from renderer.lanes.vectors import column, dot, gather3, gather_rows3, load3, normalize
+from renderer.scene_file import transforms
 from renderer.scene_file.description import Cylinder as Description
+from renderer.scene_file.objects.shapes import STRETCH, placed
 
 
 class Cylinders(NamedTuple):
@@ -210,6 +213,44 @@ primitives_in.by(CylinderBlocks)(cylinders_in)
 hit_primitive.by(Cylinders, CylinderBlocks, drop_first=True)(hit_cylinder)
 
 
+def read(properties: Any, common: dict[str, Any]) -> Description:
+    """Read the properties of a file."""
+    p0 = np.array(properties.vector("p0", (0.0, 0.0, 0.0)))
+    p1 = np.array(properties.vector("p1", (0.0, 0.0, 1.0)))
+    radius = properties.number("radius", 1.0, above=0.0)
+    axis = p1 - p0
+    length = float(np.linalg.norm(axis))
+    if not length > 0.0:
+        properties.fail("p1", "the same point as p0", "another point")
+    to_world = properties.transform("to_world")
+    local = transforms.translate(*p0) @ transforms.z_to(axis)
+    full = placed(properties, to_world @ local @ transforms.scale(radius, radius, length))
+    lengths = transforms.column_lengths(full)
+    if (
+        transforms.has_shear(full)
+        or abs(lengths[0] - lengths[1]) > STRETCH * lengths[:2].max()
+    ):
+        properties.fail(
+            "to_world",
+            "a transform that makes the tube elliptic or slanted",
+            "a rotation, translation and uniform scale",
+        )
+    radiance = common["radiance"]
+    if radiance is not None and not isinstance(radiance, tuple):
+        raise SceneError(
+            f"{properties.location}: {properties.element} emits a texture, whose points "
+            "Mitsuba puts in wrong places on a cylinder; expected one colour"
+        )
+    if radiance is not None and transforms.mirrors(to_world):
+        properties.fail(
+            "to_world",
+            "a mirrored cylinder that emits, whose two sides Mitsuba confuses",
+            "a transform without reflection",
+        )
+    flip = properties.boolean("flip_normals", False)
+    return Description(**common, to_world=full, flip_normals=flip)
+
+
 def surfaces(shapes: list[Description], first: int) -> CylinderSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     matrices = np.array([shape.to_world for shape in shapes])
@@ -256,5 +297,13 @@ def _group(s: Any, order: Any, ids: Any, padded: Any) -> Cylinders:
 
 
 CYLINDERS = ShapeKind(
-    "cylinders", Description, surfaces, flipped, _corners, _hull, _areas, _group
+    "cylinders",
+    Description,
+    surfaces,
+    flipped,
+    _corners,
+    _hull,
+    _areas,
+    _group,
+    {"cylinder": read},
 )

@@ -149,6 +149,13 @@ primitives_in.by(DiskBlocks)(patches_in)
 hit_primitive.by(Disks, DiskBlocks, drop_first=True)(hit_disk)
 
 
+def read(properties: Any, common: dict[str, Any]) -> Disk:
+    """Read the properties of a file."""
+    to_world = properties.transform("to_world")
+    flip = properties.boolean("flip_normals", False)
+    return Disk(**common, to_world=to_world, flip_normals=flip)
+
+
 def surfaces(shapes: list[Disk], first: int) -> DiskSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     x, y, center = flat.placed_axes(shapes)
@@ -169,4 +176,5 @@ DISKS = ShapeKind(
     flat.hull(((-1, -1), (1, -1), (-1, 1), (1, 1))),
     flat.areas(float(np.pi)),
     flat.group(Disks),
+    {"disk": read},
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,11 @@ class ShapeKind:
     group
         (record, columns, padded ids, padding) -> the primitives as an accelerator keeps
         them.
+    plugins
+        Name in scene files -> what makes the description from the properties of a file and
+        the fields that all shapes have.
+    wide
+        Whether eight primitives can lie side by side in a leaf; `blocks` says how.
     """
 
     name: str
@@ -45,6 +50,20 @@ class ShapeKind:
     hull: Callable[[Any, Any], tuple[Any, Any, Any]]
     areas: Callable[[Any, Any], NDArray[np.float64]]
     group: Callable[[Any, Any, Any, Callable[[Any], Any]], Any]
+    plugins: Mapping[str, Callable[[Any, dict[str, Any]], Any]]
+    wide: bool = True
+
+
+@dataclass(frozen=True)
+class ShapePlugin:
+    """A plugin of scene files, and the kind that its shapes are of."""
+
+    kind: ShapeKind
+    make: Callable[[Any, dict[str, Any]], Any]
+
+    def read(self, properties: Any, common: dict[str, Any]) -> Any:
+        """Return the description; `common` are the fields of `description.Shape`."""
+        return self.make(properties, common)
 
 
 def flipped(shape: Any) -> float:

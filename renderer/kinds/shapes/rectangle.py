@@ -132,6 +132,14 @@ primitives_in.by(RectangleBlocks)(patches_in)
 hit_primitive.by(Rectangles, RectangleBlocks, drop_first=True)(hit_rectangle)
 
 
+def read(properties: Any, common: dict[str, Any]) -> Rectangle:
+    """Read the properties of a file."""
+    properties.boolean("face_normals", False)  # flat anyway
+    to_world = properties.transform("to_world")
+    flip = properties.boolean("flip_normals", False)
+    return Rectangle(**common, to_world=to_world, flip_normals=flip)
+
+
 def surfaces(shapes: list[Rectangle], first: int) -> RectangleSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     x, y, center = flat.placed_axes(shapes)
@@ -152,4 +160,5 @@ RECTANGLES = ShapeKind(
     flat.hull(((0, 0), (1, 0), (0, 1), (1, 1))),
     flat.areas(1.0),
     flat.group(Rectangles),
+    {"rectangle": read},
 )

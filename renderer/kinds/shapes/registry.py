@@ -5,13 +5,20 @@ from __future__ import annotations
 import renderer.kinds.lights.spheres  # noqa: F401  (how spheres are sampled as lamps)
 from renderer.kinds.shapes.cylinder import CYLINDERS
 from renderer.kinds.shapes.disk import DISKS
-from renderer.kinds.shapes.kind import ShapeKind
+from renderer.kinds.shapes.implicit import IMPLICITS
+from renderer.kinds.shapes.kind import ShapeKind, ShapePlugin
 from renderer.kinds.shapes.rectangle import RECTANGLES
 from renderer.kinds.shapes.sphere import SPHERES
 from renderer.kinds.shapes.triangle import TRIANGLES
 
 SHAPES: dict[str, ShapeKind] = {
-    kind.name: kind for kind in (TRIANGLES, RECTANGLES, DISKS, SPHERES, CYLINDERS)
+    kind.name: kind
+    for kind in (TRIANGLES, RECTANGLES, DISKS, SPHERES, CYLINDERS, IMPLICITS)
+}
+PLUGINS = {
+    name: ShapePlugin(kind, make)
+    for kind in SHAPES.values()
+    for name, make in kind.plugins.items()
 }
 
 

@@ -32,7 +32,9 @@ from renderer.lanes.functions import select, sqrt
 from renderer.lanes.mathematics import arccos
 from renderer.lanes.memory import gather_row, load_eight, load_one, load_row
 from renderer.lanes.vectors import column, dot, gather3, gather_rows3, load3, normalize
+from renderer.scene_file import transforms
 from renderer.scene_file.description import Sphere as Description
+from renderer.scene_file.objects.shapes import STRETCH, placed
 
 
 class Spheres(NamedTuple):
@@ -166,6 +168,28 @@ primitives_in.by(SphereBlocks)(spheres_in)
 hit_primitive.by(Spheres, SphereBlocks, drop_first=True)(hit_sphere)
 
 
+def read(properties: Any, common: dict[str, Any]) -> Description:
+    """Read the properties of a file."""
+    center = properties.vector("center", (0.0, 0.0, 0.0))
+    radius = properties.number("radius", 1.0, above=0.0)
+    to_world = properties.transform("to_world")
+    lengths = transforms.column_lengths(to_world)
+    if transforms.has_shear(to_world) or np.ptp(lengths) > STRETCH * lengths.max():
+        properties.fail(
+            "to_world",
+            "a transform that makes an ellipsoid",
+            "a rotation, translation and uniform scale",
+        )
+    flip = properties.boolean("flip_normals", False)
+    local = transforms.translate(*center) @ transforms.scale(radius, radius, radius)
+    return Description(
+        **common,
+        to_world=placed(properties, to_world @ local),
+        # Mitsuba turns a mirrored sphere inside out, and it alone of the analytic shapes.
+        flip_normals=flip != transforms.mirrors(to_world),
+    )
+
+
 def surfaces(shapes: list[Description], first: int) -> SphereSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     matrices = np.array([shape.to_world for shape in shapes])
@@ -198,5 +222,13 @@ def _group(s: Any, order: Any, ids: Any, padded: Any) -> Spheres:
 
 
 SPHERES = ShapeKind(
-    "spheres", Description, surfaces, flipped, _corners, _hull, _areas, _group
+    "spheres",
+    Description,
+    surfaces,
+    flipped,
+    _corners,
+    _hull,
+    _areas,
+    _group,
+    {"sphere": read},
 )

@@ -18,6 +18,7 @@ from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.arrays import empty_rows, float32, unit_normals
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.kinds.shapes.kind import ShapeKind, flipped
+from renderer.kinds.shapes.mesh_plugins import MESH_PLUGINS
 from renderer.kinds.shapes.patch import (
     MARGIN,
     ONE,
@@ -305,4 +306,5 @@ TRIANGLES = ShapeKind(
     flat.hull(((0, 0), (1, 0), (0, 1), (0, 0))),
     flat.areas(0.5),
     flat.group(Triangles),
+    MESH_PLUGINS,
 )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from renderer.accelerators.cost_model import RayCounts
-from renderer.scene_file.description import PerspectiveCamera
+from renderer.scene_file.description import Sensor
 
 # Segments of a usual path: most leave the scene or end by roulette before any more.
 _USUAL_DEPTH = 6
 
 
 def expected_rays(
-    camera: PerspectiveCamera,
+    camera: Sensor,
     spp: int,
     max_depth: int,
     lights: int,

@@ -11,6 +11,7 @@ from renderer.accelerators.build import build_accelerators
 from renderer.integrators.kind import NO_LIMIT
 from renderer.jit import Packed, record_type
 from renderer.kinds.sampling.source import Sampling
+from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.kinds.shapes.triangle import texture_tangents
 from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
@@ -31,10 +32,11 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.variant import Variant
-from renderer.scene.camera import kernel_camera
 from renderer.scene.light_order import light_order
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
+from renderer.scene_file.description import Sensor
+from renderer.stages.camera_rays import fill_rays
 
 _NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
 
@@ -97,8 +99,8 @@ class KernelInputs:
                 lambda: derivative_methods(tables, scene, placements),
             ),
             lights,
-            kernel_camera(scene.description.camera),
-            _sampler_methods(tables, sampling, plan, lit),
+            _sensor_methods(tables, scene.description.camera),
+            _sampler_methods(tables, sampling, scene, plan, lit),
             _hooks(tables, variant.hooks(scene, surfaces), settings, placements),
             settings,
         )
@@ -159,8 +161,15 @@ def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, A
     return surfaces | {"triangles": triangles}
 
 
+def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:
+    """Return the one row of methods of the sensor."""
+    work = work_types()
+    fill = (fill_rays, (TILE, work.rays, work.hits, ROWS), INT)
+    return tables.table([(tables.pack(kind_of_sensor(sensor).record(sensor)), [fill])], 1)
+
+
 def _sampler_methods(
-    tables: MethodTables, sampling: Sampling, plan: Plan, lit: bool
+    tables: MethodTables, sampling: Sampling, scene: Scene, plan: Plan, lit: bool
 ) -> NDArray[np.int64]:
     """Return the one row of methods of the sampler."""
     work = work_types()
@@ -168,14 +177,16 @@ def _sampler_methods(
     draws = (TILE, INT, INT, COLUMN, INT, ROWS)
     choice = (TILE, INT, INT, INT, INT, COLUMN, INT, ROWS, COLUMN)
     shades = plan.kind.scatters
+    has_aperture = kind_of_sensor(scene.description.camera).has_aperture
     in_order = sampling.begin_bounce is not None and shades
     methods = [
         (sampling.film, (TILE, INT, ROWS), NOTHING),
         (sampling.begin_bounce, begin, NOTHING) if in_order else None,
         (sampling.draw, draws, NOTHING) if shades else None,
         (sampling.choose_light, choice, NOTHING) if lit else None,
+        (sampling.aperture, (TILE, INT, ROWS), NOTHING) if has_aperture else None,
     ]
-    return tables.table([(sampling.record, methods)], 4)
+    return tables.table([(sampling.record, methods)], 5)
 
 
 def _hooks(

@@ -18,7 +18,7 @@ from renderer.kinds.sampling.source import Sampling
 from renderer.rendering.planning.plan import Plan, stratified_cells
 from renderer.scene.light_tables import alias_tables
 from renderer.scene.scene import Scene
-from renderer.stages.draws import choose_light, draw, draw_film
+from renderer.stages.draws import choose_light, draw, draw_aperture, draw_film
 
 
 class Variant(Protocol):
@@ -50,7 +50,8 @@ class OwnWay:
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Hash pixel, sample and dimension."""
-        return Sampling(pack(kernel_sampler(plan, seed)), draw_film, draw, choose_light)
+        record = pack(kernel_sampler(plan, seed))
+        return Sampling(record, draw_film, draw, choose_light, draw_aperture)
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
         """Return them as they are."""

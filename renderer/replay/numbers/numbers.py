@@ -5,13 +5,13 @@ numbers a bounce takes depends on what is hit. So they are drawn at the start of
 (`begin_bounce`) and lie ready by pixel; the stages ask for them as they ask any sampler.
 
 Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
-the place on the film; then at each hit from which the path may go on: two numbers for a
-light sample if the surface has a smooth part (whichever side is seen), one and two for the
-BSDF, one for the roulette. All are drawn even where nobody uses them. `direct` plays no
-roulette and draws the BSDF's two before its one: they are arguments of one call, which the
-wheel's compiler evaluates from the right. Where it takes several samples at a point, those
-of the lights come first, then those of the BSDF. A shutter that stays open takes one more
-number after the place on the film.
+the place on the film, and that on the lens if there is one; one number for the time if the
+shutter stays open; then at each hit from which the path may go on: two numbers for a light
+sample if the surface has a smooth part (whichever side is seen), one and two for the BSDF,
+one for the roulette. All are drawn even where nobody uses them. `direct` plays no roulette
+and draws the BSDF's two before its one: they are arguments of one call, which the wheel's
+compiler evaluates from the right. Where it takes several samples at a point, those of the
+lights come first, then those of the BSDF.
 """
 
 from __future__ import annotations
@@ -31,10 +31,11 @@ from renderer.replay.numbers.sequences import begin_sample, next_1d, next_2d
 
 # rows of `Replay.numbers`
 FILM = 0  # x, y in the pixel
-BSDF_CHOICE = 2
-BSDF = 3  # x, y
-ROULETTE = 5
-LIGHT = 6  # x, y
+APERTURE = 2  # x, y on the lens
+BSDF_CHOICE = 4
+BSDF = 5  # x, y
+ROULETTE = 7
+LIGHT = 8  # x, y
 SET = 6  # rows from BSDF_CHOICE on: as many more for each further sample of `direct`
 
 
@@ -52,7 +53,8 @@ class Replay(NamedTuple):
     lights: int  # samples of lights at a point
     bsdf: int  # samples of the BSDF; 0: the integrator draws nothing for BSDFs
     direct: int  # 1: in the order of `direct`, 0: in that of `path`
-    shutter: int  # 1: a time is drawn with each camera ray
+    # when a time is drawn with each camera ray; 0: never, 1: after the film, 2: the lens
+    shutter: int
 
 
 @method_kernel
@@ -66,10 +68,26 @@ def draw_film(sampler, tile, sample, film):
         pixel = (y + tile.y) * tile.film_width + (x + tile.x)
         begin_sample(sequence, pixel)
         dx, dy = next_2d(sequence, pixel, sample)
-        if sampler.shutter != 0:
+        if sampler.shutter == 1:
             next_1d(sequence, pixel, sample)
         numbers[FILM, pixel], numbers[FILM + 1, pixel] = dx, dy
         film[0, slot], film[1, slot] = dx, dy
+
+
+@method_kernel
+def draw_aperture(sampler, tile, sample, film):
+    """Draw where on the lens the sample of each pixel of a tile lies."""
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for slot in range(CAPACITY):
+        x, y = slot_pixel(slot)
+        if x >= tile.width or y >= tile.height:
+            continue
+        pixel = (y + tile.y) * tile.film_width + (x + tile.x)
+        u, v = next_2d(sequence, pixel, sample)
+        if sampler.shutter == 2:
+            next_1d(sequence, pixel, sample)
+        numbers[APERTURE, pixel], numbers[APERTURE + 1, pixel] = u, v
+        film[2, slot], film[3, slot] = u, v
 
 
 @kernel

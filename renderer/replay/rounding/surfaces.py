@@ -90,7 +90,8 @@ def rounding_of(description: SceneDescription, surfaces: dict[str, Any]) -> Roun
         SphereSurfaces(0, 0, *(np.zeros(s, "f4") for s in ((3, 0), 0, (9, 0)))),
         CylinderSurfaces(0, 0, *(np.zeros(s, "f4") for s in ((3, 0), 0, 0, (9, 0)))),
     )
-    return Rounding(exact, empty._replace(**surfaces))
+    known = {kind: surfaces[kind] for kind in AllSurfaces._fields if kind in surfaces}
+    return Rounding(exact, empty._replace(**known))
 
 
 def _halves(rectangles: Sequence[Rectangle]) -> NDArray[np.float32]:

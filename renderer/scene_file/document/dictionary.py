@@ -7,6 +7,7 @@ by their `matrix`).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,6 +22,7 @@ from renderer.scene_file.colors.spectrum_text import (
 from renderer.scene_file.description import Location
 from renderer.scene_file.document.tree import (
     Element,
+    Function,
     Reference,
     RgbValue,
     SpectrumValue,
@@ -120,6 +122,8 @@ def _value(
             if kind == "ref":
                 return Reference(str(value.get("id", "")))
             return _element(name, value, path, elements, reading)
+    if inspect.isroutine(value):
+        return Function(value)
     if name in ("bitmap", "data") and (image := _image(name, value)) is not None:
         return image
     array = _array(getattr(value, "matrix", value))

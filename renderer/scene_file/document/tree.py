@@ -7,7 +7,9 @@ is decided later, by the reader of the plugin (`properties.Properties`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +39,13 @@ class SpectrumValue:
 
     values: tuple[float, ...]
     wavelengths: tuple[float, ...] = ()  # ascending, as many as values; empty: uniform
+
+
+@dataclass(frozen=True)
+class Function:
+    """A Python function, which only a dictionary can hold."""
+
+    call: Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -95,6 +104,7 @@ Value = (
     | Vector
     | RgbValue
     | SpectrumValue
+    | Function
     | Reference
     | Element
     | NDArray[np.float64]
@@ -126,6 +136,7 @@ _KINDS: tuple[tuple[type, str], ...] = (
     (Vector, "vector"),
     (RgbValue, "rgb"),
     (SpectrumValue, "spectrum"),
+    (Function, "function"),
     (Reference, "ref"),
     (np.ndarray, "transform"),
     (Image, "image"),

@@ -1,6 +1,6 @@
 """From local triangles to the `Mesh` record: transform, normals, degenerate faces.
 
-All three mesh plugins (obj, ply, cube) end here, so each rule is written once.
+All mesh plugins (obj, ply, serialized, cube) end here, so each rule is written once.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def build_mesh(
     Parameters
     ----------
     data
-        What `read_obj`, `read_ply` or `cube_mesh` returned.
+        What `read_obj`, `read_ply`, `read_serialized` or `cube_mesh` returned.
     to_world
         (4, 4), affine, acts on column vectors.
     face_normals

@@ -58,6 +58,21 @@ def first_out_of_range(faces: NDArray[np.float64], vertex_count: int) -> int:
     return -1 if good.all() else int(np.argmin(good))
 
 
+def clear_zero_normals(
+    normals: NDArray[np.float64], faces: NDArray[np.int32], source: Path | str
+) -> None:
+    """Refuse normals without direction where a face needs them; NaN ("none") elsewhere."""
+    zero = ~normals.any(axis=1)
+    used = np.zeros(len(normals), dtype=bool)
+    used[faces] = True
+    if (zero & used).any():
+        raise SceneError(
+            f"{source}: normal (0, 0, 0) of vertex {int(np.argmax(zero & used))} "
+            "has no direction"
+        )
+    normals[zero] = np.nan
+
+
 def show_numbers(values: Sequence[float] | NDArray[np.float64]) -> str:
     """Return `(1, nan, 0.5)`, the form of a point in messages."""
     return "(" + ", ".join(f"{value:.9g}" for value in values) + ")"

@@ -102,7 +102,7 @@ def read_obj(path: Path, *, flip_tex_coords: bool = True) -> MeshData:
         normals=normal,
         uvs=uv,
         source=str(path),
-        warnings=_warnings(tables, path),
+        warnings=(*_warnings(tables, path), *_missing(keys, path)),
     )
 
 
@@ -282,6 +282,19 @@ def _fan(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
     # Number of each triangle within its polygon: 0, 1, ...
     within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.column_stack((first, first + within + 1, first + within + 2))
+
+
+def _missing(keys: NDArray[np.int64], path: Path) -> list[str]:
+    """Warn of corners that lack what others have: in Mitsuba it is left to chance."""
+    found = []
+    for column, word, instead in ((1, "vt", "uv (0, 0)"), (2, "vn", "a computed normal")):
+        lacking = int((keys[:, column] == 0).sum())
+        if 0 < lacking < len(keys):
+            found.append(
+                f"{path}: {lacking} of {len(keys)} vertices have no {word} and get "
+                f"{instead}; Mitsuba reads memory there that nobody has written"
+            )
+    return found
 
 
 def _warnings(tables: _Tables, path: Path) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
+    clear_zero_normals,
     first_not_finite,
     first_out_of_range,
     read_mesh_bytes,
@@ -53,7 +54,7 @@ def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
     normals = None
     if {"nx", "ny", "nz"} <= vertex.keys():
         normals = _finite_columns(vertex, ("nx", "ny", "nz"), "normal", path)
-        _clear_zero_normals(normals, faces, path)
+        clear_zero_normals(normals, faces, path)
     uvs = None
     if pair := next((pair for pair in _UV_NAMES if set(pair) <= vertex.keys()), None):
         uvs = _finite_columns(vertex, pair, "uv", path)
@@ -105,21 +106,6 @@ def _triangles(face: Columns, vertex_count: int, path: Path) -> NDArray[np.int32
             f"possible are integers from 0 to {vertex_count - 1}"
         )
     return face[name].astype(np.int32)
-
-
-def _clear_zero_normals(
-    normals: NDArray[np.float64], faces: NDArray[np.int32], path: Path
-) -> None:
-    """Refuse normals without direction where a face needs them; NaN ("none") elsewhere."""
-    zero = ~normals.any(axis=1)
-    used = np.zeros(len(normals), dtype=bool)
-    used[faces] = True
-    if (zero & used).any():
-        raise SceneError(
-            f"{path}: normal (0, 0, 0) of vertex {int(np.argmax(zero & used))} "
-            "has no direction"
-        )
-    normals[zero] = np.nan
 
 
 def _warnings(header: PlyHeader, path: Path) -> tuple[str, ...]:

@@ -13,7 +13,11 @@ from renderer.scene_file.objects.integrators import read_scene_integrator
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
-from renderer.scene_file.plugins import UNSUPPORTED_TAGS, registered_kinds
+from renderer.scene_file.plugins import (
+    UNSUPPORTED_TAGS,
+    registered_kinds,
+    supported_plugins,
+)
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -43,7 +47,8 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     properties.finish()
     if not sensors:
         raise SceneError(
-            f"{root.location}: the scene has no <sensor>; expected a perspective"
+            f"{root.location}: the scene has no <sensor>; expected one of "
+            f"{', '.join(supported_plugins('sensor'))}"
         )
     if len(sensors) > 1:
         reading.warn(

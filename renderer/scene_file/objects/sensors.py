@@ -1,17 +1,20 @@
-"""The perspective sensor, with all the ways to say how wide it looks."""
+"""What sensors have in common, with all the ways to say how wide a camera looks."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.scene_file.description import PerspectiveCamera
+from renderer.scene_file.description import Sensor
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.numbers import parse_float
 from renderer.scene_file.objects.films import read_film
 from renderer.scene_file.objects.samplers import read_sampler
+from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
@@ -19,7 +22,7 @@ _SCALE = 1e-3  # how far from a rotation to_world may be; Mitsuba's own bound
 _DIAGONAL_35MM = math.hypot(36.0, 24.0)  # [mm], of the film that `focal_length` refers to
 
 
-def read_sensor(element: Element, reading: Reading) -> PerspectiveCamera:
+def read_sensor(element: Element, reading: Reading) -> Sensor:
     """Read a `<sensor>`.
 
     Raises
@@ -28,6 +31,14 @@ def read_sensor(element: Element, reading: Reading) -> PerspectiveCamera:
         If it is not supported or something in it is wrong.
     """
     properties = Properties(element, reading)
+    sensor: Sensor = registered_kinds("sensor")[element.plugin].read(properties)
+    properties.finish()
+    return sensor
+
+
+def shared(properties: Properties) -> dict[str, Any]:
+    """Return what all kinds of sensor have but `to_world`, by the names of `Sensor`."""
+    reading = properties.reading
     film = read_film(properties.child("film"), reading)
     sampler = read_sampler(properties.child("sampler"), reading)
     near = properties.number("near_clip", 1e-2, above=0.0)
@@ -37,29 +48,23 @@ def read_sensor(element: Element, reading: Reading) -> PerspectiveCamera:
         properties.fail(
             name, f"near_clip {near:g} and far_clip {far:g}", "near_clip < far_clip"
         )
-    properties.number("focus_distance", far)  # pinholes are sharp everywhere
     # Nothing moves, so the shutter changes nothing; but its times have an order.
     opens = properties.number("shutter_open", 0.0)
     closes = properties.number("shutter_close", 0.0)
     if closes < opens:
         name = "shutter_close" if properties.has("shutter_close") else "shutter_open"
         properties.fail(name, f"open {opens:g}, close {closes:g}", "open <= close")
-    camera = PerspectiveCamera(
-        to_world=_to_world(properties),
-        fov_x=read_fov_x(properties, film.width / film.height),
-        near_clip=near,
-        far_clip=far,
-        principal_point_offset_x=properties.number("principal_point_offset_x", 0.0),
-        principal_point_offset_y=properties.number("principal_point_offset_y", 0.0),
-        shutter_time=closes - opens,
-        film=film,
-        sampler=sampler,
-    )
-    properties.finish()
-    return camera
+    return {
+        "near_clip": near,
+        "far_clip": far,
+        "shutter_time": closes - opens,
+        "film": film,
+        "sampler": sampler,
+    }
 
 
-def _to_world(properties: Properties) -> np.ndarray:
+def without_scale(properties: Properties) -> NDArray[np.float64]:
+    """Return `to_world`, which must be a rotation and a translation."""
     to_world = properties.transform("to_world")
     linear = to_world[:3, :3]
     if np.abs(linear @ linear.T - np.eye(3)).max() > _SCALE:

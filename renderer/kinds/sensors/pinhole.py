@@ -8,11 +8,11 @@ f + (u - xres/2) x + (v - yres/2) y.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.records.kernel_scene import Camera
 from renderer.scene_file.description import PerspectiveCamera
 
 
@@ -27,6 +27,11 @@ class Pinhole:
     y: NDArray[np.float64]  # one pixel down
     xres: int
     yres: int
+
+    def corner(self, border: int) -> NDArray[np.float64]:
+        """Return the vector to where samples begin, so many pixels beyond the film."""
+        x, y = self.xres / 2.0 + border, self.yres / 2.0 + border
+        return self.f - self.x * x - self.y * y
 
 
 def pinhole(camera: PerspectiveCamera) -> Pinhole:
@@ -50,23 +55,6 @@ def pinhole(camera: PerspectiveCamera) -> Pinhole:
     return Pinhole(camera.to_world[:3, 3], middle, up, x, y, film.width, film.height)
 
 
-def kernel_camera(camera: PerspectiveCamera) -> Camera:
-    """Return the camera as the kernels use it."""
-    p = pinhole(camera)
-    # pixels are counted from where the samples begin, which may lie beyond the film
-    border = camera.film.border
-    corner = p.f - p.x * (p.xres / 2.0 + border) - p.y * (p.yres / 2.0 + border)
-    forward = camera.to_world[:3, 2] / np.linalg.norm(camera.to_world[:3, 2])
-
-    def column(vector: NDArray[np.float64]) -> NDArray[np.float32]:
-        return np.ascontiguousarray(vector.reshape(3, 1), np.float32)
-
-    return Camera(
-        column(p.o),
-        column(corner),
-        column(p.x),
-        column(p.y),
-        column(forward),
-        float(camera.near_clip),
-        float(camera.far_clip),
-    )
+def vector_column(vector: Any) -> NDArray[np.float32]:
+    """Return a vector as kernels load it, (3, 1)."""
+    return np.ascontiguousarray(np.reshape(vector, (3, 1)), np.float32)

@@ -1,0 +1,1 @@
+"""Sensors: where the rays of a picture begin."""

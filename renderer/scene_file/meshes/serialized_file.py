@@ -1,0 +1,202 @@
+"""Files of Mitsuba's own `serialized` format, versions 3 and 4: compressed meshes in a row.
+
+All numbers are little endian. Each mesh begins with the format's mark and version (16 bits
+each), then follows a zlib stream: flags (32 bits), in version 4 a name that a zero ends,
+the numbers of vertices and of faces (64 bits each), positions, what else the flags say,
+and three 32-bit indices for each face. At the end of the file stands where each mesh begins
+(32 bits in version 3, 64 in version 4), and how many there are (32 bits).
+
+A file may be damaged, or made to hurt: nothing is allocated that the bytes which are there
+cannot fill.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.scene_file.meshes.mesh_data import (
+    MeshData,
+    clear_zero_normals,
+    first_not_finite,
+    first_out_of_range,
+    read_mesh_bytes,
+    show_numbers,
+)
+
+_MARK = 0x041C
+_OFFSETS = {3: "<I", 4: "<Q"}  # how versions write where a mesh begins
+_HEADER = 4  # bytes: mark and version
+
+_HAS_NORMALS, _HAS_UVS, _HAS_COLORS = 0x1, 0x2, 0x8
+_DOUBLE = 0x2000  # single otherwise, whether or not the flag for it is set
+
+_MOST_EXPANSION = 1032  # deflate makes at most so many bytes of one
+_LONGEST_NAME = 65536
+_MOST = 2**31 - 1  # vertices or faces that our indices can count
+
+
+def read_serialized(path: Path, *, shape_index: int = 0) -> MeshData:
+    """Read one mesh of a file.
+
+    Numbers in double precision are rounded to single before anything else is done, as
+    Mitsuba does it. Colours of vertices are dropped with a warning.
+
+    Raises
+    ------
+    SceneError
+        Missing, cut or damaged file, another version, a mesh that the file does not have, a
+        value that is not finite, an index out of range, no face.
+    """
+    content = read_mesh_bytes(path)
+    begin, end, version = _find_mesh(content, shape_index, path)
+    stream = _Stream(content[begin:end], f"{path}: mesh {shape_index}")
+    (flags,) = struct.unpack("<I", stream.read(4, "the flags"))
+    if version == 4:
+        stream.skip_name()
+    counts = struct.unpack("<QQ", stream.read(16, "the numbers of vertices and faces"))
+    for count, what in zip(counts, ("vertices", "faces"), strict=True):
+        if not 1 <= count <= _MOST:
+            raise SceneError(f"{stream.what} has {count} {what}; possible are 1 to {_MOST}")
+    vertex_count, face_count = counts
+    number = np.dtype("<f8" if flags & _DOUBLE else "<f4")
+    vertices = _rows(stream, vertex_count, 3, number, "position")
+    normals = uvs = None
+    if flags & _HAS_NORMALS:
+        normals = _rows(stream, vertex_count, 3, number, "normal")
+    if flags & _HAS_UVS:
+        uvs = _rows(stream, vertex_count, 2, number, "uv")
+    if flags & _HAS_COLORS:
+        stream.read(vertex_count * 3 * number.itemsize, "the colours")
+    data = stream.read(face_count * 12, "the faces")
+    faces = np.frombuffer(data, "<u4").reshape(-1, 3)
+    bad = first_out_of_range(faces, vertex_count)
+    if bad >= 0:
+        raise SceneError(
+            f"{stream.what}: face {bad} has the vertices {show_numbers(faces[bad])}; "
+            f"possible are integers from 0 to {vertex_count - 1}"
+        )
+    faces = faces.astype(np.int32)
+    if normals is not None:
+        clear_zero_normals(normals, faces, stream.what)
+    warnings: tuple[str, ...] = ()
+    if flags & _HAS_COLORS:
+        warnings = (f"{stream.what}: the vertices' colours are not read, as in Mitsuba",)
+    return MeshData(vertices, faces, normals, uvs, stream.what, warnings)
+
+
+def _find_mesh(content: bytes, index: int, path: Path) -> tuple[int, int, int]:
+    """Return the bytes between which the stream of a mesh lies, and the version."""
+    version = _version(content, 0, f"{path}:")
+    # Mitsuba looks for no table of a file's first mesh; files without one exist
+    if index == 0:
+        return _HEADER, len(content), version
+    if len(content) < 2 * _HEADER:
+        raise SceneError(f"{path}: the file ends before its table of meshes")
+    (count,) = struct.unpack_from("<I", content, len(content) - 4)
+    entry = struct.calcsize(_OFFSETS[version])
+    table = len(content) - 4 - count * entry
+    if table < _HEADER:
+        raise SceneError(
+            f"{path}: the last four bytes promise {count} meshes; a file of "
+            f"{len(content)} bytes has no room for a table of so many"
+        )
+    if index >= count:
+        raise SceneError(
+            f"{path}: shape_index {index} does not exist; the file has {count} meshes, "
+            "counted from 0"
+        )
+    (begin,) = struct.unpack_from(_OFFSETS[version], content, table + index * entry)
+    if begin + _HEADER > table:
+        raise SceneError(
+            f"{path}: mesh {index} is said to begin at byte {begin}, and the meshes end "
+            f"at byte {table}"
+        )
+    found = _version(content, begin, f"{path}: mesh {index}, at byte {begin},")
+    if found != version:
+        raise SceneError(
+            f"{path}: mesh {index} is of version {found}, the file of version {version}"
+        )
+    return begin + _HEADER, table, version
+
+
+def _version(content: bytes, at: int, what: str) -> int:
+    """Return the version of the mesh that begins at a byte."""
+    if len(content) < at + _HEADER:
+        raise SceneError(f"{what} the file ends within the first four bytes of a mesh")
+    mark, version = struct.unpack_from("<HH", content, at)
+    if mark != _MARK:
+        raise SceneError(
+            f"{what} begins with 0x{mark:04x}; a serialized mesh begins with 0x{_MARK:04x}"
+        )
+    if version not in _OFFSETS:
+        raise SceneError(f"{what} is of version {version}; possible are 3 and 4")
+    return int(version)
+
+
+class _Stream:
+    """A zlib stream that is unpacked as far as it is asked for."""
+
+    def __init__(self, packed: bytes, what: str) -> None:
+        self.what = what  # for messages
+        self._packed = packed
+        self._most = len(packed) * _MOST_EXPANSION
+        self._inflate = zlib.decompressobj()
+        self._ahead = b""  # unpacked, and not read yet
+
+    def read(self, count: int, what: str) -> bytes:
+        """Return the next bytes; `what` names them for messages."""
+        if count > self._most:
+            raise SceneError(
+                f"{self.what} promises {count} bytes of {what.removeprefix('the ')}; its "
+                f"stream cannot hold more than {self._most}"
+            )
+        self._unpack(count - len(self._ahead))
+        if len(self._ahead) < count:
+            raise SceneError(
+                f"{self.what}: the stream ends after {len(self._ahead)} of {count} bytes "
+                f"of {what.removeprefix('the ')}"
+            )
+        found, self._ahead = self._ahead[:count], self._ahead[count:]
+        return found
+
+    def skip_name(self) -> None:
+        """Skip text that a zero ends."""
+        self._unpack(_LONGEST_NAME - len(self._ahead))
+        name, zero, rest = self._ahead.partition(b"\0")
+        if not zero:
+            raise SceneError(
+                f"{self.what}: no zero ends its name within {len(name)} bytes; "
+                f"the longest possible has {_LONGEST_NAME - 1}"
+            )
+        self._ahead = rest
+
+    def _unpack(self, count: int) -> None:
+        """Unpack so many bytes more, or all that are left."""
+        if count <= 0 or self._inflate.eof:
+            return
+        try:
+            self._ahead += self._inflate.decompress(self._packed, count)
+        except zlib.error as error:
+            raise SceneError(f"{self.what}: the stream is damaged: {error}") from None
+        self._packed = self._inflate.unconsumed_tail
+
+
+def _rows(
+    stream: _Stream, count: int, width: int, number: np.dtype, what: str
+) -> NDArray[np.float64]:
+    data = stream.read(count * width * number.itemsize, f"{what}s")
+    with np.errstate(over="ignore"):  # found as not finite
+        rows = np.frombuffer(data, number).astype(np.float32).astype(np.float64)
+    rows = rows.reshape(-1, width)
+    bad = first_not_finite(rows)
+    if bad >= 0:
+        raise SceneError(
+            f"{stream.what}: {what} {show_numbers(rows[bad])} of vertex {bad} is not finite"
+        )
+    return rows
