@@ -135,7 +135,7 @@ class MaterialTables:
         After these come nestings, each structure a kind.
         """
         found = [kind_of(bsdf) for bsdf in self.bsdfs]
-        for kind, loaded in zip(found, self.loaded, strict=True):
+        for kind, loaded in zip(found, self.loaded or found, strict=True):
             if kind != loaded:  # stages and parameters would be those of the old one
                 raise SceneError(
                     f"BSDF {kind.name!r} was registered anew after the scene was loaded; "

@@ -256,9 +256,8 @@ def glass_eval_pdf(glass, wo, wi):
     shown = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
     density = normal_density(facets, h) * shown / fabs(wo.z)
     reflected = _reflected_glass(glass, fresnel, cos_o, front, through) * (0.25 * density)
-    root = vec3(
-        sqrt(glass.base_color.x), sqrt(glass.base_color.y), sqrt(glass.base_color.z)
-    )
+    base = glass.base_color
+    root = vec3(sqrt(base.x), sqrt(base.y), sqrt(base.z))
     refracted = root * (through * (1.0 - fresnel) * density * fabs(bent_cosines))
     color = select3(mirrors, reflected, no_light())
     color = select3(bends, refracted, color)
