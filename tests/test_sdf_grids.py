@@ -29,6 +29,7 @@ from renderer.kinds.shapes.sdfgrid import (  # noqa: E402
     surfaces,
 )
 from renderer.kinds.shapes.trilinear import Cubic, first_root_of  # noqa: E402
+from renderer.kinds.shapes.uv_derivatives import derivatives_of  # noqa: E402
 from renderer.lanes.vectors import vec3  # noqa: E402
 from renderer.scene_file import read_dict  # noqa: E402
 from renderer.scene_file.description import Diffuse, SdfGrid  # noqa: E402
@@ -240,6 +241,14 @@ def test_cells_without_a_surface_are_none():
     grid[0, 0, 0] = -1.0
     assert occupied(grid).tolist() == [[0, 0, 0], [0, 1, 2]]
     assert not len(occupied(0 * grid))
+
+
+def test_bump_maps_find_that_it_has_no_u_and_v():
+    cells = cells_of(torus(13, 9, 11))
+    flat = derivatives_of("sdf_cells", cells, [])
+    assert flat.along_u.shape == flat.along_v.shape == (3, cells.end)
+    assert not flat.along_u.any()
+    assert not flat.along_v.any()
 
 
 # --------------------------------------------------------------------------- as Mitsuba
