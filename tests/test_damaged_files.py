@@ -98,3 +98,12 @@ def test_an_implicit_surface_that_reaches_too_far_blames_its_bounds() -> None:
     )
     with pytest.raises(SceneError, match='"bounds_max": found what makes the shape reach'):
         scene_file.read_string(xml)
+
+
+@pytest.mark.parametrize("name", ["int_ior", "ext_ior"])
+def test_indices_of_refraction_whose_squares_overflow_are_refused(name: str) -> None:
+    """Mitsuba's picture is NaN there."""
+    glass = f'<bsdf type="dielectric"><float name="{name}" value="1e30"/></bsdf>'
+    xml = f'<scene version="3.0.0"><shape type="sphere">{glass}</shape></scene>'
+    with pytest.raises(SceneError, match="expected a quotient from 1e-09 to 1e"):
+        scene_file.read_string(xml)
