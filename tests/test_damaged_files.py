@@ -9,6 +9,7 @@ import pytest
 
 from renderer import scene_file
 from renderer.errors import SceneError
+from renderer.scene_file.images.images import read_texels
 
 PLUGINS = Path(__file__).parent / "plugins"
 TEXTURE = (
@@ -107,3 +108,18 @@ def test_indices_of_refraction_whose_squares_overflow_are_refused(name: str) -> 
     xml = f'<scene version="3.0.0"><shape type="sphere">{glass}</shape></scene>'
     with pytest.raises(SceneError, match="expected a quotient from 1e-09 to 1e"):
         scene_file.read_string(xml)
+
+
+def test_an_image_that_claims_too_much_memory_is_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from PIL import Image
+
+    def load(image: Image.Image) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("PIL.PngImagePlugin.PngImageFile.load", load)
+    content = (PLUGINS / "textures/rgba.png").read_bytes()
+    (tmp_path / "large.png").write_bytes(content)
+    with pytest.raises(SceneError, match=r"large\.png: damaged image: it claims more"):
+        read_texels(tmp_path / "large.png")
