@@ -65,8 +65,8 @@ def derivatives_of(kind: str, surfaces: Any, shapes: Sequence[Any]) -> Any:
     """Return the record of a kind; `shapes` are all of it, in their order."""
     if kind == "triangles":
         return Flat(surfaces.first, surfaces.end, *_of_triangles(surfaces))
-    if kind == "implicits":  # no u, no v: nothing is displaced there
-        nothing = np.zeros((3, len(shapes)), np.float32)
+    if kind not in ("rectangles", *_ROUND):  # no u, no v: nothing is displaced there
+        nothing = np.zeros((3, surfaces.end - surfaces.first), np.float32)
         return Flat(surfaces.first, surfaces.end, nothing, nothing)
     maps = np.array([shape.to_world for shape in shapes], float)
     if kind == "rectangles":  # u and v go from 0 to 1 along edges of length 2
