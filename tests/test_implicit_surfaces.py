@@ -6,6 +6,8 @@ matrices), a sphere of the renderer's, and g itself, sampled densely in double p
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -444,3 +446,10 @@ def test_the_harness_says_that_the_reference_has_no_such_shape(tmp_path):
     assert ours(shape).shapes[0].program.text == "x"
     with pytest.raises(RuntimeError, match="the reference has no such shape"):
         load_edited_scene(path, {})
+
+
+def test_the_picture_of_the_documentation_shows_its_three_surfaces():
+    path = Path(__file__).parent.parent / "docs/isosurfaces/scene.xml"
+    scene = renderer.load_file(path, width=32, height=14)
+    image = renderer.render(scene, spp=1, integrator="aov", threads=1)
+    assert {0.0, 1.0, 2.0} <= set(np.unique(image.aovs["shape_index"]).tolist())
