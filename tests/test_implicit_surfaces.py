@@ -251,6 +251,25 @@ def test_a_sphere_is_the_sphere():
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-6)
 
 
+def test_bumps_stay_off_it():
+    """It has no u and v: a bump map around its BSDF changes nothing.
+
+    A bump map anywhere in the scene asks all shapes for dp/du and dp/dv.
+    """
+    noiseless = {
+        "integrator": {"type": "direct"},
+        "sky": {"type": "point", "position": [-2, 3, 4]},
+    }
+    image = np.random.default_rng(1).random((4, 4, 1)).astype(np.float32)
+    heights = {"type": "bitmap", "data": image, "raw": True}
+    bumps = {"type": "bumpmap", "h": heights, "nested": {"type": "diffuse"}}
+    place = {"type": "implicit", "expression": SPHERE}
+    found = picture(scene({**place, "bsdf": bumps}, **noiseless))
+    expected = picture(scene({**place, "bsdf": {"type": "diffuse"}}, **noiseless))
+    assert expected.max() > 0.1
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+
+
 def test_normals_go_by_the_inverse_transpose():
     """An ellipsoid by its equation in the world, and a ball that to_world stretches."""
     text = "((x - 0.1) / 0.5)^2 + (y / 0.4)^2 + (z / 0.5)^2 - 1"

@@ -169,8 +169,10 @@ def test_the_explanation_lists_what_is_there_and_what_is_not():
     assert "lights 1 area" in text
     assert re.search("left out conductor, .*: no shape has it; not compiled", text)
     assert "left out textures and uv" in text
-    assert "left out triangles, disks, cylinders, instances: the scene has none" in text
-    assert "left out point, spot, directional, constant: the scene has no such" in text
+    assert re.search(
+        "left out triangles, disks, cylinders, .*instances: the scene has", text
+    )
+    assert re.search("left out point, spot, directional, .*: the scene has no such", text)
     assert "weights multiple importance sampling: light samples and BSDF samples" in text
     assert "roulette Russian, from segment 5 on" in text
 
@@ -187,11 +189,11 @@ def test_no_kind_is_both_there_and_left_out():
     everything = explained(plan_of("path", *shapes, *lights, max_depth=8))
     assert "geometry 12 triangles, 1 rectangle, 1 disk, 1 sphere, 1 cylinder" in everything
     assert "lights 1 point, 1 spot, 1 directional, 1 constant, 1 area" in everything
-    assert "left out instances: the scene has none" in everything
-    assert "no such light" not in everything
+    assert re.search(r"left out (\w+, )*instances: the scene has none", everything)
+    assert "left out envmap, projector: the scene has no such light" in everything
     nothing = explained(plan_of("path", max_depth=8))
     assert "geometry nothing" in nothing
-    assert "left out triangles, rectangles, disks, spheres, cylinders, instances" in nothing
+    assert "left out triangles, rectangles, disks, spheres, cylinders, " in nothing
     assert "left out lights of any kind: the scene has none" in nothing
     assert "left out Russian roulette: direct light" in nothing
 

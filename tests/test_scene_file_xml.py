@@ -117,7 +117,7 @@ def test_named_reference_and_alias() -> None:
         'id="squares"/></bsdf>'
         "</shape>"
     )
-    assert ours(content).shapes[0].bsdf.reflectance.color0 == (0.4, 0.4, 0.4)
+    assert ours(content).shapes[0].bsdf.reflectance.color0.rgb == (0.4, 0.4, 0.4)
     assert len(theirs(content).shapes()) == 1
 
 

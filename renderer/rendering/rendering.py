@@ -190,10 +190,15 @@ class Rendering:
         try:
             self._trace(pool, waiting, progress)
             return True
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RuntimeError) as error:
+            # Ctrl-C may strike while Python's own wait has let go of a lock; leaving it
+            # then raises a RuntimeError, which hides the interrupt
+            interrupt = error.__context__ if isinstance(error, RuntimeError) else error
+            if not isinstance(interrupt, KeyboardInterrupt):
+                raise
             under_way = [(job, future) for job, future in waiting if not future.cancel()]
             for job, future in under_way:
-                self._finish(job, _wait_for(future))
+                self._finish(job, future.result())
             return False
         finally:
             pool.shutdown(cancel_futures=True)
@@ -217,7 +222,7 @@ class Rendering:
             if not waiting:
                 return
             job, future = waiting[0]
-            sums = _wait_for(future)
+            sums = future.result()
             # First out of the queue, then into the film: an interrupt between the two loses
             # a job and its weights; the other way round the job would count twice.
             waiting.popleft()
@@ -244,17 +249,3 @@ class Rendering:
         self.film.add(job.tile, sums)
         samples = job.end_sample - job.first_sample
         self.samples_done += job.tile.width * job.tile.height * samples
-
-
-def _wait_for(future: Future[Any]) -> Any:
-    """Return a job's result.
-
-    Ctrl-C may strike while Python's own wait has let go of its lock; leaving it then raises
-    a RuntimeError, which hides the interrupt.
-    """
-    try:
-        return future.result()
-    except RuntimeError as error:
-        if isinstance(error.__context__, KeyboardInterrupt):
-            raise error.__context__ from None
-        raise

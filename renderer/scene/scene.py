@@ -134,8 +134,9 @@ def _build_scene(description: SceneDescription) -> Scene:
                 count = len(shape.faces)
                 faces.append(np.arange(count) if shape.face_ids is None else shape.face_ids)
             else:
-                count = 1
-                faces.append(np.full(1, HALVES if isinstance(shape, Rectangle) else 0))
+                count = SHAPES[kind].primitives(shape)
+                halves = isinstance(shape, Rectangle)
+                faces.append(np.full(1, HALVES) if halves else np.arange(count))
             shape_ids.append(np.full(count, index))
         columns = [ids.size for ids in shape_ids[-len(entries) :]]
         groups = group_of[[index for index, _ in entries]]

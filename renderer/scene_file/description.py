@@ -295,6 +295,15 @@ class Implicit(Shape):
     flip_normals: bool = False
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SdfGrid(Shape):
+    """Where the numbers between the points of a grid in [0, 1]^3 are 0."""
+
+    to_world: NDArray[np.float64]  # (4, 4)
+    distances: NDArray[np.float32]  # (z, y, x), at least 2 along each axis, finite
+    smooth: bool = True  # shading normals are continuous
+
+
 # ---------------------------------------------------- groups and instances
 
 

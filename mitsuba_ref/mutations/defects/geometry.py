@@ -107,8 +107,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/shapes/implicit.py",
-                "m = surfaces.to_object  # normals",
-                "m = surfaces.to_world  # normals",
+                "unit_normal(surfaces.to_object, k, g,",
+                "unit_normal(surfaces.to_world, k, g,",
             ),
         ),
         scene="diffuse",

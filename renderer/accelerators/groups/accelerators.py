@@ -14,4 +14,5 @@ class Accelerators(NamedTuple):
     spheres: Any
     cylinders: Any
     implicits: Any
+    sdf_cells: Any
     instances: Any = None  # accelerators.instances.Instances; the last to be traced

@@ -58,6 +58,7 @@ class Instances(NamedTuple):
     spheres: Forest | None
     cylinders: Forest | None
     implicits: Forest | None
+    sdf_cells: Forest | None
 
 
 class PlacedHit(NamedTuple):
@@ -160,6 +161,7 @@ def _nearest_in(instances, k, origin, direction, hit, tally, i):
     x = _nearest_of_kind(instances.spheres, group, o, d, x, tally, i)
     x = _nearest_of_kind(instances.cylinders, group, o, d, x, tally, i)
     x = _nearest_of_kind(instances.implicits, group, o, d, x, tally, i)
+    x = _nearest_of_kind(instances.sdf_cells, group, o, d, x, tally, i)
     if x.prim < 0:
         return hit
     wins = x.t < hit.t or hit.prim < 0 or x.prim < hit.prim
@@ -233,6 +235,7 @@ def _blocked_in(instances, k, origin, direction, t_max, tally, i):
         or _blocked_by_kind(instances.spheres, group, o, d, t_max, tally, i)
         or _blocked_by_kind(instances.cylinders, group, o, d, t_max, tally, i)
         or _blocked_by_kind(instances.implicits, group, o, d, t_max, tally, i)
+        or _blocked_by_kind(instances.sdf_cells, group, o, d, t_max, tally, i)
     )
 
 

@@ -199,8 +199,8 @@ def eval_pdf(table, wo, wi):
     by_cosine = INV_PI * cos_i
     pdf = by_half + (by_cosine - by_half) * table.share_of_cosine
     f_cos = _look_up(table, h, wi) * cos_i
-    black = f_cos * 0.0
-    return select3(possible, f_cos, black), select(possible, pdf, 0.0)
+    none = splat_f32(0.0)  # f_cos is NaN where wi is -wo, as behind a hole
+    return select3(possible, f_cos, vec3(none, none, none)), select(possible, pdf, 0.0)
 
 
 @kernel

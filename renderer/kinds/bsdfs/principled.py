@@ -180,6 +180,8 @@ def eval_pdf(material, wo, wi):
     fresnel, _, _ = fresnel_dielectric(cos_o, material.eta)
     shown = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
     mirrored = normal_density(facets, h) * shown / (4.0 * wo.z)
+    # between equal indices nothing is mirrored, be it metal: as in Mitsuba
+    mirrored = select(fresnel > 0.0, mirrored, 0.0)
     color = _reflected(material, fresnel, cos_o) * mirrored
     color = color + coat(material, wo, wi, h, schlick_weight(cos_o, material.eta))
     color = color + _diffuse(material, 1.0 - material.metallic, wo, wi, cos_i)
@@ -256,9 +258,8 @@ def glass_eval_pdf(glass, wo, wi):
     shown = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
     density = normal_density(facets, h) * shown / fabs(wo.z)
     reflected = _reflected_glass(glass, fresnel, cos_o, front, through) * (0.25 * density)
-    root = vec3(
-        sqrt(glass.base_color.x), sqrt(glass.base_color.y), sqrt(glass.base_color.z)
-    )
+    base = glass.base_color
+    root = vec3(sqrt(base.x), sqrt(base.y), sqrt(base.z))
     refracted = root * (through * (1.0 - fresnel) * density * fabs(bent_cosines))
     color = select3(mirrors, reflected, no_light())
     color = select3(bends, refracted, color)

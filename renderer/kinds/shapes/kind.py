@@ -40,6 +40,8 @@ class ShapeKind:
         the fields that all shapes have.
     wide
         Whether eight primitives can lie side by side in a leaf; `blocks` says how.
+    primitives
+        shape -> how many it has; faces of meshes are counted by `build_scene`.
     """
 
     name: str
@@ -52,6 +54,7 @@ class ShapeKind:
     group: Callable[[Any, Any, Any, Callable[[Any], Any]], Any]
     plugins: Mapping[str, Callable[[Any, dict[str, Any]], Any]]
     wide: bool = True
+    primitives: Callable[[Any], int] = lambda shape: 1
 
 
 @dataclass(frozen=True)

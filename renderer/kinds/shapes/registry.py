@@ -8,12 +8,21 @@ from renderer.kinds.shapes.disk import DISKS
 from renderer.kinds.shapes.implicit import IMPLICITS
 from renderer.kinds.shapes.kind import ShapeKind, ShapePlugin
 from renderer.kinds.shapes.rectangle import RECTANGLES
+from renderer.kinds.shapes.sdfgrid import SDF_CELLS
 from renderer.kinds.shapes.sphere import SPHERES
 from renderer.kinds.shapes.triangle import TRIANGLES
 
 SHAPES: dict[str, ShapeKind] = {
     kind.name: kind
-    for kind in (TRIANGLES, RECTANGLES, DISKS, SPHERES, CYLINDERS, IMPLICITS)
+    for kind in (
+        TRIANGLES,
+        RECTANGLES,
+        DISKS,
+        SPHERES,
+        CYLINDERS,
+        IMPLICITS,
+        SDF_CELLS,
+    )
 }
 PLUGINS = {
     name: ShapePlugin(kind, make)

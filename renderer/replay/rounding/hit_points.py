@@ -37,6 +37,17 @@ def _of_kind(surfaces, prim):
 
 
 @kernel
+def _is_known(surfaces, prim):
+    return (
+        _of_kind(surfaces.triangles, prim)
+        or _of_kind(surfaces.rectangles, prim)
+        or _of_kind(surfaces.disks, prim)
+        or _of_kind(surfaces.spheres, prim)
+        or _of_kind(surfaces.cylinders, prim)
+    )
+
+
+@kernel
 def _try_triangles(triangles, vertices, prim, ray, grouped, found):
     if not _of_kind(triangles, prim):
         return found
@@ -148,6 +159,8 @@ def round_surface_points(rounding, placements, rays, hits, order, count, points)
         for c in range(3):
             points.previous[c, i] = rays.previous[c, ray]
         prim, u, v = hits.prim[ray], hits.u[ray], hits.v[ray]
+        if not _is_known(surfaces, prim):
+            continue  # it keeps the roundings of its own
         instance = _instance_number(placements, hits.instance, ray)
         o, d = column(rays.origin, ray), column(rays.direction, ray)
         probe = embree_ray(exact.instances, instance, o, d)

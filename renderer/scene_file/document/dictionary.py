@@ -26,6 +26,7 @@ from renderer.scene_file.document.tree import (
     Reference,
     RgbValue,
     SpectrumValue,
+    Tensor,
     Tree,
     Value,
     Vector,
@@ -126,6 +127,10 @@ def _value(
         return Function(value)
     if name in ("bitmap", "data") and (image := _image(name, value)) is not None:
         return image
+    if name == "grid" and hasattr(value, "__array__"):
+        tensor = np.asarray(value)
+        if tensor.dtype.kind in "fiu":
+            return Tensor(tensor)
     array = _array(getattr(value, "matrix", value))
     if array is not None and array.shape == (4, 4):
         return array

@@ -48,6 +48,13 @@ class Function:
     call: Callable[..., Any]
 
 
+@dataclass(frozen=True, eq=False)
+class Tensor:
+    """An array of numbers that is no transform and no image; of dictionaries alone."""
+
+    values: NDArray[np.generic]
+
+
 @dataclass(frozen=True)
 class Reference:
     """The value of `<ref>`, until `references.resolve` puts the element in its place."""
@@ -105,6 +112,7 @@ Value = (
     | RgbValue
     | SpectrumValue
     | Function
+    | Tensor
     | Reference
     | Element
     | NDArray[np.float64]
@@ -137,6 +145,7 @@ _KINDS: tuple[tuple[type, str], ...] = (
     (RgbValue, "rgb"),
     (SpectrumValue, "spectrum"),
     (Function, "function"),
+    (Tensor, "tensor"),
     (Reference, "ref"),
     (np.ndarray, "transform"),
     (Image, "image"),

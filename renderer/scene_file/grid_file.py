@@ -1,0 +1,67 @@
+"""Files of Mitsuba's grids of numbers (.vol, version 3): here, one number for each point.
+
+All numbers are little endian: "VOL", a byte for the version, the type of the numbers (1:
+float32), the points along x, y and z, the channels (32 bits each), six float32 of a box,
+which shapes do not look at, and the numbers, x fastest and z slowest.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+
+_HEADER = struct.Struct("<3sB5i6f")
+
+
+def read_grid(path: Path) -> NDArray[np.float32]:
+    """Return the numbers, (z, y, x).
+
+    Raises
+    ------
+    SceneError
+        Another format, version or type, more than one channel, fewer than two points along
+        an axis, fewer numbers than the header promises, or one that is not finite.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path}: cannot read it: {error.strerror}") from None
+    if len(content) < _HEADER.size:
+        raise SceneError(
+            f"{path}: has {len(content)} bytes; the header of a grid has {_HEADER.size}"
+        )
+    mark, version, kind, nx, ny, nz, channels, *_ = _HEADER.unpack_from(content)
+    if mark != b"VOL" or version != 3:
+        raise SceneError(
+            f"{path}: begins with {mark!r} and version {version}; a grid begins with "
+            "b'VOL' and version 3"
+        )
+    if kind != 1:
+        raise SceneError(f"{path}: has numbers of type {kind}; possible is 1, float32")
+    if channels != 1:
+        raise SceneError(f"{path}: has {channels} channels; a shape's grid has 1")
+    if min(nx, ny, nz) < 2:
+        raise SceneError(
+            f"{path}: has {nx} x {ny} x {nz} points; possible are 2 or more along an axis"
+        )
+    there = (len(content) - _HEADER.size) // 4
+    if nx * ny * nz > there:
+        raise SceneError(f"{path}: promises {nx} x {ny} x {nz} numbers; there are {there}")
+    numbers = np.frombuffer(content, "<f4", nx * ny * nz, _HEADER.size)
+    grid = numbers.reshape(nz, ny, nx).astype(np.float32)
+    if (wrong := check_distances(grid)) is not None:
+        raise SceneError(f"{path}: has {wrong}; expected finite numbers")
+    return grid
+
+
+def check_distances(grid: NDArray[np.float32]) -> str | None:
+    """Return the first number that is not finite and its place, or None."""
+    if np.isfinite(grid).all():
+        return None
+    z, y, x = np.argwhere(~np.isfinite(grid))[0]
+    return f"{grid[z, y, x]} at x {x}, y {y}, z {z}"
