@@ -71,8 +71,8 @@ class Primitives(NamedTuple):
 
     stages: NDArray[np.int32]  # (n,) bits ANY, EMIT, ...
     shape: NDArray[np.int32]  # (n,) shape id
-    # (n,) index in the mesh's file, 0 for others; HALVES for a rectangle, whose two halves
-    # are faces 0 and 1
+    # (n,) index within its shape (of a mesh: in the file); HALVES for a rectangle, whose
+    # two halves are faces 0 and 1
     face: NDArray[np.int32]
 
 

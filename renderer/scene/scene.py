@@ -1,6 +1,6 @@
 """Scene: a SceneDescription as flat arrays, one group for each kind of primitive.
 
-Primitive ids run through the kinds (triangles, rectangles, disks, spheres, cylinders), in
+Primitive ids run through the kinds (as `registry.SHAPES` has them: triangles first), in
 the order of the file within each; ids and shape ids are all that later stages see.
 """
 

@@ -116,6 +116,45 @@ DEFECTS = (
         remark="Mitsuba has no implicit surfaces",
     ),
     Mutation(
+        "sdfgrid-second-root",
+        "in a cell of a grid of distances, the pieces where a cubic turns are forgotten",
+        (
+            Edit(
+                "kinds/shapes/trilinear.py",
+                "if not square > 0.0:",
+                "if not square > np.inf:",
+            ),
+        ),
+        scene="sdfgrid",
+        tests=("test_sdf_grids.py::test_the_first_root_of_cubics_is_numpys",),
+    ),
+    Mutation(
+        "sdfgrid-normals-blended-aside",
+        "smooth normals on a grid of distances weigh the wrong neighbour along x",
+        (
+            Edit(
+                "kinds/shapes/sdf_normals.py",
+                "x, y, z = x1 if a else x0,",
+                "x, y, z = x0 if a else x1,",
+            ),
+        ),
+        scene="sdfgrid",
+        tests=("test_sdf_grids.py::test_hits_and_normals_are_mitsubas",),
+    ),
+    Mutation(
+        "sdfgrid-normals-bend-no-end",
+        "smooth normals ignore the neighbour beyond the end of a grid, as none is there",
+        (
+            Edit(
+                "kinds/shapes/sdf_normals.py",
+                "weight = 1.0 if plane < 1.0 else x - plane + 0.5",
+                "weight = x - plane + 0.5",
+            ),
+        ),
+        scene="sdfgrid",
+        tests=("test_sdf_grids.py::test_hits_and_normals_are_mitsubas",),
+    ),
+    Mutation(
         "serialized-first-mesh",
         "every mesh of a serialized file is its first",
         (
