@@ -40,8 +40,10 @@ format: $(INSTALLED) ## let ruff mend what it can; lines and picture of the docs
 	@$(BIN)/python docs/lecture_lines.py
 	@$(BIN)/python docs/draw_architecture.py
 
-bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, in one run
-	@$(BIN)/python -m reports.benchmark
+bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, on two scenes
+	@$(BIN)/python -m reports.benchmark --out $(OUT)
+	@$(BIN)/python -m reports.benchmark --scene rough-materials --no-cold \
+	  --out $(OUT)/materials
 
 bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree beside them (long)
 	@$(BIN)/python -m reports.accelerators --full --out $(OUT)

@@ -9,6 +9,13 @@ class SceneError(ValueError):
     The message is one line: where (file and line), what was found, what is possible.
     """
 
+    def __init__(self, message: str) -> None:
+        # Damaged files are quoted: what they hold must neither break the line nor
+        # command a terminal, nor be text that cannot be encoded.
+        super().__init__(
+            "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in message)
+        )
+
 
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""

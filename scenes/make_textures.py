@@ -77,13 +77,13 @@ def evening_sky(width: int = 128) -> NDArray[np.float16]:
     y, x = np.mgrid[0 : width // 2, 0:width]
     up = np.cos(np.pi * (y + 0.5) / (width // 2))[..., None]
     azimuth = (x + 0.5) / width
-    glow = np.array([1.1, 0.45, 0.2]) * np.exp(-8 * np.abs(up))
+    glow = np.array([0.9, 0.32, 0.08]) * np.exp(-10 * np.abs(up))
     blue = np.array([0.22, 0.34, 0.62]) * (0.4 + 0.6 * np.maximum(up, 0))
     ground = np.array([0.06, 0.05, 0.05])
     sky = np.where(up > 0, blue + glow, ground + 0.15 * glow)
     turn = np.hypot((azimuth - 0.3) * width, y - 0.415 * (width // 2))
-    sun = np.array([1.0, 0.72, 0.42]) * 160.0
-    sky = np.where((turn < 2.3)[..., None], sun, sky)
+    sun = np.array([1.0, 0.72, 0.42]) * 20.0
+    sky = np.where((turn < 4.5)[..., None], sun, sky)
     return sky.astype(np.float16)
 
 

@@ -151,8 +151,11 @@ class MitsubaProbe:
         for a, (x, y, choice) in zip(wo.tolist(), numbers.tolist(), strict=True):
             self._point.wi = a
             s, weight = self.bsdf.sample(self._context, self._point, choice, (x, y))
-            delta = mi.has_flag(mi.BSDFFlags(s.sampled_type or 2), mi.BSDFFlags.Delta)
-            rows.append((*s.wo, *weight, 0.0 if delta else s.pdf, s.eta))
+            lobe = mi.BSDFFlags(s.sampled_type or 2)
+            straight = mi.has_flag(lobe, mi.BSDFFlags.Null)
+            delta = -1.0 if straight else 0.0  # as a `BsdfSample` says it
+            pdf = delta if mi.has_flag(lobe, mi.BSDFFlags.Delta) else s.pdf
+            rows.append((*s.wo, *weight, pdf, s.eta))
         table = np.array(rows, float)
         return Sampled(table[:, :3], table[:, 3:6], table[:, 6], table[:, 7])
 

@@ -194,7 +194,6 @@ def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(tmp_path):
     """
     around = compiled_by('test_absent_kinds.render_box_with("diffuse")', tmp_path)
     assert {"render_paths", "reflect_light", "scatter_kind"} <= {k.name for k in around}
-    assert compiled_by('test_absent_kinds.render_box_with("diffuse")', tmp_path) == []
     for name in ("conductor", "dielectric"):
         statement = f'test_absent_kinds.render_box_with("{name}")'
         added = compiled_by(statement, tmp_path)

@@ -24,6 +24,15 @@ from renderer import SceneError
 from renderer.command.cli import main
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*/scene.xml"))
+# What is new in these is no shape; `make test` has no time for them.
+OF_MATERIALS = {
+    "bumps",
+    "evening-sky",
+    "leaves",
+    "measured-ball",
+    "principled-gallery",
+    "rough-materials",
+}
 SIDE = 24  # camera rays a side
 
 
@@ -51,10 +60,23 @@ def rays_of(scene: renderer.Scene, kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 def test_all_scenes_are_there():
     assert len(SCENES) >= 16
+    assert {path.parent.name for path in SCENES} > OF_MATERIALS
+
+
+def scenes():
+    """Return all scenes, those marked as slow that are of spheres and rectangles again."""
+    return [
+        pytest.param(
+            path,
+            id=path.parent.name,
+            marks=pytest.mark.slow if path.parent.name in OF_MATERIALS else (),
+        )
+        for path in SCENES
+    ]
 
 
 @every_name
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
+@pytest.mark.parametrize("path", scenes())
 def test_every_scene(name, path):
     """Each kind of primitive that a scene has, as the renderer builds over it."""
     scene = renderer.load_file(path)

@@ -6,6 +6,8 @@ matrices), a sphere of the renderer's, and g itself, sampled densely in double p
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -249,6 +251,25 @@ def test_a_sphere_is_the_sphere():
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-6)
 
 
+def test_bumps_stay_off_it():
+    """It has no u and v: a bump map around its BSDF changes nothing.
+
+    A bump map anywhere in the scene asks all shapes for dp/du and dp/dv.
+    """
+    noiseless = {
+        "integrator": {"type": "direct"},
+        "sky": {"type": "point", "position": [-2, 3, 4]},
+    }
+    image = np.random.default_rng(1).random((4, 4, 1)).astype(np.float32)
+    heights = {"type": "bitmap", "data": image, "raw": True}
+    bumps = {"type": "bumpmap", "h": heights, "nested": {"type": "diffuse"}}
+    place = {"type": "implicit", "expression": SPHERE}
+    found = picture(scene({**place, "bsdf": bumps}, **noiseless))
+    expected = picture(scene({**place, "bsdf": {"type": "diffuse"}}, **noiseless))
+    assert expected.max() > 0.1
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
+
+
 def test_normals_go_by_the_inverse_transpose():
     """An ellipsoid by its equation in the world, and a ball that to_world stretches."""
     text = "((x - 0.1) / 0.5)^2 + (y / 0.4)^2 + (z / 0.5)^2 - 1"
@@ -425,3 +446,10 @@ def test_the_harness_says_that_the_reference_has_no_such_shape(tmp_path):
     assert ours(shape).shapes[0].program.text == "x"
     with pytest.raises(RuntimeError, match="the reference has no such shape"):
         load_edited_scene(path, {})
+
+
+def test_the_picture_of_the_documentation_shows_its_three_surfaces():
+    path = Path(__file__).parent.parent / "docs/isosurfaces/scene.xml"
+    scene = renderer.load_file(path, width=32, height=14)
+    image = renderer.render(scene, spp=1, integrator="aov", threads=1)
+    assert {0.0, 1.0, 2.0} <= set(np.unique(image.aovs["shape_index"]).tolist())

@@ -7,6 +7,7 @@ import pytest
 from bsdf_probes import BsdfProbe, MitsubaProbe, random_directions, seen_under
 from chi_square import assert_follows, cell_masses, histogram
 from scene_file_samples import mi
+from small_scenes import scene, sensor
 
 import renderer
 from mitsuba_ref.reference.merl import register_merl
@@ -187,6 +188,17 @@ def test_its_twin_in_mitsuba_says_the_same(small):
     for one, other in ((a.wi, b.wi), (a.weight, b.weight), (a.pdf, b.pdf)):
         close = np.isclose(one[above], other[above], rtol=1e-3, atol=1e-5)
         assert close.mean() > 0.999  # a half vector at the border of a cell may change it
+
+
+def test_its_albedo_is_mitsubas(small):
+    """A plate: pi f of light along the normal, as Mitsuba's for BSDFs without an own."""
+    plate = {"type": "rectangle", "bsdf": merl(small)}
+    view = sensor((0.3, 0.4, 3), (0, 0, 0), up=(0, 1, 0))
+    content = scene(view, "aov", plate, aovs="a:albedo")
+    albedo = renderer.render(renderer.load_dict(content), spp=1).aovs["a"][0, 0]
+    wo = np.array([[0.3, 0.4, 3.0]]) / np.sqrt(9.25)
+    theirs, _ = MitsubaProbe(merl(small)).eval_pdf(wo, np.array([[0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(albedo, np.pi * theirs[0], rtol=1e-3)
 
 
 # ------------------------------------------------------------------------- sampling

@@ -21,7 +21,8 @@ from mitsuba_ref.replay.replay_scene import replay_scene
 
 # What `make test` has the time for, as each compiles its kernels: every shape, BSDF and
 # area light, textures, vertex normals, instances. The other scenes are compared by
-# statistics there (test_scenes_against_mitsuba.py); `make test-all` replays them all.
+# statistics there, or plugin by plugin (test_scenes_against_mitsuba.py); `make test-all`
+# replays them all.
 QUICK = (
     "analytic-shapes",
     "caustic",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import parameter, points_on
 
+from mitsuba_ref.reference.variant import load_mitsuba
 from renderer import scene_file
 from renderer.scene_file.description import Mesh
 from renderer.scene_file.meshes.surface_area import surface_area
@@ -32,7 +32,7 @@ def test_scene_has_the_shapes_of_mitsuba(path: Path, tmp_path: Path) -> None:
         head, middle, tail = text.partition("<default")
         path = tmp_path / "scene.xml"
         path.write_text(head + folder + middle + tail)
-    reference = mi.load_file(str(path), optimize=False)
+    reference = load_mitsuba().load_file(str(path), optimize=False)
     theirs = reference.shapes()
     assert len(mine.shapes) + len(mine.instances) == len(theirs)
     placed = [theirs[instance.place] for instance in mine.instances]

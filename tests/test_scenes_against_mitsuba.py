@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from test_plugin_scenes import SCENES as PLUGIN_SCENES
 from test_replay_scenes import QUICK as REPLAYED
 
 from mitsuba_ref.command.validation import validate_scene
@@ -23,12 +24,22 @@ QUICK = (
     "colour-bleeding",
     "cropped-film",
     "depth-and-normals",
+    "evening-sky",
     "grey-furnace",
     "kaleidoscope",
     "many-lights",
     "white-furnace",
     "whitted-spheres",
 )
+
+# What these show is replayed by the small scenes of tests/plugins (test_plugin_scenes.py).
+BY_PLUGINS = {
+    "bumps": ("normalmap", "bumpmap"),
+    "leaves": ("mask", "blendbsdf"),
+    "measured-ball": ("merl",),
+    "principled-gallery": ("principled",),
+    "rough-materials": ("roughconductor", "roughdielectric", "roughplastic", "plastic"),
+}
 
 SCENES = sorted((Path(__file__).parent.parent / "scenes").glob("*/scene.xml"))
 
@@ -42,12 +53,15 @@ def references():
 
 
 def test_every_scene_is_compared_in_make_test():
-    """Here or by a replay: a new scene has to be added to one of the two lists.
+    """Here, by a replay, or by plugins: a new scene has to be added to one of the lists.
 
     A name without a folder, or an empty folder, would leave tests out without a word.
     """
     assert len(SCENES) >= 10
-    assert {*QUICK, *REPLAYED} == {scene.parent.name for scene in SCENES}
+    listed = {*QUICK, *REPLAYED, *BY_PLUGINS}
+    assert listed == {scene.parent.name for scene in SCENES}
+    plugins = {scene.stem for scene in PLUGIN_SCENES}
+    assert all(plugins.issuperset(shown) for shown in BY_PLUGINS.values())
 
 
 @pytest.mark.parametrize("scene", WITH_OUR_OWN_NUMBERS, ids=lambda scene: scene.parent.name)

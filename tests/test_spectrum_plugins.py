@@ -83,6 +83,36 @@ def test_d65_with_a_colour_is_that_colour_as_in_mitsuba():
     )
 
 
+RAW = '<texture type="rawconstant" name="{}">{}</texture>'
+VECTOR = '<vector name="value" value="0.5, 0.25, 1"/>'
+
+
+@pytest.mark.parametrize("value", [VECTOR, '<float name="value" value="0.4"/>'])
+def test_rawconstant_is_its_numbers_as_in_mitsuba(value):
+    bsdf = f'<bsdf type="diffuse">{RAW.format("reflectance", value)}</bsdf>'
+    content = f'<shape type="sphere">{bsdf}</shape>'
+    mine = ours(content).shapes[0].bsdf.reflectance.rgb
+    scene = theirs(content)
+    keys = [key for key in _keys(scene) if "reflectance" in key]
+    assert len(keys) == 1
+    np.testing.assert_allclose(
+        mine, np.broadcast_to(parameter(scene, keys[0]), 3), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("alpha", VECTOR, "found a value of type vector, expected a float, or a vector"),
+        ("specular_reflectance", "", "found nothing, expected a float"),
+        ("alpha", '<integer name="value" value="1"/>', "a value of type integer"),
+    ],
+)
+def test_a_rawconstant_without_a_usable_value(name, value, words):
+    bsdf = f'<bsdf type="roughconductor">{RAW.format(name, value)}</bsdf>'
+    assert words in error_of(f'<shape type="sphere">{bsdf}</shape>')
+
+
 def _keys(scene):
     import mitsuba as mi
 

@@ -96,6 +96,17 @@ def test_glass_slab_reflects_what_it_does_not_transmit():
     np.testing.assert_allclose(pixel, 2 * R / (1 + R), rtol=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("null", 1.0), ("thindielectric", (1 - R) / (1 + R))]
+)
+def test_what_goes_straight_on_is_followed(kind, expected):
+    """A light behind a surface that is not there, and behind a pane."""
+    pane = {"type": kind} | ({} if kind == "null" else {"int_ior": 1.5, "ext_ior": 1.0})
+    scene = {"pane": {"type": "rectangle", "bsdf": pane}, "light": wall_light(-3.0, 1.0)}
+    pixel = value(scene, look(*ALONG_Z), cutoff=0.0)
+    np.testing.assert_allclose(pixel, expected, rtol=2e-6)
+
+
 def test_cutoff_drops_rays_of_small_weight():
     """Above r^2 (1 - r) / eta^2 but below the first path's weights, one path is left."""
     scene = {"slab": glass_slab(), "light": wall_light(-3.0, 1.0)}

@@ -209,7 +209,7 @@ class StepByStep:
         if stages.scatter_step(certain, tile, sample, bounce, packed) == 0:
             return None
         direction, throughput = _column(work.rays.direction), _column(work.rays.throughput)
-        pdf = float(work.rays.pdf[0])
+        pdf = max(float(work.rays.pdf[0]), 0.0)
         going_on = stages.scatter_step(self._scene, tile, sample, bounce, packed)
         return Scattered(direction, pdf, throughput, going_on > 0)
 

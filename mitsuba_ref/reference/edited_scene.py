@@ -158,11 +158,10 @@ class _Nodes:
         return True
 
     def set_block_size(self, size: int) -> None:
-        """Set the integrator's block size."""
-        index = self._find("Integrator")
-        if index is None:
-            index = self._add("Integrator", "path", parent=0)
-        self._nodes[index].props["block_size"] = size
+        """Set the block size of all integrators: those inside of others have their own."""
+        found = self._find_all("Integrator") or [self._add("Integrator", "path", parent=0)]
+        for index in found:
+            self._nodes[index].props["block_size"] = size
 
     def replace(self, kind: str, plugin: str, values: Mapping[str, Any]) -> bool:
         """Make the node of `kind` a `plugin` with `values`; False if it is one already."""
@@ -177,9 +176,12 @@ class _Nodes:
         self._nodes[index].props = properties
         return True
 
-    def _find(self, kind: str) -> int | None:
+    def _find_all(self, kind: str) -> list[int]:
         wanted = getattr(self._mi.ObjectType, kind)
-        return next((i for i, node in enumerate(self._nodes) if node.type == wanted), None)
+        return [i for i, node in enumerate(self._nodes) if node.type == wanted]
+
+    def _find(self, kind: str) -> int | None:
+        return next(iter(self._find_all(kind)), None)
 
     def _add(self, kind: str, plugin: str, *, parent: int) -> int:
         index = len(self._nodes)

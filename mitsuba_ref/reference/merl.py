@@ -27,6 +27,7 @@ def register_merl(mi: Any) -> None:
     filename : str
         A `.binary` file of Matusik et al. (2003).
     """
+    import drjit as dr
 
     class MeasuredInMitsuba(mi.BSDF):  # type: ignore[misc]
         def __init__(self, props: Any) -> None:
@@ -65,6 +66,8 @@ def register_merl(mi: Any) -> None:
         def sample(
             self, ctx: Any, si: Any, sample1: float, sample2: Any, active: bool = True
         ) -> tuple[Any, Any]:
+            if si.wi[2] <= 0.0:  # a blend must find no direction here, as of other BSDFs
+                return dr.zeros(mi.BSDFSample3f), mi.Color3f(0.0)
             if sample1 < self.share_of_cosine:
                 wo = mi.warp.square_to_cosine_hemisphere(sample2)
             else:

@@ -28,7 +28,11 @@ def register_whitted(mi: Any) -> None:
         Camera rays pass through area emitters and see no environment.
     """
     smooth = int(mi.BSDFFlags.Smooth)
-    delta_lobes = (mi.BSDFFlags.DeltaReflection, mi.BSDFFlags.DeltaTransmission)
+    delta_lobes = (
+        mi.BSDFFlags.DeltaReflection,
+        mi.BSDFFlags.DeltaTransmission,
+        mi.BSDFFlags.Null,  # of `thindielectric` and `null`
+    )
     contexts = []
     for lobe in delta_lobes:
         # Asked for one lobe alone, a BSDF returns its full weight: the Fresnel factor,

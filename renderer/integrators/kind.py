@@ -26,6 +26,7 @@ class Case(NamedTuple):
     delta: bool  # it has mirrors or glass
     smooth: bool  # it has other BSDFs than these
     chooses: bool  # it has BSDFs that choose between lobes
+    transparent: bool  # what lies behind its holes is nothing
 
     @property
     def depth(self) -> int:

@@ -22,6 +22,11 @@ from renderer.stages.film import add_to_tile, clear
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.scatter import scatter
+from renderer.stages.straight_through import (
+    drop_transparent,
+    keep_marks,
+    mark_camera_rays,
+)
 
 
 @kernel
@@ -44,16 +49,24 @@ def trace_paths(scene, tile, sample, work):
         return
     count = camera_rays(scene, tile, sample, work)
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
+    transparent = settings.transparent != 0
+    if transparent:
+        mark_camera_rays(rays, count)
     bounce = np.int64(0)  # a literal would compile every stage twice
     while count > 0:
         see_sky = bounce > 0 or settings.hide_emitters == 0
         arrive(scene, work, np.int64(0), count, see_sky)
-        if bounce + 1 >= settings.max_depth:
+        last = bounce + 1 >= settings.max_depth
+        if transparent:
+            drop_transparent(scene, work, count, last)
+        if last:
             break
         begin_bounce(scene, tile, sample, work, count)
         group_by_bsdf(scene, work, np.int64(0), count)
         direct_light(scene, tile, sample, bounce, work)
         count = scatter(scene, tile, sample, bounce, work)
+        if transparent:
+            keep_marks(rays, work.points, count)
         reset_hits(hits, np.int64(0), count)
         intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
         bounce += 1
@@ -104,7 +117,7 @@ def decide_without_lights(case: Case, say: Callable[[str, str], None]) -> Decisi
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     depth = case.depth
-    if case.reduce and depth <= 2:
+    if case.reduce and depth <= 2 and not case.transparent:
         say("method", "direct: with max_depth <= 2 a path is direct light alone")
         return decide_direct(case, depth)
     if case.reduce and not case.lights:

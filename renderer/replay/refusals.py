@@ -31,7 +31,8 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
             "sampler 'mitsuba': Mitsuba has no integrator that counts work; possible are "
             "path, direct, depth, aov and whitted"
         )
-    if asked.block_size not in (0, BLOCK_SIZE) or not asked.one_pass:
+    integrators = (asked, asked.nested or asked)
+    if any(i.block_size not in (0, BLOCK_SIZE) or not i.one_pass for i in integrators):
         raise NotReplayable(
             "sampler 'mitsuba': the file divides the work in its own way (block_size, "
             f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.kinds.bsdfs.kind import BsdfKind, Rows
-from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.bsdfs.nesting import Structure, goes_straight
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.registry import kind_of as kind_of
 from renderer.kinds.textures.checkerboard import children
@@ -158,6 +158,11 @@ class MaterialTables:
     def delta(self) -> bool:
         """Whether there are mirrors or glass."""
         return any(kind.delta for kind in self.kinds)
+
+    @property
+    def straight(self) -> bool:
+        """Whether rays go straight on through any surface."""
+        return any(goes_straight(kind) for kind in self.kinds)
 
     @property
     def chooses(self) -> bool:

@@ -15,7 +15,7 @@ _SUPPORTED: dict[str, tuple[str, ...]] = {
     "sampler": ("independent", "stratified", "multijitter", "orthogonal", "ldsampler"),
     "shape": ("shapegroup", "instance"),
     "bsdf": (),
-    "texture": ("srgb", "d65", "regular", "irregular", "blackbody"),
+    "texture": ("srgb", "d65", "rawconstant", "regular", "irregular", "blackbody"),
     "emitter": (),
 }  # and what is registered, see `registered_kinds`
 # Objects that Mitsuba has and this renderer has not; the reader says so by their name.

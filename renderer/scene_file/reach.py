@@ -9,7 +9,7 @@ from renderer.scene_file.document.tree import Element, Value, Vector
 from renderer.scene_file.properties import Properties
 
 FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
-_PLACING = ("center", "radius", "p0", "p1", "to_world")
+_PLACING = ("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world")
 # two factors whose product is too far: one of them is at least this large
 _SUSPECT = 1e9
 

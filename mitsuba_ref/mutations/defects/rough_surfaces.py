@@ -133,8 +133,9 @@ DEFECTS = (
         (
             Edit(
                 "kinds/bsdfs/principled.py",
-                "root = vec3(sqrt(base.x), sqrt(base.y), sqrt(base.z))",
-                "root = vec3(base.x, base.y, base.z)",
+                "sqrt(glass.base_color.x), sqrt(glass.base_color.y), "
+                "sqrt(glass.base_color.z)",
+                "glass.base_color.x, glass.base_color.y, glass.base_color.z",
             ),
         ),
         scene="principled",

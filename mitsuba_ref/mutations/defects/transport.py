@@ -133,8 +133,8 @@ DEFECTS = (
         (
             Edit(
                 "integrators/path.py",
-                "if bounce + 1 >= settings.max_depth:",
-                "if bounce >= settings.max_depth:",
+                "last = bounce + 1 >= settings.max_depth",
+                "last = bounce >= settings.max_depth",
             ),
         ),
         scene="cropped-film",

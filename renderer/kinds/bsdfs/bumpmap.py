@@ -85,8 +85,9 @@ def _turned_frame(bumped, wo):
     s = normalize(select3(there, across, s))
     local = vec3(dot(displaced, s), dot(displaced, cross(n, s)), dot(displaced, n))
     none, one = splat_f32(0.0), splat_f32(1.0)
-    # u and v do not change there: nothing is displaced either
-    local = select3(dot(local, local) > 0.0, normalize(local), vec3(none, none, one))
+    # without u and v nothing is displaced; what the products leave is rounding
+    some = there & (dot(local, local) > 0.0)
+    local = select3(some, normalize(local), vec3(none, none, one))
     return frame_along(facing(bumped, wo, local), select3(there, dp_du, s))
 
 

@@ -29,6 +29,10 @@ def read(properties: Any) -> Description:
     return Description(*read_glass(properties))
 
 
+# Beyond it squares overflow float32, and pictures are NaN, as Mitsuba's are.
+_LARGEST_INDEX = 1e9
+
+
 def read_glass(properties: Any) -> tuple[float, Texture, Texture]:
     """Return the index of refraction, inside over outside, and two colours."""
     return (
@@ -49,6 +53,13 @@ def read_relative_index(properties: Any, interior: str, *, rough: bool = False) 
     if rough and inside == outside:
         name = "int_ior" if properties.has("int_ior") else "ext_ior"
         properties.fail(name, f"{inside:g} on both sides", "two different indices")
+    if not 1.0 / _LARGEST_INDEX <= inside / outside <= _LARGEST_INDEX:
+        name = "int_ior" if properties.has("int_ior") else "ext_ior"
+        properties.fail(
+            name,
+            f"{inside:g} inside of {outside:g}",
+            f"a quotient from {1.0 / _LARGEST_INDEX:g} to {_LARGEST_INDEX:g}",
+        )
     return inside / outside
 
 

@@ -75,7 +75,7 @@ class BsdfSample(NamedTuple):
 
     wi: Any  # unit, local
     weight: Any  # f cos / pdf, or of a delta lobe f / its probability; 0: the path ends
-    pdf: Any  # [1/sr]; 0: a delta lobe
+    pdf: Any  # [1/sr]; 0: a delta lobe; -1: one that goes straight on, as through a hole
     eta: Any  # relative index of refraction that was crossed; 1: reflected
 
 

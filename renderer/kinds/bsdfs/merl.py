@@ -31,6 +31,7 @@ from renderer.lanes.vectors import dot, normalize, select3, vec3
 from renderer.scene_file.description import OtherBsdf
 
 _HALF_PI = np.float32(np.pi / 2)
+_PI = np.float32(np.pi)
 _TWO_PI = np.float32(2 * np.pi)
 _QUARTER_PI_INVERSE = np.float32(0.25 / np.pi)
 _BISECTIONS = 12  # find one of 4096 cells
@@ -198,8 +199,8 @@ def eval_pdf(table, wo, wi):
     by_cosine = INV_PI * cos_i
     pdf = by_half + (by_cosine - by_half) * table.share_of_cosine
     f_cos = _look_up(table, h, wi) * cos_i
-    black = f_cos * 0.0
-    return select3(possible, f_cos, black), select(possible, pdf, 0.0)
+    none = splat_f32(0.0)  # f_cos is NaN where wi is -wo, as behind a hole
+    return select3(possible, f_cos, vec3(none, none, none)), select(possible, pdf, 0.0)
 
 
 @kernel
@@ -213,4 +214,12 @@ def sample(table, wo, numbers):
     return BsdfSample(wi, f_cos / select(some, pdf, 1.0), pdf, splat_f32(1.0))
 
 
-MERL = BsdfKind("merl", Merl, read, "measured (MERL)", sample, eval_pdf)
+@kernel
+def albedo(table, wo):
+    """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
+    none = splat_f32(0.0)
+    f_cos, _ = eval_pdf(table, wo, vec3(none, none, none + 1.0))
+    return _PI * f_cos
+
+
+MERL = BsdfKind("merl", Merl, read, "measured (MERL)", sample, eval_pdf, albedo=albedo)

@@ -94,9 +94,10 @@ def read_merl(path: Path) -> MeasuredTable:
             values = np.frombuffer(file.read(24 * cells), "<f8")
     except OSError as error:
         raise SceneError(f"{path.name}: {error.strerror or error}") from None
-    if not np.isfinite(values).all():
+    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite
+        f = np.maximum(values.reshape(3, -1) * SCALES[:, None], 0.0).astype(np.float32)
+    if not (np.isfinite(values).all() and np.isfinite(f).all()):
         raise SceneError(f"{path.name}: a reflectance is infinite or not a number")
-    f = np.maximum(values.reshape(3, -1) * SCALES[:, None], 0.0).astype(np.float32)
     return MeasuredTable(f.reshape(3, *counts))
 
 

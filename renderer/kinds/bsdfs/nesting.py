@@ -17,6 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.kind import (
     ROWS,
@@ -39,7 +41,9 @@ from renderer.kinds.bsdfs.kind import (
 )
 from renderer.kinds.sampling.arithmetic import to_world
 from renderer.lanes.functions import select, splat_f32, splat_mask
-from renderer.lanes.vectors import select3, vec3
+from renderer.lanes.vectors import dot, select3, vec3
+
+_OPPOSITE = np.float32(-1.0 + 1e-5)  # cosine between directions, but for rounding
 
 
 class Lobe(NamedTuple):
@@ -254,9 +258,15 @@ def _always(form, sample):
 
 @kernel
 def _sample(parameters, wo, numbers):
-    """Sample as the stages expect it: the density of a delta lobe is 0."""
+    """Sample as the stages expect it: without the probability of a delta lobe.
+
+    What is left straight on and unbent was a hole, or might as well have been one.
+    """
     lobe = sample_lobe(parameters, wo, numbers)
-    return BsdfSample(lobe.wi, lobe.weight, select(lobe.delta, 0.0, lobe.pdf), lobe.eta)
+    straight = (dot(lobe.wi, wo) < _OPPOSITE) & (lobe.wi.z * wo.z < 0.0)
+    of_delta = select(straight & (lobe.eta == 1.0), splat_f32(-1.0), 0.0)
+    pdf = select(lobe.delta, of_delta, lobe.pdf)
+    return BsdfSample(lobe.wi, lobe.weight, pdf, lobe.eta)
 
 
 def make_wrapper_known(wrapper: Wrapper) -> None:
@@ -389,6 +399,13 @@ class Structure:
     def row_count(self) -> int:
         """Rows of all parameters."""
         return sum(count for _, _, count in self._rows())
+
+
+def goes_straight(kind: BsdfKind | Structure) -> bool:
+    """Return whether rays go straight on through a BSDF, or one inside of it."""
+    if isinstance(kind, BsdfKind):
+        return kind.straight
+    return kind.wrapper.passes or any(goes_straight(nested) for nested in kind.inside)
 
 
 def leaves_of(kind: BsdfKind | Structure) -> tuple[BsdfKind, ...]:

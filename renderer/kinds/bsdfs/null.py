@@ -27,7 +27,7 @@ def read(properties: Any) -> Description:
 def sample(null, wo, numbers):
     """Go straight on."""
     one = splat_f32(1.0)
-    return BsdfSample(-wo, vec3(one, one, one), splat_f32(0.0), one)
+    return BsdfSample(-wo, vec3(one, one, one), splat_f32(-1.0), one)
 
 
 @kernel

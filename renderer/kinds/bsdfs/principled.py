@@ -180,6 +180,8 @@ def eval_pdf(material, wo, wi):
     fresnel, _, _ = fresnel_dielectric(cos_o, material.eta)
     shown = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
     mirrored = normal_density(facets, h) * shown / (4.0 * wo.z)
+    # between equal indices nothing is mirrored, be it metal: as in Mitsuba
+    mirrored = select(fresnel > 0.0, mirrored, 0.0)
     color = _reflected(material, fresnel, cos_o) * mirrored
     color = color + coat(material, wo, wi, h, schlick_weight(cos_o, material.eta))
     color = color + _diffuse(material, 1.0 - material.metallic, wo, wi, cos_i)

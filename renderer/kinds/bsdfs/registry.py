@@ -68,8 +68,6 @@ for _kind in (
     THIN_DIELECTRIC,
     NULL,
     MERL,
-    THIN_DIELECTRIC,
-    NULL,
 ):
     _register(_kind)
 for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):

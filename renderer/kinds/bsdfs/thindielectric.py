@@ -43,7 +43,8 @@ def sample(pane, wo, numbers):
     reflected = numbers.choice <= _reflectance(pane, wo)
     weight = select3(reflected, pane.specular_reflectance, pane.specular_transmittance)
     wi = vec3(-wo.x, -wo.y, select(reflected, wo.z, -wo.z))
-    return BsdfSample(wi, weight, splat_f32(0.0), splat_f32(1.0))
+    pdf = select(reflected, splat_f32(0.0), -1.0)
+    return BsdfSample(wi, weight, pdf, splat_f32(1.0))
 
 
 @kernel

@@ -65,7 +65,7 @@ def derivatives_of(kind: str, surfaces: Any, shapes: Sequence[Any]) -> Any:
     """Return the record of a kind; `shapes` are all of it, in their order."""
     if kind == "triangles":
         return Flat(surfaces.first, surfaces.end, *_of_triangles(surfaces))
-    if kind not in ("rectangles", *_ROUND):  # those have no u and v
+    if kind not in ("rectangles", *_ROUND):  # no u, no v: nothing is displaced there
         nothing = np.zeros((3, surfaces.end - surfaces.first), np.float32)
         return Flat(surfaces.first, surfaces.end, nothing, nothing)
     maps = np.array([shape.to_world for shape in shapes], float)
@@ -85,7 +85,7 @@ def derivatives_of(kind: str, surfaces: Any, shapes: Sequence[Any]) -> Any:
 
 
 def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
-    """Return both derivatives; 0 where u and v span no area.
+    """Return both derivatives; where u and v span no area, unit vectors, as Mitsuba does.
 
     Meshes without texture coordinates have those of their barycentric ones.
     """
@@ -100,11 +100,22 @@ def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
     there = (
         (area != 0.0) & np.isfinite(along_u).all(axis=0) & np.isfinite(along_v).all(axis=0)
     )
-    along_u, along_v = (
-        np.ascontiguousarray(np.where(there, a, 0.0), np.float32)
-        for a in (along_u, along_v)
+    s, t = _tangents(edge1, edge2)
+    return (
+        np.ascontiguousarray(np.where(there, along_u, s), np.float32),
+        np.ascontiguousarray(np.where(there, along_v, t), np.float32),
     )
-    return along_u, along_v
+
+
+def _tangents(edge1: NDArray[np.float64], edge2: NDArray[np.float64]) -> tuple[Any, Any]:
+    """Return two unit vectors along triangles [Duff2017]; 0 for those without area."""
+    n = np.cross(edge1, edge2, axis=0)
+    length = np.linalg.norm(n, axis=0)
+    x, y, z = n / np.where(length > 0.0, length, 1.0)
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    s = np.array([1.0 + sign * x * x * a, sign * x * y * a, -sign * x])
+    return s * (length > 0.0), np.array([x * y * a, sign + y * y * a, -y]) * (length > 0.0)
 
 
 @interface

@@ -53,6 +53,7 @@ class Plan(Decision):
 
     weigh: bool  # multiple importance sampling
     hide_emitters: bool
+    transparent: bool  # samples that meet nothing but holes are black
     spp: int
     sampler: Sampler
     ray_offset: str = "tight"
@@ -94,6 +95,13 @@ def _has_extended_lights(scene: Scene) -> bool:
         plugin_of(emitter).environment for emitter in scene.description.emitters
     )
     return shapes or environment
+
+
+def _is_transparent(scene: Scene, asked: Integrator) -> bool:
+    """Return whether there are holes, and nothing to be seen behind them."""
+    emitters = scene.description.emitters
+    sky = any(plugin_of(emitter).environment for emitter in emitters)
+    return scene.materials.straight and (asked.hide_emitters or not sky)
 
 
 def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
@@ -219,6 +227,7 @@ def _decide(
         materials.delta,
         materials.smooth,
         materials.chooses,
+        _is_transparent(scene, asked),
     )
     decision = INTEGRATORS[asked.name].decide(case, why.say)
     if replay:
@@ -229,6 +238,7 @@ def _decide(
         **vars(decision),
         weigh=extended and decision.follow and materials.smooth and depth > 1,
         hide_emitters=asked.hide_emitters,
+        transparent=case.transparent,
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,
         replay=replay,

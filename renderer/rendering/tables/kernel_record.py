@@ -138,6 +138,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(plan.weigh),
         int(plan.every_light),
         int(plan.hide_emitters),
+        int(plan.transparent),
         int(with_uv),
         int(variant.previous_points or scene.materials.oriented),
         plan.light_samples,

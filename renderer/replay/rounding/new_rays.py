@@ -123,7 +123,7 @@ def round_rays(bsdfs, settings, rays, end, points):
             rays.previous[c, k] = points.position[c, i]
         old = column(rays.direction, k)
         new = old  # of a smooth lobe `directions.py` has done it
-        if rays.pdf[k] == _ZERO:
+        if rays.pdf[k] <= _ZERO:
             new = _scattered(bsdfs, points, i, old)
         if not _close(new, old, ROUNDING):
             continue

@@ -15,7 +15,7 @@ from renderer.errors import SceneError
 from renderer.scene_file.colors.spectra import as_rgb, emission_of_uniform, srgb_of_spectrum
 from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS, read_spectrum
 from renderer.scene_file.description import Rgb
-from renderer.scene_file.document.tree import Element, RgbValue, SpectrumValue
+from renderer.scene_file.document.tree import Element, RgbValue, SpectrumValue, Vector
 from renderer.scene_file.plugins import varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
@@ -142,6 +142,16 @@ def read_constant_plugin(element: Element, reading: Reading, use: Use | None = N
                 properties.finish()
                 red, green, blue = (grey * component for component in tint.value.rgb)
                 return (red, green, blue)
+        case "rawconstant":
+            raw = properties.take("value")
+            properties.finish()
+            match None if raw is None else raw.value:
+                case float(number):
+                    return (number, number, number)
+                case Vector(xyz=xyz) if use is not Use.NUMBER:  # as Mitsuba's eval_1
+                    return xyz
+            found = f"a value of type {raw.kind}" if raw else "nothing"
+            properties.fail("value", found, "a float, or a vector where a colour is asked")
         case plugin if plugin in OVER_WAVELENGTHS:
             if plugin == "blackbody" and use not in (Use.EMISSION, None):
                 raise SceneError(

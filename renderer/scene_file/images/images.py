@@ -93,6 +93,8 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
         SyntaxError,
         EOFError,
         IndexError,
+        MemoryError,  # a chunk of a PNG may claim 4 GB
         Pillow.DecompressionBombError,
     ) as error:
-        raise SceneError(f"{path}: damaged image: {error}") from None
+        shown = str(error) or "it claims more than fits into memory"
+        raise SceneError(f"{path}: damaged image: {shown}") from None

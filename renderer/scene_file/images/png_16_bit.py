@@ -24,8 +24,8 @@ _LARGEST = 2**28  # pixels
 def is_16_bit_png(path: Path) -> bool:
     """Tell whether a file is a PNG with a bit depth of 16."""
     with path.open("rb") as file:
-        head = file.read(26)
-    return len(head) == 26 and head[:8] == _SIGNATURE and head[24] == 16
+        head = file.read(29)  # the signature and the whole first chunk
+    return len(head) == 29 and head[:8] == _SIGNATURE and head[24] == 16
 
 
 def read_16_bit_png(path: Path) -> NDArray[np.uint16]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from renderer.errors import SceneError
 from renderer.scene_file.description import Bsdf
 from renderer.scene_file.document.tree import Element
+from renderer.scene_file.objects.nesting import check_nesting
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
@@ -26,25 +27,10 @@ def read_bsdf(element: Element, reading: Reading) -> Bsdf:
 
 def _read(properties: Properties) -> Bsdf:
     plugin = properties.element.plugin
-    depth = _depth(properties.element)
-    if depth > DEEPEST:
-        raise SceneError(
-            f"{properties.location}: {properties.element} nests more than {DEEPEST} bsdfs; "
-            f"at most {DEEPEST} inside of one another are possible"
-        )
+    check_nesting(properties.element, DEEPEST)
     bsdf: Bsdf = registered_kinds("bsdf")[plugin].read(properties)
     properties.finish()
     return bsdf
-
-
-def _depth(element: Element) -> int:
-    """Return how many BSDFs are inside of one another, as far as that may matter."""
-    depth, level = 0, [element]
-    while level and depth <= DEEPEST:
-        depth += 1
-        inside = (p.value for e in level for p in e.properties.values())
-        level = [e for e in inside if isinstance(e, Element) and e.tag == "bsdf"]
-    return depth
 
 
 def read_nested(properties: Properties, least: int, most: int, expected: str) -> list[Bsdf]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from renderer.scene_file.colors.colors import Use, read_color, read_constant_plugin
 from renderer.scene_file.description import ConstantTexture, Texture
 from renderer.scene_file.document.tree import Element
+from renderer.scene_file.objects.nesting import check_nesting
 from renderer.scene_file.plugins import registered_kinds, varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+
+DEEPEST = 12  # textures inside of one another; a checkerboard holds two
 
 
 def read_texture(
@@ -76,6 +79,7 @@ def _read(properties: Properties, use: Use) -> Texture:
     element = properties.element
     if element.plugin not in varying_textures():
         return ConstantTexture(read_constant_plugin(element, properties.reading))
+    check_nesting(element, DEEPEST)
     texture: Texture = registered_kinds("texture")[element.plugin].read(properties, use)
     properties.finish()
     return texture
