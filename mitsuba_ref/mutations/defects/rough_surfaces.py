@@ -133,9 +133,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/bsdfs/principled.py",
-                "sqrt(glass.base_color.x), sqrt(glass.base_color.y), "
-                "sqrt(glass.base_color.z)",
-                "glass.base_color.x, glass.base_color.y, glass.base_color.z",
+                "root = vec3(sqrt(base.x), sqrt(base.y), sqrt(base.z))",
+                "root = vec3(base.x, base.y, base.z)",
             ),
         ),
         scene="principled",
