@@ -139,7 +139,7 @@ class ScatterProbe:
         work = self.inputs.workspace()
         for sample in range(samples):
             run_camera_rays(self.inputs.packed, TILE, sample, pack(work))
-            out[:, sample] = work.film[:, :CAPACITY]
+            out[:, sample] = work.film[:2, :CAPACITY]
         return out.astype(float)
 
 
