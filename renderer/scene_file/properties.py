@@ -7,8 +7,9 @@ was asked for is also the list that the message shows.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NoReturn
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from renderer.scene_file.document.tree import UNNAMED, Element, Property, Vector
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.plugins import UNSUPPORTED_TAGS, supported_plugins, supported_tags
 from renderer.scene_file.reading import Reading
+
+T = TypeVar("T")
 
 
 class Properties:
@@ -171,6 +174,28 @@ class Properties:
             second = self.element.properties[found[1][0]].location
             raise SceneError(f"{second}: a second <{tag}> in {self.element}; expected one")
         return found[0][1] if found else None
+
+    def file(self, what: str, expected: str, read: Callable[[Path], T]) -> T:
+        """Return what `read` makes of the file that the property "filename" names.
+
+        Parameters
+        ----------
+        what
+            What is in the file, for messages.
+        expected
+            Which files are possible, said where the property is missing.
+        read
+            Raises `SceneError` for a file that it cannot use; the scene's line is added.
+        """
+        if not self.has("filename"):
+            self.fail("filename", "nothing", expected)
+        name = self.string("filename", "")
+        location = self.element.properties["filename"].location
+        path = self.reading.find_file(name, location, what)
+        try:
+            return read(path)
+        except SceneError as error:
+            raise SceneError(f"{location}: {self.element}: {error}") from None
 
     def take(self, name: str) -> Property | None:
         """Return a property of any kind, for readers that take several, or None."""

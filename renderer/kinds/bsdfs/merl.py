@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.errors import SceneError
 from renderer.jit import kernel
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Float, Table, entry_of
 from renderer.kinds.bsdfs.merl_file import read_merl
@@ -50,15 +49,8 @@ class Merl(NamedTuple):
 
 def read(properties: Any) -> OtherBsdf:
     """Read the properties of a file: the name of another, which holds the measurements."""
-    if not properties.has("filename"):
-        properties.fail("filename", "nothing", "the path of a .binary file (MERL)")
-    name = properties.string("filename", "")
-    location = properties.element.properties["filename"].location
-    path = properties.reading.find_file(name, location, "the measurements")
-    try:
-        table = read_merl(path)
-    except SceneError as error:
-        raise SceneError(f"{location}: {properties.element}: {error}") from None
+    expected = "the path of a .binary file (MERL)"
+    table = properties.file("the measurements", expected, read_merl)
     counts = [float(n) for n in table.f.shape[1:]]
     shares = np.concatenate(([0.0], np.cumsum(table.share_of_half_vectors)))
     return OtherBsdf(

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.jit import kernel
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -63,15 +62,8 @@ class EnvironmentMaps(NamedTuple):
 
 def read(properties: Any) -> EnvironmentMap:
     """Read the properties of a file."""
-    if not properties.has("filename"):
-        properties.fail("filename", "nothing", "the path of an EXR, HDR, PNG or JPEG image")
-    filename = properties.string("filename", "")
-    location = properties.element.properties["filename"].location
-    path = properties.reading.find_file(filename, location, "the image")
-    try:
-        pixels = read_image(path)
-    except SceneError as error:
-        raise SceneError(f"{location}: {properties.element}: {error}") from None
+    expected = "the path of an EXR, HDR, PNG or JPEG image"
+    pixels = properties.file("the image", expected, read_image)
     scale = properties.number("scale", 1.0, at_least=0.0)
     if scale * float(pixels.max()) > float(np.finfo(np.float32).max):
         properties.fail("scale", f"{scale:g}", "one that leaves all pixels finite")

@@ -77,17 +77,9 @@ def _check_chart(properties: Any, mesh: Mesh) -> None:
 
 
 def _file(properties: Any, read: Callable[[Path], MeshData]) -> MeshData:
-    """Read the file of a mesh; what is wrong with it names the scene's line too."""
-    element = properties.element
-    if not properties.has("filename"):
-        properties.fail("filename", "nothing", f"the path of a .{element.plugin} file")
-    name = properties.string("filename", "")
-    location = element.properties["filename"].location
-    path = properties.reading.find_file(name, location, "the mesh")
-    try:
-        return read(path)
-    except SceneError as error:
-        raise SceneError(f"{location}: {element}: {error}") from None
+    plugin = properties.element.plugin
+    mesh: MeshData = properties.file("the mesh", f"the path of a .{plugin} file", read)
+    return mesh
 
 
 MESH_PLUGINS = {

@@ -187,13 +187,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
         )
     (name,) = given
     if name == "filename":
-        text = properties.string(name, "")
-        location = properties.element.properties[name].location
-        path = properties.reading.find_file(text, location, "the grid")
-        try:
-            return name, read_grid(path)
-        except SceneError as error:
-            raise SceneError(f"{location}: {properties.element}: {error}") from None
+        return name, properties.file("the grid", "the path of a .vol file", read_grid)
     value = properties.take(name).value
     expected = "an array of shape (z, y, x, 1), at least 2 points along each axis"
     if not isinstance(value, Tensor):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,24 +88,23 @@ def read(properties: Any, use: Use) -> BitmapTexture:
 
 def _image(properties: Any) -> tuple[Image, str, Location]:
     """Return the image, its name and where the file says it."""
-    if properties.has("filename"):
-        filename = properties.string("filename", "")
-        location = properties.element.properties["filename"].location
-        path = properties.reading.find_file(filename, location, "the image")
-        name, given = path.name, None
-    else:  # dictionaries may hold the pixels
-        name = "data" if properties.has("data") else "bitmap"
-        location = properties.location
-        if not properties.has(name):
-            properties.fail("filename", "nothing", f"the path of an image: {READ_FROM}")
-        given = properties.take(name).value
-        if not isinstance(given, Image):
-            properties.fail(name, "no image", "an array of (height, width, channels)")
+    inline = [n for n in ("data", "bitmap") if n in properties.element.properties]
+    if properties.has("filename") or not inline:
+        expected = f"the path of an image: {READ_FROM}"
+        image, name = properties.file("the image", expected, _texels_and_name)
+        return image, name, properties.element.properties["filename"].location
+    name = inline[0]  # dictionaries may hold the pixels
+    given = properties.take(name).value
+    if not isinstance(given, Image):
+        properties.fail(name, "no image", "an array of (height, width, channels)")
     try:
-        image = read_texels(path) if given is None else checked(given, name)
+        return checked(given, name), name, properties.location
     except SceneError as error:
-        raise SceneError(f"{location}: {properties.element}: {error}") from None
-    return image, name, location
+        raise SceneError(f"{properties.location}: {properties.element}: {error}") from None
+
+
+def _texels_and_name(path: Path) -> tuple[Image, str]:
+    return read_texels(path), path.name
 
 
 def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:
