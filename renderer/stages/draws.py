@@ -6,7 +6,7 @@ surface point, and the light that each point samples.
 
 from __future__ import annotations
 
-from renderer.jit import method_kernel
+from renderer.jit import kernel, method_kernel
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
@@ -19,30 +19,29 @@ from renderer.records.batch import CAPACITY
 from renderer.records.tile import pixel_key, slot_pixel
 
 
-@method_kernel
-def draw_film(sampler, tile, sample, film):
-    """Write where in their pixel the samples of a tile lie, by slot, in [0, 1)^2."""
+@kernel
+def _write_pair(sampler, tile, sample, block, film, row):
+    """Write two numbers in [0, 1) for the sample of each pixel of a tile, by slot."""
     for first in range(0, CAPACITY, 16):
         slot = lane_index() + first
         x, y = slot_pixel(slot)
         if mask_bits((x < tile.width) & (y < tile.height)) == 0:
             continue
-        dx, dy, _, _ = draw4(sampler, pixel_key(tile, slot), sample, FILM_BLOCK)
-        store_row(film, 0, first, dx)
-        store_row(film, 1, first, dy)
+        u, v, _, _ = draw4(sampler, pixel_key(tile, slot), sample, block)
+        store_row(film, row, first, u)
+        store_row(film, row + 1, first, v)
+
+
+@method_kernel
+def draw_film(sampler, tile, sample, film):
+    """Write where in their pixel the samples of a tile lie."""
+    _write_pair(sampler, tile, sample, FILM_BLOCK, film, 0)
 
 
 @method_kernel
 def draw_aperture(sampler, tile, sample, film):
-    """Write where on the lens the samples of a tile lie, by slot, in [0, 1)^2."""
-    for first in range(0, CAPACITY, 16):
-        slot = lane_index() + first
-        x, y = slot_pixel(slot)
-        if mask_bits((x < tile.width) & (y < tile.height)) == 0:
-            continue
-        u, v, _, _ = draw4(sampler, pixel_key(tile, slot), sample, APERTURE_BLOCK)
-        store_row(film, 2, first, u)
-        store_row(film, 3, first, v)
+    """Write where on the lens the samples of a tile lie."""
+    _write_pair(sampler, tile, sample, APERTURE_BLOCK, film, 2)
 
 
 @method_kernel

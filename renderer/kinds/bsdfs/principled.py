@@ -79,21 +79,8 @@ class PrincipledGlass(NamedTuple):
     spec_trans: Float
 
 
-_SCALARS = (
-    "anisotropic",
-    "metallic",
-    "spec_tint",
-    "sheen",
-    "sheen_tint",
-    "flatness",
-    "clearcoat",
-    "clearcoat_gloss",
-)
-_RATES = (
-    "main_specular_sampling_rate",
-    "clearcoat_sampling_rate",
-    "diffuse_reflectance_sampling_rate",
-)
+_SCALARS = Principled._fields[2:10]  # 0 where a file is silent
+_RATES = Principled._fields[-3:]
 
 
 def read(properties: Any) -> OtherBsdf:
@@ -284,13 +271,7 @@ def glass_eval_pdf(glass, wo, wi):
 @kernel
 def _reflected_glass(glass, fresnel, cos_o, front, through):
     """Return the reflectance of the facets; from inside there is no metal and no tint."""
-    weight = schlick_weight(cos_o, glass.eta)
-    crossing = select(cos_o >= 0.0, glass.eta, 1.0 / glass.eta)
-    metal = glass.base_color * (1.0 - weight) + weight
-    tinted = tinted_reflectance(glass.base_color, crossing, weight)
-    rest = 1.0 - glass.metallic
-    plain = rest * (1.0 - glass.spec_tint) * fresnel
-    color = metal * glass.metallic + tinted * (rest * glass.spec_tint) + plain
+    color = _reflected(glass, fresnel, cos_o)
     inside = through * fresnel
     return select3(front, color, vec3(inside, inside, inside))
 
