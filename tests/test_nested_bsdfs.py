@@ -183,13 +183,11 @@ BOARD = '<texture type="checkerboard" name="{}"/>'
         ("mask", "", 'bsdf "mask" holds 0 bsdfs; expected one'),
         ("mask", ONE * 2, 'bsdf "mask" holds 2 bsdfs; expected one'),
         ("mask", ONE + BOARD.format("opaque"), 'has no property "opaque"'),
-        ("blendbsdf", ONE * 2, 'property "weight": found nothing'),
         (
             "blendbsdf",
             '<float name="weight" value="0"/>' + ONE,
             "holds 1 bsdfs; expected two",
         ),
-        ("normalmap", ONE, 'property "normalmap": found nothing'),
         (
             "normalmap",
             '<rgb name="normalmap" value="2"/>' + ONE,
@@ -208,6 +206,21 @@ def test_nestings_that_are_wrong(plugin, content, message):
     assert error_of(text).startswith("<string>:3: ")
     assert message in error_of(text)
     assert mitsuba_refuses(text)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "content", "name"),
+    [("blendbsdf", ONE * 2, "weight"), ("normalmap", ONE, "normalmap")],
+)
+def test_a_texture_that_is_not_there(plugin, content, name):
+    """Mitsuba 3.9.1 is not asked: most times it refuses these, some times it crashes.
+
+    Each of four processes that loaded one of them over and over died within 3000 loads,
+    and once the suite saw it load one; with a texture, 27,000 wrong nestings did neither.
+    """
+    message = error_of(SHAPE.format(plugin, content))
+    assert message.startswith("<string>:3: ")
+    assert f'property "{name}": found nothing' in message
 
 
 @pytest.mark.parametrize(
