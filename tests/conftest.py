@@ -1,0 +1,30 @@
+"""A failure is printed when it happens, not only at the end of the run.
+
+A run that something ends from outside (a hung process, CI's own limit) never comes to
+pytest's closing summary; without this its output says that tests failed and not which.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+
+class FailuresAtOnce:
+    """Prints each failure below the progress line, in the process that reports."""
+
+    def __init__(self, terminal: pytest.TerminalReporter) -> None:
+        self._terminal = terminal
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self._terminal.ensure_newline()
+            self._terminal.write_line(f"FAILED {report.nodeid} ({report.when})")
+            self._terminal.write_line(report.longreprtext)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Join the process that has a terminal: under xdist the controller, no worker."""
+    plugins = session.config.pluginmanager
+    terminal = plugins.get_plugin("terminalreporter")
+    if terminal is not None and not hasattr(session.config, "workerinput"):
+        plugins.register(FailuresAtOnce(terminal))
