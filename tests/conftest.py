@@ -18,7 +18,7 @@ class FailuresAtOnce:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
             self._terminal.ensure_newline()
-            self._terminal.write_line(f"FAILED {report.nodeid} ({report.when})")
+            self._terminal.write_line(f"failed: {report.nodeid} ({report.when})")
             self._terminal.write_line(report.longreprtext)
 
 

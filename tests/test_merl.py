@@ -108,6 +108,7 @@ def spoilt(name, path):
         "too-many": np.array([4096, 4096, 4096], "<i4").tobytes() + good[12:],
         "infinite": good[:-8] + np.array([np.inf]).tobytes(),
         "not-a-number": good[:12] + np.array([np.nan]).tobytes() + good[20:],
+        "signalling": good[:12] + bytes.fromhex("010000000000f07f") + good[20:],
     }[name]
 
 
@@ -125,6 +126,7 @@ def spoilt(name, path):
         ("too-many", "at most"),
         ("infinite", "infinite or not a number"),
         ("not-a-number", "infinite or not a number"),
+        ("signalling", "infinite or not a number"),
     ],
 )
 def test_a_wrong_file_is_an_error_that_says_where(name, says, small, tmp_path):

@@ -488,6 +488,19 @@ def test_binary_ply_with_missing_or_extra_bytes_names_both_counts(
         read_ply(path)
 
 
+@pytest.mark.parametrize("number", ["float", "double"])
+def test_a_signalling_nan_in_a_ply_is_an_error_and_no_warning(tmp_path: Path, number: str):
+    """The processor raises its flag where it casts one, and NumPy a warning."""
+    path = write_ply(tmp_path / "mesh.ply", number=number)
+    content = path.read_bytes()
+    first = content.index(b"end_header\n") + len(b"end_header\n")
+    bits = {"float": "0100807f", "double": "010000000000f07f"}[number]
+    size = len(bits) // 2
+    path.write_bytes(content[:first] + bytes.fromhex(bits) + content[first + size :])
+    with pytest.raises(SceneError, match=r"vertex 0|\(nan, "):
+        build(read_ply(path))
+
+
 @pytest.mark.parametrize(
     ("to_world", "message"),
     [

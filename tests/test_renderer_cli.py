@@ -40,6 +40,14 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture(autouse=True)
+def _heeding_interrupts():
+    """As from a terminal, where nohup or a shell's `&` started the tests too."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def header(path):
     with OpenEXR.File(str(path)) as file:
         return dict(file.header())
@@ -65,11 +73,18 @@ def start():
         process.communicate()
 
 
+# A shell in the background ignores SIGINT, and so would its children. A program of its own
+# and no `preexec_fn`, which may wait for ever for a lock that another thread holds.
+HEED_INTERRUPTS = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+os.execv(sys.executable, [sys.executable, "-m", "renderer", *sys.argv[1:]])
+"""
+
+
 def _process(*arguments, **environment):
     return subprocess.Popen(
-        [sys.executable, "-m", "renderer", *arguments],
-        # a shell in the background ignores SIGINT, and so would its children
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        [sys.executable, "-c", HEED_INTERRUPTS, *arguments],
         env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

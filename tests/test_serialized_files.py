@@ -9,7 +9,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from scene_file_samples import error_of, ours
 from serialized_files import (
@@ -173,6 +173,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path, index):
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
+@example([(82, 129), (83, 127)], 3, 0)  # a signalling NaN, of which a cast warns
 @given(
     st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), max_size=6),
     st.sampled_from([3, 4]),

@@ -94,7 +94,8 @@ def read_merl(path: Path) -> MeasuredTable:
             values = np.frombuffer(file.read(24 * cells), "<f8")
     except OSError as error:
         raise SceneError(f"{path.name}: {error.strerror or error}") from None
-    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite
+    # what float32 cannot hold becomes infinite; a cast warns of a signalling NaN
+    with np.errstate(over="ignore", invalid="ignore"):
         f = np.maximum(values.reshape(3, -1) * SCALES[:, None], 0.0).astype(np.float32)
     if not (np.isfinite(values).all() and np.isfinite(f).all()):
         raise SceneError(f"{path.name}: a reflectance is infinite or not a number")

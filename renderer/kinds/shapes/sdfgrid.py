@@ -196,7 +196,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
     shape = value.values.shape
     if len(shape) != 4 or shape[3] != 1 or min(shape[:3]) < 2:
         properties.fail(name, f"one of shape {shape}", expected)
-    with np.errstate(over="ignore"):  # what is too large is said below
+    with np.errstate(over="ignore", invalid="ignore"):  # said below
         distances = np.ascontiguousarray(value.values[..., 0], np.float32)
     if (wrong := check_distances(distances)) is not None:
         properties.fail(name, wrong, "finite numbers")

@@ -64,7 +64,7 @@ def read(properties: Any, use: Use) -> BitmapTexture:
     if storage == "auto" and texels.dtype == np.uint16:
         storage = "float16"
     if storage not in ("auto", "uint8"):
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             kept = np.float32 if storage == "variant" else np.float16
             texels, srgb = linear_values(texels, srgb).astype(kept), False
         if not np.isfinite(texels).all():

@@ -73,7 +73,7 @@ _embree_guess, _mitsuba_guess = _guess_by(guess_instruction), _guess_by(table_in
 
 @kernel
 def reciprocal(a):
-    """Return 1 / a as Embree computes it, float32, within a unit in the last place."""
+    """Return 1 / a as Embree computes it, float32, within two units in the last place."""
     r = _embree_guess(a)
     return fused_multiply_add(r, fused_multiply_add(-a, r, _ONE), r)
 

@@ -53,8 +53,10 @@ def _read_binary(content: bytes, header: PlyHeader, path: Path) -> dict[str, Col
                 if len(wrong):
                     length = int(rows[_length_of(p)][wrong[0]])
                     raise _other_length(f"{path}", element, p, int(wrong[0]), length)
-            # A double far beyond float32 stays as it is: the mesh reader reports it.
-            columns[element.name][p.name] = column.astype(np.float64)
+            # A double far beyond float32 stays as it is: the mesh reader reports it, and
+            # NaNs, of which the cast would warn where they are signalling ones.
+            with np.errstate(invalid="ignore"):
+                columns[element.name][p.name] = column.astype(np.float64)
     if position != len(content):
         raise SceneError(
             f"{path}: {len(content) - position} bytes are left over after the last "

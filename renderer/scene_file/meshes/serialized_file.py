@@ -191,7 +191,7 @@ def _rows(
     stream: _Stream, count: int, width: int, number: np.dtype, what: str
 ) -> NDArray[np.float64]:
     data = stream.read(count * width * number.itemsize, f"{what}s")
-    with np.errstate(over="ignore"):  # found as not finite
+    with np.errstate(over="ignore", invalid="ignore"):  # found as not finite
         rows = np.frombuffer(data, number).astype(np.float32).astype(np.float64)
     rows = rows.reshape(-1, width)
     bad = first_not_finite(rows)
