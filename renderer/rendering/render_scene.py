@@ -177,7 +177,7 @@ def _image(
     plan = rendering.plan
     asked = rendering.scene.description.integrator
     show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
-    shown = show(rendering.film.develop(), asked)
+    shown = show(rendering.film.develop(rendering.threads), asked)
     return Image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,
