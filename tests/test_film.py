@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import renderer.stages.film
 from renderer.jit import entry_kernel, pack
 from renderer.kinds.sampling.numbers_and_warps import Independent
 from renderer.records.batch import CAPACITY
@@ -213,8 +214,9 @@ def test_what_lies_beyond_the_window_is_dropped():
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("border", [0, 2, 5])
 @pytest.mark.parametrize("beyond", [0, 3])
-def test_developing_adds_the_tiles_up(border, beyond, threads):
+def test_developing_adds_the_tiles_up(border, beyond, threads, monkeypatch):
     """All that overlap at a pixel, also where samples were taken beyond the window."""
+    monkeypatch.setattr(renderer.stages.film, "ALONE", 0)
     film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond)
     film.sums[:] = np.random.default_rng(border).random(film.sums.shape)
     *values, weight = window_sums(film)

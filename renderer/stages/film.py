@@ -110,6 +110,9 @@ def add_to_tile(rfilter, tile, film, radiance, sums, border):
                     sums[channels, row, column] += weight
 
 
+ALONE = 2**17  # pixels that one thread develops while others would start
+
+
 class TileGrid(NamedTuple):
     """How tiles lie over a window of the film."""
 
@@ -213,5 +216,6 @@ class Film:
             end = min(first + TILE_SIZE, self.height)
             develop_rows(self.sums, self.grid, picture, first, end)
 
-        in_threads(min(threads, bands), bands, develop_band)
+        alone = self.height * self.width < ALONE
+        in_threads(1 if alone else threads, bands, develop_band)
         return picture
