@@ -12,6 +12,8 @@ from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.records.kernel_scene import KernelScene
+from renderer.rendering.accuracy import Accuracy
+from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
@@ -35,6 +37,8 @@ class Progress:
     done: int  # samples so far
     total: int
     seconds: float  # in this stage
+    # of the picture so far, where a goal asks for it: infinite before it is known
+    error: float | None = None
 
 
 class Rendering:
@@ -86,6 +90,8 @@ class Rendering:
         self.samples_per_job = max(1, SAMPLES_PER_JOB // asked)
         pixels = sum(tile.width * tile.height for tile in self.film.tiles)
         self.samples_in_all = pixels * plan.spp
+        self.spp = 0  # of the whole picture, at the end or at the last look at its error
+        self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._samples_done = [0] * threads  # each thread writes its own
         self._workspaces: list[Packed | None] = [None] * threads
 
@@ -155,42 +161,83 @@ class Rendering:
         """Samples that are in the film, of all pixels together."""
         return sum(self._samples_done)
 
-    def run(self, progress: Callable[[Progress], None] | None = None) -> bool:
-        """Trace all samples; return whether it went to the end.
+    def run(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        goal: Goal | None = None,
+    ) -> bool:
+        """Trace all samples, or as many as a goal needs; return whether it went to the end.
 
         An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
         while these end is raised.
         """
         start = time.perf_counter()
-        tiles, step = self.film.tiles, self.samples_per_job
-
-        def work(job: int, thread: int) -> None:
-            part, number = divmod(job, len(tiles))
-            first = part * step
-            end = min(first + step, self.plan.spp)
-            self._render(number, first, end, thread)
-            tile = tiles[number]
-            self._samples_done[thread] += tile.width * tile.height * (end - first)
 
         def show() -> None:
             if progress is not None:
                 seconds = time.perf_counter() - start
-                progress(
-                    Progress("render", self.samples_done, self.samples_in_all, seconds)
-                )
+                total, error = self.samples_in_all, None
+                if goal is not None:
+                    total, error = self._expected(goal, seconds)
+                progress(Progress("render", self.samples_done, total, seconds, error))
 
-        # the samples of a tile are added in their order: in a replay a pixel's stream of
-        # random numbers runs on from one to the next, and no sum depends on the threads
-        jobs = -(-self.plan.spp // step) * len(tiles)
-        crew = Crew(self.threads, jobs, work, round_length=len(tiles))
         try:
             show()
-            crew.start()
-            while not crew.wait():
-                show()
+            if goal is None:
+                self._trace(0, self.plan.spp, show)
+                self.spp = self.plan.spp
+            else:
+                self._trace_until(goal, start, show)
             show()
         except KeyboardInterrupt:
             return False
+        return True
+
+    def _trace_until(self, goal: Goal, start: float, show: Callable[[], None]) -> None:
+        halves = Halves(self.film)
+        while True:
+            error = float("inf") if self.accuracy is None else self.accuracy.error
+            seconds = time.perf_counter() - start
+            more = goal.next_samples(self.spp, error, seconds, self.plan.spp)
+            if more == 0:
+                return
+            middle, end = self.spp + more // 2, self.spp + more
+            self._trace(self.spp, middle, show)
+            halves.end_first()
+            self._trace(middle, end, show)
+            self.accuracy = halves.end_second(end, self.threads)
+            self.spp = end
+
+    def _expected(self, goal: Goal, seconds: float) -> tuple[int, float | None]:
+        """Return how many samples there will be, and the error of those that there are."""
+        pixels = self.samples_in_all // self.plan.spp
+        if self.accuracy is None:
+            return self.samples_in_all, float("inf")
+        done, error = self.accuracy.samples, self.accuracy.error
+        spp = goal.expected_samples(done, error, seconds, self.plan.spp)
+        return max(spp * pixels, self.samples_done), error
+
+    def _trace(self, first_sample: int, end_sample: int, show: Callable[[], None]) -> None:
+        """Add samples first_sample .. end_sample - 1 of all pixels; call `show` meanwhile.
+
+        The samples of a tile are added in their order: in a replay a pixel's stream of
+        random numbers runs on from one to the next, and no sum depends on the threads.
+        """
+        tiles, step = self.film.tiles, self.samples_per_job
+
+        def work(job: int, thread: int) -> None:
+            part, number = divmod(job, len(tiles))
+            first = first_sample + part * step
+            end = min(first + step, end_sample)
+            self._render(number, first, end, thread)
+            tile = tiles[number]
+            self._samples_done[thread] += tile.width * tile.height * (end - first)
+
+        jobs = -(-(end_sample - first_sample) // step) * len(tiles)
+        crew = Crew(self.threads, jobs, work, round_length=len(tiles))
+        try:
+            crew.start()
+            while not crew.wait():
+                show()
         finally:
             crew.stop()
-        return True

@@ -206,15 +206,21 @@ class Film:
         """Compile what `develop` calls, or load it."""
         develop_rows(self.sums, self.grid, np.empty((0, 0, 1), np.float32), 0, 0)
 
-    def develop(self, threads: int = 1) -> NDArray[np.float32]:
-        """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight."""
+    def develop(
+        self, threads: int = 1, sums: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float32]:
+        """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight.
+
+        `sums` are others than the film's own, such as those of half of the samples.
+        """
+        sums = self.sums if sums is None else sums
         picture = np.empty((self.height, self.width, self.sums.shape[1] - 1), np.float32)
         bands = -(-self.height // TILE_SIZE)
 
         def develop_band(band: int) -> None:
             first = band * TILE_SIZE
             end = min(first + TILE_SIZE, self.height)
-            develop_rows(self.sums, self.grid, picture, first, end)
+            develop_rows(sums, self.grid, picture, first, end)
 
         alone = self.height * self.width < ALONE
         in_threads(1 if alone else threads, bands, develop_band)
