@@ -35,6 +35,7 @@ __all__ = [
     "load_string",
     "register_bsdf",
     "render",
+    "simplify",
 ]
 
 # Imported when they are first asked for: Numba takes half a second, which whoever wants
@@ -94,6 +95,30 @@ def load_dict(scene: dict[str, Any], *, base_dir: str | Path | None = None) -> S
     from renderer.scene_file import read_dict
 
     return _logged(read_dict(scene, base_dir=base_dir))
+
+
+def simplify(scene: Scene, *words: str) -> Scene:
+    """Return a scene with less in it, one simplification after the other.
+
+    Parameters
+    ----------
+    scene : Scene
+        From `load_file`, `load_string` or `load_dict`; it stays as it is.
+    *words
+        Such as `depth=3`, `textures=mean` or `no-light=lamp`: what `--simplify` takes.
+
+    Raises
+    ------
+    SceneError
+        For a name or a value that does not exist in this scene.
+    """
+    from renderer.scene.scene import build_scene
+    from renderer.scene_file.simplifications.simplify import simplified
+
+    description = scene.description
+    for word in words:
+        description = simplified(description, word)
+    return build_scene(description)
 
 
 def _logged(description: SceneDescription) -> Scene:

@@ -65,6 +65,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     from renderer.scene.scene import build_scene
     from renderer.scene_file import read_file
     from renderer.scene_file.plugin_file import import_plugin_file
+    from renderer.scene_file.simplifications.simplify import simplified
 
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
@@ -74,7 +75,10 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         outputs = [default_output(path)]
     for output in outputs:
         check_output_path(output)
-    scene = build_scene(read_file(path, **dict(options.define)))
+    description = read_file(path, **dict(options.define))
+    for word in options.simplify:
+        description = simplified(description, word)
+    scene = build_scene(description)
     for warning in scene.description.warnings:
         _complain(f"warning: {warning}")
     if options.explain:
@@ -152,6 +156,8 @@ def _command(options: argparse.Namespace) -> str:
             words += [f"--{name.replace('_', '-')}", str(value)]
     for name, value in options.define:
         words += ["-D", f"{name}={value}"]
+    for word in options.simplify:
+        words += ["--simplify", word]
     return shlex.join(words)
 
 
@@ -291,6 +297,14 @@ def _parser() -> argparse.ArgumentParser:
         type=_definition,
         metavar="name=value",
         help="replace a <default> of the file",
+    )
+    add(
+        "--simplify",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="render less than the file says, such as depth=3 or textures=mean; may be "
+        "given several times (docs/simplifications.md)",
     )
     add(
         "--explain",

@@ -544,6 +544,9 @@ class SceneDescription:
     instances: tuple[Instance, ...] = ()
     # of each emitter, how many of `shapes` come before it in the file; (): all of them
     emitter_places: tuple[int, ...] = ()
+    # their names once one was taken out, or the rest would be counted anew; (): all there
+    emitter_names: tuple[str, ...] = ()
+    simplified: tuple[str, ...] = ()  # what was left out of the file's scene, as asked
 
     @property
     def every_shape(self) -> tuple[Shape, ...]:

@@ -35,7 +35,11 @@ def plan_text(
     size = f"{film.crop_width} x {film.crop_height} pixels"
     if (film.crop_width, film.crop_height) != (film.width, film.height):
         size += f" of {film.width} x {film.height}"
-    page = [f"{scene.description.source}: {size}", *_sections(plan)]
+    page = [f"{scene.description.source}: {size}"]
+    if scene.description.simplified:
+        page += ["", "What is simplified, as asked"]
+        page += [line for told in scene.description.simplified for line in _row("-", told)]
+    page += _sections(plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
         plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)

@@ -1,0 +1,1 @@
+"""Scenes with less in them: named steps from one SceneDescription to another."""

@@ -1,0 +1,137 @@
+"""BSDFs with a part of them left out; what has no such part comes back as it is.
+
+The same object is what tells that nothing changes, so nothing is rebuilt in vain.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from renderer.scene_file.description import (
+    Blend,
+    BumpMap,
+    Conductor,
+    ConstantTexture,
+    Dielectric,
+    Diffuse,
+    Mask,
+    NormalMap,
+    Null,
+    OtherBsdf,
+    Rgb,
+    ThinDielectric,
+    TwoSided,
+)
+from renderer.scene_file.simplifications.textures import Colors, mean_texture, recolored
+
+Change = Callable[[Any], Any]
+
+BLACK = ConstantTexture((0.0, 0.0, 0.0))
+# What differs from point to point and is no colour: its mean is another surface, or none.
+SURFACE = {"normalmap", "height"}
+NESTING = {
+    TwoSided: ("front", "back"),
+    Mask: ("nested",),
+    Blend: ("first", "second"),
+    NormalMap: ("nested",),
+    BumpMap: ("nested",),
+}
+
+
+def everywhere(change: Change) -> Change:
+    """Return a change of BSDFs that is made inside of nested ones first, once for each."""
+    done: dict[int, tuple[Any, Any]] = {}  # the old one is kept, or its id is used again
+
+    def changed(bsdf: Any) -> Any:
+        if id(bsdf) not in done:
+            parts = {name: getattr(bsdf, name) for name in NESTING.get(type(bsdf), ())}
+            done[id(bsdf)] = bsdf, change(_replaced(bsdf, parts, changed))
+        return done[id(bsdf)][1]
+
+    return changed
+
+
+def _replaced(bsdf: Any, parts: dict[str, Any], change: Change) -> Any:
+    """Return a BSDF with its parts changed, itself if none of them did."""
+    new = {name: change(part) for name, part in parts.items()}
+    if all(new[name] is part for name, part in parts.items()):
+        return bsdf
+    if isinstance(bsdf, OtherBsdf):
+        return OtherBsdf(bsdf.plugin, {**bsdf.values, **new})
+    return dataclasses.replace(bsdf, **new)
+
+
+def without_texture(bsdf: Any) -> Any:
+    """Put the mean in the place of every texture that is a colour or a number."""
+    if isinstance(bsdf, OtherBsdf):
+        return _replaced(bsdf, dict(bsdf.values), mean_texture)
+    nested = NESTING.get(type(bsdf), ())
+    names = [field.name for field in dataclasses.fields(bsdf)]
+    parts = {n: getattr(bsdf, n) for n in names if n not in nested and n not in SURFACE}
+    return _replaced(bsdf, parts, mean_texture)
+
+
+def without_relief(bsdf: Any) -> Any:
+    """Take away a normal map or a bump map."""
+    return bsdf.nested if isinstance(bsdf, NormalMap | BumpMap) else bsdf
+
+
+def glass_as_nothing(bsdf: Any) -> Any:
+    """Let light go straight through glass, all of it."""
+    glass = isinstance(bsdf, Dielectric | ThinDielectric)
+    return Null() if glass or bsdf.plugin == "roughdielectric" else bsdf
+
+
+def without_specular(bsdf: Any) -> Any:
+    """Leave a coated or principled BSDF its diffuse base.
+
+    Under a coat the base keeps its albedo: what enters and leaves is averaged over the
+    directions. By reciprocity 1 - F = eta^2 (1 - G) for the mean reflectance F of the coat
+    from outside and G from inside [Walter2007, section 4].
+    """
+    if bsdf.plugin == "principled":
+        return Diffuse(bsdf.base_color)
+    if bsdf.plugin not in ("plastic", "roughplastic"):
+        return bsdf
+    passes = 1.0 - float(bsdf.thrown_back)
+    factor = float(bsdf.eta) ** 2 * passes
+
+    def albedo(base: Colors) -> Colors:
+        if bsdf.nonlinear:
+            return factor * passes * base / (1.0 - base * bsdf.thrown_back)
+        return factor * base
+
+    return Diffuse(recolored(bsdf.diffuse_reflectance, albedo))
+
+
+def without_diffuse(bsdf: Any) -> Any:
+    """Blacken the base under a coat; all samples then go to the coat."""
+    if bsdf.plugin not in ("plastic", "roughplastic"):
+        return bsdf
+    if bsdf.diffuse_reflectance == BLACK:
+        return bsdf
+    black: dict[str, Any] = {"diffuse_reflectance": BLACK, "specular_share": 1.0}
+    return OtherBsdf(bsdf.plugin, {**bsdf.values, **black})
+
+
+def metal_as_diffuse(bsdf: Any) -> Any:
+    """Scatter what a metal reflects at normal incidence in all directions."""
+    if not (isinstance(bsdf, Conductor) or bsdf.plugin == "roughconductor"):
+        return bsdf
+    eta, k = (_color(getattr(bsdf, name)) for name in ("eta", "k"))
+    reflected = ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
+
+    def tinted(tint: Colors) -> Colors:
+        return tint * reflected
+
+    return Diffuse(recolored(bsdf.specular_reflectance, tinted))
+
+
+def _color(texture: Any) -> Colors:
+    mean = mean_texture(texture)
+    value: Rgb | float = mean.rgb if isinstance(mean, ConstantTexture) else 1.0
+    return np.broadcast_to(np.asarray(value, np.float64), 3)

@@ -1,0 +1,185 @@
+"""`python -m reports.needs`: the least model of a scene, and what each step to it loses."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.records.machine import circumstances
+from mitsuba_ref.records.proof_file import read_proof
+from renderer.errors import SceneError
+from reports.needs.page import fewer, interval, needs_page, percent, title_of
+from reports.needs.record import SCHEMA, Loss, NeedsRecord, SceneNeeds
+from reports.needs.study import Study, measure
+from reports.records.json_file import write_json
+
+SCENES = Path(__file__).parents[2] / "scenes"
+DEFAULT_OUT = Path("reports/out")
+REFUSED, INTERRUPTED = 1, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, print the tables, write data/needs.json and needs.html.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; None: those of the process.
+
+    Returns
+    -------
+    int
+        0; 1 if a scene was refused; 130 if interrupted.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = _parser().parse_args(words)
+    console, log = Console(), Console(stderr=True)
+    found: list[tuple[SceneNeeds, Study]] = []
+    status = 0
+    try:
+        for path in _paths(given.scenes):
+            log.print(str(path), markup=False, soft_wrap=True)
+            try:
+                found.append(_measured(path, given, log))
+            except SceneError as error:
+                log.print(f"error: {error}", markup=False, soft_wrap=True)
+                status = REFUSED
+                continue
+            _print(found[-1][0], console)
+    except KeyboardInterrupt:
+        status = INTERRUPTED  # what is measured is worth a page
+    if not found:
+        return status
+    record = NeedsRecord(
+        **circumstances("reports.needs", words), scenes=[needs for needs, _ in found]
+    )
+    write_json(given.out / "data" / "needs.json", record, SCHEMA)
+    page = given.out / "needs.html"
+    write_atomically(page, needs_page(record, [study for _, study in found]).encode())
+    console.print(f"The page: {page}", markup=False, soft_wrap=True)
+    return status
+
+
+def _measured(
+    path: Path, given: argparse.Namespace, log: Console
+) -> tuple[SceneNeeds, Study]:
+    size = read_proof(path).test if not given.define else None
+    return measure(
+        path,
+        parameters=dict(given.define) if size is None else size.parameters,
+        spp=given.spp,
+        seeds=given.seeds,
+        tolerance=given.tolerance,
+        say=lambda what: log.print(f"  {what}", markup=False, soft_wrap=True),
+    )
+
+
+def _paths(scenes: Sequence[Path]) -> list[Path]:
+    if list(map(str, scenes)) == ["all"]:
+        return sorted(SCENES.glob("*/scene.xml"))
+    return [scene / "scene.xml" if scene.is_dir() else scene for scene in scenes]
+
+
+def _print(needs: SceneNeeds, console: Console) -> None:
+    width, height = needs.size
+    title = f"{title_of(needs)}: {width} x {height}, {needs.seeds} x {needs.spp} samples"
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 0, 0, 1))
+    for heading in ("left out", "mean", "loss", "at most", "FLIP", "time", "fewer"):
+        left = heading == "left out"
+        table.add_column(heading, justify="left" if left else "right", no_wrap=not left)
+    for loss in needs.losses:
+        kept = loss.error_high <= needs.tolerance
+        table.add_row(*_cells(loss), style=None if kept else "dim")
+    for word in needs.absent:
+        table.add_row(word, *["0"] * 4, "1", "-", style="dim")
+    if needs.least is not None:
+        table.add_section()
+        table.add_row("the least model", *_cells(needs.least)[1:])
+    console.print(table)
+    console.print(needs.command, markup=False, soft_wrap=True)
+
+
+def _cells(loss: Loss) -> list[str]:
+    return [
+        " ".join(loss.words),
+        interval(loss.mean, loss.mean_half_width),
+        percent(loss.error),
+        percent(loss.error_high),
+        f"{loss.flip:.3f}",
+        f"{loss.time:.2f}",
+        fewer(loss.shared_variance),
+    ]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m reports.needs",
+        description="Measure what a scene loses and saves when one thing is left out, and "
+        "find the least model within a tolerance.",
+    )
+    add = parser.add_argument
+    add(
+        "scenes",
+        nargs="+",
+        type=Path,
+        metavar="SCENE.xml",
+        help="or its folder; all: those of scenes/",
+    )
+    add(
+        "--tolerance",
+        type=_share,
+        default=0.01,
+        metavar="1%",
+        help="the largest loss of the least model: root mean relative squared difference, "
+        "upper end of the interval (default: 1%%)",
+    )
+    add("--spp", type=_at_least(1), default=32, help="samples per picture (default: 32)")
+    add("--seeds", type=_at_least(3), default=6, help="pictures of each (default: 6)")
+    add(
+        "-D",
+        dest="define",
+        action="append",
+        default=[],
+        type=_definition,
+        metavar="name=value",
+        help="replace a <default> of the file (default: the test size of its proof.toml)",
+    )
+    add("--out", type=Path, default=DEFAULT_OUT, help="folder (default: reports/out)")
+    return parser
+
+
+def _share(text: str) -> float:
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is less than 0, or no number")
+    return value
+
+
+def _at_least(least: int) -> Callable[[str], int]:
+    def whole(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+        if value < least:
+            raise argparse.ArgumentTypeError(f"{value} is less than {least}")
+        return value
+
+    return whole
+
+
+def _definition(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name.strip() and equals):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
+    return name.strip(), value

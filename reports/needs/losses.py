@@ -1,0 +1,106 @@
+"""The loss between two series of pictures that share their random numbers.
+
+Picture k of both has the seed k, and the samplers are counters of pixel, sample and
+dimension: up to where the simplification makes a difference, both follow the same paths,
+and their noise is not in the difference d_k. Between seeds the d_k are independent, so that
+the mean of d_i d_j over all pairs i != j has no noise in it on average: it estimates the
+square of the true difference at each pixel,
+
+    mean_{i != j} d_i d_j = m^2 - sum_k (d_k - m)^2 / (K (K - 1)),   m the mean of the d_k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from mitsuba_ref.metrics.distances import flip, tile_means
+from renderer.rendering.accuracy import LEFT_OUT, relative_squares
+from reports.needs.record import Loss
+
+ALPHA = 0.05  # of the intervals, two-sided
+
+Pictures = Sequence[NDArray[np.float32]]
+Floats = NDArray[np.float64]
+
+
+def loss_between(
+    full: Pictures, less: Pictures, words: Sequence[str], sentence: str, time: float
+) -> Loss:
+    """Return the loss of `less`; picture k of both has the same seed, k < K, K >= 3."""
+    a, b = np.asarray(full, np.float64), np.asarray(less, np.float64)
+    d = b - a
+    level = float(a.mean()) or 1.0  # a black picture: absolute
+    mean, mean_width = _interval(d.mean(axis=(1, 2, 3)), 1)
+    tiles = np.array([tile_means(one).mean(axis=2).ravel() for one in d])
+    tile, tile_width = _interval(tiles, tiles.shape[1])
+    worst = int(np.argmax(np.abs(tile)))
+    error, high = _relative_loss(d, a.mean(axis=0))
+    noise = float((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)).sum())
+    shared = float(d.var(axis=0, ddof=1).sum())
+    return Loss(
+        words=list(words),
+        sentence=sentence,
+        mean=float(mean) / level,
+        mean_half_width=float(mean_width) / level,
+        tile=float(tile[worst]) / level,
+        tile_half_width=float(tile_width[worst]) / level,
+        tiles_off=int(np.sum(np.abs(tile) > tile_width)),
+        tiles=tile.size,
+        error=error,
+        error_high=high,
+        flip=flip(_float32(b.mean(axis=0)), _float32(a.mean(axis=0))) if d.any() else 0.0,
+        time=time,
+        shared_variance=shared / noise if noise else None,
+    )
+
+
+def _interval(values: Floats, tests: int) -> tuple[Any, Any]:
+    """Return mean and half width over the first axis, by Student's t.
+
+    Several intervals hold together (Sidak).
+    """
+    count = len(values)
+    alpha = -np.expm1(np.log1p(-ALPHA) / tests)
+    t = -float(special.stdtrit(count - 1, alpha / 2.0))
+    return values.mean(axis=0), t * values.std(axis=0, ddof=1) / np.sqrt(count)
+
+
+def _relative_loss(d: Floats, reference: Floats) -> tuple[float, float]:
+    """Return the root of the noise-free mean relative square, and its upper end.
+
+    The interval is by the jackknife over seeds. As in every relative error here, the
+    thousandth of the values with the largest differences is left out, the same ones in
+    all that the jackknife compares.
+    """
+    squares = relative_squares(d.mean(axis=0), reference)
+    left_out = int(np.ceil(LEFT_OUT * squares.size)) if squares.size > 1 else 0
+    kept = np.argpartition(squares, -1 - left_out, axis=None)[: squares.size - left_out]
+    denominators = relative_squares(np.ones_like(reference), reference).ravel()[kept]
+    chosen = d.reshape(len(d), -1)[:, kept] * np.sqrt(denominators)
+    whole = _noise_free_square(chosen)
+    count = len(d)
+    without = [_noise_free_square(np.delete(chosen, k, axis=0)) for k in range(count)]
+    scatter = np.sum((np.array(without) - np.mean(without)) ** 2)
+    error = np.sqrt((count - 1) / count * scatter)
+    t = -float(special.stdtrit(count - 1, ALPHA / 2.0))
+    return _root(whole), _root(max(whole, 0.0) + t * float(error))
+
+
+def _noise_free_square(d: Floats) -> float:
+    """Return the mean of d_i d_j over all pairs of rows and all columns."""
+    count = len(d)
+    pairs = d.sum(axis=0) ** 2 - (d**2).sum(axis=0)
+    return float(pairs.mean()) / (count * (count - 1))
+
+
+def _root(square: float) -> float:
+    return float(np.sqrt(max(square, 0.0)))
+
+
+def _float32(picture: Floats) -> NDArray[np.float32]:
+    return picture.astype(np.float32)

@@ -1,0 +1,207 @@
+"""Render a scene with one thing less at a time, then with all that it does not need.
+
+The least model is found greedily: what saves most time comes first, and stays where the
+loss of all that was left out so far, measured anew, is within the tolerance.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import renderer
+from renderer.picture.image import Image
+from renderer.rendering.planning.plan import make_plan
+from renderer.scene.scene import Scene
+from renderer.scene_file.simplifications.simplify import differs, offered, simplified
+from reports.needs.losses import loss_between
+from reports.needs.record import Loss, SceneNeeds
+
+ENOUGH = 1.0  # seconds of the full scene that are enough to time both by
+DEEPEST = 32  # segments; what needs more is not cut
+SLOWER = 1.05  # a model that takes longer than this times the last is no gain
+# of the plan's lines, what each claim says is not there
+CLAIMS = {"Russian roulette": "roulette=off", "textures and uv": "textures=mean"}
+
+Picture = NDArray[np.float32]
+
+
+@dataclass
+class Study:
+    """One scene on its way through the measurements."""
+
+    scene: Scene
+    spp: int
+    seeds: int
+    tolerance: float
+    say: Callable[[str], None] = lambda _: None
+    full: list[Picture] = field(default_factory=list)  # picture k has seed k
+    seconds: float = 0.0
+    differences: dict[str, Picture] = field(default_factory=dict)  # words -> mean
+
+    def render(self, scene: Scene, seed: int, spp: int | None = None) -> Image:
+        """Render with a sampler whose numbers depend on nothing but their place."""
+        return renderer.render(scene, spp or self.spp, seed, sampler="independent")
+
+    def start(self) -> None:
+        """Render the full scene with every seed."""
+        self.say("the full scene")
+        self.render(self.scene, 0, 1)  # compiles and builds
+        images = [self.render(self.scene, seed) for seed in range(self.seeds)]
+        self.full = [image.pixels for image in images]
+        self.seconds = float(np.median([image.seconds for image in images]))
+
+    def loss(self, words: Sequence[str]) -> Loss:
+        """Measure simplifications, all of them at once.
+
+        Raises
+        ------
+        AssertionError
+            If the full scene is not rendered twice alike.
+        """
+        name = " ".join(words)
+        self.say(name)
+        less = renderer.simplify(self.scene, *words)
+        self.render(less, 0, 1)
+        pictures: list[Picture] = []
+        times: list[float] = []
+        full_times: list[float] = []
+        for seed in range(self.seeds):
+            # both take turns: the machine's pace drifts
+            if sum(full_times) < ENOUGH:
+                full_times.append(self._full_again(seed))
+            image = self.render(less, seed)
+            times.append(image.seconds)
+            pictures.append(image.pixels)
+        # the best of as many turns each: what disturbs a run only makes it longer
+        time = min(times[: len(full_times)]) / min(full_times)
+        told = [one.partition(": ")[2] for one in less.description.simplified]
+        told = told[len(self.scene.description.simplified) :]
+        found = loss_between(self.full, pictures, words, "; ".join(told), time)
+        self.differences[name] = mean_picture(pictures) - mean_picture(self.full)
+        return found
+
+    def _full_again(self, seed: int) -> float:
+        image = self.render(self.scene, seed)
+        assert np.array_equal(image.pixels, self.full[seed], equal_nan=True)
+        return max(image.seconds, 1e-9)
+
+
+def mean_picture(pictures: Sequence[Picture]) -> Picture:
+    """Return the mean of pictures, summed in double precision."""
+    return np.asarray(np.mean(pictures, axis=0, dtype=np.float64), np.float32)
+
+
+def measure(
+    path: Path,
+    *,
+    parameters: Mapping[str, str | int] | None = None,
+    spp: int = 32,
+    seeds: int = 6,
+    tolerance: float = 0.01,
+    say: Callable[[str], None] = lambda _: None,
+) -> tuple[SceneNeeds, Study]:
+    """Measure one scene file.
+
+    Parameters
+    ----------
+    path
+        The scene.
+    parameters
+        Values for the `<default>`s of the file.
+    spp, seeds
+        Samples per pixel of each picture, and pictures of each model; at least 3.
+    tolerance
+        What the upper end of the loss's interval may be; 0.01 is 1 %.
+    say
+        Told what is measured now.
+
+    Raises
+    ------
+    SceneError
+        If the scene cannot be rendered.
+    AssertionError
+        If something that the plan leaves out for nothing changes the picture.
+    """
+    scene = renderer.load_file(path, **(parameters or {}))
+    study = Study(scene, spp, seeds, tolerance, say)
+    study.start()
+    changing, absent = offered(scene.description)
+    _check_absent(study, absent)
+    losses = [*_depths(study), *(study.loss([word]) for word in changing)]
+    _check_claims(study, losses)
+    least = least_model(study, losses)
+    words = least.words if least is not None else []
+    film = scene.description.camera.film
+    needs = SceneNeeds(
+        scene=str(path),
+        size=[film.crop_width, film.crop_height],
+        spp=spp,
+        seeds=seeds,
+        tolerance=tolerance,
+        seconds=study.seconds,
+        losses=losses,
+        absent=absent,
+        least=least,
+        command=command(path, words),
+    )
+    return needs, study
+
+
+def command(path: Path, words: Sequence[str]) -> str:
+    """Return the command that renders the model."""
+    named = [part for word in words for part in ("--simplify", word)]
+    return shlex.join(["python", "-m", "renderer", str(path), *named])
+
+
+def _depths(study: Study) -> list[Loss]:
+    """Return the losses of depth 1, 2, ... up to the first within the tolerance."""
+    losses: list[Loss] = []
+    full = study.scene.description
+    for depth in range(1, DEEPEST + 1):
+        word = f"depth={depth}"
+        if not differs(full, simplified(full, word)):
+            break
+        losses.append(study.loss([word]))
+        if losses[-1].error_high <= study.tolerance:
+            break
+    return losses
+
+
+def least_model(study: Study, losses: Sequence[Loss]) -> Loss | None:
+    """Return the model that leaves out the most time, and its loss; None: the full one."""
+    least: Loss | None = None
+    for one in sorted(losses, key=lambda loss: loss.time):
+        if one.error_high > study.tolerance:
+            continue
+        trial = one
+        if least is not None:
+            shorter = renderer.simplify(study.scene, *least.words).description
+            if not differs(shorter, simplified(shorter, one.words[0])):
+                continue
+            trial = study.loss([*least.words, *one.words])
+        faster = trial.time <= SLOWER * (1.0 if least is None else least.time)
+        if faster and trial.error_high <= study.tolerance:
+            least = trial
+    return least
+
+
+def _check_absent(study: Study, absent: Sequence[str]) -> None:
+    """Check that leaving out what is not there changes no bit, all at once."""
+    if absent:
+        same = study.render(renderer.simplify(study.scene, *absent), 0)
+        assert np.array_equal(same.pixels, study.full[0], equal_nan=True), absent
+
+
+def _check_claims(study: Study, losses: Sequence[Loss]) -> None:
+    """Check that what the plan leaves out because it is not needed loses nothing at all."""
+    lines = " ".join(make_plan(study.scene, sampler="independent", spp=study.spp).lines)
+    for claim, word in CLAIMS.items():
+        measured = [loss for loss in losses if loss.words == [word]]
+        if f"{claim}:" in lines:
+            assert all(loss.exact for loss in measured), (claim, measured)
