@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 import renderer
 from renderer.picture.image import Image
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.simplifications.simplify import differs, offered, simplified
 from reports.needs.losses import loss_between
 from reports.needs.record import Loss, SceneNeeds
 
 ENOUGH = 1.0  # seconds of the full scene that are enough to time both by
+REFERENCE_SEED = 4_000_000_000
 DEEPEST = 32  # segments; what needs more is not cut
 SLOWER = 1.05  # a model that takes longer than this times the last is no gain
 # of the plan's lines, what each claim says is not there
@@ -41,6 +42,7 @@ class Study:
     tolerance: float
     say: Callable[[str], None] = lambda _: None
     full: list[Picture] = field(default_factory=list)  # picture k has seed k
+    reference: Picture = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
     seconds: float = 0.0
     differences: dict[str, Picture] = field(default_factory=dict)  # words -> mean
 
@@ -54,6 +56,8 @@ class Study:
         self.render(self.scene, 0, 1)  # compiles and builds
         images = [self.render(self.scene, seed) for seed in range(self.seeds)]
         self.full = [image.pixels for image in images]
+        samples = min(self.spp * self.seeds, MOST_SAMPLES)
+        self.reference = self.render(self.scene, REFERENCE_SEED, samples).pixels
         self.seconds = float(np.median([image.seconds for image in images]))
 
     def loss(self, words: Sequence[str]) -> Loss:
@@ -82,7 +86,9 @@ class Study:
         time = min(times[: len(full_times)]) / min(full_times)
         told = [one.partition(": ")[2] for one in less.description.simplified]
         told = told[len(self.scene.description.simplified) :]
-        found = loss_between(self.full, pictures, words, "; ".join(told), time)
+        found = loss_between(
+            self.full, pictures, self.reference, words, "; ".join(told), time
+        )
         self.differences[name] = mean_picture(pictures) - mean_picture(self.full)
         return found
 

@@ -125,7 +125,7 @@ def _without_roulette(integrator: Integrator) -> Integrator:
         return integrator
     if integrator.max_depth < 0:
         raise SceneError(
-            "simplification roulette=off: the file's paths have no max_depth, and might "
+            "simplification roulette=off: the scene's paths have no max_depth, and might "
             "never end; possible: roulette=off after depth=K"
         )
     if integrator.rr_depth >= integrator.max_depth:
