@@ -1,0 +1,33 @@
+"""Normals that the geometry does not have: the terminator of a smooth-shaded mesh."""
+
+from __future__ import annotations
+
+from mitsuba_ref.expected_failures.light import terminator_band
+from reports.limits.row import Row
+
+
+def terminator_error(degrees: float) -> float:
+    """Return the RMSE where the light grazes, of a sphere's mesh with such facets."""
+    return terminator_band(round(360 / degrees))
+
+
+ROWS = (
+    Row(
+        name="terminator",
+        chapter="light",
+        method="Interpolated normals on a mesh",
+        stress="degrees of a circle that one facet spans",
+        measure=terminator_error,
+        quantity="error",
+        unit="RMSE where the sphere has 0 < cosine < 0.2",
+        strengths=(2.8125, 5.625, 11.25, 22.5, 45.0),
+        tolerance=0.02,
+        holds_at=5.625,
+        fails_at=22.5,
+        why="A facet that looks away from the light is in its own shadow as a whole, "
+        "whatever its vertex normals say.",
+        instead="Finer meshes, or a sphere as a sphere; moving the start of shadow rays "
+        "(Hanika 2021) would hide it.",
+        source="Hanika 2021, section 4; measured here",
+    ),
+)
