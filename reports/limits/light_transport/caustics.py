@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mitsuba_ref.expected_failures.light import caustic_of_a_point_light
 from reports.limits.light_transport.one_point import (
+    SIZE,
     estimates,
     scene_at,
     spread_of_a_sample,
@@ -22,11 +26,18 @@ _LAMP = """<shape type="sphere"><point name="center" value="0,0,5"/>
 _LOOKAT = 'origin="6,0,1" target="0,0,0" up="0,0,1"'
 
 
-def lamp_above(distance_over_radius: float, *, ball: bool) -> float:
-    """Return the spread of a sample below a spherical lamp, behind a glass ball or not."""
+def light_below_lamp(
+    distance_over_radius: float, *, ball: bool, spp: int = SPP, size: int = SIZE
+) -> NDArray[np.float64]:
+    """Return estimates of the light below a spherical lamp, behind a glass ball or not."""
     lamp = _LAMP.format(radius=DISTANCE / distance_over_radius)
-    scene = scene_at(_FLOOR + lamp + (_BALL if ball else ""), _LOOKAT, depth=8)
-    return spread_of_a_sample(estimates(scene, SPP), SPP)
+    body = _FLOOR + lamp + (_BALL if ball else "")
+    return estimates(scene_at(body, _LOOKAT, depth=8, size=size), spp)
+
+
+def spread_below_lamp(distance_over_radius: float, *, ball: bool) -> float:
+    """Return the spread of a single sample of it."""
+    return spread_of_a_sample(light_below_lamp(distance_over_radius, ball=ball), SPP)
 
 
 def light_lost_behind_ball(radius_over_miss: float) -> float:
@@ -61,7 +72,7 @@ ROWS = (
         chapter="light",
         method="Path tracing below a glass ball",
         stress="lamp's distance over its radius",
-        measure=partial(lamp_above, ball=True),
+        measure=partial(spread_below_lamp, ball=True),
         quantity="error",
         unit="standard deviation of a sample over the mean",
         strengths=(5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0),
@@ -79,7 +90,7 @@ ROWS = (
         chapter="light",
         method="Path tracing below the same lamp, without the ball",
         stress="lamp's distance over its radius",
-        measure=partial(lamp_above, ball=False),
+        measure=partial(spread_below_lamp, ball=False),
         quantity="error",
         unit="standard deviation of a sample over the mean",
         strengths=(5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0),
