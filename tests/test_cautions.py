@@ -6,12 +6,18 @@ all pass, get none.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import renderer
+from mitsuba_ref.command.scene_table import print_table
+from mitsuba_ref.our_renderer.picture import render_ours
+from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.results import SceneResult
 from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.cautions.closed_meshes import encloses, is_closed
 from renderer.rendering.planning.cautions.overlap import overlap
@@ -156,6 +162,16 @@ def test_explain_says_them_with_their_row():
     assert "1 shapes of glass ('cube')" in text
     assert "(atlas: glass-depth)" in text
     assert "known to fail" not in plan_text(renderer.load_file(SCENES[0]))
+
+
+def test_the_harness_prints_them():
+    """Below the table, with the scene's name; verdicts do not depend on them."""
+    request = RenderRequest(str(ROOT / "tests/plugins/diffuse.xml"), spp=1)
+    assert render_ours(request).cautions == ()
+    result = SceneResult(name="box", verdict="pass", cautions=("glass [dark]",))
+    output = io.StringIO()
+    print_table([result], Console(file=output, width=120))
+    assert "caution box: glass [dark]\n" in output.getvalue()
 
 
 def test_closed_meshes():
