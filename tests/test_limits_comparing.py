@@ -26,6 +26,16 @@ def test_both_sides_of_the_boundary(row):
     assert sides.fails_behind, f"ALARM: {sides.behind} at {row.fails_at} holds"
 
 
+PICTURED = [row for row in ROWS if row.picture is not None]
+
+
+@pytest.mark.parametrize("row", PICTURED, ids=lambda row: row.name)
+def test_pictures_show_something(row):
+    picture = row.picture()
+    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3
+    assert np.std(picture) > 10.0
+
+
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_rows_make_sense(row):
     """Strengths grow, the boundary lies among them, and every word is there."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 import renderer
 from mitsuba_ref.reference.variant import load_mitsuba
 from reports.limits.row import Row
+from reports.limits.screen import on_screen
 
 DISTANCE = 8.0  # of the camera
 DIFFERENT = 0.1  # radiance; the squares have 0.7 and 0.2
@@ -70,6 +71,12 @@ def _share(apart: NDArray[np.bool_]) -> float:
     return float(np.mean(apart[_ours(_text(100.0)) < 0.5]))
 
 
+def surfaces_seen() -> NDArray[np.uint8]:
+    """Show a gap of 1e-8 of the distance by this renderer and by Mitsuba."""
+    text = _text(1e8)
+    return on_screen((_ours(text), _theirs(text)), enlarged=4)
+
+
 _GAPS = (1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9)
 _STRESS = "distance over the gap between the surfaces"
 _UNIT = "of the pixels differ"
@@ -92,6 +99,7 @@ ROWS = (
         instead="A gap of a millionth of the distance or more, or one surface with a mask; "
         "boxes that stand on a floor sunk into it.",
         source="measured here",
+        picture=surfaces_seen,
     ),
     Row(
         name="coincident-same-material",

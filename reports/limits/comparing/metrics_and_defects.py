@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import renderer
 from mitsuba_ref.metrics import distances
 from reports.limits.row import Row
+from reports.limits.screen import on_screen
 
 Picture = NDArray[np.float64]
 
@@ -121,6 +122,13 @@ def hidden_share(noise: float, *, metric: Metric, defect: Defect) -> float:
     return alone / with_defect
 
 
+def defects_seen() -> NDArray[np.uint8]:
+    """Show the right picture, and each defect of `_DEFECTS` in order."""
+    right, random = right_picture(), np.random.default_rng(5)
+    wrong = [make(right, random) for _, make, _ in _DEFECTS.values()]
+    return on_screen([right, *wrong])
+
+
 _NOISES = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _METRICS: dict[str, tuple[str, Metric]] = {
     "rmse": ("RMSE", distances.rmse),
@@ -183,6 +191,7 @@ def _row(
         why=why,
         instead=instead,
         source="measured here",
+        picture=defects_seen if metric == "rmse" and defect == "shift" else None,
     )
 
 

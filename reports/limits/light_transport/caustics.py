@@ -15,6 +15,7 @@ from reports.limits.light_transport.one_point import (
     spread_of_a_sample,
 )
 from reports.limits.row import Row
+from reports.limits.screen import on_screen
 
 SPP = 64
 DISTANCE = 5.0  # of the lamp from the floor
@@ -43,6 +44,33 @@ def spread_below_lamp(distance_over_radius: float, *, ball: bool) -> float:
 def light_lost_behind_ball(radius_over_miss: float) -> float:
     """Return the share of a point light's light that path tracing loses on the floor."""
     return max(0.0, 1.0 - caustic_of_a_point_light(1.0 / radius_over_miss))
+
+
+_WIDE = """<shape type="rectangle"><transform name="to_world"><scale value="3"/>
+    </transform><bsdf type="diffuse"/></shape>"""
+_VIEW = 'origin="6,0,5" target="0,0,0.6" up="0,0,1"'
+
+
+def caustics_on_a_floor() -> NDArray[np.uint8]:
+    """Show the ball's caustic of lamps of one power and radii of 1/2, 1/16 and 1/128."""
+    pictures = []
+    for radius in (0.5, 1 / 16, 1 / 128):
+        body = _WIDE + _BALL + _LAMP.format(radius=radius)
+        scene = scene_at(body, _VIEW, depth=8, size=96, fov=45.0)
+        values = estimates(scene, SPP) * (0.5 / radius) ** 2
+        pictures.append(values.reshape(96, 96))
+    return on_screen(pictures, exposure=15.0)
+
+
+def shadow_of_a_ball() -> NDArray[np.uint8]:
+    """Show the ball under a lamp of radius 1/2, and under a point light."""
+    lamps = (_LAMP.format(radius=0.5), _POINT)
+    pictures = []
+    for lamp, power in zip(lamps, (np.pi / 4, 1.0), strict=True):
+        scene = scene_at(_WIDE + _BALL + lamp, _VIEW, depth=8, size=96, fov=45.0)
+        values = estimates(scene, 256, integrator="path") / power
+        pictures.append(values.reshape(96, 96))
+    return on_screen(pictures, exposure=20.0)
 
 
 _PANE = """<shape type="rectangle"><transform name="to_world"><scale value="9"/>
@@ -84,6 +112,7 @@ ROWS = (
         instead="A larger lamp, or light traced from the lamp (photon maps, bidirectional "
         "paths), which this renderer does not have.",
         source="measured here; Veach 1997, section 8.3",
+        picture=caustics_on_a_floor,
     ),
     Row(
         name="lamp-radius-without-glass",
@@ -118,6 +147,7 @@ ROWS = (
         "ball there is exactly nothing, where it should be brightest.",
         instead="A small sphere with the same power, and many samples.",
         source="Veach 1997, section 8.3; measured here",
+        picture=shadow_of_a_ball,
     ),
     Row(
         name="point-light-behind-glass",

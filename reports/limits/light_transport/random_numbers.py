@@ -5,10 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 import renderer
 from reports.limits.light_transport.one_point import estimates, scene_at
 from reports.limits.row import Row
+from reports.limits.screen import on_screen
 
 _PENUMBRA = """<shape type="rectangle"><bsdf type="diffuse"/></shape>
 <shape type="rectangle"><transform name="to_world"><scale value="0.3"/>
@@ -61,11 +63,22 @@ def error_at_stripes(periods: float, *, sampler: str, jitter: bool = True) -> fl
     jitter : bool
         Whether the strata's samples are anywhere in them, or in their middle.
     """
+    share = _white(periods, sampler, jitter=jitter)
+    return float(np.sqrt(np.mean((share - 0.5) ** 2)) / 0.5)
+
+
+def _white(periods: float, sampler: str, *, jitter: bool = True) -> NDArray[np.float64]:
+    """Return the share of white squares that each pixel finds, (32, 32)."""
     switch = "" if jitter else '<boolean name="jitter" value="false"/>'
     text = _STRIPES.format(sampler=sampler, jitter=switch, scale=32.0 * periods)
     image = renderer.render(renderer.load_string(text), integrator="direct")
-    share = image.pixels[..., 0].astype(np.float64) * np.pi  # of white squares
-    return float(np.sqrt(np.mean((share - 0.5) ** 2)) / 0.5)
+    return image.pixels[..., 0].astype(np.float64) * np.pi
+
+
+def stripes_seen() -> NDArray[np.uint8]:
+    """Show 4.1 periods a pixel, which should be grey, without jitter and with it."""
+    pictures = [_white(4.1, "stratified", jitter=jitter) for jitter in (False, True)]
+    return on_screen(pictures, enlarged=6)
 
 
 _PERIODS = (1.0, 2.0, 3.0, 4.0, 8.0, 12.0)
@@ -121,6 +134,7 @@ ROWS = (
         "or all black, and no picture with as many samples shows the error.",
         instead="Jitter, which makes noise of it.",
         source="Dippe and Wold 1985; measured here",
+        picture=stripes_seen,
     ),
     Row(
         name="strata-with-jitter",

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
+from numpy.typing import NDArray
+
 from reports.limits.light_transport.one_point import (
     by_one_strategy,
     scene_at,
     spread_of_a_sample,
 )
 from reports.limits.row import Row
+from reports.limits.screen import on_screen
 
 SPP = 64
 _PLATE = """<shape type="rectangle"><bsdf type="roughconductor">
@@ -52,6 +56,20 @@ def large_lamp_near(half_width: float, *, strategy: str) -> float:
     return spread_of_a_sample(by_one_strategy(scene, SPP, strategy), SPP)
 
 
+def strategies_seen() -> NDArray[np.uint8]:
+    """Show a smooth plate's reflection of a lamp by lamps alone, the BSDF alone, both."""
+    body = _PLATE.format(alpha=0.03).replace(
+        "<bsdf", '<transform name="to_world"><scale value="3"/></transform><bsdf', 1
+    )
+    body += _LAMP.format(radius=1.0)
+    scene = scene_at(body, 'origin="3,0,3" target="-0.3,0,0" up="0,0,1"', size=96, fov=45.0)
+    pictures = [
+        by_one_strategy(scene, 4, name).reshape(96, 96)
+        for name in ("lights", "bsdf", "both")
+    ]
+    return on_screen(pictures)
+
+
 _UNIT = "standard deviation of a sample over the mean"
 _ROUGHNESS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 _SIZES = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
@@ -74,6 +92,7 @@ ROWS = (
         why="Few points of the lamp lie in the narrow lobe, and these count for all.",
         instead="Both ways weighed: the path tracer's own.",
         source=_VEACH,
+        picture=strategies_seen,
     ),
     Row(
         name="glossy-bsdf-alone-roughness",
