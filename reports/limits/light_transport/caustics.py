@@ -111,7 +111,7 @@ ROWS = (
         "share of the directions falls with the square of its radius.",
         instead="A larger lamp, or light traced from the lamp (photon maps, bidirectional "
         "paths), which this renderer does not have.",
-        source="measured here; Veach 1997, section 8.3",
+        source="measured here; [Veach1997, section 8.3]",
         picture=caustics_on_a_floor,
     ),
     Row(
@@ -146,7 +146,7 @@ ROWS = (
         why="No path meets a point by chance and no shadow ray passes glass: behind the "
         "ball there is exactly nothing, where it should be brightest.",
         instead="A small sphere with the same power, and many samples.",
-        source="Veach 1997, section 8.3; measured here",
+        source="[Veach1997, section 8.3]; measured here",
         picture=shadow_of_a_ball,
     ),
     Row(
@@ -165,6 +165,6 @@ ROWS = (
         "picture is black, and no number of samples tells.",
         instead="A lamp with an extent, or panes that are a mask with an opacity, which "
         "paths go straight through.",
-        source="Stokes 1862 (what panes pass); measured here",
+        source="[Stokes1862] (what panes pass); measured here",
     ),
 )

@@ -125,7 +125,7 @@ ROWS = (
         why="What is cut off is albedo^16: 3 % at an albedo of 0.8 (4.859 instead of 5), "
         "and it looks like a darker room, not like an error.",
         instead="Russian roulette, which ends paths without a bias.",
-        source="Arvo and Kirk 1990; measured here",
+        source="[Arvo1990]; measured here",
     ),
     Row(
         name="furnace-roulette",
@@ -141,7 +141,7 @@ ROWS = (
         fails_at=None,
         why="Each path that survives carries the share of those that ended.",
         instead="This is the method to use.",
-        source="Arvo and Kirk 1990; measured here",
+        source="[Arvo1990]; measured here",
     ),
     Row(
         name="glass-depth",
@@ -158,7 +158,7 @@ ROWS = (
         why="n panes need 2 n + 1 segments to be seen through at all, and two more for "
         "each reflection between them.",
         instead="A limit of four segments a pane and more; the series ends by itself.",
-        source="Stokes 1862; measured here",
+        source="[Stokes1862]; measured here",
     ),
     Row(
         name="glass-depth-enough",
@@ -174,7 +174,7 @@ ROWS = (
         fails_at=None,
         why="What is still under way after that has been reflected too often to matter.",
         instead="This is the method to use.",
-        source="Stokes 1862; measured here",
+        source="[Stokes1862]; measured here",
     ),
     Row(
         name="whitted-tree",
@@ -190,7 +190,7 @@ ROWS = (
         fails_at=8.0,
         why="Each depth has twice the rays of the one before: 2^(d + 1) - 1 in all.",
         instead="Path tracing, which takes one of the two ways, or a cutoff.",
-        source="Whitted 1980; measured here",
+        source="[Whitted1980]; measured here",
     ),
     Row(
         name="whitted-tree-cutoff",
@@ -208,6 +208,6 @@ ROWS = (
         "be heavy.",
         instead="This is the method to use; what is dropped is a bias that the cutoff "
         "bounds.",
-        source="Hall and Greenberg 1983; measured here",
+        source="[Hall1983]; measured here",
     ),
 )

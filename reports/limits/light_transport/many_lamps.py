@@ -76,7 +76,7 @@ ROWS = (
         "error goes with the root of their number.",
         instead="`direct`, which asks every lamp at each point, or no lamps that the "
         "picture does not need; choosing by power would starve near lamps instead.",
-        source="Shirley, Wang, Zimmerman 1996 (choice of lamps); measured here",
+        source="[Shirley1996] (choice of lamps); measured here",
         picture=street_seen,
     ),
     Row(

@@ -106,6 +106,6 @@ ROWS = (
         "chance and then as bright as 1 / r^2 makes it.",
         instead="A lamp with an extent and some distance from walls; clamping would be a "
         "bias.",
-        source="Keller 1997 (the same bound on virtual lights); measured here",
+        source="[Keller1997] (the same bound on virtual lights); measured here",
     ),
 )

@@ -116,7 +116,7 @@ ROWS = (
         fails_at=None,
         why="A hash leaves no trace of how near its inputs were.",
         instead="This is the method to use.",
-        source="Jarzynski and Olano 2020; measured here",
+        source="[Jarzynski2020]; measured here",
     ),
     Row(
         name="strata-without-jitter",
@@ -133,7 +133,7 @@ ROWS = (
         why="All samples of a pixel meet the same place of the pattern: it is all white "
         "or all black, and no picture with as many samples shows the error.",
         instead="Jitter, which makes noise of it.",
-        source="Dippe and Wold 1985; measured here",
+        source="[Dippe1985]; measured here",
         picture=stripes_seen,
     ),
     Row(
@@ -151,7 +151,7 @@ ROWS = (
         why="A pattern finer than the strata leaves the noise of independent samples, "
         "one over the root of their number, and no more.",
         instead="This is the method to use.",
-        source="Dippe and Wold 1985; measured here",
+        source="[Dippe1985]; measured here",
     ),
     Row(
         name="independent-samples",

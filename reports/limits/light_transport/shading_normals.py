@@ -36,8 +36,8 @@ ROWS = (
         why="A facet that looks away from the light is in its own shadow as a whole, "
         "whatever its vertex normals say.",
         instead="Finer meshes, or a sphere as a sphere; moving the start of shadow rays "
-        "(Hanika 2021) would hide it.",
-        source="Hanika 2021, section 4; measured here",
+        "[Hanika2021] would hide it.",
+        source="[Hanika2021]; measured here",
         picture=sphere_and_mesh,
     ),
 )

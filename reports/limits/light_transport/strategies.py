@@ -74,7 +74,7 @@ _UNIT = "standard deviation of a sample over the mean"
 _ROUGHNESS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 _SIZES = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 _WIDTHS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-_VEACH = "Veach 1997, section 9.2; measured here"
+_VEACH = "[Veach1997, section 9.2]; measured here"
 
 ROWS = (
     Row(
@@ -189,7 +189,7 @@ ROWS = (
         why="Nearly all the light comes from the small part right above, and 1 / r^2 and "
         "two cosines leave little of the rest.",
         instead="Both ways weighed, or sampling the solid angle, as spheres do.",
-        source="Shirley, Wang, Zimmerman 1996; measured here",
+        source="[Shirley1996]; measured here",
     ),
     Row(
         name="lamp-near-both",

@@ -30,7 +30,7 @@ def depth_in_glass(scene: Scene, plan: Plan) -> Iterator[Caution]:
         needed = max(THROUGH[type(shape.bsdf)] for shape in dark)
         yield Caution(
             f"paths of {plan.max_depth} segments end inside of {len(dark)} shapes of glass "
-            f"({listed([name_of(shape) for shape in dark])}), which show no surface behind "
-            f"them; that takes {needed}, and two more for each further glass",
+            f"({listed([name_of(shape) for shape in dark])}), which show no lit surface "
+            f"behind them; that takes {needed} at least",
             "glass-depth",
         )

@@ -29,8 +29,9 @@ def far_coordinates(scene: Scene, plan: Plan) -> Iterator[Caution]:
         return
     eye = camera.to_world[:3, 3]
     pixel = 2.0 * np.tan(np.radians(camera.fov_x / 2.0)) / camera.film.width
-    coarse, worst = np.zeros(len(scene.shapes.front), bool), 0.0
-    coarse[: len(scene.description.shapes)] = True
+    shapes = scene.description.shapes
+    finest = np.full(len(scene.description.every_shape), np.inf)
+    coarsest = np.zeros(len(finest))
     first = 0  # primitive ids run through the kinds
     for kind, surfaces in scene.surfaces.items():
         count = scene.starts[kind][0]
@@ -41,14 +42,14 @@ def far_coordinates(scene: Scene, plan: Plan) -> Iterator[Caution]:
         least = np.where(low * high > 0.0, np.minimum(abs(low), abs(high)), 0.0).max(axis=0)
         reach = np.maximum(abs(low - eye[:, None]), abs(high - eye[:, None]))
         step = STEP * least / (pixel * np.linalg.norm(reach, axis=0))
-        shapes = scene.shape[first : first + count]
+        owner = scene.shape[first : first + count]
+        np.minimum.at(finest, owner, step)
+        np.maximum.at(coarsest, owner, step)
         first += scene.starts[kind][-1]
-        coarse[shapes[step <= SHARE]] = False
-        worst = max(worst, float(step.max(initial=0.0)))
-    found = [
-        name_of(s) for s, far in zip(scene.description.shapes, coarse, strict=False) if far
-    ]
-    if found:
+    far = [k for k in range(len(shapes)) if SHARE < finest[k] < np.inf]
+    if far:
+        worst = max(coarsest[far])
+        found = [name_of(shapes[k]) for k in far]
         yield Caution(
             f"single precision steps by up to {worst:.2g} pixels where these are: "
             f"{listed(found)}; move the scene to the origin",
