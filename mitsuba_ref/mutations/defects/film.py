@@ -163,6 +163,28 @@ DEFECTS = (
         remark="a replay takes the box filter",
     ),
     Mutation(
+        "border-not-sampled",
+        "`sample_border` is read and forgotten",
+        (Edit("scene_file/description.py", "if not self.sample_border:", "if True:"),),
+        scene="sample_border",
+        tests=(
+            "test_sample_border.py::test_each_pixel_of_the_edge_has_samples_on_all_sides",
+        ),
+    ),
+    Mutation(
+        "border-one-pixel-less",
+        "the samples beyond the film end one pixel before the filter does",
+        (
+            Edit(
+                "scene_file/description.py",
+                "math.ceil(self.rfilter.radius - 0.5 -",
+                "math.floor(self.rfilter.radius - 0.5 -",
+            ),
+        ),
+        scene="sample_border",
+        tests=("test_sample_border.py::test_the_samples_are_mitsubas",),
+    ),
+    Mutation(
         "clamped-at-ten",
         "a sample's radiance is at most 10",
         (
