@@ -58,8 +58,8 @@ MEANS = (
 KNOWN_TO_DIFFER = {
     # Mitsuba 3.9.1 gives the normals of bump maps in the surface's frame, ours in the world
     "bumpmap": ("AOV sh_normal", "rung aovs"),
-    # the lamp is a mesh with vertex normals, by which Mitsuba takes its density: its picture
-    # is 6 % darker (docs/mutations.md, `smooth-lamp`), and only a replay does the same
+    # the lamp is a mesh with vertex normals, by which Mitsuba takes its density: its means
+    # differ by 6 % (docs/mutations.md, `smooth-lamp`), and only a replay does the same
     "serialized": MEANS,
 }
 
