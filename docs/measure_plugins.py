@@ -61,7 +61,8 @@ rejects below 1e-5.
 The first rows absorb nothing by their parameters: what lacks of 1, by more than the 0.005
 that so few samples may be off, is lost by the model, as by Mitsuba's. Microfacets do not
 follow light that meets a second facet, nor does a rough coat keep all that goes back and
-forth below it; a smooth one does. The principled BSDF makes light, as its diffuse part knows nothing of its mirrors.
+forth below it; a smooth one does. The principled BSDF makes light, as its diffuse part
+knows nothing of its mirrors.
 
 {energy}
 """
