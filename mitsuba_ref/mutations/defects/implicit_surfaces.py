@@ -39,7 +39,7 @@ DEFECTS = (
     _mutation(
         "waves-without-their-peak",
         "the range of a sine is that between its ends, whatever lies between",
-        "test_an_interval_holds_all_values_and_slopes",
+        "test_the_range_of_a_wave_is_that_of_its_ends_and_peaks",
         Edit(
             "kinds/shapes/intervals.py",
             "1.0 if top <= a.high + slack else",
