@@ -61,7 +61,7 @@ def path(tmp_path_factory):
 @pytest.fixture(scope="module")
 def found(path):
     """Return what was measured."""
-    return measure(path, spp=16, seeds=5, tolerance=0.03)
+    return measure(path, spp=16, seeds=5, tolerance=0.03, timed=0.01)
 
 
 def noisy(generator, mean, noise, count=6):
@@ -125,7 +125,7 @@ def test_a_claim_of_the_plan_is_an_exact_zero(path, tmp_path):
     file = tmp_path / "direct.xml"
     ended = '<integer name="max_depth" value="2"/><integer name="rr_depth" value="1"/>'
     file.write_text(SCENE.replace('<integer name="max_depth" value="5"/>', ended))
-    needs, study = measure(file, spp=4, seeds=3, tolerance=0.0)
+    needs, study = measure(file, spp=4, seeds=3, tolerance=0.0, timed=0.01)
     assert "Russian roulette:" in renderer.render(study.scene, 1).explain
     (roulette,) = [loss for loss in needs.losses if loss.words == ["roulette=off"]]
     assert roulette.exact
@@ -162,7 +162,17 @@ def test_the_command_is_within_the_tolerance(path, found, tmp_path, capsys):
 
 
 def test_the_page_and_the_record(path, tmp_path, capsys):
-    arguments = [str(path), "--seeds", "3", "--spp", "2", "--out", str(tmp_path)]
+    arguments = [
+        str(path),
+        "--seeds",
+        "3",
+        "--spp",
+        "2",
+        "--timed",
+        "0.01",
+        "--out",
+        str(tmp_path),
+    ]
     assert main([*arguments, "--tolerance", "200%"]) == 0
     record = json.loads((tmp_path / "data" / "needs.json").read_text())
     (needs,) = record["scenes"]
@@ -177,7 +187,12 @@ def test_refusals(path, tmp_path, capsys):
     assert main([str(tmp_path / "none.xml"), "--out", str(tmp_path)]) == 1
     assert "none.xml: no such scene file" in capsys.readouterr().err
     assert not (tmp_path / "needs.html").exists()
-    for wrong in (["--tolerance", "x"], ["--tolerance", "-1%"], ["--seeds", "2"]):
+    for wrong in (
+        ["--tolerance", "x"],
+        ["--tolerance", "-1%"],
+        ["--timed", "inf"],
+        ["--seeds", "2"],
+    ):
         with pytest.raises(SystemExit) as stop:
             main([str(path), *wrong])
         assert stop.value.code == 2

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.box import SIMPLE
 from rich.console import Console
@@ -17,7 +18,7 @@ from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
 from reports.needs.page import fewer, interval, needs_page, percent, title_of
 from reports.needs.record import SCHEMA, Loss, NeedsRecord, SceneNeeds
-from reports.needs.study import Study, measure
+from reports.needs.study import TIMED, Study, measure
 from reports.records.json_file import write_json
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -77,13 +78,18 @@ def _measured(
         spp=given.spp,
         seeds=given.seeds,
         tolerance=given.tolerance,
+        timed=given.timed,
         say=lambda what: log.print(f"  {what}", markup=False, soft_wrap=True),
     )
 
 
 def _paths(scenes: Sequence[Path]) -> list[Path]:
     if list(map(str, scenes)) == ["all"]:
-        return sorted(SCENES.glob("*/scene.xml"))
+        # as short as can be: the path is part of the command to copy
+        scenes = sorted(SCENES.glob("*"))
+        here = Path.cwd()
+        scenes = [s.relative_to(here) if s.is_relative_to(here) else s for s in scenes]
+        return [s / "scene.xml" for s in scenes if (s / "scene.xml").is_file()]
     return [scene / "scene.xml" if scene.is_dir() else scene for scene in scenes]
 
 
@@ -93,7 +99,8 @@ def _print(needs: SceneNeeds, console: Console) -> None:
     table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 0, 0, 1))
     for heading in ("left out", "mean", "loss", "at most", "FLIP", "time", "fewer"):
         left = heading == "left out"
-        table.add_column(heading, justify="left" if left else "right", no_wrap=not left)
+        justify: Any = "left" if left else "right"
+        table.add_column(heading, justify=justify, no_wrap=not left, overflow="fold")
     for loss in needs.losses:
         kept = loss.error_high <= needs.tolerance
         table.add_row(*_cells(loss), style=None if kept else "dim")
@@ -143,6 +150,13 @@ def _parser() -> argparse.ArgumentParser:
     add("--spp", type=_at_least(1), default=32, help="samples per picture (default: 32)")
     add("--seeds", type=_at_least(3), default=6, help="pictures of each (default: 6)")
     add(
+        "--timed",
+        type=_seconds,
+        default=TIMED,
+        metavar="SECONDS",
+        help="of full pictures beside each model, to time both (default: %(default)s)",
+    )
+    add(
         "-D",
         dest="define",
         action="append",
@@ -156,8 +170,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _share(text: str) -> float:
+    number = _seconds(text.removesuffix("%"))
+    return number / 100.0 if text.endswith("%") else number
+
+
+def _seconds(text: str) -> float:
     try:
-        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+        value = float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
     if not 0.0 <= value < float("inf"):

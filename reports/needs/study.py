@@ -22,7 +22,7 @@ from renderer.scene_file.simplifications.simplify import differs, offered, simpl
 from reports.needs.losses import loss_between
 from reports.needs.record import Loss, SceneNeeds
 
-ENOUGH = 1.0  # seconds of the full scene that are enough to time both by
+TIMED = 0.25  # seconds of full pictures, beside which those of each model are timed
 REFERENCE_SEED = 4_000_000_000
 DEEPEST = 32  # segments; what needs more is not cut
 SLOWER = 1.05  # a model that takes longer than this times the last is no gain
@@ -40,6 +40,7 @@ class Study:
     spp: int
     seeds: int
     tolerance: float
+    timed: float = TIMED
     say: Callable[[str], None] = lambda _: None
     full: list[Picture] = field(default_factory=list)  # picture k has seed k
     reference: Picture = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
@@ -75,13 +76,15 @@ class Study:
         pictures: list[Picture] = []
         times: list[float] = []
         full_times: list[float] = []
-        for seed in range(self.seeds):
+        while len(pictures) < self.seeds or sum(full_times) < self.timed:
             # both take turns: the machine's pace drifts
-            if sum(full_times) < ENOUGH:
+            seed = len(times) % self.seeds
+            if not full_times or sum(full_times) < self.timed:
                 full_times.append(self._full_again(seed))
             image = self.render(less, seed)
             times.append(image.seconds)
-            pictures.append(image.pixels)
+            if len(pictures) < self.seeds:
+                pictures.append(image.pixels)
         # the best of as many turns each: what disturbs a run only makes it longer
         time = min(times[: len(full_times)]) / min(full_times)
         told = [one.partition(": ")[2] for one in less.description.simplified]
@@ -110,6 +113,7 @@ def measure(
     spp: int = 32,
     seeds: int = 6,
     tolerance: float = 0.01,
+    timed: float = TIMED,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[SceneNeeds, Study]:
     """Measure one scene file.
@@ -124,6 +128,8 @@ def measure(
         Samples per pixel of each picture, and pictures of each model; at least 3.
     tolerance
         What the upper end of the loss's interval may be; 0.01 is 1 %.
+    timed
+        Seconds that full pictures are rendered for beside each model, to time both.
     say
         Told what is measured now.
 
@@ -135,7 +141,7 @@ def measure(
         If something that the plan leaves out for nothing changes the picture.
     """
     scene = renderer.load_file(path, **(parameters or {}))
-    study = Study(scene, spp, seeds, tolerance, say)
+    study = Study(scene, spp, seeds, tolerance, timed, say)
     study.start()
     changing, absent = offered(scene.description)
     _check_absent(study, absent)
