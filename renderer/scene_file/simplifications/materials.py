@@ -90,20 +90,24 @@ def without_specular(bsdf: Any) -> Any:
     """Leave a coated or principled BSDF its diffuse base.
 
     Under a coat the base keeps its albedo: what enters and leaves is averaged over the
-    directions. By reciprocity 1 - F = eta^2 (1 - G) for the mean reflectance F of the coat
-    from outside and G from inside [Walter2007, section 4].
+    directions. Of a smooth coat that is eta^2 (1 - G), by reciprocity [Walter2007, section
+    4], G its mean reflectance from inside. A rough one has a table; light that facets throw
+    from one to the other is lost in it, and reciprocity would give up to a sixth too much.
     """
     if bsdf.plugin == "principled":
         return Diffuse(bsdf.base_color)
     if bsdf.plugin not in ("plastic", "roughplastic"):
         return bsdf
-    passes = 1.0 - float(bsdf.thrown_back)
-    factor = float(bsdf.eta) ** 2 * passes
+    thrown_back, eta = float(bsdf.thrown_back), float(bsdf.eta)
+    passes = eta**2 * (1.0 - thrown_back)
+    if bsdf.plugin == "roughplastic":
+        table = np.asarray(bsdf.transmittance, np.float64)
+        cosines = np.linspace(0.0, 1.0, table.size)
+        passes = 2.0 * float(np.trapezoid(cosines * table, cosines))
 
     def albedo(base: Colors) -> Colors:
-        if bsdf.nonlinear:
-            return factor * passes * base / (1.0 - base * bsdf.thrown_back)
-        return factor * base
+        again = base if bsdf.nonlinear else np.ones(3)
+        return (passes / eta) ** 2 * base / (1.0 - again * thrown_back)
 
     return Diffuse(recolored(bsdf.diffuse_reflectance, albedo))
 
