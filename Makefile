@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
-.PHONY: help demo proof proof-full test test-all lint format bench bench-accelerators clean
+.PHONY: help demo proof proof-full test test-all lint format bench bench-accelerators \
+  needs clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -47,6 +48,9 @@ bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, on two scenes
 
 bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree beside them (long)
 	@$(BIN)/python -m reports.accelerators --full --out $(OUT)
+
+needs: $(INSTALLED) ## measure what each scene needs, write needs.html (long)
+	@$(BIN)/python -m reports.needs all --out $(OUT)
 
 clean: ## remove what was made, except .venv and the caches in your home
 	rm -rf $(OUT) build *.egg-info .pytest_cache .ruff_cache .mypy_cache \
