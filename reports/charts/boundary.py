@@ -90,7 +90,9 @@ def boundary_chart(
                 showlegend=False,
             ),
         )
-    y_range = [math.log10(bottom), math.log10(top * 3.0)] if log_y else [-0.05 * top, top]
+    y_range = [-0.08 * top, 1.05 * top]
+    if log_y:  # whole markers at both ends
+        y_range = [math.log10(bottom / 2.0), math.log10(top * 3.0)]
     y_axis = log_axis if log_y else linear_axis
     return element(
         traces,

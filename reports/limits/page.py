@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -19,6 +20,8 @@ CHAPTERS = {
     "light": "Light: paths that are not found, or too seldom",
     "comparing": "Comparing: pictures that cannot be told apart, or should not be",
 }
+
+_EXPONENT = re.compile(r"\^(\([^)]*\)|-?\d+)")
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,10 @@ def limits_page(limits: Limits, atlas: tuple[Row, ...] = ATLAS) -> str:
         for name, title in CHAPTERS.items()
     ]
     return fill(
-        "limits.html", record=limits, chapters=[one for one in chapters if one.sections]
+        "limits.html",
+        filters={"powers": with_powers, "label": _label},
+        record=limits,
+        chapters=[one for one in chapters if one.sections],
     )
 
 
@@ -68,6 +74,21 @@ def gives_way(row: Row, measured: MeasuredRow) -> str:
     return low if low == high else f"between {low} and {high}"
 
 
+def _label(row: Row) -> str:
+    """Return what the curve is of: a bare share gets its noun."""
+    return f"share {row.unit}" if row.unit.startswith("of ") else row.unit
+
+
+def with_powers(text: str) -> Markup:
+    """Return the text with exponents raised: 10^-3, n^(1/3)."""
+    parts = _EXPONENT.split(text)
+    raised = (Markup("<sup>{}</sup>").format(part.strip("()")) for part in parts[1::2])
+    pieces = [Markup.escape(parts[0])]
+    for power, rest in zip(raised, parts[2::2], strict=True):
+        pieces += [power, Markup.escape(rest)]
+    return Markup("").join(pieces)
+
+
 def _section(row: Row, measured: MeasuredRow) -> Section:
     words = gives_way(row, measured)
     if not measured.curve or measured.holds_to is None:
@@ -77,7 +98,7 @@ def _section(row: Row, measured: MeasuredRow) -> Section:
         tolerance=row.tolerance,
         boundary=(measured.holds_to, measured.fails_from),
         x_label=row.stress,
-        y_label=row.unit,
-        description=f"{row.method}: {row.unit}, over {row.stress}. It gives way: {words}.",
+        y_label=row.quantity,
+        description=f"{row.method}: {_label(row)}, over {row.stress}; gives way {words}.",
     )
     return Section(row, measured, words, chart)

@@ -180,7 +180,7 @@ ROWS = (
         tolerance=0.0,
         holds_at=1.0 / TIGHT[0],
         fails_at=4.0,
-        why="Rounding puts points behind their own surface, and not less than it.",
+        why="Rounding puts points up to a unit behind their own surface.",
         instead="The rule's own number, with its margin.",
         source="measured here",
     ),

@@ -17,6 +17,40 @@ RAYS = 4096
 HALF_HEIGHT = 1e9  # of the cylinders: the ends are beyond all rays
 
 
+def _naive_quadratic(
+    origin: NDArray[np.float32], direction: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return where rays meet the unit sphere by the textbook; NaN is a miss."""
+    a, b = dot(direction, direction), np.float32(2) * dot(origin, direction)
+    c = dot(origin, origin) - np.float32(1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(
+            (-b - np.sqrt(b * b - np.float32(4) * a * c)) / (np.float32(2) * a)
+        )
+
+
+def picture() -> NDArray[np.uint8]:
+    """Return a ball lit from the camera, at four distances, by the textbook's quadratic."""
+    side = 120
+    x, y = (
+        grid.ravel() for grid in np.mgrid[-1.2 : 1.2 : 1j * side, -1.2 : 1.2 : 1j * side]
+    )
+    shown = []
+    for distance in (1e2, 1e3, 3e3, 1e4):
+        # along no axis, so that no component is free of rounding
+        right, up = np.array([0.8, 0.0, -0.6]), np.array([-0.36, 0.8, -0.48])
+        eye = np.cross(right, up) * distance
+        target = y[:, None] * right - x[:, None] * up
+        origin = single(np.broadcast_to(eye, target.shape))
+        direction = single(unit(target - eye))
+        t = _naive_quadratic(origin, direction)
+        hit = origin.astype(float) + t[:, None] * direction.astype(float)
+        cosine = np.clip(hit @ eye / distance, 0.0, 1.0)
+        grey = np.where(np.isnan(t), 25.0, 60.0 + 180.0 * np.nan_to_num(cosine))
+        shown.append(grey.reshape(side, side).astype(np.uint8))
+    return np.repeat(np.concatenate(shown, axis=1)[..., None], 3, axis=2)
+
+
 def _sphere(distance: float) -> float:
     origin, direction, truth = rays_at_a_sphere(distance)
     surfaces = SphereSurfaces(
@@ -102,6 +136,8 @@ ROWS = (
         instead="Measure the line's distance to the centre first, then take the second "
         "root by Vieta's formula: the next row.",
         source="[Haines2019]; register of expected failures, far spheres",
+        picture=picture,
+        caption="A ball lit from the camera, seen from 10^2, 10^3, 3000 and 10^4 radii.",
     ),
     Row(
         name="sphere-stable-distance",
