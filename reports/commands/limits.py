@@ -10,7 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from mitsuba_ref.command.stages import shown_stages
-from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw, draw_limits
+from mitsuba_ref.records.json_files import write_atomically
+from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.limits.atlas import ATLAS
 from reports.limits.measure import measure_atlas
 from reports.limits.page import limits_page
@@ -35,9 +36,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(stderr=True)
     try:
         limits = _limits(given, words)
-        limits_page(limits)  # what cannot be drawn must not replace what can
+        content = limits_page(limits)  # what cannot be drawn must not replace what can
+        page = given.out / "limits.html"
         write_limits(target, limits)
-        page = draw_limits(given.out)
+        write_atomically(page, content.encode())
         if (target.parent / "results.json").exists():
             draw(target.parent / "results.json", given.out)  # now with a link to this page
     except KeyboardInterrupt:

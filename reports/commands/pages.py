@@ -10,7 +10,6 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
-from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
 from reports.limits.record import read_limits
 from reports.proof_page.page import proof_page
@@ -40,8 +39,8 @@ def draw(source: Path, out: Path) -> int:
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; benchmark.json, accelerators.json, limits.json and the proof in
-        its `data` are shown too, each on a page of its own.
+        Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
+        are shown too, each on a page of its own; limits.html, if it is there, is named.
 
     Raises
     ------
@@ -55,14 +54,14 @@ def draw(source: Path, out: Path) -> int:
     study = read_accelerators(counted) if counted.exists() else None
     proven = results_file(out / "data")
     proof = read_proof_record(proven) if proven.exists() else None
+    # not drawn anew: the atlas of today may lack rows that were measured then
     stressed = out / "data" / LIMITS
-    limits = read_limits(stressed) if stressed.exists() else None
+    there = stressed.exists() and (out / "limits.html").exists()
+    limits = read_limits(stressed) if there else None
     page = out / "index.html"
     content = results_page(results, source.parent, benchmark, study, proof, limits)
     write_atomically(page, content.encode())
     draw_benchmark(out)
-    if limits is not None:
-        draw_limits(out)
     if study is not None:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     if proof is not None:
@@ -93,17 +92,4 @@ def draw_benchmark(out: Path) -> Path | None:
     times = read_compile_times(compiled) if compiled.exists() else None
     page = out / "benchmark.html"
     write_atomically(page, benchmark_page(read_benchmark(timings), times).encode())
-    return page
-
-
-def draw_limits(out: Path) -> Path:
-    """Draw limits.html in `out` from the record in its `data`; return its path.
-
-    Raises
-    ------
-    ReportError
-        If the record cannot be read; an older page stays as it is.
-    """
-    page = out / "limits.html"
-    write_atomically(page, limits_page(read_limits(out / "data" / LIMITS)).encode())
     return page

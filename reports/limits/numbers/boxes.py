@@ -11,7 +11,8 @@ from reports.limits.row import Row
 from reports.limits.vectors import directions, single, unit
 
 RAYS = 8192
-GAMMA3 = 3.0 * 2.0**-24 / (1.0 - 3.0 * 2.0**-24)  # three roundings
+MARGIN = 2.0 * 3.0 * 2.0**-24 / (1.0 - 3.0 * 2.0**-24)  # 2 gamma(3): three roundings
+LAST_PLACE = 2.0**-23  # of a float32 just above 1
 
 Floats = NDArray[np.float32]
 
@@ -19,12 +20,12 @@ Floats = NDArray[np.float32]
 def _enters(origin: Floats, direction: Floats, margin: float, nan_is_inside: bool) -> float:
     """Return the share of rays that the slab test lets into the unit cube.
 
-    `margin` widens the far ends by so many times gamma(3) [Ize2013].
+    The far ends are 1 + margin times as far [Ize2013].
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = np.float32(1) / direction
         a, b = (np.float32(0) - origin) * inverse, (np.float32(1) - origin) * inverse
-    far_end = np.float32(1.0 + margin * GAMMA3)
+    far_end = np.float32(1.0 + margin)
     if nan_is_inside:  # which end is nearer goes by the sign, and NaN is passed over
         backwards = np.signbit(inverse)
         enter = np.fmax.reduce(np.where(backwards, b, a), axis=1)
@@ -48,7 +49,7 @@ def _rays_in_faces(zeros: int) -> tuple[Floats, Floats]:
 
 
 def _lost_in_faces(zeros: float, nan_is_inside: bool) -> float:
-    return 1.0 - _enters(*_rays_in_faces(int(zeros)), 2.0, nan_is_inside)
+    return 1.0 - _enters(*_rays_in_faces(int(zeros)), MARGIN, nan_is_inside)
 
 
 def _lost_near_edges(strength: float, margin: float) -> float:
@@ -68,6 +69,11 @@ def _lost_near_edges(strength: float, margin: float) -> float:
     origin = single(target + 3.0 * away)
     direction = single(unit(target - origin))
     return 1.0 - _enters(origin, direction, margin, True)
+
+
+def _lost_by_margin(missing: float) -> float:
+    """Return the share lost at edges by a margin of two last places less so many."""
+    return _lost_near_edges(1e10, (2.0 - missing) * LAST_PLACE)
 
 
 _NEAR = (1e1, 1e3, 1e5, 1e6, 1e7)
@@ -127,7 +133,7 @@ ROWS = (
         chapter="numbers",
         method="Slab test with the far ends 1 + 2 gamma(3) farther",
         stress="size of the box / distance of the ray from its edge",
-        measure=functools.partial(_lost_near_edges, margin=2.0),
+        measure=functools.partial(_lost_near_edges, margin=MARGIN),
         quantity="error",
         unit="of rays through the box that miss it",
         strengths=_NEAR,
@@ -136,6 +142,22 @@ ROWS = (
         fails_at=None,
         why="The margin covers the rounding of both ends.",
         instead="Nothing; it lets in a few rays more.",
+        source="[Ize2013]; measured here",
+    ),
+    Row(
+        name="slabs-margin-too-small",
+        chapter="numbers",
+        method="Slab test with a smaller margin",
+        stress="last places missing of a margin of two",
+        measure=_lost_by_margin,
+        quantity="error",
+        unit="of rays through an edge of the box that miss it",
+        strengths=(0.0, 1.0, 2.0),
+        tolerance=0.0,
+        holds_at=0.0,
+        fails_at=1.0,
+        why="One last place is less than what three roundings can do to two ends.",
+        instead="Two, or 2 gamma(3), which is three.",
         source="[Ize2013]; measured here",
     ),
 )

@@ -72,6 +72,11 @@ def _jumped_over(strength: float, rule: Rule) -> float:
     return 0.0 if lamp_seen(rule, 1.0 / strength) else 1.0
 
 
+def _small(strength: float, rule: Rule) -> float:
+    """Return 1 if a lamp a tenth of the pane's half width behind it is not seen."""
+    return 0.0 if lamp_seen(rule, 0.1 / strength, 1.0 / strength) else 1.0
+
+
 def _not_seen_into(half: float) -> float:
     return 0.0 if lamp_seen(TIGHT, 1e-3, half) else 1.0
 
@@ -102,6 +107,22 @@ def _gap_row(name: str, method: str, rule: Rule, **given: Any) -> Row:
         unit=_LOST,
         strengths=_GAPS,
         tolerance=0.0,
+        **given,
+    )
+
+
+def _small_row(name: str, method: str, rule: Rule, **given: Any) -> Row:
+    return Row(
+        name=name,
+        chapter="numbers",
+        method=method,
+        stress="1 / size of a pane, the lamp behind it in proportion",
+        measure=functools.partial(_small, rule=rule),
+        quantity="error",
+        unit=_LOST,
+        strengths=_SIZES,
+        tolerance=0.0,
+        source="measured here",
         **given,
     )
 
@@ -167,6 +188,33 @@ ROWS = (
         why="The rule looks at the whole primitive, not at where on it the point is.",
         instead="Cut large panes up, or take --ray-offset mitsuba.",
         source="register of expected failures, tight offset on a large square",
+    ),
+    _small_row(
+        "offset-fixed-small",
+        "New rays start 10^-3 off",
+        FIXED,
+        holds_at=5e1,
+        fails_at=2e2,
+        why="A length that suits one size of scene is a gap of another.",
+        instead="A distance that shrinks with the scene: two rows on.",
+    ),
+    _small_row(
+        "offset-mitsuba-small",
+        "New rays start by Mitsuba's rule",
+        MITSUBA,
+        holds_at=5e2,
+        fails_at=2e3,
+        why="1 + max|p| never is less than 1, however small the scene.",
+        instead="Another unit of length, or this renderer's own rule.",
+    ),
+    _small_row(
+        "offset-tight-small",
+        "New rays start by this renderer's rule",
+        TIGHT,
+        holds_at=1e6,
+        fails_at=None,
+        why="It shrinks with the primitive.",
+        instead="Nothing.",
     ),
     Row(
         name="offset-few-roundings",

@@ -127,7 +127,7 @@ ROWS = (
         "a diagonal row",
         "triangles in the row",
         _line,
-        (1e1, 1e2, 1e3, 1e4, 1e5),
+        (1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
         {
             "bvh": (1e5, None, _PARTED),
             "kd-sah": (1e5, None, _PARTED),
