@@ -16,8 +16,8 @@ from mitsuba_ref.expected_failures.offsets import (
     lamp_seen,
     render_with_offset,
 )
-from renderer.picture.srgb import srgb_from_linear
 from reports.limits.row import Row
+from reports.limits.screen import on_screen
 
 Rule = tuple[float, float]
 MIDDLE = np.array([2.0, -1.0, 2.0])  # of the square, in half widths
@@ -86,8 +86,7 @@ def acne_picture() -> NDArray[np.uint8]:
     side, largest = 144, 1e5
     shown = [_square(_fixed(size), size, side) for size in (1e3, 1e4, largest)]
     shown.append(_square(TIGHT, largest, side))
-    pixels = np.concatenate(shown, axis=1).astype(np.float64)
-    return np.round(srgb_from_linear(np.clip(pixels, 0.0, 1.0)) * 255.0).astype(np.uint8)
+    return on_screen(shown)
 
 
 _GAPS = (1e1, 1e2, 3e2, 1e3, 3e3, 1e4, 3e4, 1e5, 1e6, 1e7)
