@@ -27,6 +27,7 @@ from renderer.scene_file import read_string
 
 ROOT = Path(__file__).parents[1]
 SCENES = sorted((ROOT / "scenes").glob("*/scene.xml"))
+PLUGINS = sorted((ROOT / "tests" / "plugins").glob("*.xml"))
 
 _FRAME = """<scene version="3.0.0">
 <integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
@@ -53,7 +54,9 @@ def rows_of(body, *, eye="9,3,4", target="0,0,0", depth=8, integrator=None):
     return [caution.row for caution in cautions_of(scene, plan)]
 
 
-@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
+@pytest.mark.parametrize(
+    "path", [*SCENES, *PLUGINS], ids=lambda path: "/".join(path.parts[-2:])
+)
 def test_scenes_that_pass_get_none(path):
     scene = renderer.load_file(path)
     assert cautions_of(scene, make_plan(scene)) == ()
@@ -94,6 +97,19 @@ def test_squares_that_share_an_edge_do_not_overlap():
     assert rows_of(beside + _LAMP) == []
     above = square.format(x=0, bsdf=_RED) + square.format(x=1.9, bsdf=_GLASS)
     assert rows_of(above + _LAMP) == ["coincident-surfaces"]
+
+
+def test_disk_on_a_floor():
+    disk = f'<shape type="disk">{_RED}</shape>'
+    assert rows_of(_FLOOR.format(turn="") + disk + _LAMP) == ["coincident-surfaces"]
+    raised = disk.replace(
+        "<bsdf", '<transform name="to_world"><translate z="0.01"/></transform><bsdf'
+    )
+    assert rows_of(_FLOOR.format(turn="") + raised + _LAMP) == []
+
+
+def test_nothing_to_say_about_nothing():
+    assert rows_of("") == []
 
 
 @pytest.mark.parametrize(("place", "said"), [(1e3, False), (1e6, True)])

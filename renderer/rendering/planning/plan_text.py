@@ -38,12 +38,11 @@ def plan_text(
     if (film.crop_width, film.crop_height) != (film.width, film.height):
         size += f" of {film.width} x {film.height}"
     page = [f"{scene.description.source}: {size}", *_sections(plan)]
-    page += _known_to_fail(scene, plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
         plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
-        page += _known_to_fail(nested, plan)
+    page += _known_to_fail(nested or scene, plan)
     return "\n".join(page) + "\n"
 
 

@@ -63,7 +63,7 @@ def pixels_apart(distance_over_gap: float, *, upper: float = 0.2) -> float:
 def pixels_apart_between_structures(distance_over_gap: float) -> float:
     """Return the same between two structures of this renderer."""
     text = _text(distance_over_gap)
-    return _share(_ours(text, "brute") != _ours(text, "kd-sah"))
+    return _share(_ours(text, "brute") != _ours(text, "bvh"))
 
 
 def _share(apart: NDArray[np.bool_]) -> float:
