@@ -176,7 +176,7 @@ def test_what_can_be_written_is_written(capsys, monkeypatch):
         ([], "SCENE.xml"),
         ([CORNELL, "--integrator", "bdpt"], "'bdpt' (choose from 'auto', 'direct'"),
         ([CORNELL, "--accel", "octopus"], "'octopus' (choose from 'auto', 'brute'"),
-        ([CORNELL, "--sampler", "sobol"], "'sobol' (choose from 'independent', 'str"),
+        ([CORNELL, "--sampler", "halton"], "'halton' (choose from 'independent', 'str"),
         ([CORNELL, "--spp", "0"], "argument --spp: 0 is less than 1"),
         ([CORNELL, "--spp", "many"], "argument --spp: 'many' is no whole number"),
         ([CORNELL, "--threads", "-1"], "argument --threads: -1 is less than 1"),
