@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.extents import Extents
-from renderer.jit import entry_kernel, kernel
+from renderer.jit import builder_kernel, entry_kernel, kernel
 from renderer.kinds.shapes.blocks import WIDTH, aligned_bytes
 from renderer.lanes.local import local_i32
 
@@ -176,6 +176,43 @@ def _quantise(bounds, node, members, size, floats, octets, wide):
             octets[place + 16 + k] = octets[place + k]
 
 
+@builder_kernel
+def far_to_near(floats: Any, integers: Any, octets: Any) -> Any:
+    """Return the order of each node's children for each octant of directions, (8 n,).
+
+    Four bits a child, the farthest first, by their centres along the octant's diagonal.
+    """
+    nodes = len(integers) // WIDE_WORDS
+    found = np.zeros(8 * nodes, np.int32)
+    distance = np.zeros(8)
+    for place in range(8 * nodes):
+        node, octant = place // 8, place % 8
+        order = np.int64(0)
+        for k in range(8):
+            if integers[WIDE_WORDS * node + CHILD + k] == 0:
+                continue
+            distance[k] = _along_diagonal(floats, octets, node, k, octant)
+            rank = 0  # those with lower k that are farther keep their places
+            for j in range(k):
+                rank += 1 if distance[(order >> (4 * j)) & 7] >= distance[k] else 0
+            low = (1 << (4 * rank)) - 1
+            order = (order & low) | (k << (4 * rank)) | ((order & ~low) << 4)
+        found[place] = order
+    return found
+
+
+@kernel
+def _along_diagonal(floats, octets, node, k, octant):
+    """Return where the centre of a child is on the way of rays of an octant."""
+    distance = 0.0
+    for axis in range(3):
+        octet = WIDE_BYTES * node + BOX_BYTES + AXIS_BYTES * axis + k
+        unit = np.float64(floats[WIDE_WORDS * node + SCALE + axis])
+        along = (np.float64(octets[octet]) + np.float64(octets[octet + 8])) * unit
+        distance += -along if (octant >> axis) & 1 else along
+    return distance
+
+
 # ------------------------------------------------------------------------ the slow truth
 
 
@@ -196,6 +233,7 @@ def validate_wide(accel: Any, extents: Extents) -> None:
     """
     lower, upper = _block_boxes(accel.blocks, extents)
     _validate_wide_nodes(accel.octets, lower, upper)
+    _validate_orders(accel.integers, accel.order)
     _validate_pairs(accel.pairs, accel.blocks, lower, upper)
 
 
@@ -237,6 +275,21 @@ def _validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
                 raise ValueError(f"wide node {node}: box {k} does not hold its contents")
             held_low[node] = np.minimum(held_low[node], a)
             held_high[node] = np.maximum(held_high[node], b)
+
+
+def _validate_orders(integers: Any, order: Any) -> None:
+    """Check that the order for each octant names each child once."""
+    here = integers.reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8] != 0
+    size = here.sum(axis=1)
+    named = (order.reshape(-1, 8, 1) >> (4 * np.arange(8))) & 15
+    named = np.where(np.arange(8) < size[:, None, None], named, 8)
+    wanted = np.sort(np.where(here, np.arange(8), 8), axis=1)
+    wrong = np.argwhere(np.sort(named, axis=2) != wanted[:, None])
+    if wrong.size:
+        node, octant, _ = wrong[0]
+        raise ValueError(
+            f"wide node {node}: the order of octant {octant} names not each child once"
+        )
 
 
 def _validate_pairs(pairs: Any, blocks: Any, lower: Any, upper: Any) -> None:
