@@ -36,13 +36,9 @@ def rays(n, seed=2):
     return rng.uniform(-1.5, 1.5, (n, 3)), directions(n, rng)
 
 
-def one_by_one(ask, accel, origin, direction, **settings):
-    """The same question in batches of so few rays that none is a stream."""
-    parts = range(0, len(origin), FEW - 1)
-    return [
-        ask(accel, origin[k : k + FEW - 1], direction[k : k + FEW - 1], **settings)
-        for k in parts
-    ]
+def few(n):
+    """Slices of so few rays that none is a stream."""
+    return [slice(k, k + FEW - 1) for k in range(0, n, FEW - 1)]
 
 
 @pytest.mark.parametrize(
@@ -95,24 +91,25 @@ def test_rays_from_afar_among_near_ones(brute):
 
 @pytest.mark.parametrize("ask", [closest, blocked])
 def test_a_stream_visits_what_rays_one_by_one_visit(wide, ask):
-    """A list costs each of its rays what it would alone, but for the order of children.
+    """A list costs each of its rays what it would alone.
 
-    It is that of the octant, not the ray's own: a few nodes more or fewer. Measured are
-    1.02 to 1.09 times as many box tests and primitives; without an order it is 1.3.
+    But for the order of children, which is that of the octant and not the ray's own, and for
+    the margins of boxes. Measured: 1.04 times as many nodes and 1.03 times as many
+    primitives for nearest hits, 1.08 and 1.06 for any hit. From far to near it would be
+    1.15 times as many primitives.
     """
     origin, direction = rays(2 * STREAM)
     counts = make_tally(len(origin))
     found = ask(wide, origin, direction, tally=counts)
     alone = []
-    for k in range(0, len(origin), FEW - 1):
-        part = slice(k, k + FEW - 1)
+    for part in few(len(origin)):
         tally = make_tally(len(origin[part]))
         ask(wide, origin[part], direction[part], tally=tally)
         alone.append(tally[:, : len(origin[part])])
     alone, counts = np.concatenate(alone, axis=1), counts[:, : len(origin)]
     assert (counts[[NODES, BOXES]] >= 1).all() and (counts[STACK] >= 0).all()
     for row in (NODES, BOXES, PRIMITIVES):
-        assert 0.8 < counts[row].sum() / alone[row].sum() < 1.2, row
+        assert 0.9 < counts[row].sum() / alone[row].sum() < 1.12, row
     again = make_tally(len(origin))
     same = ask(wide, origin, direction, tally=again)
     np.testing.assert_array_equal(again[:, : len(origin)], counts)
@@ -122,6 +119,6 @@ def test_a_stream_visits_what_rays_one_by_one_visit(wide, ask):
 def test_the_answer_does_not_depend_on_the_way(wide):
     origin, direction = rays(STREAM)
     whole = closest(wide, origin, direction)
-    parts = one_by_one(closest, wide, origin, direction)
+    parts = [closest(wide, origin[part], direction[part]) for part in few(STREAM)]
     joined = type(whole)(*(np.concatenate(row) for row in zip(*parts, strict=True)))
     assert_same(joined, whole, "one by one")

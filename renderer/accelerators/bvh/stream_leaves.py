@@ -1,4 +1,4 @@
-"""What the rays of a list meet in a leaf: 16 rays at a time, one primitive after the other."""
+"""What the rays of a list meet in a leaf: 16 rays at a time, each primitive in turn."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def meet_leaf(blocks, block, rays, hits, blocked, rows, lists, place, m):
         nearer, t = _meet_nearest(blocks, start, end, origin, direction, t, hits, number)
         shut = _meet_any(blocks, start, end, origin, direction, t, blocked, number)
         met = (nearer | shut) & live
-        scatter_row(rows.t, 0, ray, select(shut, ENDED, t), met)
+        if mask_bits(met) != 0:
+            scatter_row(rows.t, 0, ray, select(shut, ENDED, t), met)
 
 
 @kernel
@@ -56,10 +57,11 @@ def _meet_nearest(blocks, start, end, origin, direction, t, hits, number):
     zero = np.int64(0)
     found = nearest_of(blocks, start, end, origin, direction, before, None, zero, zero)
     nearer = live & (found.prim != prim)
-    scatter_row(hits.t, 0, number, found.t, nearer)
-    scatter_row(hits.prim, 0, number, found.prim, nearer)
-    scatter_row(hits.u, 0, number, found.u, nearer)
-    scatter_row(hits.v, 0, number, found.v, nearer)
+    if mask_bits(nearer) != 0:  # seldom, and scattering nothing takes as long as something
+        scatter_row(hits.t, 0, number, found.t, nearer)
+        scatter_row(hits.prim, 0, number, found.prim, nearer)
+        scatter_row(hits.u, 0, number, found.u, nearer)
+        scatter_row(hits.v, 0, number, found.v, nearer)
     return nearer, found.t
 
 
@@ -72,5 +74,6 @@ def _meet_any(blocks, start, end, origin, direction, t, blocked, number):
     zero = np.int64(0)
     met = blocked_by(blocks, start, end, origin, direction, t, ended, None, zero, zero)
     met &= ~ended
-    scatter_row(blocked, 0, number, splat_i32(1), met)
+    if mask_bits(met) != 0:
+        scatter_row(blocked, 0, number, splat_i32(1), met)
     return met
