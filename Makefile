@@ -22,7 +22,7 @@ proof: $(INSTALLED) ## replay and test every scene, write what it proves as a pa
 proof-full: $(INSTALLED) ## the same with the mutation matrix and false alarms (long)
 	@$(BIN)/python -m reports.proof --mutations --false-alarms --out $(OUT)
 
-limits: $(INSTALLED) ## measure where methods fail, write the atlas as a page
+limits: $(INSTALLED) ## measure where methods fail, both sides, write the page
 	@$(BIN)/python -m reports.limits --out $(OUT)
 
 test: $(INSTALLED) ## the regression suite

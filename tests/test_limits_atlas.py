@@ -62,7 +62,7 @@ def test_pictures_show_something_and_say_what(row):
 
 def test_names_are_anchors_and_no_two_alike():
     assert not [name for name, n in Counter(r.name for r in ATLAS).items() if n > 1]
-    assert all(re.fullmatch(r"[A-Za-z0-9]+(-[A-Za-z0-9]+)+", row.name) for row in ATLAS)
+    assert all(re.fullmatch(r"[A-Za-z0-9]+(-[A-Za-z0-9]+)*", row.name) for row in ATLAS)
 
 
 @pytest.mark.parametrize("chapter, least", [("numbers", 14), ("structures", 8)])

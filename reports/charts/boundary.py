@@ -21,6 +21,7 @@ from reports.charts.figure import (
 
 HEIGHT = 260  # [px]
 WIDE = 20.0  # ratio of ends from which on an axis is logarithmic
+POWERS = {"exponentformat": "power"}  # 10^-9, not 1n
 BAND = "rgba(194,98,44,.18)"
 
 
@@ -93,11 +94,14 @@ def boundary_chart(
     y_range = [-0.08 * top, 1.05 * top]
     if log_y:  # whole markers at both ends
         y_range = [math.log10(bottom / 2.0), math.log10(top * 3.0)]
-    y_axis = log_axis if log_y else linear_axis
     return element(
         traces,
-        x=log_axis(x_label) if log_x else linear_axis(x_label),
-        y=y_axis(y_label, range=y_range),
+        x=log_axis(x_label) if log_x else linear_axis(x_label, **POWERS),
+        y=(
+            log_axis(y_label, range=y_range)
+            if log_y
+            else linear_axis(y_label, range=y_range, **POWERS)
+        ),
         height=HEIGHT,
         description=description,
         shapes=_band(boundary),
