@@ -150,8 +150,8 @@ ROWS = (
         instead="A small sphere with the same power, and many samples.",
         source="[Veach1997, section 8.3]; measured here",
         picture=shadow_of_a_ball,
-        caption="A lamp of radius 1/2, and a point light of its power: the caustic below the "
-        "ball is missing.",
+        caption="A lamp of radius 1/2, and a point light of its power: the caustic below "
+        "the ball is missing.",
     ),
     Row(
         name="point-light-behind-glass",
