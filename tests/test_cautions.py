@@ -15,7 +15,7 @@ from rich.console import Console
 
 import renderer
 from mitsuba_ref.command.scene_table import print_table
-from mitsuba_ref.our_renderer.picture import render_ours
+from mitsuba_ref.our_renderer.picture import cautions_about
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import SceneResult
 from renderer.rendering.planning.cautions import cautions_of
@@ -175,15 +175,19 @@ def test_explain_says_them_with_their_row():
     scene = renderer.load_string(_FRAME.format(target="0,0,0", **_wall_behind_glass(3)))
     text = " ".join(plan_text(scene).split())
     assert "What is known to fail here" in text
-    assert "1 shapes of glass ('cube')" in text
+    assert "shapes of glass in which paths of 3 segments end: 1 ('cube')" in text
     assert "(atlas: glass-depth)" in text
     assert "known to fail" not in plan_text(renderer.load_file(SCENES[0]))
 
 
-def test_the_harness_prints_them():
+def test_the_harness_prints_them(tmp_path):
     """Below the table, with the scene's name; verdicts do not depend on them."""
-    request = RenderRequest(str(ROOT / "tests/plugins/diffuse.xml"), spp=1)
-    assert render_ours(request).cautions == ()
+    path = tmp_path / "scene.xml"
+    path.write_text(_FRAME.format(target="0,0,0", **_wall_behind_glass(3)))
+    (caution,) = cautions_about(RenderRequest(str(path)))
+    assert caution.endswith("(atlas: glass-depth)")
+    path.write_text("<scene/>")  # refused, which its rendering says
+    assert cautions_about(RenderRequest(str(path))) == ()
     result = SceneResult(name="box", verdict="pass", cautions=("glass [dark]",))
     output = io.StringIO()
     print_table([result], Console(file=output, width=120))

@@ -100,6 +100,8 @@ ROWS = (
         "boxes that stand on a floor sunk into it.",
         source="measured here",
         picture=surfaces_seen,
+        caption="A dark square 1e-8 of the distance above a white floor, by this renderer "
+        "and by Mitsuba.",
     ),
     Row(
         name="coincident-same-material",

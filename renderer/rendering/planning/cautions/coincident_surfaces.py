@@ -52,8 +52,8 @@ def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[Caution]:
     if seen:
         named = [f"{name_of(shapes[a])} on {name_of(shapes[b])}" for a, b in seen]
         yield Caution(
-            f"{len(seen)} pairs of surfaces of different material lie in the same plane "
-            f"({listed(named)}), and rounding decides which of the two is seen",
+            f"pairs of surfaces of different material in one plane: {len(seen)} "
+            f"({listed(named)}); rounding decides which of the two is seen",
             "coincident-surfaces",
         )
 
