@@ -211,8 +211,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/film.py",
-                "return np.zeros((channels + 1, size, size))",
-                "return np.zeros((channels + 1, size, size), np.float32)",
+                "np.zeros((len(self.tiles), channels + 1, size, size))",
+                "np.zeros((len(self.tiles), channels + 1, size, size), np.float32)",
             ),
         ),
         scene="cornell-box",
