@@ -211,8 +211,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/film.py",
-                "np.zeros((len(self.tiles), channels + 1, size, size))",
-                "np.zeros((len(self.tiles), channels + 1, size, size), np.float32)",
+                "np.zeros((layers * len(self.tiles), channels + 1, size, size))",
+                "np.zeros((layers * len(self.tiles), channels + 1, size, size), 'f4')",
             ),
         ),
         scene="cornell-box",
