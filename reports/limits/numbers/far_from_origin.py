@@ -41,7 +41,7 @@ def picture() -> NDArray[np.uint8]:
     shown = []
     for moved in (0.0, 1e5, 1e6, 1e7):
         grey = np.zeros(side * side, np.uint8)
-        distances = _distances(displaced_icosphere(24), moved, side)
+        distances = _distances(displaced_icosphere(10), moved, side)
         nearness = np.clip((4.6 - distances) / 2.0, 0.0, 1.0)
         grey[order] = np.where(np.isfinite(distances), 40.0 + 200.0 * nearness, 20.0)
         shown.append(grey.reshape(side, side))
