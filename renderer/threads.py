@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable
 
 WAKE = 0.05  # [s] between two looks at how far the others are
-PAUSE = 1e-3  # [s] while others end the jobs that they are at
+PAUSE = 2e-4  # [s] while others end the jobs that they are at
 
 
 def default_threads() -> int:

@@ -113,7 +113,7 @@ def window_sums(film):
     """The sums of the window's pixels, tile after tile: what `develop` divides."""
     border = film.grid.border
     whole = np.zeros((len(film.sums[0]), film.height + 200, film.width + 200))
-    for tile, sums in zip(film.tiles, film.sums, strict=True):
+    for tile, sums in zip(film.tiles * film.grid.layers, film.sums, strict=True):
         y, x = tile.y - film.y - border + 100, tile.x - film.x - border + 100
         whole[:, y : y + sums.shape[1], x : x + sums.shape[2]] += sums
     return whole[:, 100 : 100 + film.height, 100 : 100 + film.width]
@@ -213,11 +213,11 @@ def test_what_lies_beyond_the_window_is_dropped():
 
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("border", [0, 2, 5])
-@pytest.mark.parametrize("beyond", [0, 3])
-def test_developing_adds_the_tiles_up(border, beyond, threads, monkeypatch):
+@pytest.mark.parametrize(("beyond", "layers"), [(0, 1), (3, 1), (0, 3)])
+def test_developing_adds_the_tiles_up(border, beyond, layers, threads, monkeypatch):
     """All that overlap at a pixel, also where samples were taken beyond the window."""
     monkeypatch.setattr(renderer.stages.film, "ALONE", 0)
-    film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond)
+    film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond, layers)
     film.sums[:] = np.random.default_rng(border).random(film.sums.shape)
     *values, weight = window_sums(film)
     expected = np.stack(values, axis=-1) / weight[..., None]

@@ -496,9 +496,10 @@ def test_ctrl_c_while_writing_waits_for_the_file(capsys, monkeypatch):
 def without_kernels(monkeypatch, value):
     """Let each job take a moment and add `value(first sample)` to all sums of its tile."""
 
-    def render(self, tile, first_sample, end_sample, thread):
+    def render(self, tile, layer, first_sample, end_sample, thread):
         time.sleep(2e-4)
-        self.film.sums[tile] += value(first_sample)
+        place = layer * len(self.film.tiles) + tile
+        self.film.sums[place] += value(first_sample)
 
     monkeypatch.setattr(Rendering, "_render", render)
 
@@ -545,7 +546,9 @@ def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
             except KeyboardInterrupt:  # before the first job, or after the last one
                 continue
         outcomes.add(complete)
-        for weight in np.unique(rendering.film.sums):
+        tiles = len(rendering.film.tiles)
+        layers = rendering.film.sums.reshape(-1, tiles, *rendering.film.sums.shape[1:])
+        for weight in np.unique(layers.sum(axis=0)):
             digits = np.base_repr(int(weight), 4)
             assert set(digits) <= {"0", "1"}
             assert not complete or digits == 12 * "1"

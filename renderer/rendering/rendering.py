@@ -12,17 +12,21 @@ from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.records.kernel_scene import KernelScene
+from renderer.records.tile import TILE_SIZE
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.scene import Scene
+from renderer.scene_file.description import Film as FilmOfFile
 from renderer.stages.film import BOX, Film, filter_border, filter_table
 from renderer.threads import Crew
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
+# A film of fewer tiles has several sums for each, about this many in all.
+FEW_TILES = 32
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,7 @@ class Rendering:
             self.border,
             film.width + 2 * film.border,
             film.border,
+            self._layers(film),
         )
         self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
@@ -128,8 +133,21 @@ class Rendering:
             previous_points=self.variant.previous_points,
         )
 
-    def _render(self, tile: int, first_sample: int, end_sample: int, thread: int) -> None:
-        """Add samples of a tile to its sums."""
+    def _layers(self, film: FilmOfFile) -> int:
+        """Return how many sums a tile has: several in small films, for many threads.
+
+        Of the film alone, never of the number of threads, on which no bit may depend. In a
+        replay a pixel's stream of random numbers runs on from one sample to the next.
+        """
+        beyond = 2 * film.border
+        width, height = film.crop_width + beyond, film.crop_height + beyond
+        tiles = -(-width // TILE_SIZE) * -(-height // TILE_SIZE)
+        return 1 if self.variant.in_order else max(1, FEW_TILES // tiles)
+
+    def _render(
+        self, tile: int, layer: int, first_sample: int, end_sample: int, thread: int
+    ) -> None:
+        """Add samples of a tile to one of its sums."""
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
@@ -140,7 +158,7 @@ class Rendering:
             first_sample,
             end_sample,
             work,
-            self.film.sums[tile],
+            self.film.sums[layer * len(self.film.tiles) + tile],
             self.border,
         )
 
@@ -152,7 +170,7 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(tile=0, first_sample=0, end_sample=0, thread=0)
+        self._render(tile=0, layer=0, first_sample=0, end_sample=0, thread=0)
         self.film.compile()
         return time.perf_counter() - start
 
@@ -220,21 +238,23 @@ class Rendering:
     def _trace(self, first_sample: int, end_sample: int, show: Callable[[], None]) -> None:
         """Add samples first_sample .. end_sample - 1 of all pixels; call `show` meanwhile.
 
-        The samples of a tile are added in their order: in a replay a pixel's stream of
-        random numbers runs on from one to the next, and no sum depends on the threads.
+        A sample's number says which sums it is added to, and there samples are added in
+        their order: no sum depends on the threads, nor on where a goal takes its looks.
         """
-        tiles, step = self.film.tiles, self.samples_per_job
+        tiles, step, layers = self.film.tiles, self.samples_per_job, self.film.grid.layers
+        first_part = first_sample // step
 
         def work(job: int, thread: int) -> None:
             part, number = divmod(job, len(tiles))
-            first = first_sample + part * step
-            end = min(first + step, end_sample)
-            self._render(number, first, end, thread)
+            part += first_part
+            first = max(part * step, first_sample)
+            end = min(part * step + step, end_sample)
+            self._render(number, part % layers, first, end, thread)
             tile = tiles[number]
             self._samples_done[thread] += tile.width * tile.height * (end - first)
 
-        jobs = -(-(end_sample - first_sample) // step) * len(tiles)
-        crew = Crew(self.threads, jobs, work, round_length=len(tiles))
+        jobs = (-(-end_sample // step) - first_part) * len(tiles)
+        crew = Crew(self.threads, jobs, work, round_length=layers * len(tiles))
         try:
             crew.start()
             while not crew.wait():

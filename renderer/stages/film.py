@@ -120,13 +120,14 @@ class TileGrid(NamedTuple):
     columns: int
     beyond: int  # pixels that the first tiles begin above and left of the window
     border: int  # pixels that a tile's sums hold beyond it on all sides
+    layers: int  # how many sums each tile has
 
 
 @entry_kernel
 def develop_rows(tile_sums, grid, picture, first, end):
     """Write rows first .. end - 1 of sum(w v) / sum(w); 0 where there is no weight.
 
-    Where borders overlap, tiles are added in the order of their numbers.
+    Layers are added in their order, and where borders overlap, so are tiles.
     """
     channels = picture.shape[2]
     border = grid.border
@@ -142,11 +143,13 @@ def develop_rows(tile_sums, grid, picture, first, end):
             for k in range(channels + 1):
                 c = channels if k == 0 else k - 1  # the weight first
                 total = 0.0
-                for j in range(above, below + 1):
-                    for i in range(left, right + 1):
-                        inside_y = row - j * TILE_SIZE + border
-                        inside_x = column - i * TILE_SIZE + border
-                        total += tile_sums[j * grid.columns + i, c, inside_y, inside_x]
+                for layer in range(grid.layers):
+                    for j in range(above, below + 1):
+                        for i in range(left, right + 1):
+                            place = (layer * grid.rows + j) * grid.columns + i
+                            inside_y = row - j * TILE_SIZE + border
+                            inside_x = column - i * TILE_SIZE + border
+                            total += tile_sums[place, c, inside_y, inside_x]
                 if k > 0:
                     picture[y, x, c] = total * inverse
                 elif total != 0.0:
@@ -168,14 +171,16 @@ class Film:
         Of the full film, with what is sampled beyond it.
     beyond : int
         Pixels on all sides of the window that are sampled too.
+    layers : int
+        Sums of each tile, so that threads can work on one tile at the same time.
 
     Attributes
     ----------
     tiles : list of Tile
         Of the window and what lies beyond, row after row.
-    sums : float64 (tiles, channels + 1, rows, columns)
-        Of each tile with its border; the last channel is the weight. Memory is taken when a
-        tile is first written to.
+    sums : float64 (layers * tiles, channels + 1, rows, columns)
+        Of each tile with its border, layer after layer; the last channel is the weight.
+        Memory is taken when a tile is first written to.
     """
 
     def __init__(
@@ -188,6 +193,7 @@ class Film:
         border: int,
         film_width: int,
         beyond: int = 0,
+        layers: int = 1,
     ) -> None:
         self.x, self.y, self.width, self.height = x, y, width, height
         right, below = x + width + beyond, y + height + beyond
@@ -198,9 +204,9 @@ class Film:
             for j in rows
             for i in columns
         ]
-        self.grid = TileGrid(len(rows), len(columns), beyond, border)
+        self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
         size = TILE_SIZE + 2 * border
-        self.sums = np.zeros((len(self.tiles), channels + 1, size, size))
+        self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
 
     def compile(self) -> None:
         """Compile what `develop` calls, or load it."""
