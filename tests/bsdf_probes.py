@@ -178,3 +178,24 @@ def seen_under(degrees: float, azimuth: float = 40.0, *, below: bool = False) ->
     theta, phi = np.radians((degrees, azimuth))
     x, y = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
     return np.array([[x, y, -np.cos(theta) if below else np.cos(theta)]])
+
+
+# --------------------------------------------------------------------------------- energy
+
+
+def even_numbers(n: int) -> Array:
+    """Return n^2 triples: a grid in x and y, choices spread by the golden ratio."""
+    x = (np.arange(n) + 0.5) / n
+    pairs = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    choice = np.arange(n * n) * (np.sqrt(5.0) - 1.0) / 2.0 % 1.0
+    return np.column_stack((pairs, choice))
+
+
+def albedo(probe: BsdfProbe | MitsubaProbe, wo: Array, n: int) -> Array:
+    """Return what share of light along `wo` (1, 3) goes on, by n^2 even samples; (3,).
+
+    Reflected and transmitted; without the squeeze of radiance by eta^2.
+    """
+    numbers = even_numbers(n)
+    out = probe.sample(np.repeat(wo, len(numbers), 0), numbers)
+    return np.asarray((out.weight * out.eta[:, None] ** 2).mean(axis=0))

@@ -6,6 +6,7 @@ equal centroids, everything in a line. What has no area or is not finite never g
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -256,3 +257,30 @@ def test_degenerate_triangles_never_reach_a_builder(tmp_path, monkeypatch):
     for field in (extents.lower, extents.upper, extents.points, extents.radius):
         assert np.isfinite(field).all()
     np.testing.assert_allclose(np.linalg.norm(extents.normal, axis=0), 1, rtol=1e-6)
+
+
+def test_a_scene_is_built_once_for_all_its_renders(monkeypatch):
+    """Whatever changes between them, but the structure."""
+    built: list[str] = []
+
+    def noting(name, builder):
+        def build(*arguments):
+            built.append(name)
+            return builder(*arguments)
+
+        return build
+
+    for name, builder in BUILDERS.items():
+        monkeypatch.setitem(BUILDERS, name, noting(name, builder))
+    path = Path(__file__).parents[1] / "scenes" / "cornell-box" / "scene.xml"
+    scene = renderer.load_file(path, width=16, height=16)
+
+    renderer.render(scene, spp=1, accel="wide")
+    built.clear()
+    for choices in ({}, {"seed": 5}, {"spp": 2}, {"integrator": "direct"}):
+        again = renderer.render(scene, **{"spp": 1, "accel": "wide", **choices})
+        assert built == []
+    fresh = renderer.load_file(path, width=16, height=16)
+    first = renderer.render(fresh, spp=1, accel="wide", integrator="direct")
+    assert set(built) == {"wide"}
+    np.testing.assert_array_equal(again.pixels, first.pixels)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import renderer.stages.film
 from renderer.jit import entry_kernel, pack
 from renderer.kinds.sampling.numbers_and_warps import Independent
 from renderer.records.batch import CAPACITY
@@ -18,7 +19,6 @@ from renderer.stages.film import (
     add_to_tile,
     filter_border,
     filter_table,
-    tile_sums,
 )
 
 
@@ -99,20 +99,28 @@ def by_hand(rfilter, tiles, window, sample_count):
 
 
 def by_kernel(rfilter, film, sample_count, constant=None):
-    table, border = pack(filter_table(rfilter)), film.border
-    for tile in film.tiles(FILM_WIDTH):
-        sums = tile_sums(CHANNELS, border)
+    table, border = pack(filter_table(rfilter)), film.grid.border
+    for tile, sums in zip(film.tiles, film.sums, strict=True):
         for sample in range(sample_count):
             positions, radiance, _ = samples(tile, sample)
             if constant is not None:
                 radiance[:] = constant
             run_add_to_tile(table, tile, positions, radiance, sums, border)
-        film.add(tile, sums)
     return film
 
 
+def window_sums(film):
+    """The sums of the window's pixels, tile after tile: what `develop` divides."""
+    border = film.grid.border
+    whole = np.zeros((len(film.sums[0]), film.height + 200, film.width + 200))
+    for tile, sums in zip(film.tiles * film.grid.layers, film.sums, strict=True):
+        y, x = tile.y - film.y - border + 100, tile.x - film.x - border + 100
+        whole[:, y : y + sums.shape[1], x : x + sums.shape[2]] += sums
+    return whole[:, 100 : 100 + film.height, 100 : 100 + film.width]
+
+
 def make_film(rfilter, window):
-    return Film(CHANNELS, *window, filter_border(filter_table(rfilter)))
+    return Film(CHANNELS, *window, filter_border(filter_table(rfilter)), FILM_WIDTH)
 
 
 @every_filter
@@ -120,8 +128,8 @@ def test_one_whole_tile(rfilter):
     """32 x 32 pixels: each sample reaches exactly the pixels it should, by its weight."""
     window = (0, 0, 32, 32)
     film = by_kernel(rfilter, make_film(rfilter, window), 2)
-    expected = by_hand(rfilter, film.tiles(FILM_WIDTH), window, 2)
-    np.testing.assert_allclose(film._sums, expected, rtol=1e-12, atol=1e-13)
+    expected = by_hand(rfilter, film.tiles, window, 2)
+    np.testing.assert_allclose(window_sums(film), expected, rtol=1e-12, atol=1e-13)
 
 
 @every_filter
@@ -129,24 +137,24 @@ def test_tiles_of_a_crop_window(rfilter):
     """37 x 35 pixels from (5, 7) on: four tiles, three of them cut, borders overlapping."""
     window = (5, 7, 37, 35)
     film = by_kernel(rfilter, make_film(rfilter, window), 1)
-    assert [(t.width, t.height) for t in film.tiles(FILM_WIDTH)] == [
+    assert [(t.width, t.height) for t in film.tiles] == [
         (32, 32),
         (5, 32),
         (32, 3),
         (5, 3),
     ]
-    expected = by_hand(rfilter, film.tiles(FILM_WIDTH), window, 1)
-    np.testing.assert_allclose(film._sums, expected, rtol=1e-12, atol=1e-13)
+    expected = by_hand(rfilter, film.tiles, window, 1)
+    np.testing.assert_allclose(window_sums(film), expected, rtol=1e-12, atol=1e-13)
 
 
 @every_filter
 def test_a_crop_is_a_piece_of_the_whole_picture(rfilter):
     """Away from the rim: the same samples, the same sums, however tiles are cut."""
-    whole = by_hand(
-        rfilter, make_film(rfilter, (0, 0, 40, 36)).tiles(FILM_WIDTH), (0, 0, 40, 36), 1
-    )
+    whole = by_hand(rfilter, make_film(rfilter, (0, 0, 40, 36)).tiles, (0, 0, 40, 36), 1)
     film = make_film(rfilter, (0, 0, 40, 36))
-    assert by_kernel(rfilter, film, 1)._sums == pytest.approx(whole, rel=1e-12, abs=1e-13)
+    assert window_sums(by_kernel(rfilter, film, 1)) == pytest.approx(
+        whole, rel=1e-12, abs=1e-13
+    )
 
 
 @every_filter
@@ -160,9 +168,9 @@ def test_a_constant_stays_constant(rfilter):
 
 def test_tiles_cover_the_window_once():
     for window in ((0, 0, 1, 1), (3, 5, 32, 32), (0, 0, 33, 65), (100, 7, 95, 31)):
-        film = Film(3, *window, 0)
+        film = Film(3, *window, 0, FILM_WIDTH)
         count = np.zeros((window[3], window[2]), int)
-        for tile in film.tiles(FILM_WIDTH):
+        for tile in film.tiles:
             assert 0 < tile.width <= TILE_SIZE and 0 < tile.height <= TILE_SIZE
             left, top = tile.x - window[0], tile.y - window[1]
             count[top : top + tile.height, left : left + tile.width] += 1
@@ -172,7 +180,7 @@ def test_tiles_cover_the_window_once():
 def test_sums_are_double():
     """Beyond 2^24 single precision cannot count, and 0.1 drifts by 9 % (row 26)."""
     tile = Tile(0, 0, 32, 32, FILM_WIDTH)
-    sums = tile_sums(CHANNELS, 0)
+    [sums] = Film(CHANNELS, 0, 0, 32, 32, 0, FILM_WIDTH).sums
     sums[:] = 2.0**24
     radiance = np.full((CHANNELS, CAPACITY), 0.1, np.float32)
     positions = np.zeros((2, CAPACITY), np.float32)
@@ -186,12 +194,10 @@ def test_sums_are_double():
 
 
 def test_no_weight_is_black_and_not_nan():
-    film = Film(1, 0, 0, 4, 3, 0)
-    tile = Tile(0, 0, 4, 3, FILM_WIDTH)
-    sums = tile_sums(1, 0)
+    film = Film(1, 0, 0, 4, 3, 0, FILM_WIDTH)
+    [sums] = film.sums
     sums[:, 0, 0] = 3, 2
     sums[:, 0, 1] = -3, -2  # a pixel can have negative lobes alone
-    film.add(tile, sums)
     picture = film.develop()[:, :, 0]
     assert picture[0, 0] == picture[0, 1] == 1.5
     assert np.count_nonzero(picture) == 2 and np.isfinite(picture).all()
@@ -199,9 +205,23 @@ def test_no_weight_is_black_and_not_nan():
 
 def test_what_lies_beyond_the_window_is_dropped():
     """A tile's border reaches over the rim on every side."""
-    film = Film(1, 10, 20, 4, 3, 2)
-    film.add(Tile(10, 20, 4, 3, FILM_WIDTH), np.ones((2, TILE_SIZE + 4, TILE_SIZE + 4)))
-    np.testing.assert_array_equal(film._sums, np.ones((2, 3, 4)))
+    film = Film(1, 10, 20, 4, 3, 2, FILM_WIDTH)
+    film.sums[:] = 1e9
+    film.sums[0, :, 2:5, 2:6] = [[[3.0]], [[2.0]]]
+    np.testing.assert_array_equal(film.develop()[..., 0], np.full((3, 4), 1.5))
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("border", [0, 2, 5])
+@pytest.mark.parametrize(("beyond", "layers"), [(0, 1), (3, 1), (0, 3)])
+def test_developing_adds_the_tiles_up(border, beyond, layers, threads, monkeypatch):
+    """All that overlap at a pixel, also where samples were taken beyond the window."""
+    monkeypatch.setattr(renderer.stages.film, "ALONE", 0)
+    film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond, layers)
+    film.sums[:] = np.random.default_rng(border).random(film.sums.shape)
+    *values, weight = window_sums(film)
+    expected = np.stack(values, axis=-1) / weight[..., None]
+    np.testing.assert_allclose(film.develop(threads), expected, rtol=1e-6)
 
 
 def test_borders_hold_the_widest_reach():

@@ -47,10 +47,32 @@ def test_a_plugin_takes_mitsubas_paths(scene, spp, references):
     assert result.passed, result.sentence
 
 
+MEANS = (
+    "rmse",
+    "trimmed_rmse",
+    "tile_bias",
+    "worst_tile",
+    "mean_difference",
+    "rung pixels",
+)
+KNOWN_TO_DIFFER = {
+    # Mitsuba 3.9.1 gives the normals of bump maps in the surface's frame, ours in the world
+    "bumpmap": ("AOV sh_normal", "rung aovs"),
+    # the lamp is a mesh with vertex normals, by which Mitsuba takes its density: its means
+    # differ by 6 % (docs/mutations.md, `smooth-lamp`), and only a replay does the same
+    "serialized": MEANS,
+}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.stem)
 def test_a_plugin_has_mitsubas_mean(scene, references):
-    """The ladder, with eight pictures of each renderer."""
+    """The ladder, with eight pictures of each renderer.
+
+    What is known to differ has to: an exception that is no longer needed fails.
+    """
     options = Options(ladder=True, seeds=8, spp=64, checks="statistics")
     result = validate_scene(scene, options, render_ours, references).result
-    assert (result.verdict, result.reasons) == ("pass", ())
+    known = KNOWN_TO_DIFFER.get(scene.stem, ())
+    assert [reason for reason in result.reasons if not reason.startswith(known)] == []
+    assert result.verdict == ("fail" if known else "pass")

@@ -40,6 +40,10 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
     print_replays(scenes, console)
     print_rungs(scenes, console)
     for scene in scenes:
+        for caution in scene.cautions:
+            console.print(
+                f"caution {escape(scene.name)}: {escape(caution)}", soft_wrap=True
+            )
         for reason in scene.reasons:
             console.print(
                 f"{_coloured(scene.verdict)} {escape(scene.name)}: {escape(reason)}",

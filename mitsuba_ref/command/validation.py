@@ -180,9 +180,7 @@ def _validate(
     )
     result = describe_scene(blank, request, options, proof, ours, pictures[0], comparison)
     if options.ladder and not deterministic and comparison.verdict in COMPARED:
-        ladder = measure_ladder(
-            request, ours, pictures, render_ours, references, progress=progress
-        )
+        ladder = measure_ladder(request, pictures, render_ours, references, progress)
         result = replace(result, ladder=ladder)
     shown = {
         "ours": ours.pixels,

@@ -27,26 +27,27 @@ _BALL = """<scene version="3.0.0">
     <integer name="rr_depth" value="12"/></integrator>
 {sensor}
 <shape type="rectangle"><bsdf type="diffuse"/></shape>
-<shape type="sphere"><point name="center" x="{x}" y="0" z="1.5"/>
+<shape type="sphere"><point name="center" x="0" y="{y!r}" z="1.5"/>
     <bsdf type="dielectric"/></shape>
 <emitter type="point"><point name="position" value="0,0,5"/></emitter>
 </scene>"""
 
 
-def caustic_of_a_point_light() -> float:
+def caustic_of_a_point_light(beside: float = 0.0) -> float:
     """Return the light in the middle below a glass ball, with the ball over without it.
 
     The ball gathers light there, so the truth is above 1. A path tracer finds 0: glass
-    stops shadow rays, and no ray meets a point by chance [Veach1997].
+    stops shadow rays, and no ray meets a point by chance [Veach1997]. A ball of radius 1
+    that is more than 1 `beside` the straight line to the lamp is not in its way.
     """
     sensor = _sensor('origin="6,0,1" target="0,0,0" up="0,0,1"', 0.01, 1)
     with_ball, without = (
         float(
             renderer.render(
-                renderer.load_string(_BALL.format(sensor=sensor, x=x)), spp=64
+                renderer.load_string(_BALL.format(sensor=sensor, y=y)), spp=64
             ).pixels.mean()
         )
-        for x in (0.0, 1e3)
+        for y in (beside, 1e3)
     )
     return with_ball / without
 
@@ -57,17 +58,17 @@ SEGMENTS = 16
 SIZE = 128
 
 
-def _sphere_mesh() -> str:
-    """Return a unit sphere of 16 x 8 patches as OBJ, with the sphere's own normals."""
-    rings, lines = SEGMENTS // 2, []
+def _sphere_mesh(segments: int) -> str:
+    """Return a unit sphere of so many patches around as OBJ, with the sphere's normals."""
+    rings, lines = segments // 2, []
     for t in np.pi * np.arange(rings + 1) / rings:
-        for p in 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS:
+        for p in 2 * np.pi * np.arange(segments) / segments:
             x, y, z = np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)
             lines += [f"v {x:.9g} {y:.9g} {z:.9g}", f"vn {x:.9g} {y:.9g} {z:.9g}"]
     for i in range(rings):
-        for j in range(SEGMENTS):
-            a, b = i * SEGMENTS + j + 1, i * SEGMENTS + (j + 1) % SEGMENTS + 1
-            c, d = a + SEGMENTS, b + SEGMENTS
+        for j in range(segments):
+            a, b = i * segments + j + 1, i * segments + (j + 1) % segments + 1
+            c, d = a + segments, b + segments
             # at each pole one of the two triangles would have no area
             lines += [f"f {a}//{a} {c}//{c} {d}//{d}"] if i < rings - 1 else []
             lines += [f"f {a}//{a} {d}//{d} {b}//{b}"] if i > 0 else []
@@ -85,7 +86,9 @@ _TWO_SPHERES = """<scene version="3.0.0">
 </scene>"""
 
 
-def terminator_pictures() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def terminator_pictures(
+    segments: int = SEGMENTS,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a sphere in parallel light and its mesh, (128, 128), where the camera is.
 
     Seen from 20 radii with the light from the right; 1 is light straight from above.
@@ -93,7 +96,7 @@ def terminator_pictures() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     sensor = _sensor('origin="0,-20,0" target="0,0,0" up="0,0,1"', 5.9, SIZE)
     pictures = []
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "sphere.obj").write_text(_sphere_mesh())
+        (Path(folder) / "sphere.obj").write_text(_sphere_mesh(segments))
         for places in ({"smooth": 0, "mesh": 900}, {"smooth": 900, "mesh": 0}):
             text = _TWO_SPHERES.format(sensor=sensor, **places)
             scene = renderer.load_string(text, base_dir=folder)
@@ -103,13 +106,13 @@ def terminator_pictures() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return pictures[0], pictures[1]
 
 
-def terminator_band() -> float:
+def terminator_band(segments: int = SEGMENTS) -> float:
     """Return the RMSE of the mesh in the band where the sphere has 0 < cosine < 0.2.
 
     A facet that looks away from the light is in its own shadow as a whole, whatever its
     vertex normals say; so the mesh's shadow begins at edges of facets.
     """
-    smooth, mesh = terminator_pictures()
+    smooth, mesh = terminator_pictures(segments)
     band = (smooth > 0) & (smooth < 0.2) & inside(0.95)
     return float(np.sqrt(np.mean((mesh - smooth)[band] ** 2)))
 

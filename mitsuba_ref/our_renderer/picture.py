@@ -35,6 +35,7 @@ class OurPicture:
     integrator: str = ""
     method: str = ""
     explain: str = ""
+    cautions: tuple[str, ...] = ()  # what is known to fail in this scene
 
     @property
     def pixels(self) -> Array:
@@ -56,6 +57,8 @@ def render_ours(request: RenderRequest) -> OurPicture:
         When the scene is not one that we can render.
     """
     import renderer
+    from renderer.rendering.planning.cautions import cautions_of
+    from renderer.rendering.planning.plan import make_plan
     from renderer.scene.scene import build_scene
 
     wants_aovs = request.kind == "aovs"
@@ -66,8 +69,9 @@ def render_ours(request: RenderRequest) -> OurPicture:
         first_hits=wants_aovs,
         independent_samples=request.independent,
     )
+    scene = build_scene(edited)
     image = renderer.render(
-        build_scene(edited),
+        scene,
         spp=1 if wants_aovs else request.spp,
         seed=request.seed,
         threads=request.threads,
@@ -86,6 +90,9 @@ def render_ours(request: RenderRequest) -> OurPicture:
         integrator=image.integrator,
         method=_method(image.explain),
         explain=image.explain,
+        cautions=()
+        if wants_aovs
+        else tuple(map(str, cautions_of(scene, make_plan(scene)))),
     )
 
 

@@ -154,6 +154,7 @@ class SceneResult:
     deterministic: bool = False
     verdict: Verdict
     reasons: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()  # what is known to fail in such a scene
     finite: Finite = Finite()
     metrics: dict[str, Metric] = field(default_factory=dict)
     aovs: tuple[AovResult, ...] = ()

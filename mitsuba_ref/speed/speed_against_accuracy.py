@@ -1,7 +1,9 @@
 """Speed against accuracy: seconds and RMSE over doubling sample counts.
 
 Both renderers take each rung in turn, warm, with equal numbers of workers, in one run;
-nothing here comes from the cache but the reference that both are measured against.
+nothing here comes from the cache but the reference that both are measured against: the
+mean of Mitsuba's pictures that a comparison has anyway. The rungs end at half of the
+samples of one of these, so that four of them have eight times as many as the last rung.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.metrics import distances
-from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
+from mitsuba_ref.our_renderer.picture import RenderOurs
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import Ladder, LadderPoint
 from mitsuba_ref.reference.cache import ReferenceCache
@@ -24,15 +26,11 @@ RUNGS = 5
 OURS = "lightproof"
 MITSUBA = "mitsuba scalar_rgb"
 
-MAX_REFERENCE_FACTOR = 32  # times the samples of the top rung
-REFERENCE_SECONDS = 5.0  # about what the reference may take when it is not cached
 LADDER_SEED = 2_000_003
-REFERENCE_SEEDS = (3_000_017, 3_000_018)
 
 
 def measure_ladder(
     request: RenderRequest,
-    ours: OurPicture,
     pictures: Sequence[Reference],
     render_ours: RenderOurs,
     references: ReferenceCache,
@@ -43,30 +41,21 @@ def measure_ladder(
     Parameters
     ----------
     request
-        As the scene was compared; its samples are the top rung.
-    ours, pictures
-        What was rendered at that size: tells how many samples and how long. Where better
-        ones would take too long, Mitsuba's pictures are the reference.
+        As the scene was compared; half of its samples are the top rung.
+    pictures
+        Mitsuba's, of as many seeds as there are; their mean is the reference.
     render_ours, references
         The two renderers.
     progress
         Told what is being done.
     """
     top = pictures[0].spp
-    spp = top * _reference_factor(pictures[0].seconds)
     parts = [picture.pixels for picture in pictures]
-    if 2 * spp > len(parts) * top:
-        parts = []
-        for seed in REFERENCE_SEEDS:
-            progress(f"ladder: reference, {spp} samples per pixel")
-            parts.append(references.get(_rung(request, spp, seed), ours.files).pixels)
-    else:
-        spp = top
     truth = np.asarray(np.mean(parts, axis=0, dtype=np.float64))
     # Of n parts with noise s, two are sqrt(2) s apart, and their mean is s / sqrt(n) off.
     squares = [distances.rmse(a, b) ** 2 for a, b in itertools.combinations(parts, 2)]
     noise = float(np.sqrt(np.mean(squares) / (2.0 * len(parts))))
-    spp *= len(parts)
+    spp = top * len(parts)
 
     renderers = {OURS: _timed_ours(render_ours), MITSUBA: _timed_mitsuba(references)}
     points = []
@@ -94,8 +83,8 @@ def measure_ladder(
 
 
 def rungs(top: int) -> list[int]:
-    """Return up to five sample counts that double, the last one `top`."""
-    counts = {max(1, top >> step) for step in range(RUNGS)}
+    """Return up to five sample counts that double, the last one half of `top`."""
+    counts = {max(1, top >> step) for step in range(1, RUNGS + 1)}
     return sorted(counts)
 
 
@@ -123,12 +112,3 @@ def _rung(request: RenderRequest, spp: int, seed: int) -> RenderRequest:
     if "spp" in parameters:
         parameters = parameters | {"spp": str(spp)}
     return replace(request, parameters=parameters, spp=spp, seed=seed)
-
-
-def _reference_factor(seconds: float) -> int:
-    """Return how many times the top rung's samples each half of the reference gets."""
-    affordable = REFERENCE_SECONDS / 2.0 / max(seconds, 1e-3)
-    factor = 2
-    while factor * 2 <= min(affordable, MAX_REFERENCE_FACTOR / 2):
-        factor *= 2
-    return factor

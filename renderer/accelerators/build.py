@@ -94,10 +94,19 @@ def compile_builders(scene: Scene, name: str, rays: RayCounts = USUAL_RAYS) -> f
     """Compile what `build_accelerators` will need; return the seconds it took."""
     started = time.perf_counter()
     for chosen in {c.name for c in choose_structures(scene, name, rays).values()}:
-        BUILDERS[chosen](_one_point(), _points)
+        _compile_builder(chosen)
     if scene.placements is not None:
-        build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
+        _compile_builder("of instances")
     return time.perf_counter() - started
+
+
+@functools.cache
+def _compile_builder(name: str) -> None:
+    """Build over one point, once in a process."""
+    if name == "of instances":
+        build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
+    else:
+        BUILDERS[name](_one_point(), _points)
 
 
 def _one_point() -> Extents:
@@ -120,6 +129,8 @@ def build_accelerators(
     without_emitters_of: Accelerators | None = None,
 ) -> Accelerators:
     """Build for all kinds; None for kinds that the scene lacks.
+
+    The scene keeps what was built of it, for the next call.
 
     Parameters
     ----------
@@ -156,12 +167,19 @@ def build_accelerators(
             order = order[(scene.stages[surfaces.first + order] & EMIT) == 0]
         if len(order):
             chosen = choices[kind].name
-            built[kind] = build_accelerator(kind, surfaces, order, chosen, reach)
+            key = (kind, chosen, len(order))  # lamps among them or not
+            if key not in scene.built:
+                scene.built[key] = build_accelerator(kind, surfaces, order, chosen, reach)
+            built[kind] = scene.built[key]
     if without_emitters_of is not None:
         instances = without_emitters_of.instances  # groups hold no emitters
     else:
         brute = name == "brute"
-        instances = build_instances(scene, primitive_group, reach, brute=brute)
+        key = ("instances", brute)
+        if key not in scene.built:
+            made = build_instances(scene, primitive_group, reach, brute=brute)
+            scene.built[key] = made
+        instances = scene.built[key]
     return Accelerators(**built, instances=instances)
 
 

@@ -134,7 +134,11 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
             sampler=options.sampler,
             ray_offset=options.ray_offset,
             progress=progress,
+            target_error=options.target_error,
+            time_limit=options.time,
         )
+    if image.error is not None:  # the command that gives this picture again
+        options.spp, options.sampler = image.spp, image.metadata["sampler"]
     metadata = {**image.metadata, "command": _command(options)}
     return dataclasses.replace(image, metadata=metadata)
 
@@ -176,6 +180,11 @@ def _report(image: Image, written: list[Path], *, quiet: bool) -> None:
             f"{image.width} x {image.height} pixels, {image.spp} spp, "
             f"{image.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
         )
+        if image.error is not None:
+            doubt = (
+                "; a few pixels decide it, so it is unsure" if image.error_unsure else ""
+            )
+            sys.stdout.write(f"estimated error: {image.error:.2%}{doubt}\n")
         if "brightest" in image.metadata:
             sys.stdout.write(f"brightest colour: {image.metadata['brightest']}\n")
         sys.stdout.flush()
@@ -219,6 +228,19 @@ def _parser() -> argparse.ArgumentParser:
     )
     add(
         "--spp", type=_positive, metavar="N", help="samples per pixel instead of the file's"
+    )
+    add(
+        "--target-error",
+        type=_error,
+        metavar="2%",
+        help="render until the picture's estimated relative error is no more; --spp is "
+        "then the most samples that it may take",
+    )
+    add(
+        "--time",
+        type=_seconds,
+        metavar="SECONDS",
+        help="render for about so long, and say the error that was reached",
     )
     add(
         "--seed",
@@ -291,6 +313,25 @@ def _positive(text: str) -> int:
     value = _whole_number(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{value} is less than 1")
+    return value
+
+
+def _error(text: str) -> float:
+    number = _number(text.removesuffix("%"))
+    return number / 100 if text.endswith("%") else number
+
+
+def _seconds(text: str) -> float:
+    return _number(text.removesuffix("s"))
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not more than 0")
     return value
 
 

@@ -58,7 +58,10 @@ class ProgressDisplay:
         elif progress.done == 0:
             self._shown = 0.0  # another render, such as that of an AOV's colours
             if not self._terminal:
-                self._line(f"rendering {progress.total} samples")
+                known = "until the goal is reached"
+                if progress.error is None:
+                    known = f"{progress.total} samples"
+                self._line(f"rendering {known}")
         elif not self._terminal:
             if progress.seconds - self._shown >= LINE_EVERY:
                 self._shown = progress.seconds
@@ -90,8 +93,11 @@ class ProgressDisplay:
 
 def _speed(progress: Progress) -> str:
     rate = progress.done / progress.seconds
+    if progress.error == float("inf"):
+        return f"{rate / 1e6:.1f} Msamples/s"
     left = (progress.total - progress.done) / rate
-    return f"{_duration(left)} left, {rate / 1e6:.1f} Msamples/s"
+    error = "" if progress.error is None else f"error {progress.error:.2%}, "
+    return f"{error}{_duration(left)} left, {rate / 1e6:.1f} Msamples/s"
 
 
 def _duration(seconds: float) -> str:

@@ -84,17 +84,20 @@ def with_neighbours(path: str | Path) -> list[Path]:
     A user's kernels may call others of his, in another file: its edit counts as well. The
     renderer's own files are in the hash of all sources.
     """
-    found: list[Path] = []
+    found: dict[Path, None] = {}  # in the order in which they were met
+    asked: set[Path] = set()  # thousands of imports, of a few modules
     waiting = [Path(path).resolve()]
     while waiting:
         file = waiting.pop()
         if file in found or (found and file.is_relative_to(_PACKAGE)):
             continue
-        found.append(file)
+        found[file] = None
         for module in _imported_by(file):
-            beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
-            waiting += sorted(path for path in beside if path.is_file())
-    return found
+            if module not in asked:
+                asked.add(module)
+                beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
+                waiting += sorted(path for path in beside if path.is_file())
+    return list(found)
 
 
 def _imported_by(file: Path) -> Iterator[Path]:

@@ -96,7 +96,10 @@ def pack(record: Any, source: str = "") -> Packed:
 
 def record_type(record: Any, source: str = "") -> RecordType:
     """Return the Numba type that `pack(record, source)` would have."""
-    return RecordType(_type_of(record), source)
+    key = _form(record), source
+    if key not in _KNOWN:  # making one anew for each render was half of what a render needs
+        _KNOWN[key] = RecordType(_type_of(record), source)
+    return _KNOWN[key]
 
 
 def record_class(numba_type: Any) -> type | None:
@@ -113,6 +116,19 @@ def record_class(numba_type: Any) -> type | None:
 
 
 # --------------------------------------------------------------------- from Python
+
+_KNOWN: dict[Any, RecordType] = {}  # by form and source
+
+
+def _form(value: Any) -> Any:
+    """Return what the type of a value depends on, quickly, as a key."""
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.c_contiguous
+    if isinstance(value, Packed):
+        return value.numba_type
+    if isinstance(value, tuple):
+        return type(value), *map(_form, value)
+    return type(value)
 
 
 def _type_of(value: Any) -> Any:

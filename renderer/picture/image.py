@@ -36,6 +36,9 @@ class Image:
     explain: str = ""  # what was modelled, what was left out, and why
     metadata: Mapping[str, str] = field(default_factory=dict)  # goes into the EXR header
     complete: bool = True  # False: interrupted, fewer samples than spp
+    error: float | None = None  # relative, estimated, where a render was asked for one
+    error_of_pixels: Array | None = None  # (H, W, 3), one guess of each pixel's difference
+    error_unsure: bool = False  # a few pixels decide the estimate: heavy tails
 
     def __post_init__(self) -> None:
         """Refuse arrays whose shapes do not belong together."""

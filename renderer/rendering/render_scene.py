@@ -18,12 +18,14 @@ from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, with_picture
 from renderer.rendering.compilation import CompilationWatch
+from renderer.rendering.goal import OPEN_ENDED, Goal, check_goal
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.rendering.rendering import Progress, Rendering
 from renderer.scene.scene import Scene
 from renderer.threads import default_threads
 
 MOST_THREADS = 1024
+MOST_WITH_A_GOAL = 1 << 20  # samples per pixel, unless somebody says how many
 
 
 def render(
@@ -37,6 +39,8 @@ def render(
     progress: Callable[[Progress], None] | None = None,
     ray_offset: str | None = None,
     measured_camera: Sequence[float] | None = None,
+    target_error: float | None = None,
+    time_limit: float | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -67,6 +71,15 @@ def render(
     measured_camera : sequence of 6 floats, optional
         With the sampler `mitsuba`: what Mitsuba on this machine has in its camera's matrix,
         of which ours takes the rounding (`replay.camera`).
+    target_error : float, optional
+        Render until the picture's estimated error, relative to its limit, is at most this:
+        0.02 is 2 % (`rendering.accuracy` has the formula). `spp` is then the most samples
+        there may be, by default 1048576. The image has `error`, and `spp` says how many
+        samples it took; a render of so many gives the same picture, bit for bit.
+    time_limit : float, optional
+        Render for about so many seconds, compilation not included; the same applies. With
+        a goal a file's sampler whose points depend on their number gives way to
+        `independent`.
 
     Returns
     -------
@@ -91,6 +104,14 @@ def render(
     threads = _whole_number("threads", threads, 1, MOST_THREADS)
     seed = _whole_number("seed", seed, 0, 2**32 - 1)
     spp = None if spp is None else _whole_number("spp", spp, 1, MOST_SAMPLES)
+    goal = None
+    if target_error is not None or time_limit is not None:
+        goal = Goal(
+            _positive("target_error", target_error), _positive("time_limit", time_limit)
+        )
+        spp = MOST_WITH_A_GOAL if spp is None else spp
+        if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:
+            sampler = OPEN_ENDED[0]
     accel = accel or "auto"
     if accel not in ACCELERATORS:
         known = ", ".join(ACCELERATORS)
@@ -104,6 +125,9 @@ def render(
         ray_offset=ray_offset,
         threads=threads,
     )
+
+    if goal is not None:
+        check_goal(plan)
 
     def announce() -> None:
         if progress is not None:
@@ -126,7 +150,7 @@ def render(
     if progress is not None and watch.compiled:
         progress(Progress("compile", 1, 1, compile_seconds))
     started = time.perf_counter()
-    complete = rendering.run(progress)
+    complete = rendering.run(progress, goal)
     seconds = time.perf_counter() - started + build_seconds
     image = _image(rendering, seconds, compile_seconds, complete)
     nested = nested_scene(scene, plan)
@@ -165,6 +189,17 @@ def _whole_number(name: str, value: object, least: int, most: int) -> int:
     return number
 
 
+def _positive(name: str, value: object) -> float | None:
+    """Return an argument that is a positive number, or None."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+        raise TypeError(f"{name} is {_shown(value)}; positive numbers are possible")
+    if not 0.0 < value < float("inf"):
+        raise SceneError(f"{name} is {value}; positive numbers are possible")
+    return float(value)
+
+
 def _shown(value: object) -> str:
     """Return a value and its type on one line, cut if it is long."""
     shown = " ".join(reprlib.repr(value).split())
@@ -174,15 +209,15 @@ def _shown(value: object) -> str:
 def _image(
     rendering: Rendering, seconds: float, compile_seconds: float, complete: bool
 ) -> Image:
-    plan = rendering.plan
+    plan, accuracy = rendering.plan, rendering.accuracy
     asked = rendering.scene.description.integrator
     show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
-    shown = show(rendering.film.develop(), asked)
+    shown = show(rendering.film.develop(rendering.threads), asked)
     return Image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,
         aov_kinds=shown.aov_kinds,
-        spp=plan.spp,
+        spp=rendering.spp if rendering.accuracy is not None else plan.spp,
         seconds=seconds,
         compile_seconds=compile_seconds,
         threads=rendering.threads,
@@ -190,6 +225,9 @@ def _image(
         explain="\n".join(plan.lines),
         metadata={**_metadata(rendering, complete), **shown.notes},
         complete=complete,
+        error=None if accuracy is None else accuracy.error,
+        error_of_pixels=None if accuracy is None else accuracy.of_pixels,
+        error_unsure=accuracy is not None and accuracy.unsure,
     )
 
 
@@ -203,6 +241,8 @@ def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
         "sampler": rendering.plan.sampler_name,
         "seed": str(rendering.seed),
     }
+    if rendering.accuracy is not None:
+        metadata["error"] = f"{rendering.accuracy.error:.4g}"
     if not complete:
         done, samples = rendering.samples_done, rendering.samples_in_all
         metadata["interrupted"] = f"after {done} of {samples} samples"

@@ -1,15 +1,10 @@
-"""One render under way: tiles over a thread pool; an interrupt keeps the picture so far."""
+"""One render under way: tiles over threads; an interrupt keeps the picture so far."""
 
 from __future__ import annotations
 
-import itertools
-import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
@@ -17,15 +12,21 @@ from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.records.kernel_scene import KernelScene
-from renderer.records.tile import Tile
+from renderer.records.tile import TILE_SIZE
+from renderer.rendering.accuracy import Accuracy
+from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.scene import Scene
-from renderer.stages.film import BOX, Film, filter_border, filter_table, tile_sums
+from renderer.scene_file.description import Film as FilmOfFile
+from renderer.stages.film import BOX, Film, filter_border, filter_table
+from renderer.threads import Crew
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
+# A film of fewer tiles has several sums for each, about this many in all.
+FEW_TILES = 32
 
 
 @dataclass(frozen=True)
@@ -40,26 +41,8 @@ class Progress:
     done: int  # samples so far
     total: int
     seconds: float  # in this stage
-
-
-@dataclass(frozen=True)
-class _Job:
-    tile: Tile
-    first_sample: int
-    end_sample: int
-
-
-class _Workspaces(threading.local):
-    """One workspace for each thread of the pool."""
-
-    def __init__(self, make: Callable[[], Packed]) -> None:
-        self.make = make
-        self.work: Packed | None = None
-
-    def get(self) -> Packed:
-        if self.work is None:
-            self.work = self.make()
-        return self.work
+    # of the picture so far, where a goal asks for it: infinite before it is known
+    error: float | None = None
 
 
 class Rendering:
@@ -103,15 +86,19 @@ class Rendering:
             film.crop_width,
             film.crop_height,
             self.border,
+            film.width + 2 * film.border,
+            film.border,
+            self._layers(film),
         )
-        beyond = 2 * film.border
-        self._tiles = self.film.tiles(film.width + beyond, film.border)
         self.seed = seed
-        self.samples_done = 0
-        pixels = (film.crop_width + beyond) * (film.crop_height + beyond)
+        asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
+        self.samples_per_job = max(1, SAMPLES_PER_JOB // asked)
+        pixels = sum(tile.width * tile.height for tile in self.film.tiles)
         self.samples_in_all = pixels * plan.spp
-        self._workspaces = _Workspaces(lambda: pack(self.make_workspace(self.channels)))
-        self._before: dict[Tile, Future[Any]] = {}  # of a replay: the last job of each tile
+        self.spp = 0  # of the whole picture, at the end or at the last look at its error
+        self.accuracy: Accuracy | None = None  # known where a goal asks for it
+        self._samples_done = [0] * threads  # each thread writes its own
+        self._workspaces: list[Packed | None] = [None] * threads
 
     @property
     def kernel_scene(self) -> KernelScene:
@@ -146,19 +133,34 @@ class Rendering:
             previous_points=self.variant.previous_points,
         )
 
-    def _render(self, job: _Job) -> Any:
-        sums = tile_sums(self.channels, self.border)
+    def _layers(self, film: FilmOfFile) -> int:
+        """Return how many sums a tile has: several in small films, for many threads.
+
+        Of the film alone, never of the number of threads, on which no bit may depend. In a
+        replay a pixel's stream of random numbers runs on from one sample to the next.
+        """
+        beyond = 2 * film.border
+        width, height = film.crop_width + beyond, film.crop_height + beyond
+        tiles = -(-width // TILE_SIZE) * -(-height // TILE_SIZE)
+        return 1 if self.variant.in_order else max(1, FEW_TILES // tiles)
+
+    def _render(
+        self, tile: int, layer: int, first_sample: int, end_sample: int, thread: int
+    ) -> None:
+        """Add samples of a tile to one of its sums."""
+        work = self._workspaces[thread]
+        if work is None:
+            work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
         self._render_tile(
             self._packed_scene,
             self._packed_filter,
-            job.tile,
-            job.first_sample,
-            job.end_sample,
-            self._workspaces.get(),
-            sums,
+            self.film.tiles[tile],
+            first_sample,
+            end_sample,
+            work,
+            self.film.sums[layer * len(self.film.tiles) + tile],
             self.border,
         )
-        return sums
 
     @property
     def methods_seconds(self) -> float:
@@ -168,84 +170,94 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(_Job(self._tiles[0], 0, 0))
+        self._render(tile=0, layer=0, first_sample=0, end_sample=0, thread=0)
+        self.film.compile()
         return time.perf_counter() - start
 
-    def _jobs(self) -> Iterator[_Job]:
-        asked = max(1, self.kernel_scene.lights.count) if self.plan.every_light else 1
-        step = max(1, SAMPLES_PER_JOB // asked)
-        for first in range(0, self.plan.spp, step):
-            for tile in self._tiles:
-                yield _Job(tile, first, min(first + step, self.plan.spp))
+    @property
+    def samples_done(self) -> int:
+        """Samples that are in the film, of all pixels together."""
+        return sum(self._samples_done)
 
-    def run(self, progress: Callable[[Progress], None] | None = None) -> bool:
-        """Trace all samples; return whether it went to the end.
+    def run(
+        self,
+        progress: Callable[[Progress], None] | None = None,
+        goal: Goal | None = None,
+    ) -> bool:
+        """Trace all samples, or as many as a goal needs; return whether it went to the end.
 
-        Tiles are added to the film in a fixed order whatever order they are done in. An
-        interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
+        An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
         while these end is raised.
         """
-        waiting: deque[tuple[_Job, Future[Any]]] = deque()
-        pool = ThreadPoolExecutor(self.threads)
-        try:
-            self._trace(pool, waiting, progress)
-            return True
-        except (KeyboardInterrupt, RuntimeError) as error:
-            # Ctrl-C may strike while Python's own wait has let go of a lock; leaving it
-            # then raises a RuntimeError, which hides the interrupt
-            interrupt = error.__context__ if isinstance(error, RuntimeError) else error
-            if not isinstance(interrupt, KeyboardInterrupt):
-                raise
-            under_way = [(job, future) for job, future in waiting if not future.cancel()]
-            for job, future in under_way:
-                self._finish(job, future.result())
-            return False
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-    def _trace(
-        self,
-        pool: ThreadPoolExecutor,
-        waiting: deque[tuple[_Job, Future[Any]]],
-        progress: Callable[[Progress], None] | None,
-    ) -> None:
         start = time.perf_counter()
-        jobs = self._jobs()
-        while True:
+
+        def show() -> None:
             if progress is not None:
                 seconds = time.perf_counter() - start
-                progress(
-                    Progress("render", self.samples_done, self.samples_in_all, seconds)
-                )
-            for job in itertools.islice(jobs, 4 * self.threads - len(waiting)):
-                waiting.append((job, self._submit(pool, job)))
-            if not waiting:
+                total, error = self.samples_in_all, None
+                if goal is not None:
+                    total, error = self._expected(goal, seconds)
+                progress(Progress("render", self.samples_done, total, seconds, error))
+
+        try:
+            show()
+            if goal is None:
+                self._trace(0, self.plan.spp, show)
+                self.spp = self.plan.spp
+            else:
+                self._trace_until(goal, start, show)
+            show()
+        except KeyboardInterrupt:
+            return False
+        return True
+
+    def _trace_until(self, goal: Goal, start: float, show: Callable[[], None]) -> None:
+        halves = Halves(self.film)
+        while True:
+            error = float("inf") if self.accuracy is None else self.accuracy.error
+            seconds = time.perf_counter() - start
+            more = goal.next_samples(self.spp, error, seconds, self.plan.spp)
+            if more == 0:
                 return
-            job, future = waiting[0]
-            sums = future.result()
-            # First out of the queue, then into the film: an interrupt between the two loses
-            # a job and its weights; the other way round the job would count twice.
-            waiting.popleft()
-            self._finish(job, sums)
+            middle, end = self.spp + more // 2, self.spp + more
+            self._trace(self.spp, middle, show)
+            halves.end_first()
+            self._trace(middle, end, show)
+            self.accuracy = halves.end_second(end, self.threads)
+            self.spp = end
 
-    def _submit(self, pool: ThreadPoolExecutor, job: _Job) -> Future[Any]:
-        """Let a thread render a job; in a replay after the one before on the same tile.
+    def _expected(self, goal: Goal, seconds: float) -> tuple[int, float | None]:
+        """Return how many samples there will be, and the error of those that there are."""
+        pixels = self.samples_in_all // self.plan.spp
+        if self.accuracy is None:
+            return self.samples_in_all, float("inf")
+        done, error = self.accuracy.samples, self.accuracy.error
+        spp = goal.expected_samples(done, error, seconds, self.plan.spp)
+        return max(spp * pixels, self.samples_done), error
 
-        A pixel's stream of Mitsuba's numbers runs on from sample to sample. The job before
-        was submitted before, so that it is done or under way: nobody waits for ever.
+    def _trace(self, first_sample: int, end_sample: int, show: Callable[[], None]) -> None:
+        """Add samples first_sample .. end_sample - 1 of all pixels; call `show` meanwhile.
+
+        A sample's number says which sums it is added to, and there samples are added in
+        their order: no sum depends on the threads, nor on where a goal takes its looks.
         """
-        if not self.variant.in_order:
-            return pool.submit(self._render, job)
-        future = pool.submit(self._render_after, self._before.get(job.tile), job)
-        self._before[job.tile] = future
-        return future
+        tiles, step, layers = self.film.tiles, self.samples_per_job, self.film.grid.layers
+        first_part = first_sample // step
 
-    def _render_after(self, before: Future[Any] | None, job: _Job) -> Any:
-        if before is not None:
-            before.result()
-        return self._render(job)
+        def work(job: int, thread: int) -> None:
+            part, number = divmod(job, len(tiles))
+            part += first_part
+            first = max(part * step, first_sample)
+            end = min(part * step + step, end_sample)
+            self._render(number, part % layers, first, end, thread)
+            tile = tiles[number]
+            self._samples_done[thread] += tile.width * tile.height * (end - first)
 
-    def _finish(self, job: _Job, sums: Any) -> None:
-        self.film.add(job.tile, sums)
-        samples = job.end_sample - job.first_sample
-        self.samples_done += job.tile.width * job.tile.height * samples
+        jobs = (-(-end_sample // step) - first_part) * len(tiles)
+        crew = Crew(self.threads, jobs, work, round_length=layers * len(tiles))
+        try:
+            crew.start()
+            while not crew.wait():
+                show()
+        finally:
+            crew.stop()

@@ -59,6 +59,11 @@ class Scene:
     placements: Placements | None  # None: there are no instances
 
     @functools.cached_property
+    def built(self) -> dict[Any, Any]:
+        """What was built of the scene for a render, kept for the next one: accelerators."""
+        return {}
+
+    @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:
         """Lower and upper corner of the world, (2, 3); empty scenes give a point at 0."""
         boxes: list[Any] = []

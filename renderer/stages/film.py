@@ -1,23 +1,25 @@
 """The film: weighted sums of samples in double precision, per tile, then per picture.
 
-A tile sums into an array of its own, with a border as wide as the filter; the tiles are
-added to the picture in a fixed order, so that no sum depends on which thread was first.
+Each tile has sums of its own, with a border as wide as the filter, and its samples are
+added in their order; the tiles are put together at the end, in a fixed order too. So no sum
+depends on which thread was first, and no thread waits for another one.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.jit import entry_kernel, kernel
 from renderer.lanes.functions import lane, lane_index
 from renderer.lanes.memory import load_row
 from renderer.records.batch import CAPACITY
 from renderer.records.tile import TILE_SIZE, Tile, slot_pixel
 from renderer.scene.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
+from renderer.threads import in_threads
 
 
 class FilterTable(NamedTuple):
@@ -43,12 +45,6 @@ def filter_table(rfilter: ReconstructionFilter) -> FilterTable:
 def filter_border(table: FilterTable) -> int:
     """Return how many pixels beyond its tile a sample can reach."""
     return 0 if table.weights.size == 0 else int(np.ceil(table.radius + 0.5))
-
-
-def tile_sums(channels: int, border: int) -> NDArray[np.float64]:
-    """Return a zeroed array for one tile's sums; the last channel is the weight."""
-    size = TILE_SIZE + 2 * border
-    return np.zeros((channels + 1, size, size))
 
 
 @kernel
@@ -114,8 +110,54 @@ def add_to_tile(rfilter, tile, film, radiance, sums, border):
                     sums[channels, row, column] += weight
 
 
+ALONE = 2**17  # pixels that one thread develops while others would start
+
+
+class TileGrid(NamedTuple):
+    """How tiles lie over a window of the film."""
+
+    rows: int
+    columns: int
+    beyond: int  # pixels that the first tiles begin above and left of the window
+    border: int  # pixels that a tile's sums hold beyond it on all sides
+    layers: int  # how many sums each tile has
+
+
+@entry_kernel
+def develop_rows(tile_sums, grid, picture, first, end):
+    """Write rows first .. end - 1 of sum(w v) / sum(w); 0 where there is no weight.
+
+    Layers are added in their order, and where borders overlap, so are tiles.
+    """
+    channels = picture.shape[2]
+    border = grid.border
+    for y in range(first, end):
+        row = y + grid.beyond
+        below = min((row + border) // TILE_SIZE, grid.rows - 1)
+        above = max((row - border) // TILE_SIZE, 0)  # its last row and its border end here
+        for x in range(picture.shape[1]):
+            column = x + grid.beyond
+            right = min((column + border) // TILE_SIZE, grid.columns - 1)
+            left = max((column - border) // TILE_SIZE, 0)
+            inverse = 0.0
+            for k in range(channels + 1):
+                c = channels if k == 0 else k - 1  # the weight first
+                total = 0.0
+                for layer in range(grid.layers):
+                    for j in range(above, below + 1):
+                        for i in range(left, right + 1):
+                            place = (layer * grid.rows + j) * grid.columns + i
+                            inside_y = row - j * TILE_SIZE + border
+                            inside_x = column - i * TILE_SIZE + border
+                            total += tile_sums[place, c, inside_y, inside_x]
+                if k > 0:
+                    picture[y, x, c] = total * inverse
+                elif total != 0.0:
+                    inverse = 1.0 / total
+
+
 class Film:
-    """The picture's sums, for the crop window.
+    """The picture's sums, for the crop window: those of each tile in a place of its own.
 
     Parameters
     ----------
@@ -125,41 +167,67 @@ class Film:
         The crop window in pixels of the full film.
     border : int
         From `filter_border`.
+    film_width : int
+        Of the full film, with what is sampled beyond it.
+    beyond : int
+        Pixels on all sides of the window that are sampled too.
+    layers : int
+        Sums of each tile, so that threads can work on one tile at the same time.
+
+    Attributes
+    ----------
+    tiles : list of Tile
+        Of the window and what lies beyond, row after row.
+    sums : float64 (layers * tiles, channels + 1, rows, columns)
+        Of each tile with its border, layer after layer; the last channel is the weight.
+        Memory is taken when a tile is first written to.
     """
 
     def __init__(
-        self, channels: int, x: int, y: int, width: int, height: int, border: int
+        self,
+        channels: int,
+        x: int,
+        y: int,
+        width: int,
+        height: int,
+        border: int,
+        film_width: int,
+        beyond: int = 0,
+        layers: int = 1,
     ) -> None:
         self.x, self.y, self.width, self.height = x, y, width, height
-        self.border = border
-        self._sums = np.zeros((channels + 1, height, width))
-
-    def tiles(self, film_width: int, beyond: int = 0) -> list[Tile]:
-        """Return the tiles of the window and `beyond` pixels on all sides, row after row.
-
-        `film_width` is that of the full film.
-        """
-        right, below = self.x + self.width + beyond, self.y + self.height + beyond
-        return [
-            Tile(x, y, min(TILE_SIZE, right - x), min(TILE_SIZE, below - y), film_width)
-            for y in range(self.y - beyond, below, TILE_SIZE)
-            for x in range(self.x - beyond, right, TILE_SIZE)
+        right, below = x + width + beyond, y + height + beyond
+        rows = range(y - beyond, below, TILE_SIZE)
+        columns = range(x - beyond, right, TILE_SIZE)
+        self.tiles = [
+            Tile(i, j, min(TILE_SIZE, right - i), min(TILE_SIZE, below - j), film_width)
+            for j in rows
+            for i in columns
         ]
+        self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
+        size = TILE_SIZE + 2 * border
+        self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
 
-    def add(self, tile: Tile, sums: NDArray[np.float64]) -> None:
-        """Add a tile's sums; what its border holds beyond the window is dropped."""
-        left, top = tile.x - self.x - self.border, tile.y - self.y - self.border
-        x0, y0 = max(left, 0), max(top, 0)
-        x1 = min(left + sums.shape[2], self.width)
-        y1 = min(top + sums.shape[1], self.height)
-        part = sums[:, y0 - top : y1 - top, x0 - left : x1 - left]
-        self._sums[:, y0:y1, x0:x1] += part
+    def compile(self) -> None:
+        """Compile what `develop` calls, or load it."""
+        develop_rows(self.sums, self.grid, np.empty((0, 0, 1), np.float32), 0, 0)
 
-    def develop(self) -> NDArray[np.float32]:
-        """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight."""
-        weight = self._sums[-1]
-        inverse: Any = np.divide(1.0, weight, out=np.zeros_like(weight), where=weight != 0)
-        picture = np.empty((*weight.shape, len(self._sums) - 1), np.float32)
-        for channel, sums in enumerate(self._sums[:-1]):  # one at a time, for the memory
-            picture[..., channel] = sums * inverse
+    def develop(
+        self, threads: int = 1, sums: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float32]:
+        """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight.
+
+        `sums` are others than the film's own, such as those of half of the samples.
+        """
+        sums = self.sums if sums is None else sums
+        picture = np.empty((self.height, self.width, self.sums.shape[1] - 1), np.float32)
+        bands = -(-self.height // TILE_SIZE)
+
+        def develop_band(band: int) -> None:
+            first = band * TILE_SIZE
+            end = min(first + TILE_SIZE, self.height)
+            develop_rows(sums, self.grid, picture, first, end)
+
+        alone = self.height * self.width < ALONE
+        in_threads(1 if alone else threads, bands, develop_band)
         return picture

@@ -5,10 +5,13 @@ from __future__ import annotations
 from mitsuba_ref.mutations.defects import (
     film,
     geometry,
+    implicit_surfaces,
+    integrators,
     lights,
     materials,
     nested_bsdfs,
     rough_surfaces,
+    spectra,
     textures,
     transport,
 )
@@ -24,6 +27,9 @@ DEFECTS: tuple[Mutation, ...] = (
     *textures.DEFECTS,
     *film.DEFECTS,
     *geometry.DEFECTS,
+    *implicit_surfaces.DEFECTS,
+    *integrators.DEFECTS,
+    *spectra.DEFECTS,
 )
 CATALOGUE: tuple[Mutation, ...] = DEFECTS + NEUTRAL_CHANGES
 

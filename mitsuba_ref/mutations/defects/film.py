@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from mitsuba_ref.mutations.mutation import Edit, Mutation
 
+NO_BORDER = "comparisons render with the box, which reaches nothing beyond its pixel"
+
 DEFECTS = (
     Mutation(
         "half-a-pixel-right",
@@ -163,6 +165,30 @@ DEFECTS = (
         remark="a replay takes the box filter",
     ),
     Mutation(
+        "border-not-sampled",
+        "`sample_border` is read and forgotten",
+        (Edit("scene_file/description.py", "if not self.sample_border:", "if True:"),),
+        scene="sample_border",
+        tests=(
+            "test_sample_border.py::test_each_pixel_of_the_edge_has_samples_on_all_sides",
+        ),
+        remark=NO_BORDER,
+    ),
+    Mutation(
+        "border-one-pixel-less",
+        "the samples beyond the film end one pixel before the filter does",
+        (
+            Edit(
+                "scene_file/description.py",
+                "return math.ceil(self.rfilter.radius - 0.5 - 2.0 * 1500.0 * 2.0**-24)",
+                "return math.floor(self.rfilter.radius - 0.5)",
+            ),
+        ),
+        scene="sample_border",
+        tests=("test_sample_border.py::test_the_samples_are_mitsubas",),
+        remark=NO_BORDER,
+    ),
+    Mutation(
         "clamped-at-ten",
         "a sample's radiance is at most 10",
         (
@@ -185,8 +211,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/film.py",
-                "return np.zeros((channels + 1, size, size))",
-                "return np.zeros((channels + 1, size, size), np.float32)",
+                "np.zeros((layers * len(self.tiles), channels + 1, size, size))",
+                "np.zeros((layers * len(self.tiles), channels + 1, size, size), 'f4')",
             ),
         ),
         scene="cornell-box",

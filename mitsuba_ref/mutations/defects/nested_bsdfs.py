@@ -105,4 +105,73 @@ DEFECTS = (
         scene="bumps",
         tests=("test_plugin_scenes.py::test_a_plugin_takes_mitsubas_paths",),
     ),
+    Mutation(
+        "holes-are-surfaces",
+        "who has gone through the hole of a mask counts as one that met a surface",
+        (
+            Edit(
+                "kinds/bsdfs/mask.py",
+                "select(met, lobe.delta, splat_f32(2.0))",
+                "select(met, lobe.delta, splat_f32(1.0))",
+            ),
+        ),
+        scene="no_sky",
+    ),
+    Mutation(
+        "null-is-a-surface",
+        "who has gone through `null` counts as one that met a surface",
+        (
+            Edit(
+                "kinds/bsdfs/null.py",
+                "vec3(one, one, one), splat_f32(-1.0), one)",
+                "vec3(one, one, one), splat_f32(0.0), one)",
+            ),
+        ),
+        scene="no_sky",
+    ),
+    Mutation(
+        "matched-glass-is-a-hole",
+        "glass in a medium of its own index counts as a hole, as light goes straight on",
+        (
+            Edit(
+                "kinds/bsdfs/nesting.py",
+                "select(sample.pdf < 0.0, splat_f32(2.0), 1.0)",
+                "select((sample.pdf < 0.0) | (sample.wi.z * sample.eta < 0.0), "
+                "splat_f32(2.0), 1.0)",
+            ),
+        ),
+        scene="no_sky",
+    ),
+    Mutation(
+        "once-through-a-hole-always",
+        "a path that has left a surface is taken for one that has met holes alone",
+        (
+            Edit(
+                "stages/straight_through.py",
+                "if rays.pdf[k] < 0.0 and not points.pdf[rays.point[k]] < 0.0:",
+                "if points.pdf[rays.point[k]] < 0.0:\n"
+                "            rays.pdf[k] = np.float32(-1.0)\n"
+                "        elif rays.pdf[k] < 0.0:",
+            ),
+        ),
+        scene="no_sky",
+    ),
+    Mutation(
+        "holes-play-no-roulette",
+        "a path through a hole always survives roulette, and is raised all the same",
+        (
+            Edit(
+                "stages/scatter.py",
+                "settings, bounce + 1, throughput, eta, load_row(numbers, 3, i), alive",
+                "settings,\n"
+                "            bounce + 1,\n"
+                "            throughput,\n"
+                "            eta,\n"
+                "            minimum(load_row(numbers, 3, i), chosen.pdf * chosen.pdf "
+                "* 0.0 + minimum(splat_f32(1.0), 1.0 + chosen.pdf)),\n"
+                "            alive,",
+            ),
+        ),
+        scene="mask",
+    ),
 )

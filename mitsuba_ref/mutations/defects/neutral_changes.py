@@ -49,9 +49,10 @@ NEUTRAL_CHANGES = (
         "tiles are traced and added from the last to the first",
         (
             Edit(
-                "stages/film.py",
-                "for y in range(self.y - beyond, below, TILE_SIZE)",
-                "for y in reversed(range(self.y - beyond, below, TILE_SIZE))",
+                "rendering/rendering.py",
+                "part, number = divmod(job, len(tiles))",
+                "part, number = divmod(job, len(tiles))\n"
+                "            number = len(tiles) - 1 - number",
             ),
         ),
         scene="cornell-box",

@@ -19,7 +19,6 @@ without recursion; the tree is the same for any number of threads.
 
 from __future__ import annotations
 
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from renderer.accelerators.bvh.bvh_split import BINS, MAX_DEPTH, enclose, split
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
 from renderer.jit import entry_kernel, kernel
-from renderer.threads import default_threads
+from renderer.threads import default_threads, in_threads
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 
@@ -80,27 +79,31 @@ def _build_in_jobs(boxes: Any, order: Any, settings: tuple[int, int]) -> Any:
     children: dict[int, tuple[Any, int, int]] = {}  # part -> box, left and right part
     subtrees: dict[int, Any] = {}
     parts = [(0, n, 0)]  # first, end, depth; the root is part 0
-    with ThreadPoolExecutor(default_threads()) as pool:
+    small: list[int] = []
+    large, found = [0], {}
 
-        def start(part: int) -> Future[Any]:
+    def split_part(k: int) -> None:
+        first, end, depth = parts[large[k]]
+        found[large[k]] = _split_once(boxes, order, first, end, depth, *settings)
+
+    while large:  # level by level
+        in_threads(default_threads(), len(large), split_part)
+        halves = []
+        for part in large:
             first, end, depth = parts[part]
-            work = _split_once if end - first > job else _build
-            return pool.submit(work, boxes, order, first, end, depth, *settings)
+            box, middle = found[part]
+            left = len(parts)
+            children[part] = (box, left, left + 1)
+            parts += [(first, middle, depth + 1), (middle, end, depth + 1)]
+            halves += [left, left + 1]
+        large = [part for part in halves if parts[part][1] - parts[part][0] > job]
+        small += [part for part in halves if parts[part][1] - parts[part][0] <= job]
 
-        under_way = {start(0): 0}
-        while under_way:
-            for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                part = under_way.pop(future)
-                first, end, depth = parts[part]
-                if end - first <= job:
-                    subtrees[part] = future.result()
-                    continue
-                box, middle = future.result()
-                left = len(parts)
-                children[part] = (box, left, left + 1)
-                for half in ((first, middle, depth + 1), (middle, end, depth + 1)):
-                    parts.append(half)
-                    under_way[start(len(parts) - 1)] = len(parts) - 1
+    def build(k: int) -> None:
+        first, end, depth = parts[small[k]]
+        subtrees[small[k]] = _build(boxes, order, first, end, depth, *settings)
+
+    in_threads(default_threads(), len(small), build)
     return _assemble(children, subtrees)
 
 

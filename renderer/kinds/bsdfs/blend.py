@@ -65,7 +65,7 @@ def sample(blend, wo, numbers):
         select3(pdf > 0.0, (f_a + f_b) * (1.0 / pdf), black()),
         pdf,
         select(second, b.eta, a.eta),
-        (second & b.delta) | (~second & a.delta),
+        select(second, b.delta, a.delta),
     )
 
 

@@ -58,7 +58,7 @@ def sample(mask, wo, numbers):
         select3(met, lobe.weight, vec3(one, one, one)),
         select(met, lobe.pdf * opacity, 1.0 - opacity),
         select(met, lobe.eta, one),
-        ~met | lobe.delta,
+        select(met, lobe.delta, splat_f32(2.0)),
     )
 
 

@@ -7,7 +7,7 @@ call one another from the outside in, are compiled for each *structure* that a s
 (docs/decisions/nested-bsdfs.md).
 
 Other than a kind by itself, a BSDF inside of another one may be seen from any side, and it
-says with what probability it chose a delta lobe.
+says with what probability it chose a delta lobe, and whether that is a hole.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from renderer.jit import interface, kernel
 from renderer.kinds.bsdfs.kind import (
@@ -40,10 +38,8 @@ from renderer.kinds.bsdfs.kind import (
     visible_side,
 )
 from renderer.kinds.sampling.arithmetic import to_world
-from renderer.lanes.functions import select, splat_f32, splat_mask
-from renderer.lanes.vectors import dot, select3, vec3
-
-_OPPOSITE = np.float32(-1.0 + 1e-5)  # cosine between directions, but for rounding
+from renderer.lanes.functions import select, splat_f32
+from renderer.lanes.vectors import select3, vec3
 
 
 class Lobe(NamedTuple):
@@ -53,7 +49,7 @@ class Lobe(NamedTuple):
     weight: Any  # f cos / pdf; 0: the path ends
     pdf: Any  # [1/sr], or of a delta lobe its probability
     eta: Any
-    delta: Any  # mask
+    delta: Any  # 0: smooth, 1: of one direction, 2: straight on, as through a hole
 
 
 @interface
@@ -112,17 +108,22 @@ def _delta_direction(wo, sample):
 
 
 @kernel
+def _one_or_hole(sample):
+    return select(sample.pdf < 0.0, splat_f32(2.0), 1.0)
+
+
+@kernel
 def _smooth_lobe(parameters, wo, numbers):
     s = sample_bsdf(parameters, wo, numbers)
     weight = select3(s.pdf > 0.0, s.weight, black())
-    return Lobe(s.wi, weight, s.pdf, s.eta, splat_mask(False))
+    return Lobe(s.wi, weight, s.pdf, s.eta, splat_f32(0.0))
 
 
 @kernel
 def _delta_lobe(parameters, wo, numbers):
     s = sample_bsdf(parameters, wo, numbers)
     wi, pdf = _delta_direction(wo, s), _delta_pdf(parameters, wo, s)
-    return Lobe(wi, s.weight, pdf, s.eta, splat_mask(True))
+    return Lobe(wi, s.weight, pdf, s.eta, _one_or_hole(s))
 
 
 @kernel
@@ -131,7 +132,7 @@ def _smooth_or_delta_lobe(parameters, wo, numbers):
     smooth = s.pdf > 0.0
     wi = select3(smooth, s.wi, _delta_direction(wo, s))
     pdf = select(smooth, s.pdf, _delta_pdf(parameters, wo, s))
-    return Lobe(wi, s.weight, pdf, s.eta, ~smooth)
+    return Lobe(wi, s.weight, pdf, s.eta, select(smooth, 0.0, _one_or_hole(s)))
 
 
 @kernel
@@ -258,14 +259,9 @@ def _always(form, sample):
 
 @kernel
 def _sample(parameters, wo, numbers):
-    """Sample as the stages expect it: without the probability of a delta lobe.
-
-    What is left straight on and unbent was a hole, or might as well have been one.
-    """
+    """Sample as the stages expect it: without the probability of a delta lobe."""
     lobe = sample_lobe(parameters, wo, numbers)
-    straight = (dot(lobe.wi, wo) < _OPPOSITE) & (lobe.wi.z * wo.z < 0.0)
-    of_delta = select(straight & (lobe.eta == 1.0), splat_f32(-1.0), 0.0)
-    pdf = select(lobe.delta, of_delta, lobe.pdf)
+    pdf = select(lobe.delta > 0.0, 1.0 - lobe.delta, lobe.pdf)  # -1 of a hole
     return BsdfSample(lobe.wi, lobe.weight, pdf, lobe.eta)
 
 

@@ -140,9 +140,8 @@ def normal(turned, wo):
 
 @kernel
 def albedo(turned, wo):
-    """Return that of what is inside."""
-    frame, _ = turned_frame(turned, wo)
-    return nested_albedo(turned.nested, to_local(frame, wo))
+    """Return that of what is inside; Mitsuba does not turn it for this."""
+    return nested_albedo(turned.nested, wo)
 
 
 NORMAL_MAP = Wrapper(

@@ -85,7 +85,7 @@ def _sample_each(two, wo, numbers):
         select3(front, a.weight, b.weight),
         select(front, a.pdf, b.pdf),
         select(front, a.eta, b.eta),
-        (front & a.delta) | (~front & b.delta),
+        select(front, a.delta, b.delta),
     )
     return _from_above(wo, lobe)
 

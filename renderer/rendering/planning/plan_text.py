@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import textwrap
+from itertools import chain
 
 from renderer.rendering.aovs import nested_scene
+from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.scene.scene import Scene
@@ -36,10 +38,12 @@ def plan_text(
     if (film.crop_width, film.crop_height) != (film.width, film.height):
         size += f" of {film.width} x {film.height}"
     page = [f"{scene.description.source}: {size}", *_sections(plan)]
+    page += _known_to_fail(scene, plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
         plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
+        page += _known_to_fail(nested, plan)
     return "\n".join(page) + "\n"
 
 
@@ -57,6 +61,11 @@ def _sections(plan: Plan) -> list[str]:
     if left_out:
         left_out = ["", "What is left out, and why", *left_out]
     return done + left_out
+
+
+def _known_to_fail(scene: Scene, plan: Plan) -> list[str]:
+    rows = [_row("-", str(caution)) for caution in cautions_of(scene, plan)]
+    return ["", "What is known to fail here", *chain.from_iterable(rows)] if rows else []
 
 
 def _row(topic: str, text: str) -> list[str]:

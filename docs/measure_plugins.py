@@ -1,0 +1,150 @@
+"""Write plugins.md: how far every plugin is from Mitsuba, as measured now.
+
+`python -m mitsuba_ref tests/plugins/*.xml --checks replay --report DIR` measures the
+pictures; `python docs/measure_plugins.py DIR/results.json` measures the BSDFs, by the
+functions of the tests (about two minutes), and writes the page.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+import test_bsdf_albedos as energy  # noqa: E402
+import test_bsdfs_against_mitsuba as single  # noqa: E402
+from chi_square import chi_square  # noqa: E402
+
+from mitsuba_ref.records.json_files import from_json  # noqa: E402
+from mitsuba_ref.records.results import ReplayResult, Results  # noqa: E402
+
+EVEN = 64  # squared: samples of an albedo
+
+HEAD = """# Every plugin beside Mitsuba
+
+*Written by `docs/measure_plugins.py` from the files of tests/plugins and the tables of the
+tests. Measured {date} at commit {commit}: {cpu}, {cores} cores, Mitsuba {mitsuba}; others
+worked on the machine, so that the seconds are rough.*
+
+## The same random numbers
+
+Each file shows a plugin, or a family, with all that its properties can do. Both renderers
+draw the same random numbers, so that a difference is rounding or a defect. *Difference*:
+the largest of a pixel, relative to its brightest channel, among pixels whose paths stayed
+together; *diverged*: pixels where rounding sent a path elsewhere ({limit} of {pixels} may).
+Seconds are of rendering alone, two workers each, at 16 samples; ours draws Mitsuba's
+numbers, one after the other, which is slower than its own, and on so small a picture a call
+costs as much as its samples: [performance.md](performance.md) measures speed.
+
+{replays}
+
+What no replay shows: the border of `sample_border` (both sides render with the box here,
+which reaches nothing beyond its pixel), the channels of `moment` and `aov`, and the colours
+of `regular`, `irregular` and `blackbody`, which Mitsuba's side gets from ours. They have
+tests of their own, against Mitsuba's channels, its spectral variants and laws of physics.
+
+## Energy
+
+What share of the light along a direction a BSDF sends on, reflected and transmitted
+(without the squeeze of radiance by the index), the mean of three colours over {samples}
+even samples, seen from above at 0, 30, 60 and 85 degrees from the normal. *Apart*: the
+largest difference of a colour's share from that of Mitsuba's own object, from both sides
+where light goes through. *p*: chi-square tests of {draws} directions against the stated
+density, seen under {seen} degrees (the second from below where light goes through); a test
+rejects below 1e-5.
+
+The first rows absorb nothing by their parameters: what lacks of 1, by more than the 0.005
+that so few samples may be off, is lost by the model, as by Mitsuba's. Microfacets do not
+follow light that meets a second facet, nor does a rough coat keep all that goes back and
+forth below it; a smooth one does. The principled BSDF makes light, as its diffuse part
+knows nothing of its mirrors.
+
+{energy}
+"""
+REPLAYS = ("file", "1 spp: difference", "diverged", "16 spp: difference", "diverged")
+SECONDS = ("RMSE / mean", "s ours", "s Mitsuba", "")
+ENERGY = ("BSDF", "0", "30", "60", "85", "apart", "p")
+
+
+def main(source: Path) -> None:
+    """Measure and write."""
+    results = from_json(source.read_text(encoding="utf-8"), Results)
+    first = results.scenes[0].replay[0]
+    text = HEAD.format(
+        date=results.created[:10],
+        commit=results.commit,
+        cpu=results.machine["cpu"],
+        cores=results.machine["cores"],
+        mitsuba=results.versions["mitsuba"],
+        limit=first.divergent_allowed,
+        pixels=first.pixels,
+        replays=_table((*REPLAYS, *SECONDS), replay_rows(results)),
+        samples=EVEN**2,
+        draws=single.SAMPLES,
+        seen=" and ".join(str(degrees) for degrees in single.SEEN),
+        energy=_table(ENERGY, energy_rows(energy.ALL)),
+    )
+    (ROOT / "docs" / "plugins.md").write_text(text, encoding="utf-8")
+
+
+def replay_rows(results: Results) -> Iterator[str]:
+    """Yield a line for each file."""
+    for scene in results.scenes:
+        once, often = (_replay(replay) for replay in scene.replay)
+        last = scene.replay[-1]
+        cells = [
+            f"[{scene.name}](../tests/plugins/{scene.name}.xml)",
+            *once,
+            *often,
+            f"{last.rmse:.1g}",
+            f"{last.seconds_ours:.2g}",
+            f"{last.seconds_reference:.2g}",
+            scene.verdict,
+        ]
+        yield _row(cells)
+
+
+def _replay(replay: ReplayResult) -> tuple[str, str]:
+    largest = "" if replay.largest is None else f"{replay.largest:.1g}"
+    return largest, str(replay.divergent)
+
+
+def energy_rows(names: Iterable[str]) -> Iterator[str]:
+    """Yield a line for each set of parameters."""
+    for name in names:
+        ours, theirs = energy.albedos(name, EVEN)
+        shares = [f"{share:.3f}" for share in ours[0].mean(axis=1)]
+        apart = np.abs(ours - theirs).max()
+        yield _row([name, *shares, f"{apart:.1g}", _chi_squares(name)])
+
+
+def _chi_squares(name: str) -> str:
+    """Return the p-values of a set's tests; nothing where all is mirrored or not asked."""
+    if name not in single.SETS:
+        return ""
+    found = []
+    for degrees in single.SEEN:
+        counts, smooth, masses = single.counted(name, degrees)
+        if not smooth:
+            continue
+        scale = min(smooth / single.SAMPLES / masses.sum(), 1.0)
+        outcome = chi_square(counts, masses * scale, single.SAMPLES)
+        found.append(f"{outcome.p_value:.2g}")
+    return ", ".join(found)
+
+
+def _table(head: Sequence[str], rows: Iterable[str]) -> str:
+    return "\n".join((_row(head), "|" + "---|" * len(head), *rows))
+
+
+def _row(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

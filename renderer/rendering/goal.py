@@ -1,0 +1,99 @@
+"""When a render has enough samples: at an error, at a time, or at a number of them.
+
+It stops between whole passes over the picture only, so what comes out is the picture that
+this number of samples gives, bit for bit. What a stopping rule could bias it by: looks are
+few (each adds at least a tenth) and what is looked at, the difference of two halves, does
+not depend on their mean where samples are normal (`accuracy`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.rendering.accuracy import Accuracy, estimate
+from renderer.rendering.planning.plan import Plan
+from renderer.stages.film import Film
+
+OPEN_ENDED = ("independent",)  # samplers whose first n points do not depend on n
+FIRST_LOOK = 16  # samples
+MOST_AT_ONCE = 3.0  # times those that are done, before the next look
+LEAST_AT_ONCE = 0.1
+SHORT_OF = 0.9  # of what seems to be missing: better a look more than samples too many
+
+
+class Goal(NamedTuple):
+    """What ends a render before its number of samples is reached; None: not this."""
+
+    target_error: float | None = None  # relative, see `accuracy`
+    time_limit: float | None = None  # [s] of rendering
+
+    def next_samples(self, done: int, error: float, seconds: float, most: int) -> int:
+        """Return how many samples to add now, an even number; 0 is the end.
+
+        `done` samples took `seconds` and left `error`; there may be `most` in all.
+        """
+        if done == 0:
+            return min(FIRST_LOOK if self.time_limit is None else 2, most // 2 * 2)
+        wanted = MOST_AT_ONCE * done
+        if self.target_error is not None:
+            if error <= self.target_error:
+                return 0
+            missing = done * (error / self.target_error) ** 2 - done
+            wanted = min(wanted, max(SHORT_OF * missing, LEAST_AT_ONCE * done, 2.0))
+        if self.time_limit is not None:
+            left = self.time_limit - seconds
+            wanted = min(wanted, left * done / max(seconds, 1e-6))
+        return max(0, int(min(wanted, most - done)) // 2 * 2)
+
+    def expected_samples(self, done: int, error: float, seconds: float, most: int) -> int:
+        """Return how many samples there will probably be in all."""
+        expected = float(most)
+        if done and self.target_error is not None:
+            expected = min(expected, done * max(1.0, (error / self.target_error) ** 2))
+        if done and self.time_limit is not None:
+            expected = min(expected, done * self.time_limit / max(seconds, 1e-6))
+        return max(done, int(expected))
+
+
+def check_goal(plan: Plan) -> None:
+    """Refuse what has no error, or whose points depend on how many there will be.
+
+    Raises
+    ------
+    SceneError
+        For channels other than colours, replays, and samplers with a fixed pattern.
+    """
+    if plan.kind.channels != 3 or plan.moments is not None or plan.kind.counts_work:
+        raise SceneError(
+            f"a goal needs a picture of colours alone, and {plan.method!r} gives other "
+            "channels; possible is --integrator path"
+        )
+    if plan.sampler_name not in OPEN_ENDED:
+        raise SceneError(
+            f"the points of the sampler {plan.sampler_name!r} depend on how many there "
+            "are, which is not known before the goal is reached; possible is --sampler "
+            + " or ".join(OPEN_ENDED)
+        )
+
+
+class Halves:
+    """The film's sums so far in two halves of equally many samples."""
+
+    def __init__(self, film: Film) -> None:
+        self._film = film
+        self._first = np.zeros_like(film.sums)
+        self._before = film.sums.copy()
+
+    def end_first(self) -> None:
+        """Count what was added since the last call to the first half."""
+        self._first += self._film.sums - self._before
+
+    def end_second(self, samples: int, threads: int) -> Accuracy:
+        """Count what was added since then to the second; return what both say."""
+        self._before = self._film.sums.copy()
+        first = self._film.develop(threads, self._first)
+        second = self._film.develop(threads, self._before - self._first)
+        return estimate(first, second, samples)

@@ -1,0 +1,94 @@
+"""One point of a scene, estimated a thousand times over: what a single sample is worth.
+
+Every pixel of a narrow camera looks at the same point, so that the spread over the pixels
+of one render is the error of the estimator, with nothing else in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import renderer
+from renderer.records.kernel_scene import EMIT
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
+
+SIZE = 32  # [pixels] each way
+
+_SCENE = """<scene version="3.0.0">
+{integrator}
+<sensor type="perspective"><float name="fov" value="{fov}"/>
+    <transform name="to_world"><lookat {lookat}/></transform>
+    <film type="hdrfilm"><integer name="width" value="{size}"/>
+        <integer name="height" value="{size}"/><rfilter type="box"/></film>
+    <sampler type="independent"/></sensor>
+{body}
+</scene>"""
+
+
+def scene_at(
+    body: str,
+    lookat: str,
+    *,
+    depth: int = 2,
+    roulette: int = 1000,
+    size: int = SIZE,
+    fov: float = 0.001,
+) -> renderer.Scene:
+    """Load what is in `body`, seen by a camera that looks at one point of it."""
+    limits = f'<integer name="max_depth" value="{depth}"/>'
+    limits += f'<integer name="rr_depth" value="{roulette}"/>'
+    integrator = f'<integrator type="path">{limits}</integrator>'
+    text = _SCENE.format(
+        integrator=integrator, lookat=lookat, body=body, size=size, fov=fov
+    )
+    return renderer.load_string(text)
+
+
+def estimates(
+    scene: renderer.Scene, spp: int, *, seed: int = 0, integrator: str | None = None
+) -> NDArray[np.float64]:
+    """Return independent estimates of one number, one a pixel, flat."""
+    image = renderer.render(scene, spp=spp, seed=seed, integrator=integrator)
+    return image.pixels[..., 0].astype(np.float64).ravel()
+
+
+def spread_of_a_sample(values: NDArray[np.float64], spp: int) -> float:
+    """Return the standard deviation of a single sample over the mean.
+
+    With n samples the relative error is this over the root of n. Infinite if nothing was
+    found at all.
+    """
+    mean = float(np.mean(values))
+    return float(np.std(values)) / mean * spp**0.5 if mean else float("inf")
+
+
+def by_one_strategy(scene: renderer.Scene, spp: int, strategy: str) -> NDArray[np.float64]:
+    """Estimate with one of the two ways to find light alone [Veach1997, section 9.2].
+
+    Parameters
+    ----------
+    scene : Scene
+        Its lamps have an extent, and the camera sees none.
+    spp : int
+        Samples of each estimate.
+    strategy : str
+        "lights" asks a lamp at each point and gives what the BSDF finds no weight;
+        "bsdf" follows the BSDF and asks no lamp; "both" is the usual combination.
+    """
+    plan = make_plan(scene, spp=spp, integrator="direct")
+    rendering = Rendering(scene, plan, accel="brute", seed=0, threads=2)
+    record = rendering.kernel_scene
+    alone = record.settings._replace(weigh=0)
+    if strategy == "lights":
+        # nothing is found by arriving: no primitive is marked as one that shines
+        stages = record.primitives.stages & ~np.int32(EMIT)
+        primitives = record.primitives._replace(stages=stages)
+        record = record._replace(settings=alone, primitives=primitives)
+    elif strategy == "bsdf":
+        # the BSDFs that lamps are asked for come first: here these are none
+        record = record._replace(settings=alone, bsdfs=record.bsdfs._replace(smooth=0))
+    rendering.kernel_scene = record
+    rendering.run()
+    return np.asarray(rendering.film.develop())[..., 0].astype(np.float64).ravel()

@@ -1,0 +1,90 @@
+"""The atlas of failures, light transport: each method holds before its limit, not behind.
+
+A row that no longer fails where it did is an alarm: the method was changed, or what
+measures it has gone blind. Everything has fixed seeds, so that there are no false alarms.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reports.limits.light_transport import ROWS
+from reports.limits.light_transport.depth import furnace_error, rays_of_a_tree
+from reports.limits.light_transport.many_lamps import one_lamp_that_counts
+from reports.limits.light_transport.one_point import (
+    by_one_strategy,
+    estimates,
+    scene_at,
+    spread_of_a_sample,
+)
+from reports.limits.row import measure_sides
+
+rows = [
+    pytest.param(row, id=row.name, marks=[pytest.mark.slow] if row.slow else [])
+    for row in ROWS
+]
+
+
+@pytest.mark.parametrize("row", rows)
+def test_both_sides_of_the_boundary(row):
+    sides = measure_sides(row)
+    assert sides.holds_before, f"{sides.before} at {row.holds_at}, not {row.tolerance}"
+    assert sides.fails_behind, f"ALARM: {sides.behind} at {row.fails_at} holds"
+
+
+PICTURED = [row for row in ROWS if row.picture is not None]
+
+
+@pytest.mark.parametrize("row", PICTURED, ids=lambda row: row.name)
+def test_pictures_show_something(row):
+    picture = row.picture()
+    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3
+    assert np.std(picture) > 10.0
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
+def test_rows_make_sense(row):
+    """Strengths grow, the boundary lies among them, and every word is there."""
+    assert list(row.strengths) == sorted(set(row.strengths))
+    assert row.strengths[0] <= row.holds_at <= row.strengths[-1]
+    if row.fails_at is not None:
+        assert row.holds_at < row.fails_at <= row.strengths[-1]
+    assert row.chapter == "light" and row.why and row.instead and row.source
+    assert len({other.name for other in ROWS}) == len(ROWS)
+
+
+def test_starved_lamp_as_on_paper():
+    """All light with probability 1 / (n + 1), n + 1 times: a spread of the root of n."""
+    assert one_lamp_that_counts(15, integrator="path") == pytest.approx(15**0.5, rel=0.1)
+
+
+def test_tree_of_rays_as_on_paper():
+    assert [rays_of_a_tree(d) for d in (0, 1, 2, 5)] == [1, 3, 7, 63]
+
+
+def test_furnace_of_sixteen_segments_as_on_paper():
+    """What is missing of 1 / (1 - albedo) is albedo^16."""
+    error = furnace_error(5.0, depth=16, roulette=1000)
+    assert error == pytest.approx(0.8**16, rel=0.05)
+
+
+STRATEGIES_BODY = """<shape type="rectangle"><bsdf type="roughconductor">
+    <string name="material" value="none"/><float name="alpha" value="0.3"/></bsdf></shape>
+<shape type="sphere"><point name="center" value="-4,0,4"/><float name="radius" value="1"/>
+    <emitter type="area"/></shape>"""
+
+
+def test_strategies_agree_on_the_mean():
+    """Each way to find the lamp estimates the same light; they differ in noise alone.
+
+    Means of 1024 estimates of 64 samples; four standard errors raise a false alarm in
+    one of 8000 other seeds, and see a bias of 2 %.
+    """
+    scene = scene_at(STRATEGIES_BODY, 'origin="3,0,3" target="0,0,0" up="0,0,1"')
+    usual = estimates(scene, 64)
+    for strategy in ("lights", "bsdf", "both"):
+        values = by_one_strategy(scene, 64, strategy)
+        error = np.hypot(np.std(values), np.std(usual)) / len(values) ** 0.5
+        assert abs(np.mean(values) - np.mean(usual)) < 4 * error
+    assert spread_of_a_sample(usual, 64) == spread_of_a_sample(values, 64)
