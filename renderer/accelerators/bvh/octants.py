@@ -50,27 +50,27 @@ class Octant(NamedTuple):
 
 
 @kernel
-def write_octants(rays, blocked, begin, end, few, rows):
+def write_octants(query, begin, end, few, rows):
     """Note the octant of each direction; 0 for all where they will not go together."""
     one, none = splat_i32(1), splat_i32(0)
     for i in range(begin, end, 16):
-        d = load3(rays.direction, i)
+        d = load3(query.direction, i)
         octant = (
             select(d.x < 0.0, one, none)
             | select(d.y < 0.0, one << 1, none)
             | select(d.z < 0.0, one << 2, none)
         )
         octant = none if few else octant
-        asked = is_finite_ray(load3(rays.origin, i), d) & ~_shut(blocked, i)
+        asked = is_finite_ray(load3(query.origin, i), d) & ~_shut(query, i)
         store_row(rows.octant, 0, i - begin, select(asked, octant, _NOBODY))
 
 
 @kernel
-def _shut(blocked, i):
+def _shut(query, i):
     """Return which of 16 rays are blocked already."""
-    if blocked is None:
+    if query.any_will_do == 0:
         return splat_mask(False)
-    return load_row(blocked, 0, i) != 0
+    return load_row(query.prim, 0, i) != 0
 
 
 @kernel
@@ -86,7 +86,7 @@ def select_octant(begin, end, octant, rows):
 
 
 @kernel
-def lay_out(rays, ends, rows, n):
+def lay_out(query, rows, n):
     """Write what the box tests of n rays need; return the margin.
 
     It is the largest of the rays' `origin_margins`. Boxes are made larger by it once, where
@@ -96,15 +96,15 @@ def lay_out(rays, ends, rows, n):
     for i in range(0, n, 16):
         live = first_lanes(n - i)
         number = load_row(rows.number, 0, i)
-        origin = gather3(rays.origin, number, live)
-        inverse = safe_reciprocal(gather3(rays.direction, number, live))
+        origin = gather3(query.origin, number, live)
+        inverse = safe_reciprocal(gather3(query.direction, number, live))
         store_row(rows.inverse_x, 0, i, inverse.x)
         store_row(rows.inverse_y, 0, i, inverse.y)
         store_row(rows.inverse_z, 0, i, inverse.z)
         store_row(rows.start_x, 0, i, origin.x * inverse.x)
         store_row(rows.start_y, 0, i, origin.y * inverse.y)
         store_row(rows.start_z, 0, i, origin.z * inverse.z)
-        store_row(rows.t, 0, i, gather_row(ends, 0, number, live))
+        store_row(rows.t, 0, i, gather_row(query.ends, 0, number, live))
         far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
         margin = maximum(margin, far * MARGIN)
     return largest(margin)

@@ -91,11 +91,8 @@ class _Stream(NamedTuple):
 
 
 @kernel
-def trace_stream(accel, rays, ends, hits, blocked, first, count, tally):
-    """Trace rays first to first + count - 1 to their nearest hit, or to any if `blocked`.
-
-    `ends` is where the rays end: of the nearest hits, `hits.t`.
-    """
+def trace_stream(accel, query, first, count, tally):
+    """Answer what is asked of rays first to first + count - 1."""
     rows = Octant(
         local_i32(ROW),
         local_i32(ROW),
@@ -113,20 +110,18 @@ def trace_stream(accel, rays, ends, hits, blocked, first, count, tally):
     for begin in range(first, first + count, STREAM):
         end = min(begin + STREAM, first + count)
         few = end - begin < accel.few
-        write_octants(rays, blocked, begin, end, few, rows)
+        write_octants(query, begin, end, few, rows)
         for octant in range(1 if few else 8):
             n = select_octant(begin, end, octant, rows)
             if n == 0:
                 continue
-            margin = lay_out(rays, ends, rows, n)
+            margin = lay_out(query, rows, n)
             short = n if few else np.int64(SHORT)
-            _descend(
-                accel, rays, ends, hits, blocked, stream, n, short, octant, margin, tally
-            )
+            _descend(accel, query, stream, n, short, octant, margin, tally)
 
 
 @kernel
-def _descend(accel, rays, ends, hits, blocked, stream, n, short, octant, margin, tally):
+def _descend(accel, query, stream, n, short, octant, margin, tally):
     """Let all rays of an octant go down the tree, the nearest child first."""
     for i in range(0, n, 16):
         store_row(stream.lists, 0, i, lane_index() + np.int32(i))
@@ -136,23 +131,13 @@ def _descend(accel, rays, ends, hits, blocked, stream, n, short, octant, margin,
     depth = np.int64(0)
     while True:
         if m <= short:
-            _hand_over(accel, rays, ends, hits, blocked, stream, place, m, node, tally)
+            _hand_over(accel, query, stream, place, m, node, tally)
         elif node >= 0:
             _add_node(tally, stream, place, m, depth)
             depth = _divide(accel, node, octant, margin, stream, place, m, depth)
         else:
             _add_primitives(tally, accel.blocks, ~node, stream, place, m)
-            meet_leaf(
-                accel.blocks,
-                ~node,
-                rays,
-                hits,
-                blocked,
-                stream.rows,
-                stream.lists,
-                place,
-                m,
-            )
+            meet_leaf(accel.blocks, ~node, query, stream.rows, stream.lists, place, m)
         if depth == 0:
             break
         depth -= 1
@@ -254,7 +239,7 @@ def _list_of_child(stream, at):
 
 
 @kernel
-def _hand_over(accel, rays, ends, hits, blocked, stream, place, m, node, tally):
+def _hand_over(accel, query, stream, place, m, node, tally):
     """Let the rays of a list go on one by one; then note where they end now."""
     queue = (place + m + 15) & ~15
     asked = np.int64(0)
@@ -265,20 +250,16 @@ def _hand_over(accel, rays, ends, hits, blocked, stream, place, m, node, tally):
         number = gather_row(stream.rows.number, 0, ray, live)
         append_row(stream.lists, 0, queue + asked, number, live)
         asked += popcount(mask_bits(live))
-    trace_rays(accel, rays, ends, hits, blocked, stream.lists, queue, asked, node, tally)
+    trace_rays(accel, query, stream.lists, queue, asked, node, tally)
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(stream.lists, 0, place + i)
         number = gather_row(stream.rows.number, 0, ray, live)
-        t = gather_row(ends, 0, number, live)
-        scatter_row(stream.rows.t, 0, ray, _end_now(blocked, number, live, t), live)
-
-
-@kernel
-def _end_now(blocked, number, live, t):
-    if blocked is None:
-        return t
-    return select(gather_row(blocked, 0, number, live) == 0, t, ENDED)
+        t = gather_row(query.ends, 0, number, live)
+        blocked = gather_row(query.prim, 0, number, live) != 0
+        if query.any_will_do != 0:
+            t = select(blocked, ENDED, t)
+        scatter_row(stream.rows.t, 0, ray, t, live)
 
 
 # ---------------------------------------------------------------------- counting

@@ -25,6 +25,7 @@ from renderer.accelerators.bvh.ray_packets import (
 )
 from renderer.accelerators.bvh.ray_streams import trace_stream
 from renderer.accelerators.bvh.wide_bvh_build import collapse, far_to_near, pack_pairs
+from renderer.accelerators.bvh.wide_rays import any_hits, nearest_hits
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.jit import method_kernel
 from renderer.kinds.shapes.blocks import WIDTH, blocks_of
@@ -95,11 +96,10 @@ def any_hit_wide_bundles(accel, shadow_rays, count, tally):
 @method_kernel
 def closest_hit_wide(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1."""
-    trace_stream(accel, rays, hits.t, hits, None, first, count, tally)
+    trace_stream(accel, nearest_hits(rays, hits), first, count, tally)
 
 
 @method_kernel
 def any_hit_wide(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays."""
-    blocked, ends = shadow_rays.blocked, shadow_rays.t_max
-    trace_stream(accel, shadow_rays, ends, None, blocked, np.int64(0), count, tally)
+    trace_stream(accel, any_hits(shadow_rays), np.int64(0), count, tally)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import builder_kernel, entry_kernel, kernel
+from renderer.jit import entry_kernel, kernel
 from renderer.kinds.shapes.blocks import aligned_bytes
-from renderer.lanes.local import local_i32
+from renderer.lanes.local import local_f64, local_i32
 
 # words of a node of a pair
 PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive
@@ -175,16 +175,20 @@ def _quantise(bounds, node, members, size, floats, octets, wide):
             octets[place + 16 + k] = octets[place + k]
 
 
-@builder_kernel
-def far_to_near(floats: Any, integers: Any, octets: Any) -> Any:
+def far_to_near(floats: Any, integers: Any, octets: Any) -> NDArray[np.int32]:
     """Return the order of each node's children for each octant of directions, (8 n,).
 
     Four bits a child, the farthest first, by their centres along the octant's diagonal.
     """
-    nodes = len(integers) // WIDE_WORDS
-    found = np.zeros(8 * nodes, np.int32)
-    distance = np.zeros(8)
-    for place in range(8 * nodes):
+    order = np.zeros(8 * len(integers) // WIDE_WORDS, np.int32)
+    _far_to_near(floats, integers, octets, order)
+    return order
+
+
+@entry_kernel
+def _far_to_near(floats, integers, octets, found):
+    distance = local_f64(8)
+    for place in range(len(found)):
         node, octant = place // 8, place % 8
         order = np.int64(0)
         for k in range(8):
@@ -197,7 +201,6 @@ def far_to_near(floats: Any, integers: Any, octets: Any) -> Any:
             low = (1 << (4 * rank)) - 1
             order = (order & low) | (k << (4 * rank)) | ((order & ~low) << 4)
         found[place] = order
-    return found
 
 
 @kernel

@@ -75,6 +75,41 @@ _WORDS = RAYS * _WORD
 _NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float
 
 
+class Query(NamedTuple):
+    """What is asked of some rays: of one type, so that one traversal answers both kinds."""
+
+    origin: Any  # (3, n) float32
+    direction: Any  # (3, n) float32
+    ends: Any  # (n,) float32 of a nearest hit, its t
+    prim: Any  # (n,) int32 of the nearest hit; or 1 where a ray is blocked
+    u: Any  # (n,) float32 of the nearest hit
+    v: Any
+    any_will_do: int  # not 0: any hit ends a ray and blocks it
+
+
+@kernel
+def nearest_hits(rays, hits):
+    """Ask for the nearest hit of each ray."""
+    return Query(
+        rays.origin, rays.direction, hits.t, hits.prim, hits.u, hits.v, np.int64(0)
+    )
+
+
+@kernel
+def any_hits(shadow_rays):
+    """Ask which of the rays are blocked."""
+    ends = shadow_rays.t_max
+    return Query(
+        shadow_rays.origin,
+        shadow_rays.direction,
+        ends,
+        shadow_rays.blocked,
+        ends,
+        ends,
+        np.int64(1),
+    )
+
+
 class _Flight(NamedTuple):
     """The rays under way."""
 
@@ -85,11 +120,10 @@ class _Flight(NamedTuple):
 
 
 @kernel
-def trace_rays(accel, rays, ends, hits, blocked, queue, first, count, root, tally):
+def trace_rays(accel, query, queue, first, count, root, tally):
     """Trace the rays queue[first : first + count] on from node `root`.
 
-    To their nearest hit, or to any if `blocked` is given. A ray takes one step, a node or
-    a block, and then it is the next ray's turn.
+    A ray takes one step, a node or a block, and then it is the next ray's turn.
     """
     flight = _Flight(
         local_i32(_WORDS), local_f32(_ROWS), local_i32(_STACKS), local_f32(_STACKS)
@@ -99,7 +133,7 @@ def trace_rays(accel, rays, ends, hits, blocked, queue, first, count, root, tall
     end = first + count
     flying = np.int64(0)
     while flying < RAYS and first < end:
-        _start(rays, np.int64(load_one(queue, 0, first)), root, flight, flying)
+        _start(query, np.int64(load_one(queue, 0, first)), root, flight, flying)
         store_one(places, 0, flying, flying)
         flying += 1
         first += 1
@@ -117,21 +151,23 @@ def trace_rays(accel, rays, ends, hits, blocked, queue, first, count, root, tall
 
         # one step
         if node >= 0:
-            depth = _push_children(accel, node, load_one(ends, 0, i), flight, place, depth)
+            depth = _push_children(
+                accel, node, load_one(query.ends, 0, i), flight, place, depth
+            )
             add_to(tally, NODES, i, 1)
             add_to(tally, BOXES, i, WIDTH)
             note_stack(tally, i, depth)
         else:
-            done = _meet_block(accel.blocks, ~node, rays, ends, hits, blocked, i, tally)
+            done = _meet_block(accel.blocks, ~node, query, i, tally)
             depth = np.int64(0) if done else depth
 
         # what to do next
-        t_max = load_one(ends, 0, i)
+        t_max = load_one(query.ends, 0, i)
         while depth > 0 and load_one(entries, 0, base + depth - 1) > t_max:
             depth -= 1
         if depth == 0:
             if first < end:
-                _start(rays, np.int64(load_one(queue, 0, first)), root, flight, place)
+                _start(query, np.int64(load_one(queue, 0, first)), root, flight, place)
                 first += 1
                 turn += 1
             else:
@@ -150,10 +186,10 @@ def trace_rays(accel, rays, ends, hits, blocked, queue, first, count, root, tall
 
 
 @kernel
-def _start(rays, ray, root, flight, place):
+def _start(query, ray, root, flight, place):
     """Put a ray at the node where it begins."""
-    low, high = origin_margins(column(rays.origin, ray))
-    inverse = safe_reciprocal(column(rays.direction, ray))
+    low, high = origin_margins(column(query.origin, ray))
+    inverse = safe_reciprocal(column(query.direction, ray))
     row = place * _ROW
     at = place * _WORD
     words = flight.words
@@ -230,23 +266,26 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
 
 @kernel
-def _meet_block(blocks, block, rays, ends, hits, blocked, i, tally):
+def _meet_block(blocks, block, query, i, tally):
     """Test a leaf's primitives; return whether the ray is done."""
     _add_primitives(tally, blocks, block, i)
-    origin = column(rays.origin, i)
-    direction = column(rays.direction, i)
-    t_max = load_one(ends, 0, i)
+    origin = column(query.origin, i)
+    direction = column(query.direction, i)
+    t_max = load_one(query.ends, 0, i)
     x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
     found = mask_bits(x.hit)
-    _keep_nearest(hits, i, x, found, blocks, block)
-    return found != 0 and _mark_blocked(blocked, i)
+    if query.any_will_do == 0:
+        _keep_nearest(query, i, x, found, blocks, block)
+        return False
+    if found == 0:
+        return False
+    store_one(query.prim, 0, i, 1)
+    return True
 
 
 @kernel
-def _keep_nearest(hits, i, x, found, blocks, block):
-    """Update the hit of ray i with those of a block; nothing where any hit is sought."""
-    if hits is None:
-        return
+def _keep_nearest(query, i, x, found, blocks, block):
+    """Update the hit of ray i with those of a block."""
     # the least t, then the least id among those: without a branch, as above
     bits = select(x.hit, as_i32(x.t), _NEVER)
     t_bits = smallest(bits)
@@ -254,23 +293,14 @@ def _keep_nearest(hits, i, x, found, blocks, block):
     prim = smallest(ids)
     j = lowest_bit(mask_bits(ids == prim))
     t = as_f32(t_bits)
-    t_before = load_one(hits.t, 0, i)
-    prim_before = load_one(hits.prim, 0, i)
+    t_before = load_one(query.ends, 0, i)
+    prim_before = load_one(query.prim, 0, i)
     tie = (t == t_before) & ((prim_before < 0) | (prim < prim_before))
     wins = (found != 0) & ((t < t_before) | tie)
-    store_one(hits.t, 0, i, select(wins, t, t_before))
-    store_one(hits.prim, 0, i, select(wins, prim, prim_before))
-    store_one(hits.u, 0, i, select(wins, lane(x.u, j), load_one(hits.u, 0, i)))
-    store_one(hits.v, 0, i, select(wins, lane(x.v, j), load_one(hits.v, 0, i)))
-
-
-@kernel
-def _mark_blocked(blocked, i):
-    """Note that ray i is blocked, which ends it; a ray to its nearest hit goes on."""
-    if blocked is None:
-        return False
-    blocked[i] = 1
-    return True
+    store_one(query.ends, 0, i, select(wins, t, t_before))
+    store_one(query.prim, 0, i, select(wins, prim, prim_before))
+    store_one(query.u, 0, i, select(wins, lane(x.u, j), load_one(query.u, 0, i)))
+    store_one(query.v, 0, i, select(wins, lane(x.v, j), load_one(query.v, 0, i)))
 
 
 @kernel
