@@ -10,8 +10,8 @@ from renderer.jit import kernel, method_kernel
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
+    choose_from_draw,
     draw4,
-    one_of,
 )
 from renderer.lanes.functions import lane_index, mask_bits, splat_i32
 from renderer.lanes.memory import load_row, store_row
@@ -68,7 +68,7 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
         if turn >= 0:
             store_row(light, 0, i, splat_i32(turn))
         else:
-            chosen, x = one_of(sampler, x, w, lights)
+            chosen, x = choose_from_draw(sampler, x, w, lights)
             store_row(light, 0, i, chosen)
         store_row(numbers, 0, i, x)
         store_row(numbers, 1, i, y)

@@ -212,7 +212,7 @@ def _draw_stratified(sampler, pixel, sample, block):
 
 
 @interface
-def one_of(sampler: Any, x: Any, w: Any, count: int) -> Any:
+def choose_from_draw(sampler: Any, x: Any, w: Any, count: int) -> Any:
     """Choose one of `count` things by the first or fourth number of a draw.
 
     Returns
@@ -232,31 +232,31 @@ def choose_one(number, count):
     return chosen, scaled - to_f32(chosen)
 
 
-@one_of.by(Independent)
+@choose_from_draw.by(Independent)
 @kernel
-def _one_by_itself(sampler, x, w, count):
+def _choose_by_last(sampler, x, w, count):
     chosen, _ = choose_one(w, count)
     return chosen, x
 
 
 @kernel
-def one_of_pair(sampler, x, w, count):
+def choose_by_pair(sampler, x, w, count):
     """Choose by the first number of a pair."""
     chosen, rest = choose_one(x, count)
     return chosen, _in_unit(rest)
 
 
 @kernel
-def _one_if(multi, sampler, x, w, count):
+def _choose_if(multi, sampler, x, w, count):
     if multi is None:
-        return _one_by_itself(sampler, x, w, count)
-    return one_of_pair(sampler, x, w, count)
+        return _choose_by_last(sampler, x, w, count)
+    return choose_by_pair(sampler, x, w, count)
 
 
-@one_of.by(Stratified)
+@choose_from_draw.by(Stratified)
 @kernel
-def _one_of_stratified(sampler, x, w, count):
-    return _one_if(sampler.multi, sampler, x, w, count)
+def _choose_stratified(sampler, x, w, count):
+    return _choose_if(sampler.multi, sampler, x, w, count)
 
 
 @kernel

@@ -22,10 +22,10 @@ from renderer.jit import kernel
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     BLOCKS_PER_BOUNCE,
+    choose_by_pair,
+    choose_from_draw,
     draw4,
     hash4,
-    one_of,
-    one_of_pair,
     unit_float,
 )
 from renderer.kinds.sampling.sobol_digits import net_digits, sequence_digits
@@ -118,4 +118,4 @@ def _draw_sobol(sampler, pixel, sample, block):
     return _unit(a, x, plain), _unit(b, y, plain), _unit(c, z, plain), _unit(d, w, plain)
 
 
-one_of.by(Sobol)(one_of_pair)
+choose_from_draw.by(Sobol)(choose_by_pair)
