@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
-.PHONY: help demo proof proof-full test test-all lint format bench bench-accelerators \
-  needs clean
+.PHONY: help demo proof proof-full limits test test-all lint format bench \
+  bench-accelerators needs clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -22,6 +22,9 @@ proof: $(INSTALLED) ## replay and test every scene, write what it proves as a pa
 
 proof-full: $(INSTALLED) ## the same with the mutation matrix and false alarms (long)
 	@$(BIN)/python -m reports.proof --mutations --false-alarms --out $(OUT)
+
+limits: $(INSTALLED) ## measure where methods fail, both sides, write the page
+	@$(BIN)/python -m reports.limits --out $(OUT)
 
 test: $(INSTALLED) ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'

@@ -6,7 +6,7 @@ That is Numba and the kernels, which `--help` should not have to wait for.
 from __future__ import annotations
 
 INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
-SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler", "sobol")
 REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
 RAY_OFFSETS = ("tight", "mitsuba")
 ACCELERATORS = (

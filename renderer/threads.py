@@ -55,7 +55,7 @@ class Crew:
         self._threads = threads
         self._round = max(1, jobs) if round_length is None else round_length
         self._next = itertools.count()
-        self._ended = bytearray(self._round)  # rounds modulo 256, of each place in one
+        self._ended = [0] * self._round  # rounds, of each place in one
         self._at_work = [False] * threads
         self._done = [0] * threads
         self._stopped = False
@@ -64,7 +64,7 @@ class Crew:
 
     def start(self) -> None:
         """Let the threads begin."""
-        for thread in range(min(self._threads, self._jobs)):
+        for thread in range(min(self._threads, self._jobs, self._round)):
             # daemons: one that an interrupt keeps from starting must not be waited for
             threading.Thread(target=self._run, args=(thread,), daemon=True).start()
 
@@ -104,7 +104,7 @@ class Crew:
                 if self._stopped or job >= self._jobs or not self._may_begin(job):
                     return
                 self._work(job, thread)
-                self._ended[job % self._round] = (job // self._round + 1) & 0xFF
+                self._ended[job % self._round] = job // self._round + 1
                 self._done[thread] += 1
         except BaseException as error:
             self._error = error
@@ -114,13 +114,14 @@ class Crew:
             self._left.put(thread)
 
     def _may_begin(self, job: int) -> bool:
-        """Wait for the job a round before; false if it has failed.
+        """Wait for the job a round before; false if it failed or may never have begun.
 
-        It was taken before, so that it has ended or is under way: nobody waits for ever.
+        It was taken before, so that it has ended, is under way, or was given up by a thread
+        that had been stopped.
         """
-        place, rounds = job % self._round, (job // self._round) & 0xFF
+        place, rounds = job % self._round, job // self._round
         while self._ended[place] != rounds:
-            if self._error is not None:
+            if self._stopped:
                 return False
             time.sleep(PAUSE)
         return True

@@ -2,8 +2,9 @@
 
 `python -m reports` runs the harness on every scene and draws all pages;
 `python -m reports.benchmark` times the renderers in turn, `python -m reports.accelerators`
-everything that finds hits, `python -m reports.proof` replays and tests. This package
-computes no image: it reads the numbers and the pictures that `mitsuba_ref` wrote.
+everything that finds hits, `python -m reports.proof` replays and tests,
+`python -m reports.limits` puts methods under stress until they fail. Only the
+last computes images of its own; the others read what `mitsuba_ref` wrote.
 
 One room a page or study, from the top down; imports go no other way:
 
@@ -11,6 +12,8 @@ One room a page or study, from the top down; imports go no other way:
     Measure, write the records, draw the pages.
 `scenes_page`, `proof_page`, `accelerator_page`
     From records to a page.
+`limits`
+    The atlas of where methods fail: rows, their measurement, their page.
 `accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`
     From measurements to records; small ones draw their section, too.
 `accelerator_trials`

@@ -11,6 +11,9 @@ import renderer
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import estimate, relative_error
 from renderer.rendering.goal import Goal
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Progress, Rendering
+from renderer.threads import Crew
 
 SCENES = Path(__file__).parent.parent / "scenes"
 
@@ -65,6 +68,35 @@ def test_a_few_pixels_that_decide_make_it_unsure():
     noise[10:22, 40:52] = 3.0
     first, second = (1.0 + noise * rng.normal(size=noise.shape) for _ in range(2))
     assert estimate(first, second, 2).unsure
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_pixels_that_are_no_numbers_are_left_out_and_make_it_unsure(value):
+    rng = np.random.default_rng(7)
+    first, second = (1.0 + 0.1 * rng.normal(size=(32, 32, 3)) for _ in range(2))
+    clean = estimate(first, second, 2)
+    first[4, 5, 1] = second[9, 9, 0] = value
+    found = estimate(first, second, 2)
+    assert found.error == pytest.approx(clean.error, rel=0.01)
+    assert found.unsure and not clean.unsure
+
+
+def test_light_that_hardly_a_sample_has_met_makes_it_unsure():
+    """Nothing at all; and all of the noise among the values that are left out."""
+    black = np.zeros((32, 32, 3))
+    assert estimate(black, black, 2).unsure
+    spark = np.ones((64, 64, 3))
+    spark[7, 7] = 100.0
+    found = estimate(np.ones_like(spark), spark, 2)
+    assert found.error == 0.0 and found.unsure
+    assert not estimate(np.ones_like(spark), np.ones_like(spark), 2).unsure
+
+
+def test_a_noisy_picture_is_unsure():
+    rng = np.random.default_rng(8)
+    first, second = (rng.gamma(1.0, 1.0, (64, 64, 3)) for _ in range(2))
+    found = estimate(first, second, 2)
+    assert found.steady and found.unsure
 
 
 def test_stopping_pulls_the_picture_nowhere():
@@ -142,6 +174,42 @@ def test_an_interrupt_keeps_the_picture_and_the_last_error(box):
     assert shown[-1].done <= shown[-1].total
 
 
+def test_a_second_interrupt_is_raised(box, monkeypatch):
+    """While threads still end their jobs: nobody must see sums that they write to."""
+    rendering = Rendering(box, make_plan(box, spp=64), accel="auto", seed=0, threads=2)
+    stop = Crew.stop
+
+    def interrupted_stop(crew):
+        stop(crew)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Crew, "stop", interrupted_stop)
+
+    def progress(now):
+        if now.seconds > 0.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rendering._trace(0, 64, lambda: progress(Progress("render", 0, 1, 1.0)))
+    with pytest.raises(KeyboardInterrupt):
+        rendering.run()
+
+
+def test_a_scene_without_light_has_no_error_and_ends():
+    scene = renderer.load_string(
+        '<scene version="3.0.0"><shape type="sphere"/><sensor type="perspective"/></scene>'
+    )
+    image = renderer.render(scene, target_error=0.1)
+    assert image.complete and image.error is None and image.spp == 1
+    assert not image.pixels.any()
+
+
+def test_the_explanation_knows_the_goal(box):
+    image = renderer.render(box, target_error=0.2)
+    line = f"{image.spp} samples per pixel were taken: estimated error"
+    assert line in image.explain.splitlines()[-1]
+
+
 def test_looks_at_the_error_come_less_and_less_often():
     """From 1 % of the samples that are needed on: few looks, none far beyond the goal."""
     goal, done, looks = Goal(target_error=0.01), 0, 0
@@ -171,6 +239,7 @@ def test_looks_at_the_error_come_less_and_less_often():
         ),
         ({"target_error": 0.1, "sampler": "mitsuba"}, SceneError, "depend on how many"),
         ({"target_error": 0.1, "integrator": "aov"}, SceneError, "other channels"),
+        ({"target_error": 0.1, "spp": 1}, SceneError, "spp is 1; a goal needs 2 samples"),
         ({"target_error": 0.1, "integrator": "work"}, SceneError, "of colours alone"),
     ],
 )

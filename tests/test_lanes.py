@@ -30,6 +30,7 @@ from renderer.lanes.functions import (
     largest,
     lowest_bit,
     mask_bits,
+    mask_of,
     maximum,
     minimum,
     popcount,
@@ -43,7 +44,13 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.lanes.memory import (
+    append_row,
+    gather_row,
+    load_row,
+    scatter_row,
+    store_row,
+)
 
 FLOATS = (np.float32, np.float64)
 INTEGERS = (np.int32, np.uint32, np.int64, np.uint64)
@@ -409,6 +416,26 @@ def test_gather_and_append_under_every_mask(dtype, whole, row):
     front = np.arange(width) < masks.sum(1)[:, None]
     assert (appended[:, 0] == 0).all() and (appended[:, -1] == 0).all()
     np.testing.assert_array_equal(appended[:, 1:-1][front], values[masks])
+
+
+@entry_kernel
+def scatter_under(bits, table, row, indices, x):
+    scatter_row(table, row, load_row(indices, 0, 0), load_row(x, 0, 0), mask_of(bits))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int32])
+def test_scatter_under_masks_made_of_bits(dtype):
+    """Lanes outside the mask point far outside the table: writing them would crash."""
+    rng = np.random.default_rng(5)
+    x = rng.integers(1, 100, 16).astype(dtype)
+    for bits in (0, 1, 0x8000, 0xFFFF, 0x12345, *rng.integers(0, 1 << 16, 20)):
+        mask = (int(bits) >> np.arange(16)) & 1 == 1
+        place = rng.permutation(500)[:16]
+        indices = np.where(mask, place, 1 << 30).astype(np.int32)
+        table, expected = np.zeros((2, 3, 500), dtype)
+        expected[1, place[mask]] = x[mask]
+        scatter_under(np.int64(bits), table, 1, indices, x)
+        np.testing.assert_array_equal(table, expected)
 
 
 @entry_kernel

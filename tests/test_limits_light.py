@@ -1,7 +1,6 @@
-"""The atlas of failures, light transport: each method holds before its limit, not behind.
+"""What rows of light transport in the atlas measure, beside what paper says of it.
 
-A row that no longer fails where it did is an alarm: the method was changed, or what
-measures it has gone blind. Everything has fixed seeds, so that there are no false alarms.
+That each method holds before its limit and fails behind it is asserted with all rows.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reports.limits.light_transport import ROWS
 from reports.limits.light_transport.depth import furnace_error, rays_of_a_tree
 from reports.limits.light_transport.many_lamps import one_lamp_that_counts
 from reports.limits.light_transport.one_point import (
@@ -18,40 +16,6 @@ from reports.limits.light_transport.one_point import (
     scene_at,
     spread_of_a_sample,
 )
-from reports.limits.row import measure_sides
-
-rows = [
-    pytest.param(row, id=row.name, marks=[pytest.mark.slow] if row.slow else [])
-    for row in ROWS
-]
-
-
-@pytest.mark.parametrize("row", rows)
-def test_both_sides_of_the_boundary(row):
-    sides = measure_sides(row)
-    assert sides.holds_before, f"{sides.before} at {row.holds_at}, not {row.tolerance}"
-    assert sides.fails_behind, f"ALARM: {sides.behind} at {row.fails_at} holds"
-
-
-PICTURED = [row for row in ROWS if row.picture is not None]
-
-
-@pytest.mark.parametrize("row", PICTURED, ids=lambda row: row.name)
-def test_pictures_show_something(row):
-    picture = row.picture()
-    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3
-    assert np.std(picture) > 10.0
-
-
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
-def test_rows_make_sense(row):
-    """Strengths grow, the boundary lies among them, and every word is there."""
-    assert list(row.strengths) == sorted(set(row.strengths))
-    assert row.strengths[0] <= row.holds_at <= row.strengths[-1]
-    if row.fails_at is not None:
-        assert row.holds_at < row.fails_at <= row.strengths[-1]
-    assert row.chapter == "light" and row.why and row.instead and row.source
-    assert len({other.name for other in ROWS}) == len(ROWS)
 
 
 def test_starved_lamp_as_on_paper():

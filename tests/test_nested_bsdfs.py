@@ -47,6 +47,8 @@ SETS = {
     "thindielectric": {"type": "thindielectric", "int_ior": "diamond"},
     "mask of a coat": mask(0.3, PLASTIC),
     "mask of glass": mask(0.6, GLASS),
+    # straight on, but glass and no hole
+    "mask of matched glass": mask(0.6, GLASS | {"int_ior": 1.3, "ext_ior": 1.3}),
     "blend": blend(0.3, PLASTIC, ROUGH),
     "blend with a mirror": blend(0.6, GOLD, RED),
     "blend with glass": blend(0.4, GLASS, mask(0.5, RED)),

@@ -121,6 +121,32 @@ def test_the_picture_is_that_of_the_api(tmp_path):
     np.testing.assert_array_equal(pixels("a.exr"), renderer.render(scene, 4, seed=7).pixels)
 
 
+def test_a_goal_says_its_error_and_the_command_of_the_picture(capsys):
+    """The header's command gives the same picture without a goal."""
+    assert main([*SMALL[:5], "--target-error", "25%", "-o", "a.exr"]) == 0
+    assert re.search(r"estimated error: \d+\.\d+%", capsys.readouterr().out)
+    found = header("a.exr")
+    assert 0.0 < float(found["error"]) <= 0.25
+    command = found["command"].split()
+    assert "--target-error" not in command and "--sampler" in command
+    assert main([*command[1:], "-o", "b.exr"]) == 0
+    np.testing.assert_array_equal(pixels("a.exr"), pixels("b.exr"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--target-error", "2"], "2 is 100 % or more; is 2% meant?"),
+        (["--target-error", "-1%"], "-1 is not more than 0"),
+        (["--time", "inf"], "inf is not more than 0, and finite"),
+        (["--time", "soon"], "'soon' is no number"),
+    ],
+)
+def test_goals_that_are_none(words, message, capsys):
+    assert main([*SMALL, f"{words[0]}={words[1]}"]) == 2
+    assert message in capsys.readouterr().err
+
+
 def test_without_output_the_picture_is_named_after_the_scene(capsys, tmp_path):
     """A scene.xml gives the name of its folder; the folder alone will do as the scene."""
     assert main([str(SCENES / "cornell-box"), *SMALL[1:]]) == 0
@@ -176,7 +202,7 @@ def test_what_can_be_written_is_written(capsys, monkeypatch):
         ([], "SCENE.xml"),
         ([CORNELL, "--integrator", "bdpt"], "'bdpt' (choose from 'auto', 'direct'"),
         ([CORNELL, "--accel", "octopus"], "'octopus' (choose from 'auto', 'brute'"),
-        ([CORNELL, "--sampler", "sobol"], "'sobol' (choose from 'independent', 'str"),
+        ([CORNELL, "--sampler", "halton"], "'halton' (choose from 'independent', 'str"),
         ([CORNELL, "--spp", "0"], "argument --spp: 0 is less than 1"),
         ([CORNELL, "--spp", "many"], "argument --spp: 'many' is no whole number"),
         ([CORNELL, "--threads", "-1"], "argument --threads: -1 is less than 1"),

@@ -22,11 +22,12 @@ from test_sampling import draw, label, samplers
 
 import renderer
 from renderer.kinds.sampling.numbers_and_warps import Independent
+from renderer.kinds.sampling.sobol import make_sobol
 
 SIDE = 512
 N = SIDE**2
 PIXELS = np.arange(N)
-SAMPLERS = [Independent(7), *samplers(8, 8), *samplers(5, 3)]
+SAMPLERS = [Independent(7), *samplers(8, 8), *samplers(5, 3), make_sobol(7, 64)]
 every_sampler = pytest.mark.parametrize("sampler", SAMPLERS, ids=label)
 
 

@@ -95,6 +95,34 @@ def test_stopped_threads_end_what_they_are_at():
     assert len(begun) == number <= 4
 
 
+def test_a_stop_does_not_wait_for_a_job_that_was_never_begun():
+    """A thread takes job 0 and is stopped before it begins; another waits for that job."""
+    crew = Crew(2, 4, lambda job, thread: None, round_length=2)
+    crew._at_work[1] = True
+    waiting = threading.Thread(target=lambda: waited.append(crew._may_begin(2)))
+    waited: list[bool] = []
+    waiting.start()
+    crew._stopped = True
+    waiting.join(timeout=10)
+    assert waited == [False]
+
+
+def test_rounds_are_counted_beyond_a_byte():
+    """Job 0 is slow; with 300 threads none of the others may begin before it has ended."""
+    ended: list[int] = []
+
+    def work(job, thread):
+        if job == 0:
+            time.sleep(0.05)
+        ended.append(job)
+
+    crew = Crew(300, 300, work, round_length=1)
+    crew.start()
+    while not crew.wait():
+        pass
+    assert ended == list(range(300))
+
+
 def test_an_interrupt_at_any_moment_ends_it_and_leaves_no_job_half_done(monkeypatch):
     """Four hundred moments: never a wait without end, a job lost, or one done twice.
 

@@ -16,8 +16,8 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     PAIR_WORDS,
     WIDE_BYTES,
     WIDE_WORDS,
-    validate_wide,
 )
+from renderer.accelerators.bvh.wide_bvh_checks import validate_wide
 from renderer.accelerators.extents import extents_of
 from renderer.kinds.shapes.blocks import WIDTH
 
@@ -72,6 +72,10 @@ def visit_twice(accel):
     accel.integers[CHILD + 1] = accel.integers[CHILD]
 
 
+def forget_a_child_in_an_order(accel):
+    accel.order[3] = (accel.order[3] & ~15) | ((accel.order[3] >> 4) & 15)
+
+
 def lose_a_primitive(accel):
     accel.blocks.id[0] = -1
 
@@ -92,6 +96,7 @@ def lose_a_leafs_last(accel):
         (differ_between_copies, "copies"),
         (lose_a_child, "not once"),
         (visit_twice, "not once"),
+        (forget_a_child_in_an_order, "wide node 0: the order of octant 3"),
         (lose_a_primitive, "499 of 500"),
         (shrink_a_pair, "pair node"),
         (lose_a_leafs_last, "other primitives"),

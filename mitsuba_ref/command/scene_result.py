@@ -48,7 +48,6 @@ def describe_scene(
         reference_note=_note(reference),
         method=ours.method,
         explain=ours.explain,
-        cautions=ours.cautions,
         width=width,
         height=height,
         spp=ours.spp,

@@ -28,7 +28,7 @@ from mitsuba_ref.comparison.noise_floor import compare_filtered
 from mitsuba_ref.comparison.preconditions import count_non_finite, find_obstacle
 from mitsuba_ref.ladder.pictures_by_seed import climb_scene, reference_seed, with_rungs
 from mitsuba_ref.ladder.rungs_of_convergence import convergence_rungs
-from mitsuba_ref.our_renderer.picture import RenderOurs
+from mitsuba_ref.our_renderer.picture import RenderOurs, cautions_about
 from mitsuba_ref.records.options import Options, scene_name, scene_request, shown_path
 from mitsuba_ref.records.proof_file import USUAL_LIMITS, Proof, read_proof
 from mitsuba_ref.records.request import RenderRequest
@@ -102,6 +102,7 @@ def validate_scene(
             deterministic=bool(proof.deterministic),
         )
         request = scene_request(path, proof, options)
+        blank = replace(blank, cautions=cautions_about(request))
         return _validate(blank, proof, request, options, render_ours, references, note)
     except Exception as error:  # a bug on our side must not end the other scenes
         if request is None and isinstance(error, SceneError):

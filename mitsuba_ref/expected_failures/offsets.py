@@ -31,7 +31,9 @@ _PANE = """<scene version="3.0.0">
 </scene>"""
 
 
-def _with_offset(scene: renderer.Scene, rule: tuple[float, float]) -> NDArray[np.float32]:
+def render_with_offset(
+    scene: renderer.Scene, rule: tuple[float, float]
+) -> NDArray[np.float32]:
     """Render with a rule of one's own: rounding errors, and a share of 1 + max|p|."""
     rendering = Rendering(scene, make_plan(scene), accel="brute", seed=0, threads=1)
     rounding, fixed = rule
@@ -43,17 +45,21 @@ def _with_offset(scene: renderer.Scene, rule: tuple[float, float]) -> NDArray[np
     return np.asarray(rendering.film.develop())
 
 
-def smallest_gap(rule: tuple[float, float], half: float = 1.0) -> float:
-    """Return how near a lamp may be to the glass in front of it and still be seen.
+def lamp_seen(rule: tuple[float, float], gap: float, half: float = 1.0) -> bool:
+    """Return whether a lamp is seen through a pane of half width `half` before it.
 
-    The camera looks through a pane, of half width `half`, at a lamp behind it. A ray that
-    leaves the glass too far out starts behind the lamp, and sees nothing.
+    A ray that leaves the glass too far out starts behind the lamp, and sees nothing.
     """
+    scene = renderer.load_string(_PANE.format(gap=gap, half=half))
+    return bool(render_with_offset(scene, rule).max() > 0.5)
+
+
+def smallest_gap(rule: tuple[float, float], half: float = 1.0) -> float:
+    """Return how near a lamp may be to the glass in front of it and still be seen."""
     low, high = -8.0, 0.0  # log10 of the gap: not seen, seen
     for _ in range(16):
         middle = (low + high) / 2
-        scene = renderer.load_string(_PANE.format(gap=10**middle, half=half))
-        seen = _with_offset(scene, rule).max() > 0.5
+        seen = lamp_seen(rule, 10**middle, half)
         low, high = (low, middle) if seen else (middle, high)
     return float(10**high)
 

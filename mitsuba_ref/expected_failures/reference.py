@@ -13,11 +13,12 @@ from mitsuba_ref.reference.variant import load_mitsuba
 RAYS = 4096
 
 
-def edge_rays_lost(*, robust: bool = False) -> float:
+def edge_rays_lost(*, robust: bool = False, aside: float = 0.0) -> float:
     """Return the share of rays at points of edges that pass a closed mesh, in Mitsuba.
 
     From inside a ball of 5000 triangles. `robust` sets the scene parameter
-    `embree_use_robust_intersections`, as the harness does (Mitsuba issue 1149).
+    `embree_use_robust_intersections`, as the harness does (Mitsuba issue 1149). `aside` is
+    how far beside the edge rays aim, as a share of the way to the third vertex.
     """
     text = ball_mesh()
     rows = [line.split() for line in text.splitlines()]
@@ -25,9 +26,10 @@ def edge_rays_lost(*, robust: bool = False) -> float:
     faces = np.array([row[1:] for row in rows if row[0] == "f"], np.int64) - 1
     rng = np.random.default_rng(3)
     face = faces[rng.integers(0, len(faces), RAYS)]
-    first, second = vertices[face[:, 0]], vertices[face[:, 1]]
+    first, second, third = (vertices[face[:, k]] for k in range(3))
     origin = rng.uniform(-0.1, 0.1, (RAYS, 3))
-    direction = first + rng.random((RAYS, 1)) * (second - first) - origin
+    target = first + rng.random((RAYS, 1)) * (second - first)
+    direction = target + aside * (third - target) - origin
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
 
     mi = load_mitsuba()

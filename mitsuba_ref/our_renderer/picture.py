@@ -35,7 +35,6 @@ class OurPicture:
     integrator: str = ""
     method: str = ""
     explain: str = ""
-    cautions: tuple[str, ...] = ()  # what is known to fail in this scene
 
     @property
     def pixels(self) -> Array:
@@ -57,8 +56,6 @@ def render_ours(request: RenderRequest) -> OurPicture:
         When the scene is not one that we can render.
     """
     import renderer
-    from renderer.rendering.planning.cautions import cautions_of
-    from renderer.rendering.planning.plan import make_plan
     from renderer.scene.scene import build_scene
 
     wants_aovs = request.kind == "aovs"
@@ -69,9 +66,8 @@ def render_ours(request: RenderRequest) -> OurPicture:
         first_hits=wants_aovs,
         independent_samples=request.independent,
     )
-    scene = build_scene(edited)
     image = renderer.render(
-        scene,
+        build_scene(edited),
         spp=1 if wants_aovs else request.spp,
         seed=request.seed,
         threads=request.threads,
@@ -90,9 +86,6 @@ def render_ours(request: RenderRequest) -> OurPicture:
         integrator=image.integrator,
         method=_method(image.explain),
         explain=image.explain,
-        cautions=()
-        if wants_aovs
-        else tuple(map(str, cautions_of(scene, make_plan(scene)))),
     )
 
 
@@ -109,6 +102,20 @@ def read_scene(request: RenderRequest) -> SceneDescription:
     if request.plugins is not None:
         import_plugin_file(request.plugins)
     return read_file(Path(request.path), **request.parameters)
+
+
+def cautions_about(request: RenderRequest) -> tuple[str, ...]:
+    """Return what is known to fail in the scene of a request; none if we refuse it."""
+    from renderer.errors import SceneError
+    from renderer.rendering.planning.cautions import cautions_of
+    from renderer.rendering.planning.plan import make_plan
+    from renderer.scene.scene import build_scene
+
+    try:
+        scene = build_scene(read_scene(request))
+        return tuple(str(caution) for caution in cautions_of(scene, make_plan(scene)))
+    except SceneError:  # its rendering says so
+        return ()
 
 
 def _method(explanation: str) -> str:

@@ -77,13 +77,13 @@ def load_edited_scene(
         config.merge_meshes = False
         config.merge_equivalent = False
         changes.append("shapes not merged")
-    with _files_beside(path):
+    with files_beside(mi, path):
         state = mi.parser.parse_file(
             config, str(path), **{name: str(value) for name, value in parameters.items()}
         )
         # names of old files as they are called since: only then can they be replaced
         mi.parser.transform_upgrade(config, state)
-        nodes = _Nodes(mi, state)
+        nodes = SceneNodes(mi, state)
         nodes.refuse(OURS_ALONE)
         integrator = nodes.plugin("Integrator") or "path"  # Mitsuba's default
         # The default, float16, would round our reference to three digits.
@@ -111,7 +111,7 @@ def load_edited_scene(
     return EditedScene(scene, integrator, tuple(changes))
 
 
-class _Nodes:
+class SceneNodes:
     """The nodes of a parsed scene by kind; a missing film, filter or sampler is added.
 
     Nodes are kept as indices: Mitsuba's list moves its nodes when it grows, and a node
@@ -200,9 +200,8 @@ class _Nodes:
 
 
 @contextmanager
-def _files_beside(path: Path) -> Iterator[None]:
+def files_beside(mi: Any, path: Path) -> Iterator[None]:
     """Let Mitsuba find the files that a scene names, as its `load_file` does."""
-    mi = load_mitsuba()
     before = mi.file_resolver()
     resolver = mi.FileResolver(before)
     resolver.prepend(str(path.parent))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_ref.records.request import MIN_THREADS
+from mitsuba_ref.reference.edited_scene import SceneNodes, files_beside
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant_process import Answerer, VariantProcess, answer_requests
 
@@ -36,6 +37,8 @@ class TimedMitsuba(VariantProcess):
         Values for the file's `$name`.
     threads
         Worker threads, at least 2.
+    sampler
+        A sampler in the place of the file's.
 
     Raises
     ------
@@ -44,7 +47,12 @@ class TimedMitsuba(VariantProcess):
     """
 
     def __init__(
-        self, variant: str, path: Path, parameters: Mapping[str, str], threads: int
+        self,
+        variant: str,
+        path: Path,
+        parameters: Mapping[str, str],
+        threads: int,
+        sampler: str | None = None,
     ) -> None:
         if threads < MIN_THREADS:
             raise MitsubaError(
@@ -54,18 +62,19 @@ class TimedMitsuba(VariantProcess):
             "path": str(path),
             "parameters": {name: str(value) for name, value in parameters.items()},
             "threads": threads,
+            "sampler": sampler,
         }
         super().__init__("mitsuba_ref.speed.timed_mitsuba", variant, job)
 
-    def render(self, seed: int, spp: int) -> TimedRender:
-        """Render once.
+    def render(self, seed: int, spp: int, keep: Path | None = None) -> TimedRender:
+        """Render once; the picture goes to the file `keep` (.npy), if there is one.
 
         Raises
         ------
         MitsubaError
             When Mitsuba refuses, ends, or does not answer.
         """
-        answer = self.ask({"seed": seed, "spp": spp})
+        answer = self.ask({"seed": seed, "spp": spp, "keep": keep and str(keep)})
         red, green, blue = answer["mean"]
         return TimedRender(float(answer["seconds"]), (red, green, blue))
 
@@ -78,17 +87,32 @@ def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
     mitsuba.set_variant(job["variant"])
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(job["threads"])
-    scene = mitsuba.load_file(job["path"], **job["parameters"])
+    scene = _load(mitsuba, Path(job["path"]), job["parameters"], job["sampler"])
 
     def render(wanted: dict[str, Any]) -> dict[str, Any]:
         start = time.perf_counter()
         # A JIT variant only notes the work until somebody asks for the numbers.
         image = np.array(mitsuba.render(scene, spp=wanted["spp"], seed=wanted["seed"]))
         seconds = time.perf_counter() - start
+        if wanted["keep"]:
+            np.save(wanted["keep"], image[..., :3])
         mean = image[..., :3].mean(axis=(0, 1), dtype=np.float64)
         return {"seconds": seconds, "mean": [float(value) for value in mean]}
 
     return {"loaded": True}, render
+
+
+def _load(mi: Any, path: Path, parameters: dict[str, str], sampler: str | None) -> Any:
+    """Return the scene as the file says, but for the sampler if one is given."""
+    if sampler is None:
+        return mi.load_file(str(path), **parameters)
+    config = mi.parser.ParserConfig(mi.variant())
+    with files_beside(mi, path):
+        state = mi.parser.parse_file(config, str(path), **parameters)
+        mi.parser.transform_upgrade(config, state)
+        SceneNodes(mi, state).replace("Sampler", sampler, {})
+        mi.parser.transform_all(config, state)
+        return mi.parser.instantiate(config, state)
 
 
 if __name__ == "__main__":

@@ -84,11 +84,16 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if options.explain:
         from renderer.rendering.planning.plan_text import plan_text
 
+        sampler, spp = options.sampler, options.spp
+        if options.target_error is not None or options.time is not None:
+            from renderer.rendering.goal import for_a_goal
+
+            sampler, spp = for_a_goal(scene, sampler, spp)
         text = plan_text(
             scene,
             integrator=options.integrator,
-            sampler=options.sampler,
-            spp=options.spp,
+            sampler=sampler,
+            spp=spp,
             accel=options.accel,
             threads=options.threads,
         )
@@ -178,6 +183,8 @@ def _write(image: Image, outputs: list[Path], written: list[Path]) -> None:
 def _report(image: Image, written: list[Path], *, quiet: bool) -> None:
     files = _listed(written) or "nothing"
     if not image.complete:
+        if image.error is not None:
+            _complain(f"estimated error, some samples ago: {image.error:.2%}")
         _complain(f"interrupted {image.metadata['interrupted']}; wrote {files}")
     elif not quiet:
         samples = image.width * image.height * image.spp
@@ -187,9 +194,8 @@ def _report(image: Image, written: list[Path], *, quiet: bool) -> None:
             f"{image.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
         )
         if image.error is not None:
-            doubt = (
-                "; a few pixels decide it, so it is unsure" if image.error_unsure else ""
-            )
+            doubt = "; unsure, the true one may well be another"
+            doubt = doubt if image.error_unsure else ""
             sys.stdout.write(f"estimated error: {image.error:.2%}{doubt}\n")
         if "brightest" in image.metadata:
             sys.stdout.write(f"brightest colour: {image.metadata['brightest']}\n")
@@ -332,7 +338,11 @@ def _positive(text: str) -> int:
 
 def _error(text: str) -> float:
     number = _number(text.removesuffix("%"))
-    return number / 100 if text.endswith("%") else number
+    if text.endswith("%"):
+        return number / 100
+    if number >= 1:
+        raise argparse.ArgumentTypeError(f"{text} is 100 % or more; is {text}% meant?")
+    return number
 
 
 def _seconds(text: str) -> float:
@@ -345,7 +355,7 @@ def _number(text: str) -> float:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
     if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not more than 0")
+        raise argparse.ArgumentTypeError(f"{text} is not more than 0, and finite")
     return value
 
 

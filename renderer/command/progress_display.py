@@ -33,6 +33,7 @@ class ProgressDisplay:
         self._terminal = stream.isatty() and os.environ.get("TERM") != "dumb"
         self._bar: Bar | None = None
         self._shown = 0.0  # seconds of the render when something was last shown
+        self._seconds = float("inf")  # of the render when it was last heard of
 
     def __enter__(self) -> ProgressDisplay:
         """Show nothing yet."""
@@ -56,8 +57,11 @@ class ProgressDisplay:
         if progress.stage == "compile":
             self._compiling(progress)
         elif progress.done == 0:
-            self._shown = 0.0  # another render, such as that of an AOV's colours
-            if not self._terminal:
+            another = progress.seconds < self._seconds  # such as that of an AOV's colours
+            self._seconds = progress.seconds
+            if another:
+                self._shown = 0.0
+            if another and not self._terminal:
                 known = "until the goal is reached"
                 if progress.error is None:
                     known = f"{progress.total} samples"

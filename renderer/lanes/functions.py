@@ -277,6 +277,18 @@ def mask_bits(typingctx: Any, mask: Any) -> Any:
 
 
 @intrinsic
+def mask_of(typingctx: Any, bits: Any) -> Any:
+    """Return the mask of 16 whose lanes are the lowest bits of an int64."""
+    _require(bits == types.int64, f"mask_of takes int64, not {bits}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        packed = builder.trunc(args[0], ir.IntType(16))
+        return builder.bitcast(packed, llvm_vector(Mask(16)))
+
+    return signature(Mask(16), bits), codegen
+
+
+@intrinsic
 def popcount(typingctx: Any, bits: Any) -> Any:
     """Return how many bits of an int64 are set."""
     _require(bits == types.int64, f"popcount takes int64, not {bits}")

@@ -1,4 +1,4 @@
-"""Lanes to and from arrays: contiguous loads and stores, gathers, compressed stores.
+"""Lanes to and from arrays: loads and stores, gathers and scatters, compressed stores.
 
 Arrays are one-dimensional `(n,)`, or `(k, n)` with one row for each component (structure
 of arrays); the second form is addressed by `row`. There are no bounds checks: arrays that
@@ -199,6 +199,26 @@ def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) ->
         return _call(builder, name, zero.type, pointers, align, args[3], zero)
 
     return signature(lanes, array, row, indices, mask), codegen
+
+
+@intrinsic
+def scatter_row(typingctx: Any, array: Any, row: Any, indices: Any, x: Any, m: Any) -> Any:
+    """Store the lanes of x that the mask m names to `array[row, indices]`."""
+    lanes = _lanes_into(array, x)
+    whole = isinstance(indices, Lanes) and isinstance(indices.element, types.Integer)
+    if not whole or m != Mask(lanes.width) or indices.width != lanes.width:
+        raise TypingError(f"{x} is scattered to {array} by {indices} under {m}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        r = _as_i64(context, builder, args[1], row)
+        base = _row_start(context, builder, array, args[0], r)
+        pointers = _lane_pointers(builder, base, args[2], lanes)
+        name = f"llvm.masked.scatter.{_suffix(lanes)}.v{lanes.width}p0"
+        align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
+        _call(builder, name, ir.VoidType(), args[3], pointers, align, args[4])
+        return context.get_dummy_value()
+
+    return signature(types.void, array, row, indices, x, m), codegen
 
 
 def _lane_pointers(builder: Any, base: Any, index: Any, lanes: Any) -> Any:

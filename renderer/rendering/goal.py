@@ -2,8 +2,8 @@
 
 It stops between whole passes over the picture only, so what comes out is the picture that
 this number of samples gives, bit for bit. What a stopping rule could bias it by: looks are
-few (each adds at least a tenth) and what is looked at, the difference of two halves, does
-not depend on their mean where samples are normal (`accuracy`).
+few (each adds at least a tenth, but where the time is up) and what is looked at, the
+difference of two halves, hardly depends on their mean (`accuracy`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import Accuracy, estimate
 from renderer.rendering.planning.plan import Plan
+from renderer.scene.scene import Scene
 from renderer.stages.film import Film
 
+MOST_SAMPLES = 1 << 20  # per pixel, unless somebody says how many
 OPEN_ENDED = ("independent",)  # samplers whose first n points do not depend on n
+ENOUGH = 256  # samples, after which an error is believed that few pixels decide
 FIRST_LOOK = 16  # samples
 MOST_AT_ONCE = 3.0  # times those that are done, before the next look
 LEAST_AT_ONCE = 0.1
@@ -30,16 +33,19 @@ class Goal(NamedTuple):
     target_error: float | None = None  # relative, see `accuracy`
     time_limit: float | None = None  # [s] of rendering
 
-    def next_samples(self, done: int, error: float, seconds: float, most: int) -> int:
+    def next_samples(
+        self, done: int, error: float, seconds: float, most: int, *, steady: bool = True
+    ) -> int:
         """Return how many samples to add now, an even number; 0 is the end.
 
-        `done` samples took `seconds` and left `error`; there may be `most` in all.
+        `done` samples took `seconds` and left `error`, of which few pixels decide if it is
+        not `steady`; there may be `most` samples in all.
         """
         if done == 0:
             return min(FIRST_LOOK if self.time_limit is None else 2, most // 2 * 2)
         wanted = MOST_AT_ONCE * done
         if self.target_error is not None:
-            if error <= self.target_error:
+            if error <= self.target_error and (steady or done >= ENOUGH):
                 return 0
             missing = done * (error / self.target_error) ** 2 - done
             wanted = min(wanted, max(SHORT_OF * missing, LEAST_AT_ONCE * done, 2.0))
@@ -58,6 +64,25 @@ class Goal(NamedTuple):
         return max(done, int(expected))
 
 
+def for_a_goal(
+    scene: Scene, sampler: str | None, spp: int | None
+) -> tuple[str | None, int]:
+    """Return the sampler, and the most samples, of a render with a goal.
+
+    Raises
+    ------
+    SceneError
+        If there can be no two halves.
+    """
+    if spp is None:
+        spp = MOST_SAMPLES
+    elif spp < 2:
+        raise SceneError(f"spp is {spp}; a goal needs 2 samples or more, in two halves")
+    if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:
+        sampler = OPEN_ENDED[0]
+    return sampler, spp
+
+
 def check_goal(plan: Plan) -> None:
     """Refuse what has no error, or whose points depend on how many there will be.
 
@@ -66,7 +91,9 @@ def check_goal(plan: Plan) -> None:
     SceneError
         For channels other than colours, replays, and samplers with a fixed pattern.
     """
-    if plan.kind.channels != 3 or plan.moments is not None or plan.kind.counts_work:
+    if plan.moments is not None:
+        raise SceneError("a goal needs a picture of colours alone, and `moment` gives more")
+    if plan.kind.channels != 3 or plan.kind.counts_work:
         raise SceneError(
             f"a goal needs a picture of colours alone, and {plan.method!r} gives other "
             "channels; possible is --integrator path"
@@ -89,11 +116,13 @@ class Halves:
 
     def end_first(self) -> None:
         """Count what was added since the last call to the first half."""
-        self._first += self._film.sums - self._before
+        np.subtract(self._film.sums, self._before, out=self._before)
+        self._first += self._before
 
     def end_second(self, samples: int, threads: int) -> Accuracy:
         """Count what was added since then to the second; return what both say."""
-        self._before = self._film.sums.copy()
         first = self._film.develop(threads, self._first)
-        second = self._film.develop(threads, self._before - self._first)
+        np.subtract(self._film.sums, self._first, out=self._before)
+        second = self._film.develop(threads, self._before)
+        self._before[:] = self._film.sums
         return estimate(first, second, samples)

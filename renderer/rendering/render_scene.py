@@ -18,14 +18,13 @@ from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, with_picture
 from renderer.rendering.compilation import CompilationWatch
-from renderer.rendering.goal import OPEN_ENDED, Goal, check_goal
+from renderer.rendering.goal import Goal, check_goal, for_a_goal
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.rendering.rendering import Progress, Rendering
 from renderer.scene.scene import Scene
 from renderer.threads import default_threads
 
 MOST_THREADS = 1024
-MOST_WITH_A_GOAL = 1 << 20  # samples per pixel, unless somebody says how many
 
 
 def render(
@@ -109,9 +108,7 @@ def render(
         goal = Goal(
             _positive("target_error", target_error), _positive("time_limit", time_limit)
         )
-        spp = MOST_WITH_A_GOAL if spp is None else spp
-        if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:
-            sampler = OPEN_ENDED[0]
+        sampler, spp = for_a_goal(scene, sampler, spp)
     accel = accel or "auto"
     if accel not in ACCELERATORS:
         known = ", ".join(ACCELERATORS)
@@ -217,18 +214,26 @@ def _image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,
         aov_kinds=shown.aov_kinds,
-        spp=rendering.spp if rendering.accuracy is not None else plan.spp,
+        spp=rendering.spp,
         seconds=seconds,
         compile_seconds=compile_seconds,
         threads=rendering.threads,
         integrator=plan.method,
-        explain="\n".join(plan.lines),
+        explain="\n".join([*plan.lines, *_reached(rendering)]),
         metadata={**_metadata(rendering, complete), **shown.notes},
         complete=complete,
         error=None if accuracy is None else accuracy.error,
         error_of_pixels=None if accuracy is None else accuracy.of_pixels,
         error_unsure=accuracy is not None and accuracy.unsure,
     )
+
+
+def _reached(rendering: Rendering) -> list[str]:
+    """Return the line that says how a goal was met, if there was one."""
+    if rendering.accuracy is None:
+        return []
+    error = f"estimated error {rendering.accuracy.error:.2%}"
+    return [f"{'goal':<10} {rendering.spp} samples per pixel were taken: {error}"]
 
 
 def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
@@ -243,7 +248,10 @@ def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
     }
     if rendering.accuracy is not None:
         metadata["error"] = f"{rendering.accuracy.error:.4g}"
+        if rendering.accuracy.unsure:
+            metadata["error_unsure"] = "the true one may well be another"
     if not complete:
         done, samples = rendering.samples_done, rendering.samples_in_all
-        metadata["interrupted"] = f"after {done} of {samples} samples"
+        of = "" if rendering.has_goal else f" of {samples}"
+        metadata["interrupted"] = f"after {done}{of} samples"
     return metadata

@@ -95,7 +95,7 @@ class Rendering:
         self.samples_per_job = max(1, SAMPLES_PER_JOB // asked)
         pixels = sum(tile.width * tile.height for tile in self.film.tiles)
         self.samples_in_all = pixels * plan.spp
-        self.spp = 0  # of the whole picture, at the end or at the last look at its error
+        self.has_goal = self._ending = False
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._samples_done = [0] * threads  # each thread writes its own
         self._workspaces: list[Packed | None] = [None] * threads
@@ -175,6 +175,12 @@ class Rendering:
         return time.perf_counter() - start
 
     @property
+    def spp(self) -> int:
+        """Samples of each pixel: those asked for, with a goal those that were taken."""
+        pixels = self.samples_in_all // self.plan.spp
+        return self.samples_done // pixels if self.has_goal else self.plan.spp
+
+    @property
     def samples_done(self) -> int:
         """Samples that are in the film, of all pixels together."""
         return sum(self._samples_done)
@@ -190,41 +196,43 @@ class Rendering:
         while these end is raised.
         """
         start = time.perf_counter()
+        self.has_goal = goal is not None and self.plan.spp > 1
 
         def show() -> None:
             if progress is not None:
                 seconds = time.perf_counter() - start
                 total, error = self.samples_in_all, None
-                if goal is not None:
+                if goal is not None and self.has_goal:
                     total, error = self._expected(goal, seconds)
                 progress(Progress("render", self.samples_done, total, seconds, error))
 
         try:
             show()
-            if goal is None:
+            if goal is None or not self.has_goal:
                 self._trace(0, self.plan.spp, show)
-                self.spp = self.plan.spp
             else:
                 self._trace_until(goal, start, show)
             show()
         except KeyboardInterrupt:
+            if self._ending:  # one more, while threads are still at work
+                raise
             return False
         return True
 
     def _trace_until(self, goal: Goal, start: float, show: Callable[[], None]) -> None:
         halves = Halves(self.film)
+        done, error, steady = 0, float("inf"), False
         while True:
-            error = float("inf") if self.accuracy is None else self.accuracy.error
             seconds = time.perf_counter() - start
-            more = goal.next_samples(self.spp, error, seconds, self.plan.spp)
+            more = goal.next_samples(done, error, seconds, self.plan.spp, steady=steady)
             if more == 0:
                 return
-            middle, end = self.spp + more // 2, self.spp + more
-            self._trace(self.spp, middle, show)
+            middle, end = done + more // 2, done + more
+            self._trace(done, middle, show)
             halves.end_first()
             self._trace(middle, end, show)
             self.accuracy = halves.end_second(end, self.threads)
-            self.spp = end
+            done, error, steady = end, self.accuracy.error, self.accuracy.steady
 
     def _expected(self, goal: Goal, seconds: float) -> tuple[int, float | None]:
         """Return how many samples there will be, and the error of those that there are."""
@@ -260,4 +268,6 @@ class Rendering:
             while not crew.wait():
                 show()
         finally:
+            self._ending = True
             crew.stop()
+            self._ending = False

@@ -10,7 +10,7 @@ from renderer.jit import kernel, method_kernel
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
-    choose_one,
+    choose_from_draw,
     draw4,
 )
 from renderer.lanes.functions import lane_index, mask_bits, splat_i32
@@ -65,11 +65,11 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
     for i in range(0, count, 16):
         key = pixel_key(tile, load_row(slots, 0, i))
         x, y, z, w = draw4(sampler, key, sample, block)
-        store_row(numbers, 0, i, x)
-        store_row(numbers, 1, i, y)
-        store_row(numbers, 2, i, z)
         if turn >= 0:
             store_row(light, 0, i, splat_i32(turn))
         else:
-            chosen, _ = choose_one(w, lights)
+            chosen, x = choose_from_draw(sampler, x, w, lights)
             store_row(light, 0, i, chosen)
+        store_row(numbers, 0, i, x)
+        store_row(numbers, 1, i, y)
+        store_row(numbers, 2, i, z)

@@ -1,8 +1,8 @@
 """The film: weighted sums of samples in double precision, per tile, then per picture.
 
-Each tile has sums of its own, with a border as wide as the filter, and its samples are
-added in their order; the tiles are put together at the end, in a fixed order too. So no sum
-depends on which thread was first, and no thread waits for another one.
+Each tile has sums of its own, with a border as wide as the filter, and samples are added to
+them in their order; they are put together at the end, in a fixed order too. So nothing
+depends on which thread was first, and threads share no memory that they write to.
 """
 
 from __future__ import annotations

@@ -183,12 +183,12 @@ def soup(count: int) -> StudyMesh:
     )
 
 
-def teapot_in_a_stadium(rings: int = 51) -> StudyMesh:
-    """Return a ball of size 1 and a ground of two triangles of size 1000.
+def teapot_in_a_stadium(rings: int = 51, width: float = 1000.0) -> StudyMesh:
+    """Return a ball of size 1 and a ground of two triangles of size `width`.
 
     The ball comes first and has 100 (rings - 1) triangles: 5000 by default.
     """
-    around = 50
+    around, half = 50, width / 2.0
     latitude = np.pi * np.arange(1, rings) / rings
     longitude = 2.0 * np.pi * np.arange(around) / around
     ring = np.stack((np.cos(longitude), np.sin(longitude)), axis=1)
@@ -198,8 +198,8 @@ def teapot_in_a_stadium(rings: int = 51) -> StudyMesh:
             for t in latitude
         ]
         + [[(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]]
-        + [[(-500.0, -500.0, -1.0), (500.0, -500.0, -1.0)]]
-        + [[(500.0, 500.0, -1.0), (-500.0, 500.0, -1.0)]]
+        + [[(-half, -half, -1.0), (half, -half, -1.0)]]
+        + [[(half, half, -1.0), (-half, half, -1.0)]]
     )
     here = np.arange(around)
     after = (here + 1) % around

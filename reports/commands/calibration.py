@@ -1,7 +1,7 @@
 """`python -m reports.calibration`: claimed errors beside true ones, scene by scene.
 
 Each scene is rendered to `--error` with many seeds. The true error of each picture is
-measured against a picture of which the claimed error is a sixth of that.
+measured against a picture that claims a sixth of that.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             console.print(f"  left out: {error}", markup=False, soft_wrap=True)
             continue
         if found is None:
-            console.print("  left out: it has hardly any noise", markup=False)
+            console.print("  left out: 16 samples have less", markup=False)
             continue
         claims.append(found)
         Console().print(_line(found), markup=False, soft_wrap=True)

@@ -10,6 +10,8 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
+from reports.limits.record import FILE as LIMITS
+from reports.limits.record import read_limits
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
@@ -29,8 +31,8 @@ WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 def draw(source: Path, out: Path) -> int:
     """Draw index.html in `out` from results; say where it is; return the exit status.
 
-    That is the status of the most severe verdict, or 1 if the accelerators disagree or the
-    proof has a fault.
+    That is the status of the most severe verdict, or 1 if the accelerators disagree, the
+    proof has a fault or the atlas an alarm.
 
     Parameters
     ----------
@@ -38,7 +40,7 @@ def draw(source: Path, out: Path) -> int:
         A results.json; its pictures are named relative to it.
     out
         Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
-        are shown too, each on a page of its own.
+        are shown too, each on a page of its own; limits.html, if it is there, is named.
 
     Raises
     ------
@@ -52,8 +54,12 @@ def draw(source: Path, out: Path) -> int:
     study = read_accelerators(counted) if counted.exists() else None
     proven = results_file(out / "data")
     proof = read_proof_record(proven) if proven.exists() else None
+    # not drawn anew: the atlas of today may lack rows that were measured then
+    stressed = out / "data" / LIMITS
+    there = stressed.exists() and (out / "limits.html").exists()
+    limits = read_limits(stressed) if there else None
     page = out / "index.html"
-    content = results_page(results, source.parent, benchmark, study, proof)
+    content = results_page(results, source.parent, benchmark, study, proof, limits)
     write_atomically(page, content.encode())
     draw_benchmark(out)
     if study is not None:
@@ -63,6 +69,7 @@ def draw(source: Path, out: Path) -> int:
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
     faulty = study is not None and bool(study.faults)
     faulty = faulty or (proof is not None and bool(proof.faults))
+    faulty = faulty or (limits is not None and bool(limits.alarms))
     return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
 
 

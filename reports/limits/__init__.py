@@ -1,1 +1,7 @@
-"""The atlas: where each method fails, how it was measured, and what to use instead."""
+"""The atlas of limits: methods under stress, and the places where they give way.
+
+`row` says what a row is, a package a chapter holds the rows, `atlas` collects them;
+`measure` measures a row, `record` keeps it, `page` draws it. A new row stands in the
+file of its family, and tests and page find it there. `our_hits`, `screen` and
+`vectors` are what rows share.
+"""

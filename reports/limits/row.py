@@ -38,6 +38,7 @@ class Row:
     source: str  # paper and section, or "measured here"
     picture: Callable[[], NDArray[Any]] | None = None  # (height, width, 3), sRGB bytes
     slow: bool = False  # more than a second for both sides of the boundary
+    caption: str = ""  # what the picture shows
 
 
 @dataclass(frozen=True)

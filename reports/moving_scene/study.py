@@ -81,7 +81,7 @@ def study_moving_scene(
         If the hits of the two trees differ.
     """
     rest = MOTIONS[0].at(displaced_icosphere(frequency), 0.0)
-    first = _built(rest)
+    first = built(rest)
     _measure_frame(first, rest, rays, turns)  # compiles
     return {
         "triangles": rest.triangles,
@@ -107,15 +107,17 @@ def study_moving_scene(
     }
 
 
-def _group_of(mesh: StudyMesh) -> Callable[[NDArray[np.int64]], Any]:
+def group_of(mesh: StudyMesh) -> Callable[[NDArray[np.int64]], Any]:
+    """Return what gives the mesh's triangles in the order of a tree's leaves."""
     surfaces = triangle_surfaces(mesh)
     return lambda chosen: primitive_group("triangles", surfaces, chosen)
 
 
-def _built(mesh: StudyMesh) -> Bvh:
+def built(mesh: StudyMesh) -> Bvh:
+    """Return a tree over the mesh as it is."""
     columns = np.arange(mesh.triangles)
     extents = extents_of("triangles", triangle_surfaces(mesh), columns)
-    return build_bvh(extents, _group_of(mesh))
+    return build_bvh(extents, group_of(mesh))
 
 
 def _measure_frame(first: Bvh, mesh: StudyMesh, rays: int, turns: int) -> Record:
@@ -128,8 +130,8 @@ def _measure_frame(first: Bvh, mesh: StudyMesh, rays: int, turns: int) -> Record
         lambda: refit_bounds(first.child, first.count, order, extents),
     )
     trees = {
-        "rebuilt": _built(mesh),
-        "refitted": refit_bvh(first, extents, _group_of(mesh)),
+        "rebuilt": built(mesh),
+        "refitted": refit_bvh(first, extents, group_of(mesh)),
     }
     query = make_query("random", random_rays(mesh, rays))
     return {

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mitsuba_ref.records.results import Results
 from reports.accelerator_study.record import AcceleratorStudy
+from reports.limits.record import Limits
 from reports.page.template import fill
 from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
@@ -21,6 +22,7 @@ def results_page(
     benchmark: Benchmark | None = None,
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
+    limits: Limits | None = None,
 ) -> str:
     """Return the whole page as HTML.
 
@@ -36,6 +38,8 @@ def results_page(
         Likewise, with a link to accelerators.html.
     proof
         Likewise, with a link to proof.html.
+    limits
+        Likewise, with a link to limits.html.
 
     Raises
     ------
@@ -51,4 +55,5 @@ def results_page(
         accelerators=accelerators,
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
+        limits=limits,
     )

@@ -45,6 +45,32 @@ DEFECTS = (
         tests=("test_accelerators_agree.py::test_made_soups[bvh]",),
     ),
     Mutation(
+        "stream-leaves-boxes-too-early",
+        "rays after a bounce leave a box a tenth before its far side",
+        (
+            Edit(
+                "accelerators/bvh/ray_streams.py",
+                "bits = mask_bits(enter <= minimum(leave * STRETCH, t))",
+                "bits = mask_bits(enter <= minimum(leave * 0.9, t))",
+            ),
+        ),
+        scene="textured-room",
+        tests=("test_accelerators_agree.py::test_made_soups[wide]",),
+    ),
+    Mutation(
+        "short-list-loses-a-ray",
+        "of the last rays of a stream that go the same way one is forgotten",
+        (
+            Edit(
+                "accelerators/bvh/ray_streams.py",
+                "stream.lists, queue, asked, node, tally)",
+                "stream.lists, queue, asked - 1, node, tally)",
+            ),
+        ),
+        scene="textured-room",
+        tests=("test_accelerators_agree.py::test_made_soups[wide]",),
+    ),
+    Mutation(
         "sphere-near-root-only",
         "a ray that starts inside of a sphere does not meet it",
         (

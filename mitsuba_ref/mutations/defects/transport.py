@@ -171,6 +171,28 @@ DEFECTS = (
         remark="one picture alone cannot show it; a replay draws Mitsuba's numbers",
     ),
     Mutation(
+        "nets-in-one-order",
+        "the sampler sobol takes the points of all groups in the order of the index",
+        (
+            Edit(
+                "kinds/sampling/sobol.py",
+                "    index = bit_reverse(scramble(bit_reverse(index), order))\n",
+                "    index = splat_u32(np.uint32(sample))\n",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_sampler_patterns.py::test_film_and_first_light_are_one_pattern",),
+        remark="no scene asks for sobol; no bias, but noise",
+    ),
+    Mutation(
+        "digits-flipped-by-weak-bits",
+        "the sampler sobol flips the first digits by the lowest bits of a product",
+        (Edit("kinds/sampling/sobol.py", "    key ^= key >> 16\n", ""),),
+        scene="cornell-box",
+        tests=("test_sampling.py::test_estimates_over_two_blocks_have_no_bias",),
+        remark="no scene asks for sobol",
+    ),
+    Mutation(
         "correlated-pixels",
         "all pixels of a column draw the same random numbers",
         (

@@ -1,13 +1,13 @@
 """Wide bounding volume hierarchy: eight children a node, eight primitives a leaf.
 
-One ray is tested against eight boxes, or eight primitives, at once [Wald2008]. Incoherent
-rays spend their time waiting for memory. Two things help: a node takes two cache lines,
-because the boxes of its children are stored in bytes relative to its own [Ylitie2017]; and
-`RAYS` rays are under way at the same time, in turn one step each, so that what a ray needs
-next has arrived when its turn comes (docs/performance.md, "Beside Embree").
+Rays go through it in three ways, which all find the same hits:
 
-Coherent rays go in bundles through the binary tree that the wide one is made from; both
-share the leaves (`ray_packets`).
+- camera rays, and shadow rays from what they meet, in bundles of 16 through the binary tree
+  that the wide one is made from; both share the leaves (`ray_packets`);
+- what comes after a bounce in streams: all rays of a batch that enter a node are tested
+  there (`ray_streams`);
+- batches of few rays, and the few rays of a stream that still go the same way, one by one
+  (`wide_rays`).
 """
 
 from __future__ import annotations
@@ -17,76 +17,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.ray_packets import (
     PairedBvh,
     any_hit_bundles,
     closest_hit_bundles,
-    safe_reciprocal,
 )
-from renderer.accelerators.bvh.wide_bvh_build import (
-    AXIS_BYTES,
-    BOX_BYTES,
-    CHILD,
-    ORIGIN,
-    SCALE,
-    WIDE_BYTES,
-    WIDE_WORDS,
-    collapse,
-    pack_pairs,
-)
+from renderer.accelerators.bvh.ray_streams import trace_stream
+from renderer.accelerators.bvh.wide_bvh_build import collapse, far_to_near, pack_pairs
+from renderer.accelerators.bvh.wide_rays import any_hits, nearest_hits
 from renderer.accelerators.extents import Extents, PrimitiveGroup
-from renderer.accelerators.rays.ray_interval import is_finite_ray
-from renderer.jit import kernel, method_kernel
-from renderer.kinds.shapes.blocks import WIDTH, blocks_of, primitives_in
-from renderer.kinds.shapes.primitives import hit_primitive
-from renderer.lanes.functions import (
-    as_f32,
-    as_i32,
-    lane,
-    lane_index,
-    lane_index_8,
-    lower_half,
-    lowest_bit,
-    mask_bits,
-    maximum,
-    minimum,
-    popcount,
-    select,
-    smallest,
-    splat_f32,
-    upper_half,
-)
-from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.memory import (
-    append_row,
-    load_bytes,
-    load_eight,
-    load_one,
-    load_row,
-    prefetch,
-    store_one,
-    store_row,
-)
-from renderer.lanes.vectors import column
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.jit import method_kernel
+from renderer.kinds.shapes.blocks import WIDTH, blocks_of
 
-RAYS = 8  # under way at the same time; 4 to 16 were measured
-# Places of a ray's stack: seven a level of at most 60, and room for eight to be written at
-# once. Not a power of two, or the stacks of all rays would fall into the same cache sets.
-STACK = 440
-_STACKS = RAYS * STACK
-_ROW = 96  # floats of a ray: for each axis 16 of the origin, 16 of the reciprocal
-_ROWS = RAYS * _ROW
-# integers of a ray
-_NODE = 0  # where it is: a node, or ~block
-_DEPTH = 1  # nodes on its stack
-_RAY = 2  # its number in the batch
-_NEAR_BYTES = 3  # 3 places in a node where its near bounds begin
-_WORD = 8
-_WORDS = RAYS * _WORD
-_NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float
+# Fewer rays than this are no stream, or it takes up to 1.6 times as long as rays one by one
+# (8 rays). At 64 the stream is ahead by 1.06 (6320 triangles) and 1.11 (24,002), at 128 by
+# 1.27 and 1.58.
+FEW = 64
+# In a tree of more primitives than this, rays one by one are ahead for longer, since eight
+# of them wait for memory at the same time: 327,680 triangles, 64 rays 0.83, 128 rays 0.95,
+# 256 rays 1.08.
+LARGE = 100_000
+FEW_IN_LARGE = 256
 
 
 class WideBvh(NamedTuple):
@@ -95,17 +47,10 @@ class WideBvh(NamedTuple):
     floats: NDArray[np.float32]  # (nodes * 32,) see `wide_bvh_build`
     integers: NDArray[np.int32]  # the same memory
     octets: NDArray[np.uint8]  # the same memory
+    order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
     blocks: Any  # primitives, eight a leaf
+    few: int  # fewer rays go one by one
     pairs: PairedBvh
-
-
-class _Flight(NamedTuple):
-    """The rays under way."""
-
-    words: Any  # (RAYS * 8,) int32
-    rows: Any  # (RAYS * 96,) float32
-    stack: Any  # (RAYS * STACK,) int32 nodes and blocks
-    entries: Any  # (RAYS * STACK,) float32 where their boxes begin
 
 
 def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
@@ -123,17 +68,17 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
     child[leaves] = block_starts
     blocks = blocks_of(group, columns)
     octets = collapse(tree.bounds, child, tree.count)
+    floats, integers = octets.view(np.float32), octets.view(np.int32)
     pairs = pack_pairs(tree.bounds, child, tree.count)
     return WideBvh(
-        octets.view(np.float32),
-        octets.view(np.int32),
+        floats,
+        integers,
         octets,
+        far_to_near(floats, integers, octets),
         blocks,
+        FEW if len(tree.order) <= LARGE else FEW_IN_LARGE,
         PairedBvh(pairs.view(np.float32), pairs.view(np.int32), blocks),
     )
-
-
-# ------------------------------------------------------------------------- many rays
 
 
 @method_kernel
@@ -151,240 +96,10 @@ def any_hit_wide_bundles(accel, shadow_rays, count, tally):
 @method_kernel
 def closest_hit_wide(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1."""
-    _trace(accel, rays, hits.t, hits, None, first, count, tally)
+    trace_stream(accel, nearest_hits(rays, hits), first, count, tally)
 
 
 @method_kernel
 def any_hit_wide(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays."""
-    blocked = shadow_rays.blocked
-    _trace(accel, shadow_rays, shadow_rays.t_max, None, blocked, 0, count, tally)
-
-
-@kernel
-def _trace(accel, rays, ends, hits, blocked, first, count, tally):
-    """Trace rays to their nearest hit, or to any if `blocked` is given.
-
-    A ray takes one step, a node or a block, and then it is the next ray's turn.
-    """
-    flight = _Flight(
-        local_i32(_WORDS), local_f32(_ROWS), local_i32(_STACKS), local_f32(_STACKS)
-    )
-    words, stack, entries = flight.words, flight.stack, flight.entries
-    places = local_i32(RAYS)  # of the rays that are under way
-    end = first + count
-    ray = _next_ray(rays, blocked, first, end)
-    flying = np.int64(0)
-    while flying < RAYS and ray < end:
-        _start(rays, ray, flight, flying)
-        store_one(places, 0, flying, flying)
-        flying += 1
-        ray = _next_ray(rays, blocked, ray + 1, end)
-
-    turn = np.int64(0)
-    while flying > 0:
-        if turn >= flying:
-            turn = np.int64(0)
-        place = np.int64(load_one(places, 0, turn))
-        at = place * _WORD
-        base = place * STACK
-        node = np.int64(load_one(words, 0, at + _NODE))
-        depth = np.int64(load_one(words, 0, at + _DEPTH))
-        i = np.int64(load_one(words, 0, at + _RAY))
-
-        # one step
-        if node >= 0:
-            depth = _push_children(accel, node, load_one(ends, 0, i), flight, place, depth)
-            add_to(tally, NODES, i, 1)
-            add_to(tally, BOXES, i, WIDTH)
-            note_stack(tally, i, depth)
-        else:
-            done = _meet_block(accel.blocks, ~node, rays, ends, hits, blocked, i, tally)
-            depth = np.int64(0) if done else depth
-
-        # what to do next
-        t_max = load_one(ends, 0, i)
-        while depth > 0 and load_one(entries, 0, base + depth - 1) > t_max:
-            depth -= 1
-        if depth == 0:
-            if ray < end:
-                _start(rays, ray, flight, place)
-                ray = _next_ray(rays, blocked, ray + 1, end)
-                turn += 1
-            else:
-                flying -= 1
-                store_one(places, 0, turn, load_one(places, 0, flying))
-            continue
-        depth -= 1
-        node = np.int64(load_one(stack, 0, base + depth))
-        store_one(words, 0, at + _NODE, node)
-        store_one(words, 0, at + _DEPTH, depth)
-        _prefetch(accel, node)
-        turn += 1
-
-
-@kernel
-def _next_ray(rays, blocked, ray, end):
-    """Return the next ray that has an answer to find, from `ray` on; or `end`."""
-    while ray < end:
-        finite = is_finite_ray(column(rays.origin, ray), column(rays.direction, ray))
-        if finite and not _is_blocked(blocked, ray):
-            return ray
-        ray += 1
-    return end
-
-
-@kernel
-def _is_blocked(blocked, ray):
-    if blocked is None:
-        return False
-    return blocked[ray] != 0
-
-
-# --------------------------------------------------------------------------- one ray
-
-
-@kernel
-def _start(rays, ray, flight, place):
-    """Put a ray at the root."""
-    low, high = origin_margins(column(rays.origin, ray))
-    inverse = safe_reciprocal(column(rays.direction, ray))
-    row = place * _ROW
-    at = place * _WORD
-    words = flight.words
-    store_one(words, 0, at + _NODE, 0)
-    store_one(words, 0, at + _DEPTH, 0)
-    store_one(words, 0, at + _RAY, ray)
-    x = _start_axis(low.x, high.x, inverse.x, flight.rows, row)
-    y = _start_axis(low.y, high.y, inverse.y, flight.rows, row + 32)
-    z = _start_axis(low.z, high.z, inverse.z, flight.rows, row + 64)
-    store_one(words, 0, at + _NEAR_BYTES, BOX_BYTES + x)
-    store_one(words, 0, at + _NEAR_BYTES + 1, BOX_BYTES + AXIS_BYTES + y)
-    store_one(words, 0, at + _NEAR_BYTES + 2, BOX_BYTES + 2 * AXIS_BYTES + z)
-
-
-@kernel
-def _start_axis(low, high, inverse, rows, row):
-    """Write an axis: 8 lanes for the near planes, 8 for the far ones; return the offset.
-
-    Lower planes are measured from the origin moved up by its margin, upper ones from the
-    origin moved down. The far half is negated, so that one maximum over the axes serves
-    both: it gives where the ray enters, and minus where it leaves.
-    """
-    down = inverse < 0.0
-    near = low if down else high
-    far = high if down else low
-    first = lane_index() < WIDTH
-    store_row(rows, 0, row, select(first, splat_f32(near), splat_f32(far)))
-    store_row(rows, 0, row + 16, select(first, splat_f32(inverse), splat_f32(-inverse)))
-    # the bytes are lower, upper, lower: from the second on, upper bounds are the near ones
-    return 8 if down else 0
-
-
-@kernel
-def _distances(accel, node, axis, flight, place):
-    """Return the distances to the near planes, and minus those to the far ones."""
-    at = np.int64(load_one(flight.words, 0, place * _WORD + _NEAR_BYTES + axis))
-    word = node * WIDE_WORDS + axis
-    row = place * _ROW + 32 * axis
-    plane = load_bytes(accel.octets, 0, node * WIDE_BYTES + at) * load_one(
-        accel.floats, 0, word + SCALE
-    ) + load_one(accel.floats, 0, word + ORIGIN)
-    return (plane - load_row(flight.rows, 0, row)) * load_row(flight.rows, 0, row + 16)
-
-
-@kernel
-def _push_children(accel, node, t_max, flight, place, depth):
-    """Push the children that the ray enters, the nearest last; return the new depth.
-
-    Without a branch: which children are entered is what no processor can predict.
-    """
-    x = _distances(accel, node, 0, flight, place)
-    y = _distances(accel, node, 1, flight, place)
-    z = _distances(accel, node, 2, flight, place)
-    both = maximum(maximum(x, y), z)
-    enter = maximum(lower_half(both), np.float32(0.0))
-    leave = minimum(upper_half(both) * -STRETCH, t_max)
-    word = node * WIDE_WORDS + CHILD
-    children = load_eight(accel.integers, 0, word)
-    enters = (enter <= leave) & (children != 0)
-
-    # floats that are not negative are ordered as their bits are; the last three make room
-    # for the lane
-    keys = select(enters, (as_i32(enter) & ~7) | lane_index_8(), _NEVER)
-    nearest = smallest(keys)
-    others = enters & (keys != nearest)
-    top = place * STACK + depth
-    append_row(flight.stack, 0, top, children, others)
-    append_row(flight.entries, 0, top, enter, others)
-    count = popcount(mask_bits(others))
-    j = np.int64(nearest & 7)
-    store_one(flight.stack, 0, top + count, load_one(accel.integers, 0, word + j))
-    store_one(flight.entries, 0, top + count, as_f32(np.int32(nearest & ~7)))
-    return depth + count + (1 if mask_bits(enters) != 0 else 0)
-
-
-@kernel
-def _meet_block(blocks, block, rays, ends, hits, blocked, i, tally):
-    """Test a leaf's primitives; return whether the ray is done."""
-    _add_primitives(tally, blocks, block, i)
-    origin = column(rays.origin, i)
-    direction = column(rays.direction, i)
-    t_max = load_one(ends, 0, i)
-    x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
-    found = mask_bits(x.hit)
-    _keep_nearest(hits, i, x, found, blocks, block)
-    return found != 0 and _mark_blocked(blocked, i)
-
-
-@kernel
-def _keep_nearest(hits, i, x, found, blocks, block):
-    """Update the hit of ray i with those of a block; nothing where any hit is sought."""
-    if hits is None:
-        return
-    # the least t, then the least id among those: without a branch, as above
-    bits = select(x.hit, as_i32(x.t), _NEVER)
-    t_bits = smallest(bits)
-    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
-    prim = smallest(ids)
-    j = lowest_bit(mask_bits(ids == prim))
-    t = as_f32(t_bits)
-    t_before = load_one(hits.t, 0, i)
-    prim_before = load_one(hits.prim, 0, i)
-    tie = (t == t_before) & ((prim_before < 0) | (prim < prim_before))
-    wins = (found != 0) & ((t < t_before) | tie)
-    store_one(hits.t, 0, i, select(wins, t, t_before))
-    store_one(hits.prim, 0, i, select(wins, prim, prim_before))
-    store_one(hits.u, 0, i, select(wins, lane(x.u, j), load_one(hits.u, 0, i)))
-    store_one(hits.v, 0, i, select(wins, lane(x.v, j), load_one(hits.v, 0, i)))
-
-
-@kernel
-def _mark_blocked(blocked, i):
-    """Note that ray i is blocked, which ends it; a ray to its nearest hit goes on."""
-    if blocked is None:
-        return False
-    blocked[i] = 1
-    return True
-
-
-@kernel
-def _add_primitives(tally, blocks, block, i):
-    if tally is None:
-        return
-    for j in range(WIDTH):
-        if blocks.id[WIDTH * block + j] >= 0:
-            tally[PRIMITIVES, i] += 1
-
-
-@kernel
-def _prefetch(accel, node):
-    """Ask for what a ray will look at when its next turn comes."""
-    # both kinds without a branch, which would be mispredicted: at worst, lines of node or
-    # block 0 are asked for, which are there
-    inner = max(node, 0) * WIDE_BYTES
-    prefetch(accel.octets, 0, inner)
-    prefetch(accel.octets, 0, inner + 64)
-    rows = accel.blocks.rows
-    for k in range(0, rows.shape[1], 16):
-        prefetch(rows, max(~node, 0), k)
+    trace_stream(accel, any_hits(shadow_rays), np.int64(0), count, tally)

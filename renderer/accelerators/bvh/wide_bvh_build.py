@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.jit import entry_kernel, kernel
-from renderer.kinds.shapes.blocks import WIDTH, aligned_bytes
-from renderer.lanes.local import local_i32
+from renderer.kinds.shapes.blocks import aligned_bytes
+from renderer.lanes.local import local_f64, local_i32
 
 # words of a node of a pair
 PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive
@@ -176,104 +175,41 @@ def _quantise(bounds, node, members, size, floats, octets, wide):
             octets[place + 16 + k] = octets[place + k]
 
 
-# ------------------------------------------------------------------------ the slow truth
+def far_to_near(floats: Any, integers: Any, octets: Any) -> NDArray[np.int32]:
+    """Return the order of each node's children for each octant of directions, (8 n,).
 
-
-def validate_wide(accel: Any, extents: Extents) -> None:
-    """Check that both trees reach every block once and that all boxes hold their contents.
-
-    Parameters
-    ----------
-    accel
-        A `WideBvh`.
-    extents
-        What it was built over.
-
-    Raises
-    ------
-    ValueError
-        If not; the message says which tree, node and block or primitive.
+    Four bits a child, the farthest first, by their centres along the octant's diagonal.
     """
-    lower, upper = _block_boxes(accel.blocks, extents)
-    _validate_wide_nodes(accel.octets, lower, upper)
-    _validate_pairs(accel.pairs, accel.blocks, lower, upper)
+    order = np.zeros(8 * len(integers) // WIDE_WORDS, np.int32)
+    _far_to_near(floats, integers, octets, order)
+    return order
 
 
-def _block_boxes(blocks: Any, extents: Extents) -> tuple[Any, Any]:
-    """Return the (n, 3) corners of each block; check that they share out the primitives."""
-    ids = blocks.id.reshape(-1, WIDTH)
-    held = ids[ids >= 0].astype(np.int64)
-    n = extents.lower.shape[1]
-    if len(held) != n or len(np.unique(held)) != n:
-        raise ValueError(f"blocks hold {len(np.unique(held))} of {n} primitives once")
-    column = np.where(ids >= 0, np.searchsorted(np.sort(held), ids), 0)
-    filled = (ids >= 0)[..., None]
-    lower = np.where(filled, extents.lower.T[column], np.inf).min(axis=1)
-    upper = np.where(filled, extents.upper.T[column], -np.inf).max(axis=1)
-    return lower, upper
+@entry_kernel
+def _far_to_near(floats, integers, octets, found):
+    distance = local_f64(8)
+    for place in range(len(found)):
+        node, octant = place // 8, place % 8
+        order = np.int64(0)
+        for k in range(8):
+            if integers[WIDE_WORDS * node + CHILD + k] == 0:
+                continue
+            distance[k] = _along_diagonal(floats, octets, node, k, octant)
+            rank = 0  # those with lower k that are farther keep their places
+            for j in range(k):
+                rank += 1 if distance[(order >> (4 * j)) & 7] >= distance[k] else 0
+            low = (1 << (4 * rank)) - 1
+            order = (order & low) | (k << (4 * rank)) | ((order & ~low) << 4)
+        found[place] = order
 
 
-def _validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
-    nodes = octets.reshape(-1, WIDE_BYTES)
-    floats, integers = nodes.view(np.float32), nodes.view(np.int32)
-    origin, unit = floats[:, ORIGIN : ORIGIN + 3, None], floats[:, SCALE : SCALE + 3, None]
-    stored = nodes[:, BOX_BYTES:].reshape(len(nodes), 3, 3, 8).astype(np.float64)
-    if not np.array_equal(stored[:, :, 0], stored[:, :, 2]):
-        raise ValueError("wide node: the two copies of the lower bounds differ")
-    low, high = (origin + unit * stored[:, :, k] for k in (0, 1))
-    children = integers[:, CHILD : CHILD + 8]
-    _require_once("wide node", children[children > 0], 1, len(nodes))
-    _require_once("block of the wide tree", ~children[children < 0], 0, len(lower))
-
-    held_low = np.full((len(nodes), 3), np.inf)
-    held_high = -held_low
-    for node in range(len(nodes) - 1, -1, -1):  # children come after their parents
-        for k in np.flatnonzero(children[node]):
-            c = children[node, k]
-            if c > 0 and c <= node:
-                raise ValueError(f"wide node {c} comes before its parent {node}")
-            a, b = (held_low[c], held_high[c]) if c > 0 else (lower[~c], upper[~c])
-            if (low[node, :, k] > a).any() or (high[node, :, k] < b).any():
-                raise ValueError(f"wide node {node}: box {k} does not hold its contents")
-            held_low[node] = np.minimum(held_low[node], a)
-            held_high[node] = np.maximum(held_high[node], b)
-
-
-def _validate_pairs(pairs: Any, blocks: Any, lower: Any, upper: Any) -> None:
-    boxes = pairs.floats.reshape(-1, PAIR_WORDS)[:, :6]
-    links = pairs.integers.reshape(-1, PAIR_WORDS)[:, PAIR_CHILD:]
-    seen: list[int] = []
-    waiting = [(0, np.array([-np.inf] * 3), np.array([np.inf] * 3))]
-    while waiting:
-        node, outer_low, outer_high = waiting.pop()
-        low, high = boxes[node, :3], boxes[node, 3:]
-        if (low < outer_low).any() or (high > outer_high).any():
-            raise ValueError(f"pair node {node} is not inside of its parent")
-        child, count = links[node]
-        if count < 0 and not 0 < child < len(boxes) - 1:
-            raise ValueError(f"pair node {node} has children that do not exist")
-        if len(seen) + len(waiting) > len(boxes):
-            raise ValueError(f"pair node {node} is below itself")
-        if count < 0:
-            waiting += [(child, low, high), (child + 1, low, high)]
-            continue
-        block = child // WIDTH
-        if not 0 <= block < len(lower):
-            raise ValueError(f"pair node {node} names block {block} of {len(lower)}")
-        seen.append(block)
-        if child % WIDTH or count != (blocks.id[child : child + WIDTH] >= 0).sum():
-            raise ValueError(
-                f"pair node {node} is a leaf of other primitives than a block's"
-            )
-        if (low > lower[block]).any() or (high < upper[block]).any():
-            raise ValueError(f"pair node {node} does not hold block {block}")
-    _require_once("block of the pairs", np.array(seen), 0, len(lower))
-
-
-def _require_once(what: str, found: Any, first: int, end: int) -> None:
-    """Check that `found` holds each number first .. end - 1 once, and no other."""
-    numbers, times = np.unique(found, return_counts=True)
-    wrong = np.setxor1d(numbers[times == 1], np.arange(first, end))
-    if wrong.size:
-        reached = np.count_nonzero(found == wrong[0])
-        raise ValueError(f"{what} {wrong[0]} is reached {reached} times, not once")
+@kernel
+def _along_diagonal(floats, octets, node, k, octant):
+    """Return where the centre of a child is on the way of rays of an octant."""
+    distance = 0.0
+    for axis in range(3):
+        octet = WIDE_BYTES * node + BOX_BYTES + AXIS_BYTES * axis + k
+        unit = np.float64(floats[WIDE_WORDS * node + SCALE + axis])
+        along = (np.float64(octets[octet]) + np.float64(octets[octet + 8])) * unit
+        distance += -along if (octant >> axis) & 1 else along
+    return distance

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from renderer.jit import kernel, record_class
+from renderer.jit import interface, kernel
 from renderer.lanes.functions import (
     as_i32,
     as_u32,
@@ -107,15 +106,16 @@ def _in_unit(x):
     return minimum(x, splat_f32(_BELOW_ONE))
 
 
+@interface
 def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
     """Draw four numbers in [0, 1) for each of 16 pixels.
 
     The first two are a pair that the sampler spreads over the samples of a pixel together;
     the third and fourth are spread each by itself.
     """
-    raise TypeError("inside kernels only")
 
 
+@draw4.by(Independent)
 @kernel
 def _draw_independent(sampler, pixel, sample, block):
     return hash_floats(sampler.seed, pixel, sample, block)
@@ -161,20 +161,23 @@ def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
     """Return the place inside a cell, in [0, 1) along each axis.
 
     Plain strata take the jitter. Correlated multi-jittering [Kensler2013] first divides
-    the cell again, one part for each of the other cells of its column or row.
+    the cell again, one part for each of the other cells of its column or row, and in the
+    same order in all columns (rows): cells beside each other then are like a lattice. With
+    an order for each of them the variance of edges is 1.2 to 1.5 times as large.
     """
     if multi is None:
         return jx, jy
     k0, k1, k2, k3 = keys
     kx, ky, _, _ = hash4(k0, k1, k2, k3)
-    part_x = to_f32(permute(as_u32(row), rows, kx ^ as_u32(column * 0x2545F491)))
-    part_y = to_f32(permute(as_u32(column), columns, ky ^ as_u32(row * 0x1B873593)))
+    part_x = to_f32(permute(as_u32(row), rows, kx))
+    part_y = to_f32(permute(as_u32(column), columns, ky))
     return (
         (part_x + jx) * np.float32(1.0 / rows),
         (part_y + jy) * np.float32(1.0 / columns),
     )
 
 
+@draw4.by(Stratified)
 @kernel
 def _draw_stratified(sampler, pixel, sample, block):
     columns, rows = sampler.columns, sampler.rows
@@ -208,18 +211,17 @@ def _draw_stratified(sampler, pixel, sample, block):
     )
 
 
-_DRAW = {
-    Independent: _draw_independent,
-    Stratified: _draw_stratified,
-}
+@interface
+def choose_from_draw(sampler: Any, x: Any, w: Any, count: int) -> Any:
+    """Choose one of `count` things by the first or fourth number of a draw.
 
-
-@overload(draw4)
-def _draw4(sampler, pixel, sample, block):
-    draw = _DRAW.get(record_class(sampler))
-    if draw is None:
-        return None
-    return lambda sampler, pixel, sample, block: draw(sampler, pixel, sample, block)
+    Returns
+    -------
+    chosen, x
+        What is left of the first number. Where pairs are well spread it is the one that
+        chooses: the samples of each thing are then as well spread as those of all, and no
+        random part of them.
+    """
 
 
 @kernel
@@ -228,6 +230,33 @@ def choose_one(number, count):
     scaled = number * np.float32(count)
     chosen = to_i32(minimum(scaled, splat_f32(np.float32(count - 1))))
     return chosen, scaled - to_f32(chosen)
+
+
+@choose_from_draw.by(Independent)
+@kernel
+def _choose_by_last(sampler, x, w, count):
+    chosen, _ = choose_one(w, count)
+    return chosen, x
+
+
+@kernel
+def choose_by_pair(sampler, x, w, count):
+    """Choose by the first number of a pair."""
+    chosen, rest = choose_one(x, count)
+    return chosen, _in_unit(rest)
+
+
+@kernel
+def _choose_if(multi, sampler, x, w, count):
+    if multi is None:
+        return _choose_by_last(sampler, x, w, count)
+    return choose_by_pair(sampler, x, w, count)
+
+
+@choose_from_draw.by(Stratified)
+@kernel
+def _choose_stratified(sampler, x, w, count):
+    return _choose_if(sampler.multi, sampler, x, w, count)
 
 
 @kernel

@@ -204,6 +204,8 @@ def explain_samples(
         text += f" ({asked} asked for; the sampler needs {_PATTERNS[name]}, as in Mitsuba)"
     if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
+    if name == "sobol" and count.bit_count() > 1:
+        text += f" ({1 << count.bit_length()} would be a net, of less error for its time)"
     why.say("samples", text)
 
 

@@ -42,12 +42,11 @@ def plan_text(
         page += ["", "What is simplified, as asked"]
         page += [line for told in scene.description.simplified for line in _row("-", told)]
     page += _sections(plan)
-    page += _known_to_fail(scene, plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
         plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
-        page += _known_to_fail(nested, plan)
+    page += _known_to_fail(nested or scene, plan)
     return "\n".join(page) + "\n"
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from renderer.jit import pack
 from renderer.kinds.sampling.arithmetic import Plain
 from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
+from renderer.kinds.sampling.sobol import make_sobol
 from renderer.kinds.sampling.source import Sampling
 from renderer.rendering.planning.plan import Plan, stratified_cells
 from renderer.scene.light_tables import alias_tables
@@ -72,6 +73,8 @@ def kernel_sampler(plan: Plan, seed: int) -> Any:
     name = plan.sampler.name
     if name == "independent":
         return Independent(mixed)
+    if name == "sobol":
+        return make_sobol(mixed, plan.spp)
     columns, rows = stratified_cells(plan.spp)
     jitter = 1.0 if plan.sampler.jitter else 0.0
     return Stratified(mixed, columns, rows, jitter, None if name == "stratified" else 1)

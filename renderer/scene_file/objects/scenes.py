@@ -34,7 +34,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     if root.tag != "scene":
         raise SceneError(f"{root.location}: the root is {root}; expected a scene")
     properties = Properties(root, reading)
-    # What Mitsuba's ray tracing kernels are told; the kernels here are always watertight.
+    # What Mitsuba's ray tracing kernels are told; the kernels here have one mode.
     properties.boolean("embree_use_robust_intersections", False)
     properties.boolean("allow_thread_reordering", True)
     integrator = properties.child("integrator")

@@ -176,6 +176,7 @@ def _row(
 ) -> Row:
     method, measure = _METRICS[metric]
     what, make, instead = _DEFECTS[defect]
+    first = metric == "rmse" and defect == "shift"
     return Row(
         name=f"{metric}-{defect}",
         chapter="comparing",
@@ -191,7 +192,11 @@ def _row(
         why=why,
         instead=instead,
         source="measured here",
-        picture=defects_seen if metric == "rmse" and defect == "shift" else None,
+        picture=defects_seen if first else None,
+        caption="The right picture, and what is done to it: shifted, brighter, blurred, "
+        "noisier, with one bright pixel, mirrored."
+        if first
+        else "",
     )
 
 

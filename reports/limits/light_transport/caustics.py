@@ -113,6 +113,8 @@ ROWS = (
         "paths), which this renderer does not have.",
         source="measured here; [Veach1997, section 8.3]",
         picture=caustics_on_a_floor,
+        caption="Lamps of one power at a distance of 10, 80 and 640 radii: the caustic "
+        "gathers in ever fewer pixels, and is gone.",
     ),
     Row(
         name="lamp-radius-without-glass",
@@ -148,6 +150,8 @@ ROWS = (
         instead="A small sphere with the same power, and many samples.",
         source="[Veach1997, section 8.3]; measured here",
         picture=shadow_of_a_ball,
+        caption="A lamp of radius 1/2, and a point light of its power: the caustic below "
+        "the ball is missing.",
     ),
     Row(
         name="point-light-behind-glass",

@@ -78,6 +78,7 @@ ROWS = (
         "picture does not need; choosing by power would starve near lamps instead.",
         source="[Shirley1996] (choice of lamps); measured here",
         picture=street_seen,
+        caption="A street of 81 lamps: one asked at each point, and every one.",
     ),
     Row(
         name="lamps-every-one",

@@ -135,6 +135,8 @@ ROWS = (
         instead="Jitter, which makes noise of it.",
         source="[Dippe1985]; measured here",
         picture=stripes_seen,
+        caption="4.1 periods a pixel, which should be grey: samples in the middle of their "
+        "strata show a pattern that is not there, with jitter it is noise.",
     ),
     Row(
         name="strata-with-jitter",

@@ -39,5 +39,6 @@ ROWS = (
         "[Hanika2021] would hide it.",
         source="[Hanika2021]; measured here",
         picture=sphere_and_mesh,
+        caption="A sphere in parallel light from the right, and its mesh of 16 segments.",
     ),
 )

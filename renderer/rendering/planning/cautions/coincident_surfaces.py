@@ -14,7 +14,7 @@ from renderer.rendering.planning.cautions.closed_meshes import is_closed
 from renderer.rendering.planning.cautions.overlap import overlap
 from renderer.scene.materials import kind_of, sides
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import Mesh, Rectangle, Shape
+from renderer.scene_file.description import Disk, Mesh, Rectangle, Shape
 
 if TYPE_CHECKING:
     from renderer.rendering.planning.plan import Plan
@@ -26,11 +26,13 @@ ALIKE = 2e-5  # normals are taken together within this
 MOST_FACES = 400_000  # in all; more are not looked at
 MOST_IN_A_PLANE = 2000
 LEAST_SHARE = 1e-3  # of the smaller triangle, that the overlap must have
+_TURNS = 2.0 * np.pi * np.arange(24) / 24
+_POLYGON = np.stack([np.cos(_TURNS), np.sin(_TURNS), 0 * _TURNS, 0 * _TURNS + 1], axis=1)
 _SQUARE = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1]], float)
 
 
 def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[Caution]:
-    """Find rectangles and faces of meshes that lie on one another.
+    """Find rectangles, disks and faces of meshes that lie on one another.
 
     Where an opaque closed mesh stands on something, the place where they touch is not
     seen from its side, so that nothing is said if the camera is on that side.
@@ -50,8 +52,8 @@ def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[Caution]:
     if seen:
         named = [f"{name_of(shapes[a])} on {name_of(shapes[b])}" for a, b in seen]
         yield Caution(
-            f"{len(seen)} pairs of surfaces of different material lie in the same plane "
-            f"({listed(named)}), and rounding decides which of the two is seen",
+            f"pairs of surfaces of different material in one plane: {len(seen)} "
+            f"({listed(named)}); rounding decides which of the two is seen",
             "coincident-surfaces",
         )
 
@@ -63,6 +65,9 @@ def _triangles(shapes: tuple[Shape, ...]) -> tuple[Floats, NDArray[np.int64]]:
         if isinstance(shape, Rectangle):
             placed = (_SQUARE @ shape.to_world.T)[:, :3]
             faces = placed[[[0, 1, 2], [0, 2, 3]]]
+        elif isinstance(shape, Disk):
+            placed = (_POLYGON @ shape.to_world.T)[:, :3]
+            faces = placed[[[0, k, k + 1] for k in range(1, len(placed) - 1)]]
         elif isinstance(shape, Mesh):
             faces = shape.vertices.astype(np.float64)[shape.faces]
         else:

@@ -29,8 +29,8 @@ def depth_in_glass(scene: Scene, plan: Plan) -> Iterator[Caution]:
     if dark:
         needed = max(THROUGH[type(shape.bsdf)] for shape in dark)
         yield Caution(
-            f"paths of {plan.max_depth} segments end inside of {len(dark)} shapes of glass "
-            f"({listed([name_of(shape) for shape in dark])}), which show no lit surface "
-            f"behind them; that takes {needed} at least",
+            f"shapes of glass in which paths of {plan.max_depth} segments end: {len(dark)} "
+            f"({listed([name_of(shape) for shape in dark])}); they show no lit surface "
+            f"behind them, which takes {needed} segments",
             "glass-depth",
         )

@@ -47,9 +47,8 @@ def lamps_in_glass(scene: Scene, plan: Plan) -> Iterator[Caution]:
         around += [name for name in inside if name not in around]
     if lamps:
         yield Caution(
-            f"glass is closed around {lamps} of the point lights ({listed(around)}), and "
-            "what lies beyond it gets nothing of them: no path meets a point by chance; "
-            "give them an extent",
+            f"point lights that glass is closed around: {lamps} (in {listed(around)}); "
+            "what lies beyond gets nothing of them: no path meets a point by chance",
             "point-light-behind-glass",
         )
 

@@ -1,0 +1,110 @@
+"""Rays by the octant of their direction: for those of one, near and far are the same sides.
+
+They are laid out again with what box tests need, to go down a tree together
+(`ray_streams`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.accelerators.bvh.bvh import MARGIN
+from renderer.accelerators.bvh.ray_packets import safe_reciprocal
+from renderer.accelerators.rays.ray_interval import is_finite_ray
+from renderer.jit import kernel
+from renderer.lanes.functions import (
+    fabs,
+    first_lanes,
+    lane_index,
+    largest,
+    mask_bits,
+    maximum,
+    popcount,
+    select,
+    splat_f32,
+    splat_i32,
+    splat_mask,
+)
+from renderer.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.lanes.vectors import gather3, load3
+
+STREAM = 1024  # rays that go together at most
+ROW = STREAM + 32
+_NOBODY = 8  # in place of an octant: the ray has no answer to find
+
+
+class Octant(NamedTuple):
+    """The rays of one octant, side by side; first the octants of a whole batch."""
+
+    octant: Any  # (STREAM,) int32 of each ray of the batch
+    number: Any  # (STREAM,) int32 in the batch
+    t: Any  # (STREAM,) float32 where they end
+    inverse_x: Any  # (STREAM,) float32 1 / direction
+    inverse_y: Any
+    inverse_z: Any
+    start_x: Any  # (STREAM,) float32 origin / direction
+    start_y: Any
+    start_z: Any
+
+
+@kernel
+def write_octants(query, begin, end, few, rows):
+    """Note the octant of each direction; 0 for all where they will not go together."""
+    one, none = splat_i32(1), splat_i32(0)
+    for i in range(begin, end, 16):
+        d = load3(query.direction, i)
+        octant = (
+            select(d.x < 0.0, one, none)
+            | select(d.y < 0.0, one << 1, none)
+            | select(d.z < 0.0, one << 2, none)
+        )
+        octant = none if few else octant
+        asked = is_finite_ray(load3(query.origin, i), d) & ~_shut(query, i)
+        store_row(rows.octant, 0, i - begin, select(asked, octant, _NOBODY))
+
+
+@kernel
+def _shut(query, i):
+    """Return which of 16 rays are blocked already."""
+    if query.any_will_do == 0:
+        return splat_mask(False)
+    return load_row(query.prim, 0, i) != 0
+
+
+@kernel
+def select_octant(begin, end, octant, rows):
+    """List the numbers of the rays of an octant; return how many there are."""
+    n = np.int64(0)
+    for i in range(0, end - begin, 16):
+        mine = load_row(rows.octant, 0, i) == np.int32(octant)
+        mine &= first_lanes(end - begin - i)
+        append_row(rows.number, 0, n, lane_index() + np.int32(begin + i), mine)
+        n += popcount(mask_bits(mine))
+    return n
+
+
+@kernel
+def lay_out(query, rows, n):
+    """Write what the box tests of n rays need; return the margin.
+
+    It is the largest of the rays' `origin_margins`. Boxes are made larger by it once, where
+    the margin of each ray would be three numbers more to gather.
+    """
+    margin = splat_f32(0.0)
+    for i in range(0, n, 16):
+        live = first_lanes(n - i)
+        number = load_row(rows.number, 0, i)
+        origin = gather3(query.origin, number, live)
+        inverse = safe_reciprocal(gather3(query.direction, number, live))
+        store_row(rows.inverse_x, 0, i, inverse.x)
+        store_row(rows.inverse_y, 0, i, inverse.y)
+        store_row(rows.inverse_z, 0, i, inverse.z)
+        store_row(rows.start_x, 0, i, origin.x * inverse.x)
+        store_row(rows.start_y, 0, i, origin.y * inverse.y)
+        store_row(rows.start_z, 0, i, origin.z * inverse.z)
+        store_row(rows.t, 0, i, gather_row(query.ends, 0, number, live))
+        far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
+        margin = maximum(margin, far * MARGIN)
+    return largest(margin)

@@ -1,0 +1,284 @@
+"""Streams: all rays of a batch go down the wide tree together, as lists of their numbers.
+
+At a node the list of the rays that entered it is tested against its children, 16 rays at a
+time and without a branch that a single ray decides; those that enter a child are its list
+[Barringer2014] [Fuetterling2015]. So it does not matter whether neighbours in the
+batch go the same way, only that enough of the batch do, as the rays of a tile after a
+bounce: docs/performance.md, "Streams".
+
+The rays of an octant of directions go together. For them near and far planes are the same,
+and children come in one order. A list that has become short is handed over to the rays
+that go one by one (`wide_rays`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.accelerators.bvh.bvh import STRETCH
+from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
+from renderer.accelerators.bvh.octants import (
+    ROW,
+    STREAM,
+    Octant,
+    lay_out,
+    select_octant,
+    write_octants,
+)
+from renderer.accelerators.bvh.stream_leaves import ENDED, held, meet_leaf
+from renderer.accelerators.bvh.wide_bvh_build import (
+    AXIS_BYTES,
+    BOX_BYTES,
+    CHILD,
+    ORIGIN,
+    SCALE,
+    WIDE_BYTES,
+    WIDE_WORDS,
+)
+from renderer.accelerators.bvh.wide_rays import STACK, trace_rays
+from renderer.jit import kernel
+from renderer.kinds.shapes.blocks import WIDTH
+from renderer.lanes.functions import (
+    first_lanes,
+    lane_index,
+    mask_bits,
+    mask_of,
+    maximum,
+    minimum,
+    popcount,
+    select,
+    splat_f32,
+    splat_i32,
+)
+from renderer.lanes.local import local_f32, local_i32
+from renderer.lanes.memory import (
+    append_row,
+    gather_row,
+    load_bytes,
+    load_eight,
+    load_one,
+    load_row,
+    scatter_row,
+    store_one,
+    store_row,
+)
+from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+
+# Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
+SHORT = 6
+# A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
+_LEVEL = ROW + ROW // 2 + 32
+_LISTS = (MAX_DEPTH + 2) * _LEVEL
+# words of a child that waits on the stack
+_NODE = 0  # or ~block
+_LIST = 1  # where its parent's list begins
+_LENGTH = 2  # of that list
+_MASKS = 3  # where the bits of those that entered the child begin, eight words apart
+_WORD = 4
+_STACK = _WORD * STACK
+
+
+class _Stream(NamedTuple):
+    """The rays of one octant, and who goes where."""
+
+    rows: Octant
+    lists: Any  # (_LISTS,) int32 of places in the rows, and masks
+    stack: Any  # (_STACK,) int32 children that wait
+    planes: Any  # (48,) float32 for each axis 8 near and 8 far planes
+    entered: Any  # (16,) int32 whether any ray entered the child
+
+
+@kernel
+def trace_stream(accel, query, first, count, tally):
+    """Answer what is asked of rays first to first + count - 1."""
+    rows = Octant(
+        local_i32(ROW),
+        local_i32(ROW),
+        local_f32(ROW),
+        local_f32(ROW),
+        local_f32(ROW),
+        local_f32(ROW),
+        local_f32(ROW),
+        local_f32(ROW),
+        local_f32(ROW),
+    )
+    stream = _Stream(
+        rows, local_i32(_LISTS), local_i32(_STACK), local_f32(48), local_i32(16)
+    )
+    for begin in range(first, first + count, STREAM):
+        end = min(begin + STREAM, first + count)
+        few = end - begin < accel.few
+        write_octants(query, begin, end, few, rows)
+        for octant in range(1 if few else 8):
+            n = select_octant(begin, end, octant, rows)
+            if n == 0:
+                continue
+            margin = lay_out(query, rows, n)
+            short = n if few else np.int64(SHORT)
+            _descend(accel, query, stream, n, short, octant, margin, tally)
+
+
+@kernel
+def _descend(accel, query, stream, n, short, octant, margin, tally):
+    """Let all rays of an octant go down the tree, the nearest child first."""
+    for i in range(0, n, 16):
+        store_row(stream.lists, 0, i, lane_index() + np.int32(i))
+    node = np.int64(0)
+    place = np.int64(0)  # of the node's list
+    m = n
+    depth = np.int64(0)
+    while True:
+        if m <= short:
+            _hand_over(accel, query, stream, place, m, node, tally)
+        elif node >= 0:
+            _add_node(tally, stream, place, m, depth)
+            depth = _divide(accel, node, octant, margin, stream, place, m, depth)
+        else:
+            _add_primitives(tally, accel.blocks, ~node, stream, place, m)
+            meet_leaf(accel.blocks, ~node, query, stream.rows, stream.lists, place, m)
+        if depth == 0:
+            break
+        depth -= 1
+        node = np.int64(load_one(stream.stack, 0, _WORD * depth + _NODE))
+        place, m = _list_of_child(stream, _WORD * depth)
+
+
+# ------------------------------------------------------------------------- nodes
+
+
+@kernel
+def _divide(accel, node, octant, margin, stream, place, m, depth):
+    """Find who enters which child; push the children, the nearest last."""
+    word = node * WIDE_WORDS + CHILD
+    size = popcount(mask_bits(load_eight(accel.integers, 0, word) != 0))
+    for axis in range(3):
+        _write_planes(accel, node, axis, (octant >> axis) & 1, margin, stream.planes)
+    store_row(stream.entered, 0, 0, splat_i32(0))
+    masks = (place + m + 15) & ~15
+    for i in range(0, m, 16):
+        _enter_children(stream, place + i, m - i, masks + i // 2, size)
+    order = np.int64(load_one(accel.order, 0, 8 * node + octant))
+    for _ in range(size):
+        # without a branch: what no ray has entered is written over
+        k = order & 7
+        order >>= 4
+        at = _WORD * depth
+        store_one(stream.stack, 0, at + _NODE, load_one(accel.integers, 0, word + k))
+        store_one(stream.stack, 0, at + _LIST, place)
+        store_one(stream.stack, 0, at + _LENGTH, m)
+        store_one(stream.stack, 0, at + _MASKS, masks + k)
+        depth += 1 if load_one(stream.entered, 0, k) != 0 else 0
+    return depth
+
+
+@kernel
+def _write_planes(accel, node, axis, down, margin, planes):
+    """Write where the children's boxes begin and end along an axis, near planes first."""
+    # the bytes are lower, upper, lower: from the second on, upper bounds are the near ones
+    octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis + 8 * down
+    word = node * WIDE_WORDS + axis
+    unit = load_one(accel.floats, 0, word + SCALE)
+    plane = load_bytes(accel.octets, 0, octet) * unit
+    plane = plane + load_one(accel.floats, 0, word + ORIGIN)
+    farther = select(down != 0, -margin, margin)
+    near = lane_index() < WIDTH
+    plane = plane + select(near, splat_f32(-farther), splat_f32(farther))
+    store_row(planes, 0, 16 * axis, plane)
+
+
+@kernel
+def _enter_children(stream, place, left, masks, size):
+    """Test the next 16 rays of a list, or as many as are left, against all children.
+
+    (b - o) / d as b / d - o / d, as for bundles, with the same bound of its rounding.
+    """
+    live = first_lanes(left)
+    ray = load_row(stream.lists, 0, place)
+    inverse_x = gather_row(stream.rows.inverse_x, 0, ray, live)
+    inverse_y = gather_row(stream.rows.inverse_y, 0, ray, live)
+    inverse_z = gather_row(stream.rows.inverse_z, 0, ray, live)
+    start_x = gather_row(stream.rows.start_x, 0, ray, live)
+    start_y = gather_row(stream.rows.start_y, 0, ray, live)
+    start_z = gather_row(stream.rows.start_z, 0, ray, live)
+    t = select(live, gather_row(stream.rows.t, 0, ray, live), ENDED)
+    planes = stream.planes
+    for k in range(size):
+        x0 = inverse_x * load_one(planes, 0, k) - start_x
+        x1 = inverse_x * load_one(planes, 0, k + 8) - start_x
+        y0 = inverse_y * load_one(planes, 0, k + 16) - start_y
+        y1 = inverse_y * load_one(planes, 0, k + 24) - start_y
+        z0 = inverse_z * load_one(planes, 0, k + 32) - start_z
+        z1 = inverse_z * load_one(planes, 0, k + 40) - start_z
+        enter = maximum(maximum(x0, y0), maximum(z0, splat_f32(0.0)))
+        leave = minimum(minimum(x1, y1), z1)
+        bits = mask_bits(enter <= minimum(leave * STRETCH, t))
+        store_one(stream.lists, 0, masks + k, bits)
+        store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
+
+
+@kernel
+def _list_of_child(stream, at):
+    """Write the list of the child at a place of the stack; return where, and its length."""
+    lists = stream.lists
+    parent = np.int64(load_one(stream.stack, 0, at + _LIST))
+    length = np.int64(load_one(stream.stack, 0, at + _LENGTH))
+    masks = np.int64(load_one(stream.stack, 0, at + _MASKS))
+    # behind the masks, and so behind all that waits
+    place = (masks + (length + 15) // 16 * 8 + 15) & ~15
+    m = np.int64(0)
+    for i in range(0, length, 16):
+        bits = np.int64(load_one(lists, 0, masks + i // 2))
+        append_row(lists, 0, place + m, load_row(lists, 0, parent + i), mask_of(bits))
+        m += popcount(bits)
+    return place, m
+
+
+# --------------------------------------------------------------------- short lists
+
+
+@kernel
+def _hand_over(accel, query, stream, place, m, node, tally):
+    """Let the rays of a list go on one by one; then note where they end now."""
+    queue = (place + m + 15) & ~15
+    asked = np.int64(0)
+    for i in range(0, m, 16):
+        live = first_lanes(m - i)
+        ray = load_row(stream.lists, 0, place + i)
+        live &= gather_row(stream.rows.t, 0, ray, live) >= 0.0
+        number = gather_row(stream.rows.number, 0, ray, live)
+        append_row(stream.lists, 0, queue + asked, number, live)
+        asked += popcount(mask_bits(live))
+    trace_rays(accel, query, stream.lists, queue, asked, node, tally)
+    for i in range(0, m, 16):
+        live = first_lanes(m - i)
+        ray = load_row(stream.lists, 0, place + i)
+        number = gather_row(stream.rows.number, 0, ray, live)
+        t = gather_row(query.ends, 0, number, live)
+        blocked = gather_row(query.prim, 0, number, live) != 0
+        if query.any_will_do != 0:
+            t = select(blocked, ENDED, t)
+        scatter_row(stream.rows.t, 0, ray, t, live)
+
+
+# ---------------------------------------------------------------------- counting
+
+
+@kernel
+def _add_node(tally, stream, place, m, depth):
+    if tally is None:
+        return
+    for j in range(place, place + m):
+        i = stream.rows.number[stream.lists[j]]
+        add_to(tally, NODES, i, 1)
+        add_to(tally, BOXES, i, WIDTH)
+        note_stack(tally, i, depth)
+
+
+@kernel
+def _add_primitives(tally, blocks, block, stream, place, m):
+    if tally is None:
+        return
+    for j in range(place, place + m):
+        add_to(tally, PRIMITIVES, stream.rows.number[stream.lists[j]], held(blocks, block))

@@ -1,0 +1,62 @@
+"""What the rays of a list meet in a leaf: 16 rays at a time, each primitive in turn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.accelerators.rays.packets import Nearest, nearest_of
+from renderer.jit import kernel
+from renderer.kinds.shapes.blocks import WIDTH
+from renderer.lanes.functions import (
+    first_lanes,
+    mask_bits,
+    popcount,
+    select,
+    splat_f32,
+    splat_i32,
+)
+from renderer.lanes.memory import gather_row, load_eight, load_row, scatter_row
+from renderer.lanes.vectors import gather3
+
+ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
+
+
+@kernel
+def meet_leaf(blocks, block, query, rows, lists, place, m):
+    """Test each 16 rays of a list against one primitive of a leaf after the other."""
+    start = WIDTH * block
+    end = start + held(blocks, block)
+    zero = np.int64(0)
+    for i in range(0, m, 16):
+        live = first_lanes(m - i)
+        ray = load_row(lists, 0, place + i)
+        number = gather_row(rows.number, 0, ray, live)
+        origin = gather3(query.origin, number, live)
+        direction = gather3(query.direction, number, live)
+        t = select(live, gather_row(rows.t, 0, ray, live), ENDED)
+        prim = gather_row(query.prim, 0, number, live)
+        prim = splat_i32(-1) if query.any_will_do != 0 else prim
+        before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
+        near = nearest_of(blocks, start, end, origin, direction, before, None, zero, zero)
+        found = live & (near.prim != prim)
+        if mask_bits(found) != 0:  # scattering nothing takes as long as something
+            _store(query, rows, ray, number, near, found)
+
+
+@kernel
+def held(blocks, block):
+    """Return how many primitives a block holds."""
+    return popcount(mask_bits(load_eight(blocks.id, 0, WIDTH * block) >= 0))
+
+
+@kernel
+def _store(query, rows, ray, number, near, found):
+    if query.any_will_do != 0:
+        scatter_row(rows.t, 0, ray, splat_f32(ENDED), found)
+        scatter_row(query.prim, 0, number, splat_i32(1), found)
+        return
+    scatter_row(rows.t, 0, ray, near.t, found)
+    scatter_row(query.ends, 0, number, near.t, found)
+    scatter_row(query.prim, 0, number, near.prim, found)
+    scatter_row(query.u, 0, number, near.u, found)
+    scatter_row(query.v, 0, number, near.v, found)

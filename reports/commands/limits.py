@@ -1,0 +1,97 @@
+"""`python -m reports.limits`: measure every row of the atlas, draw the page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from mitsuba_ref.command.stages import shown_stages
+from mitsuba_ref.records.json_files import write_atomically
+from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
+from reports.limits.atlas import ATLAS
+from reports.limits.measure import measure_atlas
+from reports.limits.page import limits_page
+from reports.limits.record import FILE, Limits, read_limits, write_limits
+from reports.limits.row import Row
+from reports.records.errors import ReportError
+
+ALARM = 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure, or read what was measured, and draw limits.html; return the exit status.
+
+    Parameters
+    ----------
+    arguments
+        Without the program's name; None: those of the process.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    given = _parser().parse_args(words)
+    target = given.out / "data" / FILE
+    console = Console(stderr=True)
+    try:
+        limits = _limits(given, words)
+        content = limits_page(limits)  # what cannot be drawn must not replace what can
+        page = given.out / "limits.html"
+        write_limits(target, limits)
+        write_atomically(page, content.encode())
+        if (target.parent / "results.json").exists():
+            draw(target.parent / "results.json", given.out)  # now with a link to this page
+    except KeyboardInterrupt:
+        console.print("reports.limits: interrupted, nothing was written")
+        return INTERRUPTED
+    except ReportError as error:
+        console.print(f"reports.limits: {error}", markup=False, soft_wrap=True)
+        return WRONG_USE
+    for row in limits.alarms:
+        text = f"{row.name}: {row.verdict} {row.error}".rstrip()
+        Console().print(text, markup=False, soft_wrap=True)
+    Console().print(f"The atlas: {page}", markup=False, soft_wrap=True)
+    return ALARM if limits.alarms else 0
+
+
+def _limits(given: argparse.Namespace, words: Sequence[str]) -> Limits:
+    if given.source is not None:
+        return read_limits(given.source)
+    rows = [row for row in _chosen(given.only) if not (given.quick and row.slow)]
+    with shown_stages() as show:
+        return measure_atlas(rows, words, show)
+
+
+def _chosen(names: Sequence[str] | None) -> Sequence[Row]:
+    """Return the rows of these names, or of all.
+
+    Raises
+    ------
+    ReportError
+        If there is no row of a name.
+    """
+    if not names:
+        return ATLAS
+    rows = {row.name: row for row in ATLAS}
+    for name in names:
+        if name not in rows:
+            raise ReportError(f"row {name!r} is unknown; there are: {', '.join(rows)}")
+    return [row for row in ATLAS if row.name in names]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m reports.limits",
+        description="Measure where methods fail, both sides of every boundary, and draw "
+        "the page.",
+        epilog=f"Exit status: 0 every row is as the atlas says, {ALARM} one is not or "
+        f"could not be measured, {WRONG_USE} the command line or the file is wrong.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
+    add("--from", dest="source", type=Path, metavar="LIMITS.json", help="draw only")
+    add("--quick", action="store_true", help="leave out the slow rows")
+    add("--only", nargs="+", metavar="ROW", help="measure these rows alone")
+    return parser

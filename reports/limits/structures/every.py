@@ -1,0 +1,82 @@
+"""What holds for brute force, and for every structure alike."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from renderer.accelerators.build import BUILDERS
+from reports.accelerator_trials.meshes import displaced_icosphere, triangle_surfaces
+from reports.accelerator_trials.rays import random_rays
+from reports.limits.our_hits import nearest_hits
+from reports.limits.row import Row
+from reports.limits.structures.work import UNIT, work_of_a_ray
+
+BALL = displaced_icosphere(4)  # 320 triangles
+PLACES = 5  # a side of a lattice on which the rays start
+
+
+def _brute(triangles: float) -> float:
+    mesh = displaced_icosphere(max(1, round(np.sqrt(triangles / 20.0))))
+    return work_of_a_ray("brute", mesh, random_rays(mesh, 64))
+
+
+def _differ(zeros: float) -> float:
+    """Return the share of rays that any structure answers otherwise than brute force.
+
+    Rays along the axes and diagonals, with so many components 0 or -0, from the points of
+    a lattice, many of which lie on the planes where structures cut.
+    """
+    signs = [d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
+    chosen = np.array([d for d in signs if d.count(0.0) == int(zeros)])
+    chosen = np.concatenate((chosen, np.where(chosen == 0.0, -0.0, chosen)))
+    step = np.linspace(-1.0, 1.0, PLACES)
+    lattice = np.stack(np.meshgrid(step, step, step), axis=-1).reshape(-1, 3)
+    direction = np.repeat(chosen, len(lattice), axis=0)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    origin = np.tile(lattice, (len(chosen), 1))
+    surfaces = triangle_surfaces(BALL)
+    t, prim = nearest_hits("triangles", surfaces, origin, direction)
+    other = np.zeros(len(t), bool)
+    for name in BUILDERS:
+        found_t, found = nearest_hits("triangles", surfaces, origin, direction, name)
+        other |= (found != prim) | ((prim >= 0) & (found_t != t))
+    return float(other.mean())
+
+
+ROWS = (
+    Row(
+        name="brute-force",
+        chapter="structures",
+        method="Brute force",
+        stress="triangles",
+        measure=_brute,
+        quantity="cost",
+        unit=UNIT,
+        strengths=(20.0, 80.0, 320.0, 1280.0, 5120.0, 20480.0),
+        tolerance=300.0,
+        holds_at=180.0,
+        fails_at=500.0,
+        why="Every ray tests every triangle.",
+        instead="Any structure; below some dozens of triangles nothing is faster.",
+        source="measured here",
+    ),
+    Row(
+        name="axis-parallel-rays",
+        chapter="structures",
+        method="Every structure against brute force",
+        stress="components of the direction that are 0 or -0",
+        measure=_differ,
+        quantity="error",
+        unit="of rays that one of them answers otherwise",
+        strengths=(0.0, 1.0, 2.0),
+        tolerance=0.0,
+        holds_at=2.0,
+        fails_at=None,
+        why="0 * inf counts as inside of a slab, and at equal t the smaller id wins.",
+        instead="Nothing.",
+        source="[Williams2005]; measured here",
+        slow=True,
+    ),
+)

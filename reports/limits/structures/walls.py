@@ -1,0 +1,69 @@
+"""A wall that lies exactly where a structure cuts: in two cells, or in one."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reports.accelerator_trials.rays import in_batches
+from reports.limits.row import Row
+from reports.limits.structures.work import soup_mesh, work_of_a_ray
+from reports.limits.vectors import directions
+
+RAYS = 512
+NAMES = {
+    "kd-middle": "k-d tree cut in the middle",
+    "octree": "Octree",
+}
+
+
+def _corners(side: int, place: float) -> NDArray[np.float64]:
+    """Return a wall at x = place of 2 side^2 triangles, and dust that spans [-1, 1]^3."""
+    y, z = (grid.ravel() for grid in np.mgrid[0:side, 0:side] * (2.0 / side) - 1.0)
+    step = 2.0 / side
+    a, b, c, d = (
+        np.stack((np.full_like(y, place), y + p * step, z + q * step), axis=1)
+        for p, q in ((0, 0), (1, 0), (1, 1), (0, 1))
+    )
+    wall = np.concatenate((np.stack((a, b, c), 1), np.stack((a, c, d), 1)))
+    rng = np.random.default_rng(40)
+    dust = rng.uniform(-0.99, 0.99, (side * side, 1, 3)) + 0.01 * rng.uniform(
+        -1.0, 1.0, (side * side, 3, 3)
+    )
+    return np.concatenate((wall, dust))
+
+
+def _cost_of_the_plane(triangles: float, name: str) -> float:
+    """Return the work of a ray with the wall at 0, over that with the wall beside it."""
+    side = max(1, round(np.sqrt(triangles / 2.0)))
+    rng = np.random.default_rng(41)
+    origin = rng.uniform(-0.9, 0.9, (RAYS, 3))
+    rays = in_batches(origin, directions(RAYS, rng), np.inf)
+    on, beside = (
+        work_of_a_ray(name, soup_mesh(_corners(side, place)), rays)
+        for place in (0.0, 0.0371)
+    )
+    return on / beside
+
+
+ROWS = tuple(
+    Row(
+        name=f"wall-{name}",
+        chapter="structures",
+        method=f"{method}, a wall where it cuts",
+        stress="triangles of the wall",
+        measure=functools.partial(_cost_of_the_plane, name=name),
+        quantity="cost",
+        unit="work of a ray, over that with the wall beside the cut",
+        strengths=(8.0, 32.0, 128.0, 512.0, 2048.0, 8192.0),
+        tolerance=1.5,
+        holds_at=512.0,
+        fails_at=None,
+        why="In both cells or in one, the wall is met in the first that the ray visits.",
+        instead="Nothing.",
+        source="measured here",
+    )
+    for name, method in NAMES.items()
+)

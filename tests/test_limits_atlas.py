@@ -1,0 +1,127 @@
+"""Every row of the atlas: before its boundary the method holds, behind it fails."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reports.limits.atlas import ATLAS
+from reports.limits.measure import measure_row
+from reports.limits.page import CHAPTERS
+from reports.limits.record import AGREES, AS_SAID, BROKEN, EARLY
+from reports.limits.row import Row, measure_sides
+
+EACH = [
+    pytest.param(row, id=row.name, marks=[pytest.mark.slow] if row.slow else [])
+    for row in ATLAS
+]
+PICTURED = [row for row in ATLAS if row.picture is not None]
+
+ROW = Row(
+    name="square",
+    chapter="numbers",
+    method="A method",
+    stress="strength",
+    measure=lambda strength: strength**2,
+    quantity="error",
+    unit="of it",
+    strengths=(0.1, 1.0, 10.0),
+    tolerance=4.0,
+    holds_at=1.0,
+    fails_at=10.0,
+    why="So it is.",
+    instead="Another.",
+    source="measured here",
+)
+
+
+@pytest.mark.parametrize("row", EACH)
+def test_both_sides_of_the_boundary(row):
+    """A method that no longer fails is an alarm: the row has gone blind, or it was mended.
+
+    Nothing is random: seeds are fixed, so the rate of false alarms is that of another
+    machine's rounding, which the distance between the two strengths covers.
+    """
+    sides = measure_sides(row)
+    assert sides.holds_before, f"{sides.before} at {row.holds_at}"
+    assert sides.fails_behind, f"{sides.behind} at {row.fails_at}"
+
+
+@pytest.mark.parametrize("row", PICTURED, ids=lambda row: row.name)
+def test_pictures_show_something_and_say_what(row):
+    picture = row.picture()
+    assert picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3
+    assert np.std(picture) > 10.0 and row.caption.endswith(".")
+
+
+def test_names_are_anchors_and_no_two_alike():
+    assert not [name for name, n in Counter(r.name for r in ATLAS).items() if n > 1]
+    assert all(re.fullmatch(r"[A-Za-z0-9]+(-[A-Za-z0-9]+)*", row.name) for row in ATLAS)
+
+
+@pytest.mark.parametrize(
+    "chapter, least",
+    [("numbers", 40), ("structures", 30), ("light", 25), ("comparing", 20)],
+)
+def test_chapters_have_their_rows(chapter, least):
+    assert sum(row.chapter == chapter for row in ATLAS) >= least
+    assert {row.chapter for row in ATLAS} <= set(CHAPTERS)
+
+
+def test_each_row_says_why_and_what_instead():
+    """Whole sentences, and strengths that grow through the boundary."""
+    for row in ATLAS:
+        for sentence in (row.why, row.instead):
+            assert len(sentence) > 5 and sentence.endswith("."), row.name
+        for phrase in (row.method, row.stress, row.unit, row.source):
+            assert phrase.strip() == phrase != "", row.name
+        assert list(row.strengths) == sorted(set(row.strengths)), row.name
+        if row.fails_at is not None:
+            assert row.strengths[0] <= row.holds_at < row.fails_at, row.name
+            # within a factor of 1000 it is measured; farther apart it is a guess
+            assert row.fails_at <= 1000.0 * max(row.holds_at, 1.0), row.name
+
+
+# ------------------------------------------------------------------------------ alarms
+
+
+def test_a_row_that_stops_failing_is_an_alarm():
+    assert measure_row(ROW).verdict == AS_SAID
+    mended = measure_row(replace(ROW, measure=lambda strength: 0.0))
+    assert mended.verdict == AGREES and mended.alarm
+
+
+@pytest.mark.parametrize("value", [5.0, float("nan"), float("inf")])
+def test_a_row_that_fails_too_early_is_an_alarm(value):
+    """What is no number is a failure on either side."""
+    assert measure_row(replace(ROW, measure=lambda strength: value)).verdict == EARLY
+
+
+def test_what_cannot_be_measured_is_an_alarm_that_says_why():
+    def broken(strength):
+        raise ZeroDivisionError(f"at {strength}")
+
+    row = measure_row(replace(ROW, measure=broken))
+    assert row.verdict == BROKEN and row.alarm
+    assert row.error == "ZeroDivisionError: at 10.0"
+
+
+def test_the_boundary_is_found_by_halving():
+    """x^2 leaves 4 at 2: five halvings of a decade leave a factor of 10^(1/32)."""
+    row = measure_row(ROW)
+    assert row.holds_to <= 2.0 < row.fails_from
+    assert row.fails_from / row.holds_to == pytest.approx(10.0 ** (1 / 32))
+
+
+def test_a_method_without_a_limit_has_one_side():
+    row = measure_row(replace(ROW, fails_at=None))
+    assert (row.verdict, row.behind, row.holds_to, row.fails_from) == (
+        AS_SAID,
+        None,
+        1,
+        None,
+    )
