@@ -73,8 +73,8 @@ class Crew:
         """How many jobs have ended."""
         return sum(self._done)
 
-    def wait(self, seconds: float = WAKE) -> bool:
-        """Wait for the end of all jobs, at most about so long; return whether it has come.
+    def wait(self) -> bool:
+        """Wait for the end of all jobs, at most `WAKE`; return whether it has come.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Crew:
         """
         if self.done < self._jobs and self._error is None:
             try:
-                self._left.get(timeout=seconds)
+                self._left.get(timeout=WAKE)
             except queue.Empty:
                 pass
         if self._error is not None:

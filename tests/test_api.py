@@ -123,7 +123,8 @@ def test_one_pixel():
     assert np.asarray(image) == pytest.approx(0.5 / np.pi, rel=2e-5)
 
 
-def test_progress_counts_up_to_the_last_sample():
+def test_progress_counts_up_to_the_last_sample(monkeypatch):
+    monkeypatch.setattr(renderer.threads, "WAKE", 1e-4)  # so short a render is over soon
     seen = []
     loaded = renderer.load_dict(lit_floor(size=(40, 40)))
     renderer.render(loaded, spp=4, progress=seen.append)
