@@ -110,6 +110,8 @@ def test_the_page_of_all_scenes_leads_to_the_atlas(tmp_path):
     with_atlas = results_page(results, tmp_path, limits=Limits(rows=(SOUND, FAULTY)))
     assert 'href="limits.html"' in with_atlas and "1 row is not as" in with_atlas
     assert 'href="limits.html"' not in results_page(results, tmp_path)
+    assert 'href="needs.html"' in results_page(results, tmp_path, needs=True)
+    assert 'href="needs.html"' not in results_page(results, tmp_path)
 
 
 # ------------------------------------------------------------------------ the command

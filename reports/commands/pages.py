@@ -40,7 +40,7 @@ def draw(source: Path, out: Path) -> int:
         A results.json; its pictures are named relative to it.
     out
         Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
-        are shown too, each on a page of its own; limits.html, if it is there, is named.
+        are shown too, each on a page of its own; limits.html and needs.html are named if they are there.
 
     Raises
     ------
@@ -59,7 +59,15 @@ def draw(source: Path, out: Path) -> int:
     there = stressed.exists() and (out / "limits.html").exists()
     limits = read_limits(stressed) if there else None
     page = out / "index.html"
-    content = results_page(results, source.parent, benchmark, study, proof, limits)
+    content = results_page(
+        results,
+        source.parent,
+        benchmark,
+        study,
+        proof,
+        limits,
+        needs=(out / "needs.html").exists(),
+    )
     write_atomically(page, content.encode())
     draw_benchmark(out)
     if study is not None:

@@ -23,6 +23,8 @@ def results_page(
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
+    *,
+    needs: bool = False,
 ) -> str:
     """Return the whole page as HTML.
 
@@ -40,6 +42,8 @@ def results_page(
         Likewise, with a link to proof.html.
     limits
         Likewise, with a link to limits.html.
+    needs
+        Whether there is a needs.html to be named.
 
     Raises
     ------
@@ -56,4 +60,5 @@ def results_page(
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
         limits=limits,
+        needs=needs,
     )
