@@ -40,7 +40,8 @@ def draw(source: Path, out: Path) -> int:
         A results.json; its pictures are named relative to it.
     out
         Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
-        are shown too, each on a page of its own; limits.html and needs.html are named if they are there.
+        are shown too, each on a page of its own; limits.html and needs.html are named if
+        they are there.
 
     Raises
     ------
