@@ -152,6 +152,22 @@ def test_two_opaque_cubes(eye, x, z, said):
     assert rows_of(body, eye=eye) == ["coincident-surfaces"] * said
 
 
+@pytest.mark.parametrize(
+    ("sensor", "said"), [("perspective", False), ("orthographic", True)]
+)
+def test_parallel_rays_see_a_floor_from_below(sensor, said):
+    """Wherever the camera stands: it looks up."""
+    body = _FLOOR.format(turn="") + _CUBE.format(z=1, turn="", bsdf=_RED) + _LAMP
+    text = _FRAME.format(body=body, eye="-9,0,0.5", target="0,0,2", depth=8)
+    if sensor == "orthographic":
+        text = text.replace(
+            '"perspective"><float name="fov" value="30"/>', '"orthographic">'
+        )
+    scene = renderer.load_string(text)
+    found = cautions_of(scene, make_plan(scene))
+    assert [caution.row for caution in found] == ["coincident-surfaces"] * said
+
+
 @pytest.mark.parametrize(("integrator", "said"), [("depth", False), ("direct", True)])
 def test_depth_does_not_tell_materials_apart(integrator, said):
     body = _FLOOR.format(turn="") + _CUBE.format(z=1, turn="", bsdf=_GLASS) + _LAMP
@@ -375,12 +391,13 @@ class _Slotted:
 
 
 def test_equal_descriptions_have_equal_values():
-    def slotted(last):
-        return {"a": [_Slotted(np.array([1.0, last])), {"b": (1, None)}]}
+    def value(last):
+        array = np.array([1.0, last])
+        return values_of({"a": [_Slotted(array), {"b": (1, None)}]}, {})
 
-    assert values_of(slotted(2.0)) == values_of(slotted(2.0)) != values_of(slotted(3.0))
-    assert hash(values_of(slotted({1, 2}))) is not None
-    assert values_of(np.zeros((2, 1))) != values_of(np.zeros((1, 2)))
+    assert value(2.0) == value(2.0) != value(3.0)
+    assert hash(values_of(_Slotted({1, 2}), {})) is not None
+    assert values_of(np.zeros((2, 1)), {}) != values_of(np.zeros((1, 2)), {})
 
 
 def test_what_fails_in_a_caution_breaks_no_scene(tmp_path, monkeypatch):

@@ -21,6 +21,8 @@ from renderer.scene_file.description import (
     TwoSided,
 )
 
+Digests = dict[int, bytes]  # of arrays by their id, as long as their scene lives
+
 
 class Look(NamedTuple):
     """What tells a shape's surface from another's; equal values may still differ by these.
@@ -33,28 +35,30 @@ class Look(NamedTuple):
     textured: bool  # it is another one from place to place
 
 
-def look_of(shape: Shape) -> Look:
-    """Return what a shape looks like."""
+def look_of(shape: Shape, digests: Digests) -> Look:
+    """Return what a shape looks like; `digests` is filled, for images that shapes share."""
     given = (shape.bsdf, shape.radiance)
     textured = any(is_textured(part) for part in _parts(given))
-    values = values_of(given)
+    values = values_of(given, digests)
     if textured:  # the places in a disk's texture are no other shape's
         attributes = shape.attributes if isinstance(shape, Mesh) else {}
-        values = values, isinstance(shape, Disk), values_of(attributes)
+        values = values, isinstance(shape, Disk), values_of(attributes, digests)
     return Look(values, shape.radiance is not None or _one_sided(shape.bsdf), textured)
 
 
-def values_of(look: Any) -> Any:
+def values_of(look: Any, digests: Digests) -> Any:
     """Return something hashable that is equal for equal descriptions, arrays by value."""
     if isinstance(look, Location):
         return None
     if isinstance(look, np.ndarray):
-        data = np.ascontiguousarray(look)
-        return look.shape, look.dtype.str, hashlib.sha256(data.tobytes()).digest()
+        if id(look) not in digests:
+            digests[id(look)] = hashlib.sha256(look.tobytes()).digest()
+        return look.shape, look.dtype.str, digests[id(look)]
     if isinstance(look, tuple | list):
-        return tuple(values_of(value) for value in look)
+        return type(look), tuple(values_of(value, digests) for value in look)
     if (inside := _fields(look)) is not None:
-        return type(look), tuple((name, values_of(value)) for name, value in inside.items())
+        values = ((name, values_of(value, digests)) for name, value in inside.items())
+        return type(look), tuple(values)
     try:
         hash(look)
     except TypeError:  # of a plugin that is not ours
@@ -85,7 +89,10 @@ def _one_sided(bsdf: Any) -> bool:
     Of what lets light through, nothing is known here.
     """
     if isinstance(bsdf, TwoSided):
-        return bool(values_of(bsdf.front) != values_of(bsdf.back))
+        if bsdf.front is bsdf.back:
+            return False
+        digests: Digests = {}
+        return bool(values_of(bsdf.front, digests) != values_of(bsdf.back, digests))
     if isinstance(bsdf, Mask):
         return _one_sided(bsdf.nested)
     if isinstance(bsdf, Blend):
