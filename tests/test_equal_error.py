@@ -19,7 +19,7 @@ from mitsuba_ref.statistics.equal_error import (
     worth,
 )
 from reports.commands import equal_error
-from reports.commands.equal_error import SceneWorth, Worth
+from reports.records.equal_error import SceneWorth, Worth
 
 
 def test_relative_mse_by_hand():

@@ -15,7 +15,6 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -28,17 +27,12 @@ from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from mitsuba_ref.statistics.equal_error import (
-    geometric_mean,
-    log_ratio_error,
-    relative_mse_of,
-    worth,
-)
+from mitsuba_ref.statistics.equal_error import geometric_mean, relative_mse_of
 from renderer.errors import SceneError
 from renderer.names import SAMPLERS
 from renderer.scene_file.objects.samplers import round_sample_count
 from reports.commands.pages import DEFAULT_OUT, WRONG_USE
-from reports.records.circumstances import Circumstances
+from reports.records.equal_error import OURS, EqualError, SceneWorth, Worth
 from reports.records.errors import ReportError
 from reports.records.json_file import write_json
 from reports.speed import turns
@@ -46,7 +40,6 @@ from reports.speed.measure import scene_file
 
 SCHEMA = 1
 SCENES = ("cornell-box", "textured-room", "caustic", "instances")
-OURS = "lightproof"
 OUR_SAMPLERS = ("independent", "multijitter", "sobol")
 PEERS = ("scalar_rgb", "llvm_ad_rgb")
 THEIR_SAMPLERS = ("independent", "multijitter", "stratified")
@@ -56,71 +49,6 @@ REFERENCE_SEED = 1_000_000  # far from those of the pictures that are judged
 # (seed, samples) -> seconds and picture
 Shot = tuple[float, NDArray[np.float64]]
 Contender = Callable[[int, int], Shot]
-
-
-@dataclass(frozen=True)
-class Worth:
-    """The pictures of one renderer with one sampler."""
-
-    renderer: str
-    sampler: str
-    errors: list[float]  # relMSE, one a seed
-    seconds: list[float]
-
-    @property
-    def value(self) -> float:
-        """1 / (relMSE x seconds)."""
-        return worth(self.errors, self.seconds)
-
-    @property
-    def products(self) -> list[float]:
-        """The relMSE x seconds of each seed."""
-        return [e * s for e, s in zip(self.errors, self.seconds, strict=True)]
-
-
-@dataclass(frozen=True)
-class SceneWorth:
-    """One scene."""
-
-    scene: str
-    width: int
-    height: int
-    reference: str  # whose, and how many samples
-    contenders: list[Worth]
-    unavailable: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def best(self) -> tuple[Worth, Worth]:
-        """Our sampler that is worth most, and the one of all others."""
-        ours = [one for one in self.contenders if one.renderer == OURS]
-        theirs = [one for one in self.contenders if one.renderer != OURS]
-        first, second = (max(some, key=lambda one: one.value) for some in (ours, theirs))
-        return first, second
-
-    @property
-    def ratio(self) -> float:
-        """Our best sampler's worth, divided by that of the best of all others."""
-        ours, theirs = self.best
-        return ours.value / theirs.value
-
-    @property
-    def log_error(self) -> float:
-        """The standard error of the ratio's logarithm, from the scatter over seeds.
-
-        That these two are the best is taken as known.
-        """
-        ours, theirs = self.best
-        return log_ratio_error(ours.products, theirs.products)
-
-
-@dataclass(frozen=True, kw_only=True)
-class EqualError(Circumstances):
-    """A whole equal_error.json."""
-
-    spp: int
-    seeds: int
-    threads: int
-    scenes: list[SceneWorth]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -186,7 +114,7 @@ def measure(
         theirs = [name for name, _ in contenders if name != OURS]
         if not theirs:
             raise ReportError(f"{path}: Mitsuba renders it in no variant: {unavailable}")
-        judge = theirs[-1]  # any will do
+        judge = theirs[-1]  # the last that works: any would do
         say(f"{path.parent.name}: image means of {len(contenders)} contenders")
         _compare(path, contenders, (judge, "independent"))
         pictures = math.ceil(given.reference / given.spp)
