@@ -164,7 +164,10 @@ def _theirs(peer: TimedMitsuba, picture: Path) -> Contender:
 def _compare(
     path: Path, contenders: dict[tuple[str, str], Contender], judge: tuple[str, str]
 ) -> None:
-    """Refuse to time pictures that have other means than the judge's."""
+    """Refuse to time pictures that have other means than the judge's.
+
+    Eight contenders that are right are refused by chance for one scene in 200, at most.
+    """
 
     def with_mean(contender: Contender) -> turns.Contender:
         @functools.cache  # the judge is asked again for each of the others
