@@ -24,8 +24,7 @@ def test_the_wall_lies_on_the_cut():
     octree = build_accelerator("triangles", surfaces, order, "octree", 3.0)
     assert octree.centre[0, 0] == 0.0
     tree = build_accelerator("triangles", surfaces, order, "kd-middle", 3.0)
-    along_x = tree.link[1::2] % 4 == 0
-    assert 0.0 in tree.split[0::2][along_x]
+    assert (tree.split[0], tree.link[1] % 4) == (0.0, 0)  # of the root: place, axis
 
 
 def test_rays_start_on_planes_of_the_structures():

@@ -59,7 +59,7 @@ def error_at_stripes(finest: float, *, sampler: str, jitter: bool = True) -> flo
     finest : float
         The checkerboards have 1, 2, 3 and so on to so many periods, two squares each, in
         a pixel; whole numbers leave it grey. The worst of them counts, because strata
-        without jitter are wrong at multiples of their number a side and right between.
+        without jitter are wrong at multiples of their number a side, right at others.
     sampler : str
         Name of the sampler.
     jitter : bool

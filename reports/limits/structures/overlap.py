@@ -134,8 +134,8 @@ ROWS = (
             "kd-sah": (
                 1e5,
                 1e6,
-                "The triangles of a long row are as small as the rounding of rays from "
-                "anywhere, by which their boxes grow: all cuts leave many in a cell.",
+                "Each piece takes cuts that part off empty corners before one that halves "
+                "it, and at a depth of 8 + 1.3 log2 n all of them still hold hundreds.",
             ),
             "octree": (1e6, None, _PARTED),
             "grid": (

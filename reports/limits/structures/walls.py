@@ -67,8 +67,8 @@ ROWS = tuple(
         holds_at=8192.0,
         fails_at=None,
         why="Both cells hold the wall, so that a ray which crosses the cut goes down to "
-        "it twice: half as much work again, and no more the larger the wall is.",
-        instead="Cuts by surface area, which are not bound to the middle.",
+        "it twice: half as much work again.",
+        instead="A k-d tree by surface area or a BVH, which such a wall costs 2 %.",
         source="measured here",
     )
     for name, method in NAMES.items()
