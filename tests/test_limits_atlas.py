@@ -80,7 +80,10 @@ def test_each_row_says_why_and_what_instead():
         for phrase in (row.method, row.stress, row.unit, row.source):
             assert phrase.strip() == phrase != "", row.name
         assert list(row.strengths) == sorted(set(row.strengths)), row.name
-        if row.fails_at is not None:
+        if row.fails_at is None:
+            # no limit is claimed for all of the curve, so its far end is what is asserted
+            assert row.holds_at >= row.strengths[-1], row.name
+        else:
             assert row.strengths[0] <= row.holds_at < row.fails_at, row.name
             # within a factor of 1000 it is measured; farther apart it is a guess
             assert row.fails_at <= 1000.0 * max(row.holds_at, 1.0), row.name
@@ -101,6 +104,27 @@ def test_a_row_that_fails_too_early_is_an_alarm(value):
     assert measure_row(replace(ROW, measure=lambda strength: value)).verdict == EARLY
 
 
+@pytest.mark.parametrize(
+    "strengths, fails_at, found",
+    [
+        ((0.1, 1.0, 3.0), None, EARLY),  # no limit is claimed, and 9 is over 4
+        ((0.1, 1.0, 1.9), None, AS_SAID),
+        ((-3.0, 1.0, 10.0), 10.0, EARLY),  # before the side that holds
+        ((0.1, 3.0, 10.0), 3.0, AS_SAID),
+    ],
+)
+def test_the_curve_is_judged_too(strengths, fails_at, found):
+    """Both sides alone say as said of each: x^2 is 1 at 1, and 9 at 3."""
+    row = replace(ROW, strengths=strengths, fails_at=fails_at)
+    assert measure_row(row).verdict == found
+
+
+def test_a_method_that_fails_here_and_there_is_an_alarm():
+    """Beyond its boundary it is to fail everywhere: from here on is what the page says."""
+    row = replace(ROW, measure=lambda x: 9.0 * (x == 10.0), strengths=(1.0, 10.0, 11.0))
+    assert measure_row(row).verdict == AGREES
+
+
 def test_what_cannot_be_measured_is_an_alarm_that_says_why():
     def broken(strength):
         raise ZeroDivisionError(f"at {strength}")
@@ -118,7 +142,7 @@ def test_the_boundary_is_found_by_halving():
 
 
 def test_a_method_without_a_limit_has_one_side():
-    row = measure_row(replace(ROW, fails_at=None))
+    row = measure_row(replace(ROW, fails_at=None, strengths=(0.1, 1.0)))
     assert (row.verdict, row.behind, row.holds_to, row.fails_from) == (
         AS_SAID,
         None,

@@ -5,17 +5,23 @@ That each method holds before its limit and fails behind it is asserted with all
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from reports.limits.light_transport.depth import furnace_error, rays_of_a_tree
-from reports.limits.light_transport.many_lamps import one_lamp_that_counts
+from reports.limits.light_transport.many_lamps import (
+    one_lamp_that_counts,
+    street_of_lamps,
+)
 from reports.limits.light_transport.one_point import (
     by_one_strategy,
     estimates,
     scene_at,
     spread_of_a_sample,
 )
+from reports.limits.light_transport.random_numbers import error_at_stripes
 
 
 def test_starved_lamp_as_on_paper():
@@ -31,6 +37,21 @@ def test_furnace_of_sixteen_segments_as_on_paper():
     """What is missing of 1 / (1 - albedo) is albedo^16."""
     error = furnace_error(5.0, depth=16, roulette=1000)
     assert error == pytest.approx(0.8**16, rel=0.05)
+
+
+def test_strata_are_judged_by_the_worst_pattern():
+    """5, 6 and 7 periods alone are right: what counts is that 4 are not."""
+    worst = partial(error_at_stripes, sampler="stratified", jitter=False)
+    assert worst(3.0) < 1e-6 and worst(4.0) > 0.9
+    assert worst(7.0) == worst(4.0)
+
+
+def test_street_of_lamps_as_on_paper():
+    """81 lamps at a height of 1, each giving 1 / (1 + x^2)^(3/2): a spread of 4.9."""
+    place = np.arange(-40.0, 41.0)
+    given = (1.0 + place**2) ** -1.5
+    paper = float(np.std(given) / np.mean(given))
+    assert street_of_lamps(81, integrator="path") == pytest.approx(paper, rel=0.05)
 
 
 STRATEGIES_BODY = """<shape type="rectangle"><bsdf type="roughconductor">

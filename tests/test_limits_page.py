@@ -131,10 +131,24 @@ def test_the_command_measures_and_draws(canned_atlas, tmp_path):
     assert "2 rows, each as the atlas says" in (tmp_path / "limits.html").read_text()
 
 
-def test_one_row_alone_and_from_a_file(canned_atlas, tmp_path):
+def test_one_row_alone_leaves_the_record_of_all(canned_atlas, tmp_path, capsys):
+    """It is printed, and nothing is written, where there is a record and where not."""
+    assert command.main(["--only", "cube", "--out", str(tmp_path / "new")]) == 0
+    assert not (tmp_path / "new").exists()
+    command.main(["--out", str(tmp_path)])
+    files = [tmp_path / "data" / "limits.json", tmp_path / "limits.html"]
+    before = [file.read_bytes() for file in files]
+    capsys.readouterr()
     assert command.main(["--only", "cube", "--out", str(tmp_path)]) == 0
+    assert [file.read_bytes() for file in files] == before
+    said = capsys.readouterr().out
+    assert said.startswith("cube: as said; tolerance 4, gives way between 1.9")
+    assert said.endswith("; 0.1: 0.01, 1: 1, 10: 100\n")
+
+
+def test_the_page_from_a_file(canned_atlas, tmp_path):
+    assert command.main(["--out", str(tmp_path)]) == 0
     source = tmp_path / "data" / "limits.json"
-    assert [row.name for row in read_limits(source).rows] == ["cube"]
     other = tmp_path / "other"
     assert command.main(["--from", str(source), "--out", str(other)]) == 0
     assert (other / "limits.html").read_text() == (tmp_path / "limits.html").read_text()
@@ -152,6 +166,8 @@ def test_an_alarm_is_the_exit_status(canned_atlas, tmp_path, capsys):
     [
         (["--only", "circle"], "row 'circle' is unknown; there are: square, cube"),
         (["--from", "nowhere.json"], "nowhere.json: cannot be read"),
+        (["--from", "a.json", "--only", "cube"], "not with --only or --quick"),
+        (["--from", "a.json", "--quick"], "not with --only or --quick"),
     ],
 )
 def test_wrong_use_is_one_line(canned_atlas, words, message, tmp_path, capsys):

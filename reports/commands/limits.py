@@ -14,8 +14,8 @@ from mitsuba_ref.records.json_files import write_atomically
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.limits.atlas import ATLAS
 from reports.limits.measure import measure_atlas
-from reports.limits.page import limits_page
-from reports.limits.record import FILE, Limits, read_limits, write_limits
+from reports.limits.page import gives_way, limits_page
+from reports.limits.record import FILE, Limits, MeasuredRow, read_limits, write_limits
 from reports.limits.row import Row
 from reports.records.errors import ReportError
 
@@ -25,6 +25,8 @@ ALARM = 1
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, or read what was measured, and draw limits.html; return the exit status.
 
+    Rows that are chosen are printed: the record and the page are of the whole atlas.
+
     Parameters
     ----------
     arguments
@@ -32,35 +34,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = _parser().parse_args(words)
-    target = given.out / "data" / FILE
+    target, page = given.out / "data" / FILE, given.out / "limits.html"
     console = Console(stderr=True)
     try:
         limits = _limits(given, words)
-        content = limits_page(limits)  # what cannot be drawn must not replace what can
-        page = given.out / "limits.html"
-        write_limits(target, limits)
-        write_atomically(page, content.encode())
-        if (target.parent / "results.json").exists():
-            draw(target.parent / "results.json", given.out)  # now with a link to this page
+        if not given.only:
+            content = limits_page(limits)  # what cannot be drawn must not replace what can
+            write_limits(target, limits)
+            write_atomically(page, content.encode())
+            if (target.parent / "results.json").exists():
+                draw(target.parent / "results.json", given.out)  # links to this page now
     except KeyboardInterrupt:
         console.print("reports.limits: interrupted, nothing was written")
         return INTERRUPTED
     except ReportError as error:
         console.print(f"reports.limits: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
-    for row in limits.alarms:
-        text = f"{row.name}: {row.verdict} {row.error}".rstrip()
-        Console().print(text, markup=False, soft_wrap=True)
-    Console().print(f"The atlas: {page}", markup=False, soft_wrap=True)
+    lines = [f"{row.name}: {row.verdict} {row.error}".rstrip() for row in limits.alarms]
+    if given.only:
+        lines = [_line(row) for row in limits.rows]
+    else:
+        lines.append(f"The atlas: {page}")
+    for line in lines:
+        Console().print(line, markup=False, soft_wrap=True)
     return ALARM if limits.alarms else 0
 
 
 def _limits(given: argparse.Namespace, words: Sequence[str]) -> Limits:
     if given.source is not None:
+        if given.only or given.quick:
+            raise ReportError("--from draws what was measured: not with --only or --quick")
         return read_limits(given.source)
     rows = [row for row in _chosen(given.only) if not (given.quick and row.slow)]
     with shown_stages() as show:
         return measure_atlas(rows, words, show)
+
+
+def _line(measured: MeasuredRow) -> str:
+    """Return what was measured of a row, in one line."""
+    if measured.error:
+        return f"{measured.name}: {measured.verdict} {measured.error}"
+    (row,) = (one for one in ATLAS if one.name == measured.name)
+    curve = ", ".join(f"{x:g}: {_shown(y)}" for x, y in measured.curve)
+    return (
+        f"{row.name}: {measured.verdict}; tolerance {row.tolerance:g}, gives way "
+        f"{gives_way(row, measured)}; {curve}"
+    )
+
+
+def _shown(value: float | None) -> str:
+    return "no number" if value is None else f"{value:.3g}"
 
 
 def _chosen(names: Sequence[str] | None) -> Sequence[Row]:
@@ -93,5 +116,5 @@ def _parser() -> argparse.ArgumentParser:
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
     add("--from", dest="source", type=Path, metavar="LIMITS.json", help="draw only")
     add("--quick", action="store_true", help="leave out the slow rows")
-    add("--only", nargs="+", metavar="ROW", help="measure these rows alone")
+    add("--only", nargs="+", metavar="ROW", help="measure these, write nothing")
     return parser

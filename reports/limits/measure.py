@@ -41,6 +41,7 @@ def measure_row(row: Row) -> MeasuredRow:
     try:
         sides = measure_sides(row)
         curve = tuple((x, _finite(row.measure(x))) for x in row.strengths)
+        found = verdict(sides, curve)
         holds_to, fails_from = _boundary(sides)
         picture = "" if row.picture is None else picture_uri(row.picture())
     except Exception as error:  # whatever it is: the others are measured all the same
@@ -49,7 +50,7 @@ def measure_row(row: Row) -> MeasuredRow:
         return MeasuredRow(row.name, BROKEN, error=text, seconds=seconds)
     return MeasuredRow(
         row.name,
-        verdict(sides),
+        found,
         _finite(sides.before),
         None if sides.behind is None else _finite(sides.behind),
         curve,
@@ -60,11 +61,17 @@ def measure_row(row: Row) -> MeasuredRow:
     )
 
 
-def verdict(sides: Sides) -> str:
-    """Return what the two sides say together."""
-    if not sides.holds_before:
+def verdict(sides: Sides, curve: Iterable[tuple[float, float | None]]) -> str:
+    """Return what the two sides and the curve (strength, measured) say together."""
+    row = sides.row
+    last = math.inf if row.fails_at is None else row.holds_at
+    behind = math.inf if row.fails_at is None else row.fails_at
+    within = {x: y is not None and y <= row.tolerance for x, y in curve}
+    if not sides.holds_before or not all(ok for x, ok in within.items() if x <= last):
         return EARLY
-    return AS_SAID if sides.fails_behind else AGREES
+    if not sides.fails_behind or any(ok for x, ok in within.items() if x >= behind):
+        return AGREES
+    return AS_SAID
 
 
 def _finite(value: float) -> float | None:

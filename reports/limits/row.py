@@ -19,7 +19,8 @@ class Row:
     `measure` is deterministic: random numbers in it have fixed seeds. What it returns is
     within `tolerance` up to the strength `holds_at`, and beyond it from `fails_at` on; the
     place where the method gives way lies between them. A method without a limit inside of
-    `strengths`, the stable one beside the naive, has no `fails_at`.
+    `strengths`, the stable one beside the naive, has no `fails_at`, and is within
+    `tolerance` at all of them.
     """
 
     name: str  # "sphere-naive-distance": the anchor on the page, and what warnings refer to

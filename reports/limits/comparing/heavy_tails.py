@@ -58,7 +58,7 @@ ROWS = (
         unit="seeds until it is known to 5 %",
         strengths=_LAMPS,
         tolerance=6.0,
-        holds_at=320.0,
+        holds_at=640.0,
         fails_at=None,
         why="Errors are nearly normal, whose RMSE varies by one over the root of twice "
         "the pixels.",

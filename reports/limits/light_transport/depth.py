@@ -170,7 +170,7 @@ ROWS = (
         unit="of the light lost",
         strengths=(1.0, 2.0, 3.0, 4.0, 5.0),
         tolerance=0.01,
-        holds_at=4.0,
+        holds_at=5.0,
         fails_at=None,
         why="What is still under way after that has been reflected too often to matter.",
         instead="This is the method to use.",
@@ -202,7 +202,7 @@ ROWS = (
         unit="rays a camera ray",
         strengths=(1.0, 2.0, 4.0, 6.0, 7.0, 8.0, 9.0, 10.0),
         tolerance=500.0,
-        holds_at=9.0,
+        holds_at=10.0,
         fails_at=None,
         why="All branches together carry the light of one ray, so that few of them can "
         "be heavy.",

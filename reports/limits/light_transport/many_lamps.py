@@ -108,7 +108,7 @@ ROWS = (
         tolerance=3.0,
         holds_at=9.0,
         fails_at=81.0,
-        why="What a lamp gives falls with the fourth power of its distance along the "
+        why="What a lamp gives falls with the third power of its distance along the "
         "street, so that only a few of them matter at any one place.",
         instead="Light trees or resampling, which this renderer does not have; else more "
         "samples in proportion to the lamps.",

@@ -77,9 +77,9 @@ def _random_rays_lost(count: float) -> float:
     return float(round(lost))
 
 
-def _ours_lost_at_vertices(strength: float) -> float:
-    """Return the share lost of rays that pass 1 / strength from a vertex."""
-    rng = np.random.default_rng(12)
+def lost_at_vertices(strength: float, seed: int = 12) -> float:
+    """Return the share that ours loses of rays that pass 1 / strength from a vertex."""
+    rng = np.random.default_rng(seed)
     vertex = BALL.vertices[rng.integers(0, len(BALL.vertices), RAYS)].astype(float)
     target = vertex + 0.3 / strength * directions(RAYS, rng)
     origin = 0.1 * directions(RAYS, rng)
@@ -146,12 +146,12 @@ ROWS = (
         chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="size of a triangle / distance of the ray from a vertex",
-        measure=_ours_lost_at_vertices,
+        measure=lost_at_vertices,
         quantity="error",
         unit="of rays from inside that pass a closed mesh",
         strengths=_NEAR,
-        tolerance=0.0,
-        holds_at=1e5,
+        tolerance=5e-3,  # a rate: 0.001 are lost at 1e5, 0.05 at 1e7
+        holds_at=1e4,
         fails_at=1e7,
         why="At a vertex five or six faces round their edges, each in its own way.",
         instead="As for edges.",
@@ -166,7 +166,9 @@ ROWS = (
         quantity="error",
         unit="rays lost",
         strengths=(1e3, 1e4, 1e5, 1e6),
-        tolerance=0.0,
+        # 0.2 are expected of MANY: more than 3 are a false alarm of one in 17,000 seeds,
+        # of one in 160 if the rate is what 2 of 10^8 only just do not rule out (7e-8)
+        tolerance=3.0,
         holds_at=MANY,
         fails_at=None,
         why="The gaps are narrower than rounding, and hardly a ray comes so near to an "

@@ -68,7 +68,7 @@ ROWS = (
         tolerance=1e-2,
         holds_at=1e2,
         fails_at=3e3,
-        why="The cosine is near 1, where float32 numbers are 6e-8 apart; at 4000 radii "
+        why="The cosine is near 1, where float32 numbers are 6e-8 apart; at 6000 radii "
         "nothing is left.",
         instead="sin^2 / (1 + cos): the next row.",
         source="measured here",

@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from numpy.typing import NDArray
 
-from renderer.accelerators.build import BUILDERS
+from renderer.accelerators.build import BUILDERS, build_accelerator
 from reports.accelerator_trials.meshes import displaced_icosphere, triangle_surfaces
 from reports.accelerator_trials.rays import random_rays
 from reports.limits.our_hits import nearest_hits
@@ -14,7 +15,7 @@ from reports.limits.row import Row
 from reports.limits.structures.work import UNIT, work_of_a_ray
 
 BALL = displaced_icosphere(4)  # 320 triangles
-PLACES = 5  # a side of a lattice on which the rays start
+REACH = 4.0  # |x| + |y| + |z| of the farthest ray: structures grow boxes by rounding there
 
 
 def _brute(triangles: float) -> float:
@@ -22,20 +23,34 @@ def _brute(triangles: float) -> float:
     return work_of_a_ray("brute", mesh, random_rays(mesh, 64))
 
 
+def on_planes() -> NDArray[np.float32]:
+    """Return points (n, 3) that lie exactly on three planes of a structure over the ball.
+
+    Centres of the octree's cells and lower corners of the BVH's boxes; and last the point
+    for which structures over rays from here are the same ones.
+    """
+    surfaces = triangle_surfaces(BALL)
+    order = np.arange(BALL.triangles)
+    octree, bvh = (
+        build_accelerator("triangles", surfaces, order, name, REACH)
+        for name in ("octree", "bvh")
+    )
+    last = np.array([(REACH, 0.0, 0.0)], np.float32)
+    return np.concatenate((octree.centre, bvh.bounds[:, :3], last))
+
+
 def _differ(zeros: float) -> float:
     """Return the share of rays that any structure answers otherwise than brute force.
 
-    Rays along the axes and diagonals, with so many components 0 or -0, from the points of
-    a lattice, many of which lie on the planes where structures cut.
+    Rays along the axes and diagonals, with so many components 0 or -0.
     """
     signs = [d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
     chosen = np.array([d for d in signs if d.count(0.0) == int(zeros)])
     chosen = np.concatenate((chosen, np.where(chosen == 0.0, -0.0, chosen)))
-    step = np.linspace(-1.0, 1.0, PLACES)
-    lattice = np.stack(np.meshgrid(step, step, step), axis=-1).reshape(-1, 3)
-    direction = np.repeat(chosen, len(lattice), axis=0)
+    places = on_planes()
+    direction = np.repeat(chosen, len(places), axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    origin = np.tile(lattice, (len(chosen), 1))
+    origin = np.tile(places, (len(chosen), 1))
     surfaces = triangle_surfaces(BALL)
     t, prim = nearest_hits("triangles", surfaces, origin, direction)
     other = np.zeros(len(t), bool)

@@ -41,7 +41,7 @@ def _row(name: str, method: str, fails_at: float | None, why: str) -> Row:
         quantity="cost",
         unit="triangle tests a ray",
         strengths=(2.0, 4.0, 8.0, 16.0, 32.0),
-        tolerance=2.0,
+        tolerance=3.0,  # between the 2 tests at 2 cells and the 16 at 16
         holds_at=32.0 if fails_at is None else 2.0,
         fails_at=fails_at,
         why=why,

@@ -56,7 +56,7 @@ ROWS = tuple(
     for motion, limits in zip(
         MOTIONS,
         (
-            (50.0, None, "Neighbours stay neighbours, so that their boxes stay small."),
+            (100.0, None, "Neighbours stay neighbours, so that their boxes stay small."),
             (10.0, 50.0, "Wrung neighbours part, and long boxes overlap."),
             (10.0, 50.0, "Who shares a node was decided before anything moved."),
         ),
