@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -91,6 +92,14 @@ def test_means_without_noise_are_compared_up_to_rounding() -> None:
     assert turns.compare_means(noisy(0.5, 0.0), noisy(0.500001, 0.0), range(2), 1).passed
     assert not turns.compare_means(noisy(0.5, 0.0), noisy(0.51, 0.0), range(2), 1).passed
     assert turns.compare_means(noisy(0.0, 0.0), noisy(0.0, 0.0), range(2), 1).passed
+
+
+def test_means_that_are_no_numbers_do_not_pass() -> None:
+    """In whatever channel: `max` of numbers and a NaN depends on their order."""
+    for channel in range(3):
+        z = [1.0, 1.0, 2.0]
+        z[channel] = math.nan
+        assert not turns.MeansCompared(tuple(z), (0, 0, 0), (0, 0, 0)).passed  # type: ignore[arg-type]
 
 
 def test_timed_mitsuba_renders_the_file_and_stays_alive(room: Path) -> None:

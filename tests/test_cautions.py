@@ -7,6 +7,7 @@ all pass, get none.
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,12 @@ from mitsuba_ref.command.scene_table import print_table
 from mitsuba_ref.our_renderer.picture import cautions_about
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import SceneResult
-from renderer.rendering.planning.cautions import cautions_of
-from renderer.rendering.planning.cautions.closed_meshes import encloses, is_closed
-from renderer.rendering.planning.cautions.overlap import overlap
+from renderer.rendering.planning.cautions import CHECKS, cautions_of
+from renderer.rendering.planning.cautions.closed_shapes import encloses, is_closed
+from renderer.rendering.planning.cautions.flat_faces import flat_faces
+from renderer.rendering.planning.cautions.looks import values_of
+from renderer.rendering.planning.cautions.overlap import overlap, overlapping_boxes
+from renderer.rendering.planning.cautions.surface_points import surface_points
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.planning.plan_text import plan_text
 from renderer.scene_file import read_string
@@ -71,13 +75,100 @@ def test_scenes_that_pass_get_none(path):
         # an opaque cube hides where it stands, but not from below
         (_CUBE.format(z=1, turn="", bsdf=_RED), "9,3,4", False),
         (_CUBE.format(z=1, turn="", bsdf=_RED), "9,3,-4", True),
-        # the same material, whichever is seen
-        (_CUBE.format(z=1, turn="", bsdf='<bsdf type="diffuse"/>'), "9,3,-4", False),
+        # the same material, but a floor is black from behind
+        (_CUBE.format(z=1, turn="", bsdf='<bsdf type="diffuse"/>'), "9,3,-4", True),
     ],
 )
 def test_cube_on_a_floor(body, eye, said):
     found = rows_of(_FLOOR.format(turn="") + body + _LAMP, eye=eye)
     assert found == ["coincident-surfaces"] * said
+
+
+_TWO_SIDED = '<bsdf type="twosided"><bsdf type="diffuse"/></bsdf>'
+_CHECKERS = """<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/>
+    </bsdf>"""
+
+
+def _square(bsdf, scale=1, turn=0):
+    return f"""<shape type="rectangle"><transform name="to_world"><scale value="{scale}"/>
+        <rotate x="1" angle="{turn}"/></transform>{bsdf}</shape>"""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "said"),
+    [
+        # one of the two is black, seen from anywhere
+        (_square(_RED), _square(_RED, turn=180), True),
+        (_square(_RED), _square(_RED, scale=2), False),
+        (_square(_TWO_SIDED), _square(_TWO_SIDED, turn=180), False),
+        # a texture that is given twice is equal, but for where it is
+        (_square(_CHECKERS), _square(_CHECKERS), False),
+        (_square(_CHECKERS), _square(_CHECKERS, scale=2), True),
+    ],
+)
+def test_squares_of_one_material(first, second, said):
+    assert rows_of(first + second + _LAMP) == ["coincident-surfaces"] * said
+
+
+@pytest.mark.parametrize(("eye", "said"), [("9,3,4", False), ("9,3,-4", True)])
+def test_cube_on_a_floor_with_a_post(tmp_path, eye, said):
+    """The face that touches the cube counts, not the first of the mesh."""
+    path = tmp_path / "floor.obj"
+    path.write_text(
+        "v 4 -1 0\nv 4 1 0\nv 4 0 2\nv -5 -5 0\nv 5 -5 0\nv 5 5 0\nv -5 5 0\n"
+        "f 1 2 3\nf 4 5 6\nf 4 6 7\n"
+    )
+    floor = f"""<shape type="obj"><string name="filename" value="{path}"/>
+        <bsdf type="diffuse"/></shape>"""
+    body = floor + _CUBE.format(z=1, turn="", bsdf=_RED) + _LAMP
+    assert rows_of(body, eye=eye) == ["coincident-surfaces"] * said
+
+
+@pytest.mark.parametrize("z", [-5, 5])
+def test_rug_and_lamp_of_a_room_that_is_a_cube(z):
+    room = """<shape type="cube"><boolean name="flip_normals" value="true"/>
+        <transform name="to_world"><scale value="5"/></transform>
+        <bsdf type="diffuse"/></shape>"""
+    rug = f"""<shape type="rectangle"><transform name="to_world"><translate z="{z}"/>
+        </transform>{_RED}</shape>"""
+    assert rows_of(room + rug + _LAMP, eye="3,3,1") == ["coincident-surfaces"]
+    assert rows_of(room + rug + _LAMP, eye="30,3,1") == []
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "said"),
+    [
+        (1.0, 0.0, True),  # one in the other: their tops are in one plane
+        (0.5, 2.0, False),  # one on the other
+    ],
+)
+@pytest.mark.parametrize("eye", ["9,3,4", "9,3,-4"])
+def test_two_opaque_cubes(eye, x, z, said):
+    def cube(x, y, z, bsdf):
+        return f"""<shape type="cube"><transform name="to_world">
+            <translate x="{x}" y="{y}" z="{z}"/></transform>{bsdf}</shape>"""
+
+    body = cube(0, 0, 0, _RED) + cube(x, 0.5, z, _TWO_SIDED) + _LAMP
+    assert rows_of(body, eye=eye) == ["coincident-surfaces"] * said
+
+
+@pytest.mark.parametrize(("integrator", "said"), [("depth", False), ("direct", True)])
+def test_depth_does_not_tell_materials_apart(integrator, said):
+    body = _FLOOR.format(turn="") + _CUBE.format(z=1, turn="", bsdf=_GLASS) + _LAMP
+    found = rows_of(body, integrator=integrator)
+    assert ("coincident-surfaces" in found) == said
+
+
+def test_tiles_that_share_edges_are_not_looked_at():
+    """Of 30 x 30 tiles only the halves of each share some area of their boxes."""
+    x, y = (side.ravel().astype(float) for side in np.mgrid[:30, :30])
+    square = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]])
+    tiles = (np.stack([x, y], 1)[:, None, None] + square).reshape(-1, 3, 2)
+    i, j, area = overlapping_boxes(tiles / 3.0, np.full(len(tiles), 1e-6))
+    assert set(map(frozenset, zip(i, j, strict=True))) == {
+        frozenset((k, k + 1)) for k in range(0, len(tiles), 2)
+    }
+    assert area == pytest.approx(1.0 / 9.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -129,6 +220,16 @@ def test_far_coordinates(place, said):
         ('<shape type="sphere"><point name="center" value="3,0,0"/>{glass}</shape>', False),
         ('<shape type="rectangle">{glass}</shape>', False),
         ('<shape type="sphere"><bsdf type="diffuse"/></shape>', False),
+        ('<shape type="sphere"><bsdf type="null"/></shape>', True),
+        (
+            '<shape type="cube"><bsdf type="mask"><bsdf type="diffuse"/></bsdf></shape>',
+            True,
+        ),
+        (
+            '<shape type="cube"><bsdf type="mask"><float name="opacity" value="1"/>'
+            '<bsdf type="diffuse"/></bsdf></shape>',
+            False,
+        ),
     ],
 )
 def test_lamp_in_glass(shape, said):
@@ -153,18 +254,60 @@ def test_starved_lamps(lamps, integrator, said):
     assert rows_of(floor + street, integrator=integrator) == ["lamps-starved"] * said
 
 
-def _wall_behind_glass(depth):
-    pane = _CUBE.format(z=0, turn='<translate x="2"/>', bsdf=_GLASS)
+def test_lamps_beside_small_balls():
+    """The floor, nearly all of the area, gets as much from each of 25 lamps."""
+    body = '<shape type="rectangle"><bsdf type="diffuse"/></shape>'
+    for k in range(25):
+        x, y = 0.1 * (k % 5 - 2), 0.1 * (k // 5 - 2)
+        body += f"""<emitter type="point"><point name="position" value="{x},{y},5"/>
+            </emitter><shape type="sphere"><point name="center" value="{x},{y},5.03"/>
+            <float name="radius" value="0.01"/></shape>"""
+    assert rows_of(body) == []
+
+
+def test_surface_points_are_spread_by_area():
+    """A quarter of them on the square, the rest on the ball, evenly within each."""
+    ball = f"""<shape type="sphere"><float name="radius" value="{np.sqrt(3 / np.pi)}"/>
+        </shape>"""
+    text = _FRAME.format(body=_square(_RED) + ball, eye="9,0,0", target="0,0,0", depth=2)
+    points = surface_points(read_string(text).shapes, 1024)
+    square = points.owner == 0
+    assert square.sum() == 1024 // 4
+    assert np.abs(points.position[square]).max() <= 1.0
+    assert points.position[square].mean(axis=0) == pytest.approx(np.zeros(3), abs=0.02)
+    assert points.normal[square] == pytest.approx(np.tile([0.0, 0.0, 1.0], (256, 1)))
+    away = points.position[~square] * np.sqrt(np.pi / 3)
+    assert away == pytest.approx(points.normal[~square])
+    assert away.mean(axis=0) == pytest.approx(np.zeros(3), abs=0.02)
+
+
+_CUBE_OF_GLASS = _CUBE.format(z=0, turn='<translate x="2"/>', bsdf=_GLASS)
+_PANE = """<shape type="rectangle"><transform name="to_world"><rotate y="1" angle="90"/>
+    <translate x="2"/></transform><bsdf type="dielectric"/></shape>"""
+
+
+def _wall_behind_glass(depth, pane=_CUBE_OF_GLASS, eye="30,0,0"):
     wall = """<shape type="rectangle"><transform name="to_world"><scale value="9"/>
         <rotate y="1" angle="90"/></transform><bsdf type="diffuse"/></shape>"""
     lamp = '<emitter type="point"><point name="position" value="0.5,0,3"/></emitter>'
-    return {"body": pane + wall + lamp, "eye": "30,0,0", "depth": depth}
+    return {"body": pane + wall + lamp, "eye": eye, "depth": depth}
 
 
-@pytest.mark.parametrize(("depth", "said"), [(2, True), (3, True), (4, False)])
-def test_depth_in_glass(depth, said):
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (_wall_behind_glass(2), True),
+        (_wall_behind_glass(3), True),
+        (_wall_behind_glass(4), False),
+        # one surface to go through: a pane without a back, and from within
+        (_wall_behind_glass(2, _PANE), True),
+        (_wall_behind_glass(3, _PANE), False),
+        (_wall_behind_glass(2, eye="2.5,0,0"), True),
+        (_wall_behind_glass(3, eye="2.5,0,0"), False),
+    ],
+)
+def test_depth_in_glass(given, said):
     """Said of just those depths at which a wall behind glass is black."""
-    given = _wall_behind_glass(depth)
     assert rows_of(**given) == ["glass-depth"] * said
     text = _FRAME.format(target="0,0,0", **given)
     picture = renderer.render(renderer.load_string(text), spp=16).pixels
@@ -221,6 +364,39 @@ def test_rows_exist():
     """Each row that a caution names is one of the atlas."""
     from reports.limits.atlas import ATLAS
 
-    named = {"coincident-surfaces", "point-light-behind-glass", "lamps-starved"}
-    named |= {"glass-depth", "far-from-origin"}
-    assert named <= {row.name for row in ATLAS}
+    assert set(CHECKS) <= {row.name for row in ATLAS}
+
+
+@dataclass(slots=True)
+class _Slotted:
+    """What a plugin may hold: without `__dict__`, and not hashable."""
+
+    data: object
+
+
+def test_equal_descriptions_have_equal_values():
+    def slotted(last):
+        return {"a": [_Slotted(np.array([1.0, last])), {"b": (1, None)}]}
+
+    assert values_of(slotted(2.0)) == values_of(slotted(2.0)) != values_of(slotted(3.0))
+    assert hash(values_of(slotted({1, 2}))) is not None
+    assert values_of(np.zeros((2, 1))) != values_of(np.zeros((1, 2)))
+
+
+def test_what_fails_in_a_caution_breaks_no_scene(tmp_path, monkeypatch):
+    def fail(scene, plan):
+        raise TypeError("unhashable")
+
+    monkeypatch.setattr("renderer.rendering.planning.cautions.CHECKS", {"row": fail})
+    path = tmp_path / "scene.xml"
+    path.write_text(_FRAME.format(target="0,0,0", **_wall_behind_glass(3)))
+    assert cautions_about(RenderRequest(str(path))) == ()
+
+
+def test_faces_without_area_are_left_out():
+    flat = """<shape type="cube"><transform name="to_world"><scale x="1" y="1" z="1e-30"/>
+        </transform><bsdf type="diffuse"/></shape>"""
+    text = _FRAME.format(body=flat, eye="9,0,0", target="0,0,0", depth=2)
+    faces = flat_faces(read_string(text).shapes)
+    assert np.all(faces.area > 0.0)
+    assert np.linalg.norm(faces.normal, axis=1) == pytest.approx(np.ones(len(faces.area)))

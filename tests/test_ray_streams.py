@@ -9,7 +9,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from agreement import assert_agrees, assert_same, extents_for, reach_of
-from kernel_probes import accelerator, blocked, closest, directions, soup
+from kernel_probes import (
+    Found,
+    accelerator,
+    blocked,
+    closest,
+    directions,
+    fill,
+    soup,
+    trace,
+    workspace,
+)
 from soups import awkward_rays
 
 from renderer.accelerators.bvh.octants import STREAM
@@ -87,6 +97,41 @@ def test_rays_from_afar_among_near_ones(brute):
     wide = accelerator("triangles", SURFACES, "wide", reach_of(origin))
     truth = closest(brute, origin, direction)
     assert_agrees(wide, truth, origin, direction, INF, "from afar")
+
+
+@pytest.mark.parametrize("distance", [30.0, 1e3, 1e6])
+def test_a_ray_from_afar_costs_the_others_nothing(wide, distance):
+    """One in each octant. It would make all boxes larger by the rounding of its origin."""
+    origin, direction = rays(STREAM)
+    alone = make_tally(STREAM)
+    closest(wide, origin, direction, tally=alone)
+    far = np.zeros(STREAM, bool)
+    for octant in range(8):
+        signs = [1.0 - 2.0 * (octant >> axis & 1) for axis in range(3)]
+        far[np.flatnonzero((direction * signs > 0.0).all(axis=1))[0]] = True
+    origin[far] = -distance * direction[far]
+    mixed = make_tally(STREAM)
+    closest(wide, origin, direction, tally=mixed)
+    for row in (NODES, BOXES, PRIMITIVES):
+        others = mixed[row, :STREAM][~far].sum() / alone[row, :STREAM][~far].sum()
+        assert 0.9 < others < 1.2, row
+
+
+def test_a_part_in_the_middle_of_a_batch_is_a_stream_too(brute, wide):
+    """From no multiple of 16 on; what lies before and behind is left alone."""
+    first, count = 7, 3 * FEW
+    found = []
+    for accel in (brute, wide):
+        work = workspace(STREAM)
+        fill(work.rays, *rays(STREAM))
+        work.hits.t[:] = INF
+        work.hits.prim[:] = -1
+        trace(accel, work, first, count, False, None)
+        found.append(Found(*(row[:STREAM] for row in work.hits[:4])))
+    truth, mine = found
+    assert_same(mine, truth, "a part")
+    hit = np.flatnonzero(mine.prim >= 0)
+    assert len(hit) > 10 and first <= hit.min() and hit.max() < first + count
 
 
 @pytest.mark.parametrize("ask", [closest, blocked])

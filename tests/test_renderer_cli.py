@@ -373,6 +373,14 @@ def test_samples_are_rounded_as_mitsuba_rounds_them(capsys, sampler, asked, coun
     assert (f"({asked} asked for; the sampler needs" in words) == (asked != count)
 
 
+@pytest.mark.parametrize(("spp", "net"), [(3000, 4096), (4096, None), (5000, None)])
+def test_a_net_is_recommended_where_there_is_one(spp, net):
+    """Those with matrices of their own end at 4096 points."""
+    scene = renderer.load_file(CORNELL)
+    lines = " ".join(make_plan(scene, spp=spp, sampler="sobol").lines)
+    assert (f"({net} would be a net" in lines) == ("would be a net" in lines) == bool(net)
+
+
 def test_more_samples_of_a_fixed_grid_are_a_finer_grid():
     """Mitsuba's `stratified` without jitter takes 16 positions when asked for 16."""
     scene = renderer.load_file(SCENES / "appel-teapot" / "scene.xml")

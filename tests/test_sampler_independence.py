@@ -99,6 +99,33 @@ def test_other_numbers_of_any_pixel_are_independent(sampler, changed):
         assert np.abs(z).max() < limit(N)
 
 
+DEEP = 1 << 20  # blocks of a bounce
+
+
+@pytest.mark.parametrize("sampler", [*SAMPLERS, make_sobol(7, 1)], ids=label)
+@pytest.mark.parametrize(
+    ("block", "far"),
+    [
+        (1, 1 + 4096 * DEEP),
+        (1, 1 + 6144 * DEEP),
+        (2, 2 + 4096),
+        (2, 2 + 4097),
+        (2 + DEEP, 2 + 65536),
+    ],
+    ids=["bounce 4096", "bounce 6144", "light 4096", "light 4097", "light 65536"],
+)
+def test_deep_bounces_and_far_lights_have_numbers_of_their_own(sampler, block, far):
+    """The numbers of a block have 32 bits in a hash: none comes again where they end.
+
+    Sixteen correlations over 2^16 pixels, all cases together 640: by chance once in 2700;
+    a correlation of 0.029 is found with 99 %. Numbers that come again have one of 1.
+    """
+    pixels = PIXELS[: 1 << 16]
+    both = [(draw(sampler, pixels, 0, b) - 0.5) * np.sqrt(12) for b in (block, far)]
+    z = both[0] @ both[1].T / np.sqrt(pixels.size)
+    assert np.abs(z).max() < 5
+
+
 EDGES = np.linspace(0, 1, 9)
 EVEN = np.full((8, 8), 1 / 64)
 

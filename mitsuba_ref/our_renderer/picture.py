@@ -106,7 +106,6 @@ def read_scene(request: RenderRequest) -> SceneDescription:
 
 def cautions_about(request: RenderRequest) -> tuple[str, ...]:
     """Return what is known to fail in the scene of a request; none if we refuse it."""
-    from renderer.errors import SceneError
     from renderer.rendering.planning.cautions import cautions_of
     from renderer.rendering.planning.plan import make_plan
     from renderer.scene.scene import build_scene
@@ -114,7 +113,7 @@ def cautions_about(request: RenderRequest) -> tuple[str, ...]:
     try:
         scene = build_scene(read_scene(request))
         return tuple(str(caution) for caution in cautions_of(scene, make_plan(scene)))
-    except SceneError:  # its rendering says so
+    except Exception:  # a refusal, which its rendering says; no remark breaks a scene
         return ()
 
 

@@ -1,19 +1,20 @@
-"""`python -m reports.equal_error`: what samplers and renderers are worth at equal error.
+"""`python -m reports.equal_error`: error times time of samplers and renderers.
 
 Several scenes, samplers and seeds in turn: ours and Mitsuba, `scalar_rgb` and, where it
 runs, `llvm_ad_rgb`. The formula is `mitsuba_ref.statistics.equal_error`. Nothing is timed
-before the means of both renderers' pictures agree.
+before the means of all contenders' pictures agree with those of one of Mitsuba's.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
+import math
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +27,12 @@ from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from mitsuba_ref.statistics.equal_error import geometric_mean, relative_mse_of, worth
+from mitsuba_ref.statistics.equal_error import geometric_mean, relative_mse_of
 from renderer.errors import SceneError
 from renderer.names import SAMPLERS
+from renderer.scene_file.objects.samplers import round_sample_count
 from reports.commands.pages import DEFAULT_OUT, WRONG_USE
-from reports.records.circumstances import Circumstances
+from reports.records.equal_error import OURS, EqualError, SceneWorth, Worth
 from reports.records.errors import ReportError
 from reports.records.json_file import write_json
 from reports.speed import turns
@@ -38,7 +40,6 @@ from reports.speed.measure import scene_file
 
 SCHEMA = 1
 SCENES = ("cornell-box", "textured-room", "caustic", "instances")
-OURS = "lightproof"
 OUR_SAMPLERS = ("independent", "multijitter", "sobol")
 PEERS = ("scalar_rgb", "llvm_ad_rgb")
 THEIR_SAMPLERS = ("independent", "multijitter", "stratified")
@@ -48,50 +49,6 @@ REFERENCE_SEED = 1_000_000  # far from those of the pictures that are judged
 # (seed, samples) -> seconds and picture
 Shot = tuple[float, NDArray[np.float64]]
 Contender = Callable[[int, int], Shot]
-
-
-@dataclass(frozen=True)
-class Worth:
-    """The pictures of one renderer with one sampler."""
-
-    renderer: str
-    sampler: str
-    errors: list[float]  # relMSE, one a seed
-    seconds: list[float]
-
-    @property
-    def value(self) -> float:
-        """1 / (relMSE x seconds)."""
-        return worth(self.errors, self.seconds)
-
-
-@dataclass(frozen=True)
-class SceneWorth:
-    """One scene."""
-
-    scene: str
-    width: int
-    height: int
-    reference: str  # whose, and how many samples
-    contenders: list[Worth]
-    unavailable: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def ratio(self) -> float:
-        """Our best sampler's worth, divided by that of the best of all others."""
-        ours = [one.value for one in self.contenders if one.renderer == OURS]
-        theirs = [one.value for one in self.contenders if one.renderer != OURS]
-        return max(ours) / max(theirs)
-
-
-@dataclass(frozen=True, kw_only=True)
-class EqualError(Circumstances):
-    """A whole equal_error.json."""
-
-    spp: int
-    seeds: int
-    threads: int
-    scenes: list[SceneWorth]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -127,7 +84,8 @@ def measure(
     Raises
     ------
     ReportError
-        If the image means differ by more than noise: then nothing is timed.
+        If image means differ by more than noise: then nothing is timed. If a picture holds
+        what is no number.
     """
     size = None if given.full else read_proof(path).test
     parameters = {} if size is None else {k: str(v) for k, v in size.parameters.items()}
@@ -140,35 +98,45 @@ def measure(
             contenders[OURS, sampler] = _ours(path, parameters, sampler, given.threads)
         for variant in PEERS:
             try:
-                for sampler in THEIR_SAMPLERS:
-                    peer = TimedMitsuba(variant, path, parameters, given.threads, sampler)
-                    shots = _theirs(stack.enter_context(peer), folder / "picture.npy")
-                    shots(0, given.spp)  # warm, and known to work
-                    contenders[f"mitsuba {variant}", sampler] = shots
+                with ExitStack() as opened:
+                    all_work: dict[tuple[str, str], Contender] = {}
+                    for sampler in THEIR_SAMPLERS:
+                        peer = opened.enter_context(
+                            TimedMitsuba(variant, path, parameters, given.threads, sampler)
+                        )
+                        shots = _theirs(peer, folder / "picture.npy")
+                        shots(0, given.spp)  # warm, and known to work
+                        all_work[f"mitsuba {variant}", sampler] = shots
+                    stack.push(opened.pop_all())
+                contenders |= all_work
             except MitsubaError as error:
                 unavailable[f"mitsuba {variant}"] = str(error)
         theirs = [name for name, _ in contenders if name != OURS]
         if not theirs:
             raise ReportError(f"{path}: Mitsuba renders it in no variant: {unavailable}")
-        fastest = theirs[-1]
-        _compare(
-            path, contenders[OURS, given.samplers[0]], contenders[fastest, "independent"]
-        )
-        say(f"{path.parent.name}: reference, {given.reference} samples of {fastest}")
-        reference = _reference(
-            contenders[fastest, "multijitter"], given.reference, given.spp
-        )
+        judge = theirs[-1]  # the last that works: any would do
+        say(f"{path.parent.name}: image means of {len(contenders)} contenders")
+        _compare(path, contenders, (judge, "independent"))
+        pictures = math.ceil(given.reference / given.spp)
+        taken = pictures * round_sample_count("multijitter", given.spp)
+        origin = f"{taken} samples of {judge}, multijitter, in {pictures} pictures"
+        say(f"{path.parent.name}: reference, {origin}")
+        reference = _reference(contenders[judge, "multijitter"], pictures, given.spp)
         found = {key: Worth(*key, [], []) for key in contenders}
         for seed in range(given.seeds):
             say(f"{path.parent.name}: seed {seed + 1} of {given.seeds}")
             for key, contender in contenders.items():
                 seconds, picture = contender(seed, given.spp)
                 found[key].seconds.append(seconds)
-                found[key].errors.append(relative_mse_of(picture, reference))
+                try:
+                    found[key].errors.append(relative_mse_of(picture, reference))
+                except ValueError as error:
+                    raise ReportError(
+                        f"{path}: {' '.join(key)}, seed {seed}: {error}"
+                    ) from error
     height, width = reference.shape[:2]
-    text = f"{given.reference} samples of {fastest}, multijitter"
     return SceneWorth(
-        path.parent.name, width, height, text, list(found.values()), unavailable
+        path.parent.name, width, height, origin, list(found.values()), unavailable
     )
 
 
@@ -193,10 +161,16 @@ def _theirs(peer: TimedMitsuba, picture: Path) -> Contender:
     return render
 
 
-def _compare(path: Path, ours: Contender, theirs: Contender) -> None:
-    """Refuse to time pictures that have other means."""
+def _compare(
+    path: Path, contenders: dict[tuple[str, str], Contender], judge: tuple[str, str]
+) -> None:
+    """Refuse to time pictures that have other means than the judge's.
+
+    Eight contenders that are right are refused by chance for one scene in 200, at most.
+    """
 
     def with_mean(contender: Contender) -> turns.Contender:
+        @functools.cache  # the judge is asked again for each of the others
         def render(seed: int, spp: int) -> turns.Render:
             seconds, picture = contender(seed, spp)
             red, green, blue = (float(value) for value in picture.mean(axis=(0, 1)))
@@ -204,18 +178,23 @@ def _compare(path: Path, ours: Contender, theirs: Contender) -> None:
 
         return render
 
-    means = turns.compare_means(with_mean(ours), with_mean(theirs), CHECK_SEEDS, CHECK_SPP)
-    if not means.passed:
-        raise ReportError(
-            f"{path}: image means {means.first} and {means.second} are {means.z} standard "
-            "errors apart; nothing was timed"
-        )
+    judged_by = with_mean(contenders[judge])
+    for key, contender in contenders.items():
+        if key == judge:
+            continue
+        means = turns.compare_means(with_mean(contender), judged_by, CHECK_SEEDS, CHECK_SPP)
+        if not means.passed:
+            raise ReportError(
+                f"{path}: image means of {' '.join(key)} {means.first} and of "
+                f"{' '.join(judge)} {means.second} are {means.z} standard errors apart; "
+                "nothing was timed"
+            )
 
 
-def _reference(contender: Contender, spp: int, part: int) -> NDArray[np.float64]:
-    """Return the mean of pictures of `part` samples each, `spp` or more in all."""
-    seeds = range(REFERENCE_SEED, REFERENCE_SEED + -(-spp // part))
-    return np.asarray(np.mean([contender(seed, part)[1] for seed in seeds], axis=0))
+def _reference(contender: Contender, pictures: int, spp: int) -> NDArray[np.float64]:
+    """Return the mean of pictures of `spp` samples each."""
+    seeds = range(REFERENCE_SEED, REFERENCE_SEED + pictures)
+    return np.asarray(np.mean([contender(seed, spp)[1] for seed in seeds], axis=0))
 
 
 def _say(console: Console, text: str) -> None:
@@ -223,17 +202,20 @@ def _say(console: Console, text: str) -> None:
 
 
 def _table(record: EqualError) -> Table:
-    mean = geometric_mean([scene.ratio for scene in record.scenes])
+    scenes = record.scenes
+    mean = geometric_mean([scene.ratio for scene in scenes])
+    error = math.hypot(*(scene.log_error for scene in scenes)) / len(scenes)
     table = Table(
         title=f"{record.spp} samples, {record.seeds} seeds, {record.threads} workers each",
-        caption=f"ours / best of Mitsuba, geometric mean: {mean:.2f}",
+        caption=f"ours / best of Mitsuba at {record.spp} samples, geometric mean: "
+        f"{_with_error(mean, error)}",
         title_justify="left",
         caption_justify="left",
     )
     for heading in ("scene", "renderer", "sampler", "seconds", "relMSE", "1/(relMSE s)"):
         justify = "left" if heading in ("scene", "renderer", "sampler") else "right"
         table.add_column(heading, justify=justify)  # type: ignore[arg-type]
-    for scene in record.scenes:
+    for scene in scenes:
         for one in scene.contenders:
             spread = np.std(one.errors, ddof=1) / len(one.errors) ** 0.5
             table.add_row(
@@ -244,11 +226,16 @@ def _table(record: EqualError) -> Table:
                 f"{np.mean(one.errors):.3g} ± {spread:.1g}",
                 f"{one.value:.4g}",
             )
-        table.add_row(scene.scene, "ours / best", "", "", "", f"{scene.ratio:.3g}")
+        ratio = _with_error(scene.ratio, scene.log_error)
+        table.add_row(scene.scene, "ours / best", f"{record.spp} samples", "", "", ratio)
         for name in scene.unavailable:
             table.add_row(scene.scene, name, "not available")
         table.add_section()
     return table
+
+
+def _with_error(ratio: float, log_error: float) -> str:
+    return f"{ratio:.3g} ± {ratio * log_error:.1g}"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -260,9 +247,14 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("scenes", nargs="*", metavar="SCENE", help=f"of scenes/, or files {SCENES}")
     add("--samplers", nargs="+", choices=SAMPLERS, default=list(OUR_SAMPLERS), help="ours")
-    add("--spp", type=int, default=64, help="samples per pixel")
+    add("--spp", type=_one_or_more, default=64, help="samples per pixel")
     add("--seeds", type=_two_or_more, default=4, help="pictures of each contender")
-    add("--reference", type=int, default=2048, help="samples of the reference")
+    add(
+        "--reference",
+        type=_one_or_more,
+        default=2048,
+        help="samples of the reference, or a few more",
+    )
     add("--threads", type=_two_or_more, default=2, help="workers of each renderer")
     add("--full", action="store_true", help="the files' sizes, not those of the tests")
     add(
@@ -271,8 +263,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _one_or_more(text: str) -> int:
+    return _at_least(1, text)
+
+
 def _two_or_more(text: str) -> int:
+    return _at_least(2, text)
+
+
+def _at_least(least: int, text: str) -> int:
     value = int(text)
-    if value < 2:
-        raise argparse.ArgumentTypeError(f"{value}: must be 2 or more")
+    if value < least:
+        raise argparse.ArgumentTypeError(f"{value}: must be {least} or more")
     return value

@@ -162,8 +162,8 @@ DEFECTS = (
         (
             Edit(
                 "kinds/sampling/numbers_and_warps.py",
-                "splat_u32(np.uint32(block)),\n        splat_u32(np.uint32(seed)),",
-                "splat_u32(np.uint32(block)),\n        splat_u32(np.uint32(0)),",
+                "_block_bits(block),\n        splat_u32(np.uint32(seed)),",
+                "_block_bits(block),\n        splat_u32(np.uint32(0)),",
             ),
         ),
         scene="cornell-box",

@@ -32,26 +32,30 @@ from renderer.lanes.vectors import gather3, load3
 
 STREAM = 1024  # rays that go together at most
 ROW = STREAM + 32
-_NOBODY = 8  # in place of an octant: the ray has no answer to find
+AFAR = 8  # in place of an octant: origins whose rounding would spoil the boxes of others
+_NOBODY = 9  # and rays that have no answer to find
 
 
 class Octant(NamedTuple):
     """The rays of one octant, side by side; first the octants of a whole batch."""
 
-    octant: Any  # (STREAM,) int32 of each ray of the batch
-    number: Any  # (STREAM,) int32 in the batch
-    t: Any  # (STREAM,) float32 where they end
-    inverse_x: Any  # (STREAM,) float32 1 / direction
+    octant: Any  # (ROW,) int32 of each ray of the batch
+    number: Any  # (ROW,) int32 in the batch
+    t: Any  # (ROW,) float32 where they end
+    inverse_x: Any  # (ROW,) float32 1 / direction
     inverse_y: Any
     inverse_z: Any
-    start_x: Any  # (STREAM,) float32 origin / direction
+    start_x: Any  # (ROW,) float32 origin / direction
     start_y: Any
     start_z: Any
 
 
 @kernel
-def write_octants(query, begin, end, few, rows):
-    """Note the octant of each direction; 0 for all where they will not go together."""
+def write_octants(query, begin, end, few, near, rows):
+    """Note the octant of each direction; 0 for all where they will not go together.
+
+    Rays from where |x| + |y| + |z| is more than `near` are `AFAR`.
+    """
     one, none = splat_i32(1), splat_i32(0)
     for i in range(begin, end, 16):
         d = load3(query.direction, i)
@@ -60,8 +64,10 @@ def write_octants(query, begin, end, few, rows):
             | select(d.y < 0.0, one << 1, none)
             | select(d.z < 0.0, one << 2, none)
         )
-        octant = none if few else octant
-        asked = is_finite_ray(load3(query.origin, i), d) & ~_shut(query, i)
+        origin = load3(query.origin, i)
+        far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z) > near
+        octant = none if few else select(far, AFAR, octant)
+        asked = is_finite_ray(origin, d) & ~_shut(query, i)
         store_row(rows.octant, 0, i - begin, select(asked, octant, _NOBODY))
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from renderer.accelerators.bvh.bvh import STRETCH
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
 from renderer.accelerators.bvh.octants import (
+    AFAR,
     ROW,
     STREAM,
     Octant,
@@ -68,6 +69,9 @@ from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 
 # Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
 SHORT = 6
+# Rays from farther than this many times the tree's reach go one by one: boxes are larger by
+# the margin of the farthest origin. With one at 1e6 a thousand others tested all.
+NEAR = np.float32(8.0)
 # A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
 _LEVEL = ROW + ROW // 2 + 32
 _LISTS = (MAX_DEPTH + 2) * _LEVEL
@@ -107,17 +111,29 @@ def trace_stream(accel, query, first, count, tally):
     stream = _Stream(
         rows, local_i32(_LISTS), local_i32(_STACK), local_f32(48), local_i32(16)
     )
+    near = NEAR * _reach(accel)
     for begin in range(first, first + count, STREAM):
         end = min(begin + STREAM, first + count)
         few = end - begin < accel.few
-        write_octants(query, begin, end, few, rows)
-        for octant in range(1 if few else 8):
+        write_octants(query, begin, end, few, near, rows)
+        for octant in range(1 if few else AFAR + 1):
             n = select_octant(begin, end, octant, rows)
             if n == 0:
                 continue
             margin = lay_out(query, rows, n)
-            short = n if few else np.int64(SHORT)
+            short = n if few or octant == AFAR else np.int64(SHORT)
             _descend(accel, query, stream, n, short, octant, margin, tally)
+
+
+@kernel
+def _reach(accel):
+    """Return |x| + |y| + |z| of the farthest corner of the root's box."""
+    reach = np.float32(0.0)
+    for axis in range(3):
+        low = load_one(accel.floats, 0, ORIGIN + axis)
+        high = low + np.float32(255.0) * load_one(accel.floats, 0, SCALE + axis)
+        reach += max(abs(low), abs(high))
+    return reach
 
 
 @kernel
@@ -133,8 +149,8 @@ def _descend(accel, query, stream, n, short, octant, margin, tally):
         if m <= short:
             _hand_over(accel, query, stream, place, m, node, tally)
         elif node >= 0:
-            _add_node(tally, stream, place, m, depth)
             depth = _divide(accel, node, octant, margin, stream, place, m, depth)
+            _add_node(tally, stream, place, m, depth)
         else:
             _add_primitives(tally, accel.blocks, ~node, stream, place, m)
             meet_leaf(accel.blocks, ~node, query, stream.rows, stream.lists, place, m)

@@ -42,6 +42,9 @@ _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 FILM_BLOCK = 0
 BLOCKS_PER_BOUNCE = 1 << 20
 APERTURE_BLOCK = BLOCKS_PER_BOUNCE
+# What chooses by the first of a pair takes log2(count) of its 24 bits: of 4096 things, each
+# has 4096 places left, and their mean is 0.4999. More are chosen by a number of its own.
+MOST_BY_PAIR = 4096
 
 
 class Independent(NamedTuple):
@@ -89,12 +92,22 @@ def unit_float(bits):
 
 
 @kernel
+def _block_bits(block):
+    """Return 32 bits of a block; those of bounces 4096 apart differ too.
+
+    Where only the uppermost bit differs (bounces 2048 apart, of strata 1024), the hash is
+    weak: the first numbers of two such blocks correlate by 0.04.
+    """
+    return splat_u32(np.uint32(block + (block >> 32) * 0x9E3779B1))
+
+
+@kernel
 def hash_floats(seed, pixel, sample, block):
     """Return four lanes of independent numbers in [0, 1)."""
     a, b, c, d = hash4(
         pixel,
         splat_u32(np.uint32(sample)),
-        splat_u32(np.uint32(block)),
+        _block_bits(block),
         splat_u32(np.uint32(seed)),
     )
     return unit_float(a), unit_float(b), unit_float(c), unit_float(d)
@@ -189,7 +202,7 @@ def _draw_stratified(sampler, pixel, sample, block):
     keys = hash4(
         pixel,
         splat_u32(np.uint32(grid)),
-        splat_u32(np.uint32(2 * block + 1)),
+        _block_bits(2 * block + 1),
         splat_u32(np.uint32(sampler.seed)),
     )
     amount = np.float32(sampler.jitter)
@@ -219,8 +232,8 @@ def choose_from_draw(sampler: Any, x: Any, w: Any, count: int) -> Any:
     -------
     chosen, x
         What is left of the first number. Where pairs are well spread it is the one that
-        chooses: the samples of each thing are then as well spread as those of all, and no
-        random part of them.
+        chooses, unless there are too many things: the samples of each thing are then as
+        well spread as those of all, and no random part of them.
     """
 
 
@@ -241,7 +254,9 @@ def _choose_by_last(sampler, x, w, count):
 
 @kernel
 def choose_by_pair(sampler, x, w, count):
-    """Choose by the first number of a pair."""
+    """Choose by the first number of a pair, where enough is left of it."""
+    if count > MOST_BY_PAIR:
+        return _choose_by_last(sampler, x, w, count)
     chosen, rest = choose_one(x, count)
     return chosen, _in_unit(rest)
 

@@ -92,7 +92,10 @@ def _group_of(block):
     if block == APERTURE_BLOCK:
         return np.int64(0), _LOBE, _LIGHT_PART
     if turn >= 0:  # of several lights at one point, one shares the group of the point
-        return bounce + turn * BLOCKS_PER_BOUNCE, _LIGHT, _LIGHT_PART
+        # A group has 32 bits: from light 4096 on, the upper bits of its number would be
+        # lost (and light 4096 have the points of light 0). They go below the lower ones.
+        turn = (turn << 20) + (turn >> 12 << 12)
+        return bounce + turn, _LIGHT, _LIGHT_PART
     return bounce + turn + 2, _DIRECTION, _LOBE
 
 

@@ -16,13 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 DIGITS = 32
-_KNOWN = 12  # bits of an index that the search looked at
 
-# Columns of the matrices of the second to the fourth pair, the lowest row is the lowest bit
+# Columns of the matrices of the second to the fourth pair; the lowest row is the lowest
+# bit. The search looked at the first twelve of the sequence; chance made the others.
 _SEQUENCE = (
-    "1 3 4 d 1b 29 41 91 194 272 646 e08",
-    "1 2 6 c 10 3a 46 85 1c6 3d1 565 d62",
-    "1 3 4 b 16 35 5f a2 110 376 5eb f72",
+    "1 3 4 d 1b 29 41 91 194 272 646 e08 1d9c 3461 60b6 a288 14ecd 214fa 44d0b 821d9 "
+    "12cde5 3a064f 699007 f4d52c 180edb2 33698f6 7e20a69 dd6024a 1a1dc7fb 3165603c "
+    "63d5affb f7b07403",
+    "1 2 6 c 10 3a 46 85 1c6 3d1 565 d62 1792 3060 7054 f9a8 108ec 249cf 74ab1 f96d5 "
+    "13fcd7 29fa85 779e1c b62f8f 145ee6d 3a7c8a2 50728eb b460a32 1a4d1fa2 31964580 "
+    "457cc098 83870e99",
+    "1 3 4 b 16 35 5f a2 110 376 5eb f72 1d66 285f 46fe a634 169ef 3a0e2 5ce19 8bc3e "
+    "155bae 333406 740b4b dd4178 1fe2bfb 2603491 7855a7a 870f0b7 18ee7e46 28cc8c8f "
+    "4ce2f272 d426c3d9",
 )
 _NETS = {
     1: (
@@ -129,11 +135,7 @@ def sequence_digits() -> NDArray[np.uint32]:
                 digits ^= sum(1 << r for r in range(k + 1) if r & ~k == 0)
         return digits
 
-    pairs = [_powers(DIGITS)]
-    for pair, text in enumerate(_SEQUENCE):
-        chosen = np.random.default_rng(pair).integers(0, 1 << np.arange(_KNOWN, DIGITS))
-        more = zip(_powers(DIGITS)[_KNOWN:], chosen.tolist(), strict=True)
-        pairs.append(_numbers(text) + [diagonal | above for diagonal, above in more])
+    pairs = [_powers(DIGITS), *(_numbers(text) for text in _SEQUENCE)]
     return _table(pairs, lambda point: point, second)
 
 

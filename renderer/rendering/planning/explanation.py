@@ -15,6 +15,7 @@ from renderer.integrators.registry import INTEGRATORS
 from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
+from renderer.kinds.sampling.sobol_digits import net_digits
 from renderer.scene.scene import KINDS, Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -205,7 +206,9 @@ def explain_samples(
     if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
     if name == "sobol" and count.bit_count() > 1:
-        text += f" ({1 << count.bit_length()} would be a net, of less error for its time)"
+        bits = count.bit_length()
+        if net_digits(bits) is not None:
+            text += f" ({1 << bits} would be a net, of less error for its time)"
     why.say("samples", text)
 
 

@@ -115,7 +115,8 @@ ROWS = (
         tolerance=0.01,
         holds_at=1e9,
         fails_at=None,
-        why="It does not matter which of them is seen.",
+        why="It does not matter which of them is seen, if their normals point to one side "
+        "and no texture tells them apart.",
         instead="This is the scene to use, if the surfaces have to coincide.",
         source="measured here",
     ),

@@ -2,189 +2,182 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.rendering.planning.cautions.caution import Caution, listed, name_of
-from renderer.rendering.planning.cautions.closed_meshes import is_closed
-from renderer.rendering.planning.cautions.overlap import overlap
+from renderer.rendering.planning.cautions.caution import listed, name_of
+from renderer.rendering.planning.cautions.closed_shapes import encloses, outward
+from renderer.rendering.planning.cautions.flat_faces import Faces, Floats, flat_faces
+from renderer.rendering.planning.cautions.looks import look_of
+from renderer.rendering.planning.cautions.overlap import overlap, overlapping_boxes
 from renderer.scene.materials import kind_of, sides
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import Disk, Mesh, Rectangle, Shape
+from renderer.scene_file.description import Mesh, Shape
 
 if TYPE_CHECKING:
     from renderer.rendering.planning.plan import Plan
 
-Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 GAP = 1e-7  # of the coordinates and of the distance from the camera
 ALIKE = 2e-5  # normals are taken together within this
 MOST_FACES = 400_000  # in all; more are not looked at
-MOST_IN_A_PLANE = 2000
+MOST_IN_A_PLANE = 2000  # faces; a plane of more is not looked at
+MOST_TRIED = 64  # pairs of faces of two shapes in one plane
+MOST_TRIED_IN_ALL = 5_000  # as many take 0.8 s
 LEAST_SHARE = 1e-3  # of the smaller triangle, that the overlap must have
-_TURNS = 2.0 * np.pi * np.arange(24) / 24
-_POLYGON = np.stack([np.cos(_TURNS), np.sin(_TURNS), 0 * _TURNS, 0 * _TURNS + 1], axis=1)
-_SQUARE = np.array([[-1, -1, 0, 1], [1, -1, 0, 1], [1, 1, 0, 1], [-1, 1, 0, 1]], float)
+LEAST_APART = 1e-3  # of a texture's square
 
 
-def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[Caution]:
+def coincident_surfaces(scene: Scene, plan: Plan) -> Iterator[str]:
     """Find rectangles, disks and faces of meshes that lie on one another.
 
     Where an opaque closed mesh stands on something, the place where they touch is not
-    seen from its side, so that nothing is said if the camera is on that side.
+    seen from its side, so that nothing is said if the camera is on that side and not
+    inside of the mesh. Curved surfaces and instances are not looked at, nor faces of one
+    mesh on one another, and no more than the numbers above.
     """
-    shapes = scene.description.shapes
-    triangles, owner = _triangles(shapes)
-    looks = _looks(shapes)
-    if not 0 < len(triangles) <= MOST_FACES or looks.max(initial=0) == 0:
+    shows_material = "albedo" in (kind for _, kind in scene.description.integrator.aovs)
+    if not plan.kind.sees_lights and not shows_material:
         return
-    eye = scene.description.camera.to_world[:3, 3]
-    pairs: set[tuple[int, int]] = set()
-    for members in _planes(triangles, owner, looks, eye):
-        pairs |= _overlapping(triangles, owner, looks, members, eye)
+    shapes = scene.description.shapes
+    faces = flat_faces(shapes)
+    if not 0 < len(faces.owner) <= MOST_FACES or np.ptp(faces.owner) == 0:
+        return
     seen = sorted(
-        pair for pair in pairs if not _hidden(shapes, triangles, owner, pair, eye)
+        _Touching(shapes, faces, scene.description.camera.to_world[:3, 3]).pairs()
     )
     if seen:
         named = [f"{name_of(shapes[a])} on {name_of(shapes[b])}" for a, b in seen]
-        yield Caution(
-            f"pairs of surfaces of different material in one plane: {len(seen)} "
-            f"({listed(named)}); rounding decides which of the two is seen",
-            "coincident-surfaces",
+        yield (
+            f"pairs of surfaces of different look in one plane: {len(seen)} "
+            f"({listed(named)}); rounding decides which of the two is seen"
         )
 
 
-def _triangles(shapes: tuple[Shape, ...]) -> tuple[Floats, NDArray[np.int64]]:
-    """Return the corners (n, 3, 3) of all that is flat, and whose they are (n,)."""
-    corners, owner = [np.zeros((0, 3, 3))], [np.zeros(0, np.int64)]
-    for index, shape in enumerate(shapes):
-        if isinstance(shape, Rectangle):
-            placed = (_SQUARE @ shape.to_world.T)[:, :3]
-            faces = placed[[[0, 1, 2], [0, 2, 3]]]
-        elif isinstance(shape, Disk):
-            placed = (_POLYGON @ shape.to_world.T)[:, :3]
-            faces = placed[[[0, k, k + 1] for k in range(1, len(placed) - 1)]]
-        elif isinstance(shape, Mesh):
-            faces = shape.vertices.astype(np.float64)[shape.faces]
-        else:
-            continue
-        corners.append(faces)
-        owner.append(np.full(len(faces), index))
-    return np.concatenate(corners), np.concatenate(owner)
+class _Touching:
+    """Finds the pairs of shapes that share some area of a plane which the eye may see."""
+
+    def __init__(self, shapes: tuple[Shape, ...], faces: Faces, eye: Floats) -> None:
+        self.shapes, self.faces, self.eye = shapes, faces, eye
+        looks = [look_of(shape) for shape in shapes]
+        known: dict[object, int] = {}
+        self.look = np.array([known.setdefault(v.values, len(known)) for v in looks])
+        self.one_sided = np.array([v.one_sided for v in looks])
+        self.textured = np.array([v.textured for v in looks])
+        middle = faces.corners.mean(axis=1)
+        far = np.abs(middle).max(axis=1) + np.linalg.norm(middle - eye, axis=1)
+        self.tolerance: Floats = GAP * far
+        self.outward: dict[int, float | None] = {}
+        self.tried = 0
+
+    def pairs(self) -> set[tuple[int, int]]:
+        """Return them, of each the lesser index first."""
+        found: set[tuple[int, int]] = set()
+        for members in self._planes():
+            for i, j in self._candidates(members):
+                first, second = sorted((int(self.faces.owner[i]), int(self.faces.owner[j])))
+                if (first, second) not in found and self._is_seen(i, j):
+                    found.add((first, second))
+        return found
+
+    def _planes(self) -> Iterator[Ints]:
+        """Yield the faces of each plane in which there are several shapes."""
+        faces = self.faces
+        # either side is the same plane; no usual angle has this as a cosine
+        leading = np.argmax(np.abs(faces.normal) > 0.3713, axis=1)
+        signs = np.sign(np.take_along_axis(faces.normal, leading[:, None], axis=1))
+        normals = faces.normal * signs
+        offset = np.einsum("ij,ij->i", normals, faces.corners[:, 0])
+        keys = np.round(normals / ALIKE).astype(np.int64)
+        order = np.lexsort((offset, *keys.T))
+        step = np.diff(offset[order]) > self.tolerance[order[1:]]
+        step |= np.any(np.diff(keys[order], axis=0) != 0, axis=1)
+        for members in np.split(order, np.flatnonzero(step) + 1):
+            if len(members) <= MOST_IN_A_PLANE and np.ptp(faces.owner[members]) > 0:
+                yield members
+
+    def _candidates(self, members: Ints) -> Iterator[tuple[int, int]]:
+        """Yield the pairs of faces worth a look, of each two shapes the largest first."""
+        axes = np.argsort(np.abs(self.faces.normal[members[0]]))[:2]
+        corners = self.faces.corners[members][:, :, axes]
+        i, j, area = overlapping_boxes(corners, self.tolerance[members])
+        i, j = members[i], members[j]
+        shape_i, shape_j = self.faces.owner[i], self.faces.owner[j]
+        same = self.look[shape_i] == self.look[shape_j]
+        alike = same & ~self.textured[shape_i]
+        opposed = np.einsum("ij,ij->i", self.faces.normal[i], self.faces.normal[j]) < 0.0
+        alike &= ~(self.one_sided[shape_i] & opposed)
+        worth = np.flatnonzero((shape_i != shape_j) & ~alike)
+        low, high = np.minimum(shape_i, shape_j)[worth], np.maximum(shape_i, shape_j)[worth]
+        pair = low * len(self.shapes) + high
+        order = np.lexsort((-area[worth], pair))
+        starts = np.flatnonzero(np.diff(pair[order], prepend=-1))
+        rank = np.arange(len(order)) - np.repeat(starts, np.diff([*starts, len(order)]))
+        for k in worth[order[rank < MOST_TRIED]]:
+            yield int(i[k]), int(j[k])
+
+    def _is_seen(self, i: int, j: int) -> bool:
+        """Return whether two faces lie on one another, look different and can be seen."""
+        self.tried += 1
+        if self.tried > MOST_TRIED_IN_ALL or not self._in_one_plane(i, j):
+            return False
+        a, b = self.faces.corners[i], self.faces.corners[j]
+        if self._is_hidden(i) or self._is_hidden(j) or overlap(a, b) <= LEAST_SHARE:
+            return False
+        k, m = self.faces.owner[[i, j]]
+        opposed = self.faces.normal[i] @ self.faces.normal[j] < 0.0
+        differ = self.look[k] != self.look[m] or (self.one_sided[k] and opposed)
+        return bool(differ) or self._places_differ(i, j)
+
+    def _in_one_plane(self, i: int, j: int) -> bool:
+        """Return whether all corners of either are in the plane of the other."""
+        corners, normal = self.faces.corners, self.faces.normal
+        return all(
+            float(np.abs((corners[m] - corners[k, 0]) @ normal[k]).max())
+            <= self.tolerance[i]
+            for k, m in ((i, j), (j, i))
+        )
+
+    def _places_differ(self, i: int, j: int) -> bool:
+        """Return whether a point in the plane has another place in the other's texture."""
+        corners, place = self.faces.corners, self.faces.place
+        edges = (corners[i, 1:] - corners[i, 0]).T
+        inside = np.linalg.lstsq(edges, (corners[j] - corners[i, 0]).T, rcond=None)[0]
+        expected = place[i, 0] + inside.T @ (place[i, 1:] - place[i, 0])
+        return float(np.abs(expected - place[j]).max()) > LEAST_APART
+
+    def _is_hidden(self, face: int) -> bool:
+        """Return whether a face's own opaque body is between it and the eye.
+
+        Where it is not known whether a mesh is closed, it counts as that.
+        """
+        owner = int(self.faces.owner[face])
+        if owner not in self.outward:
+            self.outward[owner] = _outward_of_body(self.shapes[owner])
+        out = self.outward[owner]
+        if out is None:
+            return True
+        to_eye = self.eye - self.faces.corners[face, 0]
+        towards = self.faces.normal[face] @ to_eye * self.faces.turn[face] * out
+        return bool(towards < 0.0) and owner not in self._around_eye
+
+    @cached_property
+    def _around_eye(self) -> set[int]:
+        """The bodies that the eye is in: their insides are what is seen."""
+        return {
+            k
+            for k in set(self.faces.owner.tolist())
+            if _outward_of_body(self.shapes[k]) and encloses(self.shapes[k], self.eye)
+        }
 
 
-def _looks(shapes: tuple[Shape, ...]) -> NDArray[np.int64]:
-    """Return a number for each shape, equal where material and light are."""
-    known: dict[Any, int] = {}
-    return np.array(
-        [
-            known.setdefault(_values((shape.bsdf, shape.radiance)), len(known))
-            for shape in shapes
-        ],
-        np.int64,
-    )
-
-
-def _values(look: Any) -> Any:
-    """Return something equal for equal descriptions; textures count by identity."""
-    if dataclasses.is_dataclass(look):
-        return type(look), _values(vars(look))
-    if isinstance(look, Mapping):
-        return tuple((name, _values(value)) for name, value in look.items())
-    if isinstance(look, tuple):
-        return tuple(_values(value) for value in look)
-    return id(look) if isinstance(look, np.ndarray) else look
-
-
-def _planes(
-    triangles: Floats, owner: NDArray[np.int64], looks: NDArray[np.int64], eye: Floats
-) -> Iterator[NDArray[np.int64]]:
-    """Yield the triangles of each plane in which there are different materials."""
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    normals = normals / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-    # either side is the same plane; no usual angle has this as a cosine
-    leading = np.argmax(np.abs(normals) > 0.3713, axis=1)
-    normals *= np.sign(np.take_along_axis(normals, leading[:, None], axis=1))
-    offset = np.einsum("ij,ij->i", normals, triangles[:, 0])
-    keys = np.round(normals / ALIKE).astype(np.int64)
-    order = np.lexsort((offset, *keys.T))
-    tolerance = _tolerance(triangles, eye)
-    step = np.diff(offset[order]) > tolerance[order[1:]]
-    step |= np.any(np.diff(keys[order], axis=0) != 0, axis=1)
-    for members in np.split(order, np.flatnonzero(step) + 1):
-        if 1 < len(members) <= MOST_IN_A_PLANE and np.ptp(looks[owner[members]]) > 0:
-            yield members
-
-
-def _tolerance(triangles: Floats, eye: Floats) -> Floats:
-    middle = triangles.mean(axis=1)
-    far = np.abs(middle).max(axis=1) + np.linalg.norm(middle - eye, axis=1)
-    return np.asarray(GAP * far)
-
-
-def _overlapping(
-    triangles: Floats,
-    owner: NDArray[np.int64],
-    looks: NDArray[np.int64],
-    members: NDArray[np.int64],
-    eye: Floats,
-) -> set[tuple[int, int]]:
-    """Return the pairs of shapes that share some area of a plane."""
-    corners, shape = triangles[members], owner[members]
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    tolerance = _tolerance(corners, eye)
-    found: set[tuple[int, int]] = set()
-    for i in range(len(members) - 1):
-        rest = slice(i + 1, None)
-        near = looks[shape[rest]] != looks[shape[i]]
-        near &= np.all(low[rest] <= high[i] + tolerance[i], axis=1)
-        near &= np.all(high[rest] >= low[i] - tolerance[i], axis=1)
-        for j in np.flatnonzero(near) + i + 1:
-            pair = (int(min(shape[i], shape[j])), int(max(shape[i], shape[j])))
-            if pair in found or not _in_one_plane(corners[i], corners[j], tolerance[i]):
-                continue
-            if overlap(corners[i], corners[j]) > LEAST_SHARE:
-                found.add(pair)
-    return found
-
-
-def _in_one_plane(a: Floats, b: Floats, tolerance: float) -> bool:
-    """Return whether all corners of either are in the plane of the other."""
-    return all(
-        float(np.abs((second - first[0]) @ _unit_normal(first)).max()) <= tolerance
-        for first, second in ((a, b), (b, a))
-    )
-
-
-def _unit_normal(triangle: Floats) -> Floats:
-    normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-    return np.asarray(normal / np.linalg.norm(normal))
-
-
-def _hidden(
-    shapes: tuple[Shape, ...],
-    triangles: Floats,
-    owner: NDArray[np.int64],
-    pair: tuple[int, int],
-    eye: Floats,
-) -> bool:
-    """Return whether closed opaque meshes hide the place from the camera."""
-    bodies = [k for k in pair if _is_opaque_body(shapes[k])]
-    if len(bodies) != 1:
-        return len(bodies) == 2
-    body = triangles[owner == bodies[0]]
-    other = triangles[owner == sum(pair) - bodies[0]]
-    normal = _unit_normal(other[0])
-    inside = float((body.mean(axis=(0, 1)) - other[0, 0]) @ normal)
-    return inside * float((eye - other[0, 0]) @ normal) > 0.0
-
-
-def _is_opaque_body(shape: Shape) -> bool:
+def _outward_of_body(shape: Shape) -> float | None:
+    """Return `outward` of an opaque mesh, 0 for all that is none."""
     seen = [side for side in sides(shape.bsdf) if side is not None]
     passes = any(kind_of(side).transmits for side in seen)
-    return isinstance(shape, Mesh) and not passes and is_closed(shape)
+    return outward(shape) if isinstance(shape, Mesh) and not passes else 0.0

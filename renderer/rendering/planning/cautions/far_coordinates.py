@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from renderer.rendering.planning.cautions.caution import Caution, listed, name_of
+from renderer.rendering.planning.cautions.caution import listed, name_of
 from renderer.scene.scene import Scene, primitive_bounds
 from renderer.scene_file.description import PerspectiveCamera
 
@@ -18,7 +18,7 @@ STEP = 2.0**-23  # of float32, relative
 SHARE = 0.25  # of a pixel's width that a step may take
 
 
-def far_coordinates(scene: Scene, plan: Plan) -> Iterator[Caution]:
+def far_coordinates(scene: Scene, plan: Plan) -> Iterator[str]:
     """Find shapes of which every point is stored in steps of a good part of a pixel.
 
     For each primitive the smallest coordinate and the largest distance from the camera
@@ -50,8 +50,7 @@ def far_coordinates(scene: Scene, plan: Plan) -> Iterator[Caution]:
     if far:
         worst = max(coarsest[far])
         found = [name_of(shapes[k]) for k in far]
-        yield Caution(
+        yield (
             f"single precision steps by up to {worst:.2g} pixels where these are: "
-            f"{listed(found)}; move the scene to the origin",
-            "far-from-origin",
+            f"{listed(found)}; move the scene to the origin"
         )

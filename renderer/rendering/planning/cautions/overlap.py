@@ -1,4 +1,4 @@
-"""How much of a triangle another one in its plane covers [Sutherland1974]."""
+"""Which triangles of a plane cover one another, and how much [Sutherland1974]."""
 
 from __future__ import annotations
 
@@ -6,6 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def overlapping_boxes(corners: Floats, tolerance: Floats) -> tuple[Ints, Ints, Floats]:
+    """Return the pairs of triangles (n, 3, 2) whose boxes share some area, and that area.
+
+    By a sweep along the first axis; boxes that share an edge do not overlap, within the
+    tolerance (n,) of their coordinates.
+    """
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    order = np.argsort(low[:, 0])
+    low, high = low[order], high[order]
+    end = np.searchsorted(low[:, 0], high[:, 0] - tolerance[order])
+    count = np.maximum(end - np.arange(len(end)) - 1, 0)
+    i = np.repeat(np.arange(len(count)), count)
+    j = i + 1 + np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
+    shared = np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])
+    kept = np.all(shared > tolerance[order[i], None], axis=1)
+    return order[i[kept]], order[j[kept]], np.prod(shared[kept], axis=1)
 
 
 def overlap(a: Floats, b: Floats) -> float:
