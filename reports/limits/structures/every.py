@@ -26,17 +26,21 @@ def _brute(triangles: float) -> float:
 def on_planes() -> NDArray[np.float32]:
     """Return points (n, 3) that lie exactly on three planes of a structure over the ball.
 
-    Centres of the octree's cells and lower corners of the BVH's boxes; and last the point
-    for which structures over rays from here are the same ones.
+    Centres of the octree's cells, lower corners of the BVH's boxes, and points where three
+    cuts of the k-d tree would cross; and last the point for which structures over rays
+    from here are the same ones.
     """
     surfaces = triangle_surfaces(BALL)
     order = np.arange(BALL.triangles)
-    octree, bvh = (
+    octree, bvh, tree = (
         build_accelerator("triangles", surfaces, order, name, REACH)
-        for name in ("octree", "bvh")
+        for name in ("octree", "bvh", "kd-sah")
     )
+    place, axis = tree.split[0::2], tree.link[1::2] % 4
+    fewest = min(np.count_nonzero(axis == k) for k in range(3))
+    cuts = np.stack([place[axis == k][:fewest] for k in range(3)], axis=1)
     last = np.array([(REACH, 0.0, 0.0)], np.float32)
-    return np.concatenate((octree.centre, bvh.bounds[:, :3], last))
+    return np.concatenate((octree.centre, bvh.bounds[:, :3], cuts, last))
 
 
 def _differ(zeros: float) -> float:
