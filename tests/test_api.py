@@ -127,11 +127,11 @@ def test_progress_counts_up_to_the_last_sample(monkeypatch):
     monkeypatch.setattr(renderer.threads, "WAKE", 1e-4)  # so short a render is over soon
     seen = []
     loaded = renderer.load_dict(lit_floor(size=(40, 40)))
-    renderer.render(loaded, spp=4, progress=seen.append)
+    renderer.render(loaded, spp=529, progress=seen.append)
     counts = [p.done for p in seen if p.stage == "render"]
     assert len(counts) > 2
     assert counts == sorted(counts)
-    assert counts[-1] == seen[-1].total == 40 * 40 * 4
+    assert counts[-1] == seen[-1].total == 40 * 40 * 529
 
 
 # --------------------------------------------------------------------------- refusals
