@@ -56,11 +56,12 @@ class ProgressDisplay:
             return
         if progress.stage == "compile":
             self._compiling(progress)
-        elif progress.done == 0:
-            another = progress.seconds < self._seconds  # such as that of an AOV's colours
-            self._seconds = progress.seconds
-            if another:
-                self._shown = 0.0
+            return
+        another = progress.seconds < self._seconds  # such as that of an AOV's colours
+        self._seconds = progress.seconds
+        if another:
+            self._shown = 0.0
+        if progress.done == 0:
             if another and not self._terminal:
                 known = "until the goal is reached"
                 if progress.error is None:
