@@ -451,14 +451,15 @@ def test_without_a_terminal_there_are_plain_lines():
     ]
 
 
-def test_each_render_is_announced_once_and_shown_to_its_end():
+@pytest.mark.parametrize("begins", [(1e-6,), (1e-6, 0.05, 0.1)])
+def test_each_render_is_announced_once_and_shown_to_its_end(begins):
     """As for the AOVs and the colours of one picture; the first jobs may take a while."""
-    begin = [Progress("render", 0, 400, seconds) for seconds in (0.0, 0.05, 0.1)]
     stream = io.StringIO()
     display = ProgressDisplay(stream)
-    for _ in range(2):
-        for step in (*begin, Progress("render", 400, 400, 20.0)):
-            display(step)
+    for later in (0.0, 1e-6):  # the second render is first heard of a little later
+        for seconds in begins:
+            display(Progress("render", 0, 400, seconds + later))
+        display(Progress("render", 400, 400, 20.0))
     one = ["rendering 400 samples", "100%, 0 s left, 0.0 Msamples/s"]
     assert stream.getvalue().splitlines() == [*one, *one]
 
