@@ -213,11 +213,12 @@ def test_what_lies_beyond_the_window_is_dropped():
 
 @pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("border", [0, 2, 5])
-@pytest.mark.parametrize(("beyond", "layers"), [(0, 1), (3, 1), (0, 3)])
+@pytest.mark.parametrize(("beyond", "layers"), [(0, 1), (3, 1), (0, 3)])  # of 12 tiles
 def test_developing_adds_the_tiles_up(border, beyond, layers, threads, monkeypatch):
     """All that overlap at a pixel, also where samples were taken beyond the window."""
     monkeypatch.setattr(renderer.stages.film, "ALONE", 0)
-    film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond, layers)
+    film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond, 12 * layers)
+    assert film.grid.layers == layers
     film.sums[:] = np.random.default_rng(border).random(film.sums.shape)
     *values, weight = window_sums(film)
     expected = np.stack(values, axis=-1) / weight[..., None]

@@ -96,17 +96,19 @@ def compile_builders(scene: Scene, name: str, rays: RayCounts = USUAL_RAYS) -> f
     for chosen in {c.name for c in choose_structures(scene, name, rays).values()}:
         _compile_builder(chosen)
     if scene.placements is not None:
-        _compile_builder("of instances")
+        _compile_builder_of_instances()
     return time.perf_counter() - started
 
 
 @functools.cache
 def _compile_builder(name: str) -> None:
     """Build over one point, once in a process."""
-    if name == "of instances":
-        build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
-    else:
-        BUILDERS[name](_one_point(), _points)
+    BUILDERS[name](_one_point(), _points)
+
+
+@functools.cache
+def _compile_builder_of_instances() -> None:
+    build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
 
 
 def _one_point() -> Extents:
@@ -167,19 +169,18 @@ def build_accelerators(
             order = order[(scene.stages[surfaces.first + order] & EMIT) == 0]
         if len(order):
             chosen = choices[kind].name
-            key = (kind, chosen, len(order))  # lamps among them or not
-            if key not in scene.built:
-                scene.built[key] = build_accelerator(kind, surfaces, order, chosen, reach)
-            built[kind] = scene.built[key]
+            built[kind] = scene.once(
+                (kind, chosen, len(order)),  # lamps among them or not
+                build_accelerator,
+                *(kind, surfaces, order, chosen, reach),
+            )
     if without_emitters_of is not None:
         instances = without_emitters_of.instances  # groups hold no emitters
     else:
         brute = name == "brute"
+        build = functools.partial(build_instances, brute=brute)
         key = ("instances", brute)
-        if key not in scene.built:
-            made = build_instances(scene, primitive_group, reach, brute=brute)
-            scene.built[key] = made
-        instances = scene.built[key]
+        instances = scene.once(key, build, scene, primitive_group, reach)
     return Accelerators(**built, instances=instances)
 
 

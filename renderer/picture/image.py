@@ -38,7 +38,7 @@ class Image:
     complete: bool = True  # False: interrupted, fewer samples than spp
     error: float | None = None  # relative, estimated, where a render was asked for one
     error_of_pixels: Array | None = None  # (H, W, 3), one guess of each pixel's difference
-    error_unsure: bool = False  # a few pixels decide the estimate: heavy tails
+    error_unsure: bool = False  # the true one may well be another (`rendering.accuracy`)
 
     def __post_init__(self) -> None:
         """Refuse arrays whose shapes do not belong together."""

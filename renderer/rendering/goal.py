@@ -18,7 +18,7 @@ from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 from renderer.stages.film import Film
 
-MOST_SAMPLES = 1 << 20  # per pixel, unless somebody says how many
+MOST_UNASKED = 1 << 20  # samples per pixel, unless somebody says how many
 OPEN_ENDED = ("independent",)  # samplers whose first n points do not depend on n
 ENOUGH = 256  # samples, after which an error is believed that few pixels decide
 FIRST_LOOK = 16  # samples
@@ -75,7 +75,7 @@ def for_a_goal(
         If there can be no two halves.
     """
     if spp is None:
-        spp = MOST_SAMPLES
+        spp = MOST_UNASKED
     elif spp < 2:
         raise SceneError(f"spp is {spp}; a goal needs 2 samples or more, in two halves")
     if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:

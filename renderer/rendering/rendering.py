@@ -12,21 +12,19 @@ from renderer.integrators.whitted import REGION
 from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.records.kernel_scene import KernelScene
-from renderer.records.tile import TILE_SIZE
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import Film as FilmOfFile
 from renderer.stages.film import BOX, Film, filter_border, filter_table
 from renderer.threads import Crew
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
-# A film of fewer tiles has several sums for each, about this many in all.
-FEW_TILES = 32
+# Of a small film, for many threads; never of the threads, on which no bit may depend.
+SUMS_IN_ALL = 32
 
 
 @dataclass(frozen=True)
@@ -88,13 +86,14 @@ class Rendering:
             self.border,
             film.width + 2 * film.border,
             film.border,
-            self._layers(film),
+            # in a replay a pixel's stream of random numbers runs on through all its samples
+            1 if self.variant.in_order else SUMS_IN_ALL,
         )
         self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
         self.samples_per_job = max(1, SAMPLES_PER_JOB // asked)
-        pixels = sum(tile.width * tile.height for tile in self.film.tiles)
-        self.samples_in_all = pixels * plan.spp
+        self._pixels = sum(tile.width * tile.height for tile in self.film.tiles)
+        self.samples_in_all = self._pixels * plan.spp
         self.has_goal = self._ending = False
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._samples_done = [0] * threads  # each thread writes its own
@@ -133,17 +132,6 @@ class Rendering:
             previous_points=self.variant.previous_points,
         )
 
-    def _layers(self, film: FilmOfFile) -> int:
-        """Return how many sums a tile has: several in small films, for many threads.
-
-        Of the film alone, never of the number of threads, on which no bit may depend. In a
-        replay a pixel's stream of random numbers runs on from one sample to the next.
-        """
-        beyond = 2 * film.border
-        width, height = film.crop_width + beyond, film.crop_height + beyond
-        tiles = -(-width // TILE_SIZE) * -(-height // TILE_SIZE)
-        return 1 if self.variant.in_order else max(1, FEW_TILES // tiles)
-
     def _render(
         self, tile: int, layer: int, first_sample: int, end_sample: int, thread: int
     ) -> None:
@@ -177,8 +165,7 @@ class Rendering:
     @property
     def spp(self) -> int:
         """Samples of each pixel: those asked for, with a goal those that were taken."""
-        pixels = self.samples_in_all // self.plan.spp
-        return self.samples_done // pixels if self.has_goal else self.plan.spp
+        return self.samples_done // self._pixels if self.has_goal else self.plan.spp
 
     @property
     def samples_done(self) -> int:
@@ -201,7 +188,8 @@ class Rendering:
         def show() -> None:
             if progress is not None:
                 seconds = time.perf_counter() - start
-                total, error = self.samples_in_all, None
+                total: int = self.samples_in_all
+                error: float | None = None
                 if goal is not None and self.has_goal:
                     total, error = self._expected(goal, seconds)
                 progress(Progress("render", self.samples_done, total, seconds, error))
@@ -234,14 +222,13 @@ class Rendering:
             self.accuracy = halves.end_second(end, self.threads)
             done, error, steady = end, self.accuracy.error, self.accuracy.steady
 
-    def _expected(self, goal: Goal, seconds: float) -> tuple[int, float | None]:
+    def _expected(self, goal: Goal, seconds: float) -> tuple[int, float]:
         """Return how many samples there will be, and the error of those that there are."""
-        pixels = self.samples_in_all // self.plan.spp
         if self.accuracy is None:
             return self.samples_in_all, float("inf")
         done, error = self.accuracy.samples, self.accuracy.error
         spp = goal.expected_samples(done, error, seconds, self.plan.spp)
-        return max(spp * pixels, self.samples_done), error
+        return max(spp * self._pixels, self.samples_done), error
 
     def _trace(self, first_sample: int, end_sample: int, show: Callable[[], None]) -> None:
         """Add samples first_sample .. end_sample - 1 of all pixels; call `show` meanwhile.

@@ -7,6 +7,7 @@ the order of the file within each; ids and shape ids are all that later stages s
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,9 +60,17 @@ class Scene:
     placements: Placements | None  # None: there are no instances
 
     @functools.cached_property
-    def built(self) -> dict[Any, Any]:
-        """What was built of the scene for a render, kept for the next one: accelerators."""
+    def _built(self) -> dict[Any, Any]:
         return {}
+
+    def once(self, key: Any, build: Callable[..., Any], *arguments: Any) -> Any:
+        """Return what `build` gives for a key, built at the first call and then kept.
+
+        Accelerators are: they are the same for every render of the scene.
+        """
+        if key not in self._built:
+            self._built[key] = build(*arguments)
+        return self._built[key]
 
     @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:

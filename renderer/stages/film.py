@@ -171,8 +171,9 @@ class Film:
         Of the full film, with what is sampled beyond it.
     beyond : int
         Pixels on all sides of the window that are sampled too.
-    layers : int
-        Sums of each tile, so that threads can work on one tile at the same time.
+    sums_in_all : int
+        A film of fewer tiles has several sums for each, about so many together, so that
+        threads can work on one tile at the same time.
 
     Attributes
     ----------
@@ -193,7 +194,7 @@ class Film:
         border: int,
         film_width: int,
         beyond: int = 0,
-        layers: int = 1,
+        sums_in_all: int = 1,
     ) -> None:
         self.x, self.y, self.width, self.height = x, y, width, height
         right, below = x + width + beyond, y + height + beyond
@@ -204,6 +205,7 @@ class Film:
             for j in rows
             for i in columns
         ]
+        layers = max(1, sums_in_all // len(self.tiles))
         self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
         size = TILE_SIZE + 2 * border
         self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
