@@ -11,6 +11,7 @@ from test_limits_atlas import ROW
 
 from reports.charts.boundary import boundary_chart
 from reports.commands import limits as command
+from reports.limits.atlas import Chapter
 from reports.limits.page import limits_page
 from reports.limits.record import (
     AS_SAID,
@@ -36,18 +37,25 @@ SOUND = MeasuredRow(
     seconds=0.5,
 )
 FAULTY = MeasuredRow("cube", BROKEN, error="ValueError: <no>")
-ATLAS = (
-    replace(ROW, instead="10^-3 < n^(1/3)."),
-    replace(ROW, name="cube", method="Another <method>", chapter="structures"),
+CHAPTERS = (
+    Chapter("numbers", "Numbers", (replace(ROW, instead="10^-3 < n^(1/3)."),)),
+    Chapter("light", "Light", ()),
+    Chapter(
+        "structures",
+        "Structures",
+        (replace(ROW, name="cube", method="Another <method>"),),
+    ),
 )
 
 
 @pytest.fixture
 def page():
-    return limits_page(Limits(rows=(SOUND, FAULTY)), ATLAS)
+    return limits_page(Limits(rows=(SOUND, FAULTY)), CHAPTERS)
 
 
 def test_each_row_has_its_place(page):
+    assert 'id="chapter-numbers"' in page and 'id="chapter-structures"' in page
+    assert 'id="chapter-light"' not in page  # nothing of it was measured
     for name in ("square", "cube"):
         assert page.count(f'id="{name}"') == 1
         assert f'href="#{name}"' in page
@@ -119,9 +127,9 @@ def test_the_page_of_all_scenes_leads_to_the_atlas(tmp_path):
 
 @pytest.fixture
 def canned_atlas(monkeypatch):
-    monkeypatch.setattr(command, "ATLAS", ATLAS)
-    monkeypatch.setattr("reports.limits.page.ATLAS", ATLAS)
-    monkeypatch.setattr(limits_page, "__defaults__", (ATLAS,))
+    rows = tuple(row for chapter in CHAPTERS for row in chapter.rows)
+    monkeypatch.setattr(command, "ATLAS", rows)
+    monkeypatch.setattr(limits_page, "__defaults__", (CHAPTERS,))
 
 
 def test_the_command_measures_and_draws(canned_atlas, tmp_path):

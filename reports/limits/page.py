@@ -8,18 +8,11 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from reports.charts.boundary import boundary_chart
-from reports.limits.atlas import ATLAS
+from reports.limits.atlas import CHAPTERS, Chapter
 from reports.limits.record import Limits, MeasuredRow, with_texts
 from reports.limits.row import Row
 from reports.page.formatting import number
 from reports.page.template import fill
-
-CHAPTERS = {
-    "numbers": "Numbers: what float32 loses",
-    "structures": "Structures: scenes that an accelerator was not made for",
-    "light": "Light: paths that are not found, or too seldom",
-    "comparing": "Comparing: pictures that cannot be told apart, or should not be",
-}
 
 _EXPONENT = re.compile(r"\^(\([^)]*\)|-?\d+)")
 
@@ -34,16 +27,7 @@ class Section:
     chart: Markup | None
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """The sections of one chapter."""
-
-    name: str
-    title: str
-    sections: tuple[Section, ...]
-
-
-def limits_page(limits: Limits, atlas: tuple[Row, ...] = ATLAS) -> str:
+def limits_page(limits: Limits, chapters: tuple[Chapter, ...] = CHAPTERS) -> str:
     """Return the whole page as HTML.
 
     Raises
@@ -51,16 +35,17 @@ def limits_page(limits: Limits, atlas: tuple[Row, ...] = ATLAS) -> str:
     ReportError
         If a row is not in the atlas.
     """
-    sections = [_section(row, one) for row, one in with_texts(limits, atlas)]
-    chapters = [
-        Chapter(name, title, tuple(s for s in sections if s.row.chapter == name))
-        for name, title in CHAPTERS.items()
+    rows = tuple(row for chapter in chapters for row in chapter.rows)
+    sections = [_section(row, one) for row, one in with_texts(limits, rows)]
+    shown = [
+        (chapter, [section for section in sections if section.row in chapter.rows])
+        for chapter in chapters
     ]
     return fill(
         "limits.html",
         filters={"powers": with_powers, "label": _label},
         record=limits,
-        chapters=[one for one in chapters if one.sections],
+        chapters=[(chapter, found) for chapter, found in shown if found],
     )
 
 

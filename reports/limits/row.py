@@ -24,7 +24,6 @@ class Row:
     """
 
     name: str  # "sphere-naive-distance": the anchor on the page, and what warnings refer to
-    chapter: Literal["numbers", "structures", "light", "comparing"]
     method: str  # "Sphere, textbook quadratic"
     stress: str  # "distance over radius"
     measure: Callable[[float], float]

@@ -84,7 +84,6 @@ _UNIT = "of the pixels differ"
 ROWS = (
     Row(
         name="coincident-surfaces",
-        chapter="comparing",
         method="Two right renderers, surfaces of different material",
         stress=_STRESS,
         measure=pixels_apart,
@@ -105,7 +104,6 @@ ROWS = (
     ),
     Row(
         name="coincident-same-material",
-        chapter="comparing",
         method="Two right renderers, surfaces of one material",
         stress=_STRESS,
         measure=partial(pixels_apart, upper=0.8),
@@ -122,7 +120,6 @@ ROWS = (
     ),
     Row(
         name="coincident-one-renderer",
-        chapter="comparing",
         method="Two structures of one renderer, surfaces of different material",
         stress=_STRESS,
         measure=pixels_apart_between_structures,

@@ -32,7 +32,6 @@ _LAMPS = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0)
 ROWS = (
     Row(
         name="rmse-seeds-caustic",
-        chapter="comparing",
         method="RMSE of 16 samples a pixel in a caustic",
         stress="lamp's distance over its radius",
         measure=partial(seeds_needed, ball=True),
@@ -50,7 +49,6 @@ ROWS = (
     ),
     Row(
         name="rmse-seeds-without-glass",
-        chapter="comparing",
         method="RMSE of 16 samples a pixel, without the glass",
         stress="lamp's distance over its radius",
         measure=partial(seeds_needed, ball=False),

@@ -179,7 +179,6 @@ def _row(
     first = metric == "rmse" and defect == "shift"
     return Row(
         name=f"{metric}-{defect}",
-        chapter="comparing",
         method=f"{method} against {what}",
         stress="noise of a pixel, relative (NumPy's)",
         measure=partial(hidden_share, metric=measure, defect=make),

@@ -109,7 +109,6 @@ def light_lost_behind_panes(panes: float, *, radius: float) -> float:
 ROWS = (
     Row(
         name="caustic-lamp-radius",
-        chapter="light",
         method="Path tracing below a glass ball",
         stress="lamp's distance over its radius",
         measure=partial(spread_below_lamp, ball=True),
@@ -130,7 +129,6 @@ ROWS = (
     ),
     Row(
         name="lamp-radius-without-glass",
-        chapter="light",
         method="Path tracing below the same lamp, without the ball",
         stress="lamp's distance over its radius",
         measure=partial(spread_below_lamp, ball=False),
@@ -147,7 +145,6 @@ ROWS = (
     ),
     Row(
         name="caustic-point-light",
-        chapter="light",
         method="Path tracing of a point light past a glass ball",
         stress="ball's radius over its distance from the straight line to the lamp",
         measure=light_lost_behind_ball,
@@ -167,7 +164,6 @@ ROWS = (
     ),
     Row(
         name="point-light-behind-glass",
-        chapter="light",
         method="Path tracing of a point light behind flat panes",
         stress="panes of glass in front of it",
         measure=partial(light_lost_behind_panes, radius=0.0),
@@ -184,7 +180,6 @@ ROWS = (
     ),
     Row(
         name="large-lamp-behind-glass",
-        chapter="light",
         method="Path tracing of a large lamp behind flat panes",
         stress="panes of glass in front of it",
         measure=partial(light_lost_behind_panes, radius=2.0),

@@ -112,7 +112,6 @@ _BOUNCES = (1.25, 2.0, 10 / 3, 5.0, 10.0, 20.0)
 ROWS = (
     Row(
         name="furnace-fixed-depth",
-        chapter="light",
         method=f"Path tracing of {DEPTH} segments",
         stress=_ALBEDO,
         measure=partial(furnace_error, depth=DEPTH, roulette=1000),
@@ -129,7 +128,6 @@ ROWS = (
     ),
     Row(
         name="furnace-roulette",
-        chapter="light",
         method="Path tracing with Russian roulette",
         stress=_ALBEDO,
         measure=partial(furnace_error, depth=-1, roulette=5),
@@ -145,7 +143,6 @@ ROWS = (
     ),
     Row(
         name="glass-depth",
-        chapter="light",
         method="Rays followed over 8 segments",
         stress="panes of glass in front of the lamp",
         measure=partial(light_lost_in_panes, depth=8),
@@ -162,7 +159,6 @@ ROWS = (
     ),
     Row(
         name="glass-depth-enough",
-        chapter="light",
         method="Rays followed over 24 segments",
         stress="panes of glass in front of the lamp",
         measure=partial(light_lost_in_panes, depth=24),
@@ -178,7 +174,6 @@ ROWS = (
     ),
     Row(
         name="whitted-tree",
-        chapter="light",
         method="A tree of rays, both ways at each pane",
         stress="panes in a row that a ray can meet",
         measure=rays_of_a_tree,
@@ -194,7 +189,6 @@ ROWS = (
     ),
     Row(
         name="whitted-tree-cutoff",
-        chapter="light",
         method="A tree of rays without branches of less than 1/64",
         stress="panes in a row that a ray can meet",
         measure=partial(rays_of_a_tree, cutoff=1 / 65),

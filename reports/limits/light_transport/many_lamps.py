@@ -62,7 +62,6 @@ _UNIT = "standard deviation of a sample over the mean"
 ROWS = (
     Row(
         name="lamps-starved",
-        chapter="light",
         method="Path tracing, a lamp chosen uniformly",
         stress="lamps far away beside the one that counts",
         measure=partial(one_lamp_that_counts, integrator="path"),
@@ -82,7 +81,6 @@ ROWS = (
     ),
     Row(
         name="lamps-every-one",
-        chapter="light",
         method="Direct light of every lamp at each point",
         stress="lamps far away beside the one that counts",
         measure=partial(one_lamp_that_counts, integrator="direct"),
@@ -98,7 +96,6 @@ ROWS = (
     ),
     Row(
         name="lamps-street",
-        chapter="light",
         method="Path tracing, a lamp chosen uniformly",
         stress="equal lamps in a street",
         measure=partial(street_of_lamps, integrator="path"),

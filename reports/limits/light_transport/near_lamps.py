@@ -57,7 +57,6 @@ _HEIGHTS = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
 ROWS = (
     Row(
         name="point-light-near-moved",
-        chapter="light",
         method="1 / r^2 from where the shadow ray starts, 1e-3 off (NumPy, float32)",
         stress="1 / height of a point light",
         measure=error_of_moved_point,
@@ -75,7 +74,6 @@ ROWS = (
     ),
     Row(
         name="point-light-near",
-        chapter="light",
         method="1 / r^2 from the point, and a shadow ray a little off it",
         stress="1 / height of a point light",
         measure=error_below,
@@ -92,7 +90,6 @@ ROWS = (
     ),
     Row(
         name="bright-spot",
-        chapter="light",
         method="Path tracing of light by way of a wall",
         stress="1 / distance of a point light from the wall",
         measure=light_from_a_bright_spot,

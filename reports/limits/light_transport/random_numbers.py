@@ -92,7 +92,6 @@ _MEANS = (1.0, 2.0, 4.0, 8.0, 16.0)
 ROWS = (
     Row(
         name="same-stream",
-        chapter="light",
         method="The same random numbers in every pixel",
         stress="neighbouring pixels averaged",
         measure=partial(error_of_a_mean, same_stream=True),
@@ -109,7 +108,6 @@ ROWS = (
     ),
     Row(
         name="hashed-streams",
-        chapter="light",
         method="Random numbers hashed with another seed for each pixel",
         stress="neighbouring pixels averaged",
         measure=partial(error_of_a_mean, same_stream=False),
@@ -125,7 +123,6 @@ ROWS = (
     ),
     Row(
         name="strata-without-jitter",
-        chapter="light",
         method="4 x 4 samples a pixel in the middle of their strata",
         stress="periods of a pattern in a pixel, the worst of whole numbers up to it",
         measure=partial(error_at_stripes, sampler="stratified", jitter=False),
@@ -146,7 +143,6 @@ ROWS = (
     ),
     Row(
         name="strata-with-jitter",
-        chapter="light",
         method="4 x 4 samples a pixel anywhere in their strata",
         stress="periods of a pattern in a pixel, the worst of whole numbers up to it",
         measure=partial(error_at_stripes, sampler="stratified"),
@@ -163,7 +159,6 @@ ROWS = (
     ),
     Row(
         name="independent-samples",
-        chapter="light",
         method="16 independent samples a pixel",
         stress="periods of a pattern in a pixel, the worst of whole numbers up to it",
         measure=partial(error_at_stripes, sampler="independent"),

@@ -23,7 +23,6 @@ def sphere_and_mesh() -> NDArray[np.uint8]:
 ROWS = (
     Row(
         name="terminator",
-        chapter="light",
         method="Interpolated normals on a mesh",
         stress="degrees of a circle that one facet spans",
         measure=terminator_error,

@@ -79,7 +79,6 @@ _VEACH = "[Veach1997, section 9.2]; measured here"
 ROWS = (
     Row(
         name="glossy-lights-alone",
-        chapter="light",
         method="Sampling lamps alone",
         stress="1 / roughness, under a large lamp",
         measure=partial(over_roughness, strategy="lights"),
@@ -98,7 +97,6 @@ ROWS = (
     ),
     Row(
         name="glossy-bsdf-alone-roughness",
-        chapter="light",
         method="Sampling the BSDF alone",
         stress="roughness, under the same lamp",
         measure=partial(over_roughness_grown, strategy="bsdf"),
@@ -114,7 +112,6 @@ ROWS = (
     ),
     Row(
         name="glossy-both-roughness",
-        chapter="light",
         method="Both ways, weighed by the power heuristic",
         stress="1 / roughness, under a large lamp",
         measure=partial(over_roughness, strategy="both"),
@@ -130,7 +127,6 @@ ROWS = (
     ),
     Row(
         name="glossy-bsdf-alone",
-        chapter="light",
         method="Sampling the BSDF alone",
         stress="lamp's distance over its radius, roughness 0.3",
         measure=partial(over_lamp_size, strategy="bsdf"),
@@ -146,7 +142,6 @@ ROWS = (
     ),
     Row(
         name="glossy-lights-alone-size",
-        chapter="light",
         method="Sampling lamps alone",
         stress="lamp's distance over its radius, roughness 0.3",
         measure=partial(over_lamp_size, strategy="lights"),
@@ -162,7 +157,6 @@ ROWS = (
     ),
     Row(
         name="glossy-both-size",
-        chapter="light",
         method="Both ways, weighed by the power heuristic",
         stress="lamp's distance over its radius, roughness 0.3",
         measure=partial(over_lamp_size, strategy="both"),
@@ -178,7 +172,6 @@ ROWS = (
     ),
     Row(
         name="lamp-near-lights-alone",
-        chapter="light",
         method="Sampling a lamp by its area alone",
         stress="half width of a square lamp over its distance",
         measure=partial(large_lamp_near, strategy="lights"),
@@ -195,7 +188,6 @@ ROWS = (
     ),
     Row(
         name="lamp-near-both",
-        chapter="light",
         method="Both ways, weighed by the power heuristic",
         stress="half width of a square lamp over its distance",
         measure=partial(large_lamp_near, strategy="both"),

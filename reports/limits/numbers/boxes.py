@@ -81,7 +81,6 @@ _NEAR = (1e1, 1e3, 1e5, 1e6, 1e7)
 ROWS = (
     Row(
         name="slabs-zero-times-infinity",
-        chapter="numbers",
         method="Slab test whose NaN reaches the comparison",
         stress="components of the direction that are 0 or -0",
         measure=functools.partial(_lost_in_faces, nan_is_inside=False),
@@ -97,7 +96,6 @@ ROWS = (
     ),
     Row(
         name="slabs-nan-passed-over",
-        chapter="numbers",
         method="Slab test that passes over NaN",
         stress="components of the direction that are 0 or -0",
         measure=functools.partial(_lost_in_faces, nan_is_inside=True),
@@ -113,7 +111,6 @@ ROWS = (
     ),
     Row(
         name="slabs-without-margin",
-        chapter="numbers",
         method="Slab test in float32, no margin",
         stress="size of the box / distance of the ray from its edge",
         measure=functools.partial(_lost_near_edges, margin=0.0),
@@ -130,7 +127,6 @@ ROWS = (
     ),
     Row(
         name="slabs-with-margin",
-        chapter="numbers",
         method="Slab test with the far ends 1 + 2 gamma(3) farther",
         stress="size of the box / distance of the ray from its edge",
         measure=functools.partial(_lost_near_edges, margin=MARGIN),
@@ -146,7 +142,6 @@ ROWS = (
     ),
     Row(
         name="slabs-margin-too-small",
-        chapter="numbers",
         method="Slab test with a smaller margin",
         stress="last places missing of a margin of two",
         measure=_lost_by_margin,

@@ -91,7 +91,6 @@ _NEAR = (1e1, 1e3, 1e5, 1e6, 1e7, 1e8, 1e10)
 ROWS = (
     Row(
         name="edges-moeller-trumbore",
-        chapter="numbers",
         method="Moeller-Trumbore in float32",
         stress="size of a triangle / distance of the ray from its edge",
         measure=_lost,
@@ -109,7 +108,6 @@ ROWS = (
     ),
     Row(
         name="edges-counted-twice",
-        chapter="numbers",
         method="Inside or outside by the parity of hits",
         stress="size of a triangle / distance of the ray from its edge",
         measure=_counted_twice,
@@ -125,7 +123,6 @@ ROWS = (
     ),
     Row(
         name="edges-ours",
-        chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="size of a triangle / distance of the ray from its edge",
         measure=_ours_lost,
@@ -143,7 +140,6 @@ ROWS = (
     ),
     Row(
         name="vertices-ours",
-        chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="size of a triangle / distance of the ray from a vertex",
         measure=lost_at_vertices,
@@ -159,7 +155,6 @@ ROWS = (
     ),
     Row(
         name="edges-random-rays",
-        chapter="numbers",
         method="Triangle, as this renderer meets it, in a BVH",
         stress="rays from inside of a closed mesh, aimed anywhere",
         measure=_random_rays_lost,
@@ -179,7 +174,6 @@ ROWS = (
     ),
     Row(
         name="edges-embree-default",
-        chapter="numbers",
         method="Embree's default mode, in Mitsuba",
         stress="size of a triangle / distance of the ray from its edge",
         measure=lambda strength: edge_rays_lost(aside=1.0 / strength),

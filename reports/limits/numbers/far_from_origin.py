@@ -51,7 +51,6 @@ def picture() -> NDArray[np.uint8]:
 ROWS = (
     Row(
         name="far-from-origin",
-        chapter="numbers",
         method="World coordinates in float32",
         stress="distance of the scene from the origin / its size",
         measure=_off,

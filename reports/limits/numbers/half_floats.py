@@ -20,7 +20,6 @@ _SOURCE = "IEEE 754 binary16; measured here"
 ROWS = (
     Row(
         name="half-float-bright",
-        chapter="numbers",
         method="Picture in half floats",
         stress="radiance",
         measure=_step,
@@ -36,7 +35,6 @@ ROWS = (
     ),
     Row(
         name="half-float-dark",
-        chapter="numbers",
         method="Picture in half floats",
         stress="1 / radiance",
         measure=lambda strength: _step(1.0 / strength),

@@ -98,7 +98,6 @@ _DARK = "of pixels dark"
 def _gap_row(name: str, method: str, rule: Rule, **given: Any) -> Row:
     return Row(
         name=name,
-        chapter="numbers",
         method=method,
         stress="half width of a pane / gap behind it",
         measure=functools.partial(_jumped_over, rule=rule),
@@ -113,7 +112,6 @@ def _gap_row(name: str, method: str, rule: Rule, **given: Any) -> Row:
 def _small_row(name: str, method: str, rule: Rule, **given: Any) -> Row:
     return Row(
         name=name,
-        chapter="numbers",
         method=method,
         stress="1 / size of a pane, the lamp behind it in proportion",
         measure=functools.partial(_small, rule=rule),
@@ -129,7 +127,6 @@ def _small_row(name: str, method: str, rule: Rule, **given: Any) -> Row:
 def _acne_row(name: str, method: str, rule: Rule | None, **given: Any) -> Row:
     return Row(
         name=name,
-        chapter="numbers",
         method=method,
         stress="half width of a lit square, 3 of it from the origin",
         measure=functools.partial(_acne, rule=rule),
@@ -174,7 +171,6 @@ ROWS = (
     ),
     Row(
         name="offset-tight-large-pane",
-        chapter="numbers",
         method="New rays start by this renderer's rule",
         stress="half width of a pane over a gap of 10^-3",
         measure=_not_seen_into,
@@ -217,7 +213,6 @@ ROWS = (
     ),
     Row(
         name="offset-few-roundings",
-        chapter="numbers",
         method="New rays start by this renderer's rule, but nearer",
         stress="1 / distance in rounding units of the primitive's size",
         measure=lambda strength: _acne(1.0, (1.0 / strength, 0.0)),

@@ -122,7 +122,6 @@ _FLOAT32 = (
 ROWS = (
     Row(
         name="sphere-naive-distance",
-        chapter="numbers",
         method="Sphere, textbook quadratic",
         stress="distance over radius",
         measure=far_spheres_wrong,
@@ -141,7 +140,6 @@ ROWS = (
     ),
     Row(
         name="sphere-stable-distance",
-        chapter="numbers",
         method="Sphere, as this renderer meets it",
         stress="distance over radius",
         measure=_sphere,
@@ -157,7 +155,6 @@ ROWS = (
     ),
     Row(
         name="cylinder-naive-distance",
-        chapter="numbers",
         method="Cylinder, textbook quadratic",
         stress="distance over radius",
         measure=_naive_cylinder,
@@ -173,7 +170,6 @@ ROWS = (
     ),
     Row(
         name="cylinder-stable-distance",
-        chapter="numbers",
         method="Cylinder, as this renderer meets it",
         stress="distance over radius",
         measure=_cylinder,

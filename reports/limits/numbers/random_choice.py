@@ -20,7 +20,6 @@ def _uneven(entries: float) -> float:
 ROWS = (
     Row(
         name="choice-by-one-float",
-        chapter="numbers",
         method="One of n by one float32 random number",
         stress="n, equally likely",
         measure=_uneven,

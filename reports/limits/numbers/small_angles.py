@@ -58,7 +58,6 @@ _ANGLES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
 ROWS = (
     Row(
         name="cone-naive",
-        chapter="numbers",
         method="1 - cos of a lamp's cone, as it is written",
         stress="distance over radius of a sphere lamp",
         measure=_naive_cone,
@@ -75,7 +74,6 @@ ROWS = (
     ),
     Row(
         name="cone-ours",
-        chapter="numbers",
         method="Light of a sphere lamp, as this renderer samples it",
         stress="distance over radius of a sphere lamp",
         measure=_lamp,
@@ -91,7 +89,6 @@ ROWS = (
     ),
     Row(
         name="angle-by-arccos",
-        chapter="numbers",
         method="Angle between directions by arccos(a . b), float32",
         stress="1 / angle",
         measure=lambda strength: _angle(strength, by_arccos=True),
@@ -107,7 +104,6 @@ ROWS = (
     ),
     Row(
         name="angle-by-chord",
-        chapter="numbers",
         method="Angle between directions by 2 arcsin(|a - b| / 2), float32",
         stress="1 / angle",
         measure=lambda strength: _angle(strength, by_arccos=False),

@@ -29,7 +29,6 @@ _COUNTS = (1e3, 1e4, 1e5, 1e6, 3e6, 1e7)
 ROWS = (
     Row(
         name="sum-in-float32",
-        chapter="numbers",
         method="Running sum in float32",
         stress="summands",
         measure=_single,
@@ -46,7 +45,6 @@ ROWS = (
     ),
     Row(
         name="counter-in-float32",
-        chapter="numbers",
         method="Counter in float32",
         stress="samples counted",
         measure=_ones_missing,
@@ -62,7 +60,6 @@ ROWS = (
     ),
     Row(
         name="sum-in-float64",
-        chapter="numbers",
         method="Running sum in float64",
         stress="summands",
         measure=_double,

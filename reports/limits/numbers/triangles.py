@@ -100,7 +100,6 @@ _ANGLES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7)
 ROWS = (
     Row(
         name="triangle-absolute-determinant",
-        chapter="numbers",
         method="Moeller-Trumbore with |determinant| > 1e-8",
         stress="1 / edge length",
         measure=lambda strength: small_triangles_lost(1.0 / strength),
@@ -116,7 +115,6 @@ ROWS = (
     ),
     Row(
         name="triangle-small",
-        chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="1 / size of the mesh",
         measure=lambda strength: _ball_scaled(1.0 / strength),
@@ -132,7 +130,6 @@ ROWS = (
     ),
     Row(
         name="triangle-large",
-        chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="size of the mesh",
         measure=_ball_scaled,
@@ -148,7 +145,6 @@ ROWS = (
     ),
     Row(
         name="triangle-needles",
-        chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="length over width of a needle",
         measure=_needle,
@@ -165,7 +161,6 @@ ROWS = (
     ),
     Row(
         name="triangle-grazing",
-        chapter="numbers",
         method="Triangle, as this renderer meets it",
         stress="1 / angle to its plane",
         measure=_grazing_off,

@@ -34,7 +34,6 @@ def _packet_cost(spread: float, name: str) -> float:
 ROWS = (
     Row(
         name="packets-incoherent",
-        chapter="structures",
         method="BVH, 16 rays in a packet",
         stress="spread of the rays over the size of the object",
         measure=functools.partial(_packet_cost, name="bvh"),

@@ -34,7 +34,6 @@ def _nested(count: float, name: str) -> float:
 ROWS = tuple(
     Row(
         name=f"halves-{name}",
-        chapter="structures",
         method=method,
         stress="triangles, each half as large as the one before",
         measure=functools.partial(_nested, name=name),

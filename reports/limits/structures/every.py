@@ -67,7 +67,6 @@ def _differ(zeros: float) -> float:
 ROWS = (
     Row(
         name="brute-force",
-        chapter="structures",
         method="Brute force",
         stress="triangles",
         measure=_brute,
@@ -83,7 +82,6 @@ ROWS = (
     ),
     Row(
         name="axis-parallel-rays",
-        chapter="structures",
         method="Every structure against brute force",
         stress="components of the direction that are 0 or -0",
         measure=_differ,

@@ -34,7 +34,6 @@ def _tests(cells: float, name: str) -> float:
 def _row(name: str, method: str, fails_at: float | None, why: str) -> Row:
     return Row(
         name=f"mailboxes-{name}",
-        chapter="structures",
         method=method,
         stress="cells along the ray that hold the same large triangle, about",
         measure=functools.partial(_tests, name=name),

@@ -35,7 +35,6 @@ def _nodes_refitted(per_cent: float, motion: Motion) -> float:
 def _row(motion: Motion, holds_at: float, fails_at: float | None, why: str) -> Row:
     return Row(
         name=f"refit-{motion.name}",
-        chapter="structures",
         method="BVH refitted to a later frame",
         stress=f"per cent of the motion: {motion.about}",
         measure=functools.partial(_nodes_refitted, motion=motion),

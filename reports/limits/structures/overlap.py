@@ -91,7 +91,6 @@ def _rows(
     for name, (holds_at, fails_at, why) in limits.items():
         yield Row(
             name=f"{title}-{name}",
-            chapter="structures",
             method=f"{NAMES[name]}, {what}",
             stress=stress,
             measure=functools.partial(measure, name=name),

@@ -61,7 +61,6 @@ def picture() -> NDArray[np.uint8]:
 def _row(name: str, method: str, holds_at: float, fails_at: float | None, why: str) -> Row:
     return Row(
         name=f"stadium-{name}",
-        chapter="structures",
         method=method,
         stress="width of the stadium over that of the teapot",
         measure=functools.partial(_work, name=name),

@@ -33,7 +33,6 @@ def _let_through(aspect: float, name: str) -> float:
 def _row(name: str, method: str, holds_at: float, fails_at: float | None, why: str) -> Row:
     return Row(
         name=f"volume-{name}",
-        chapter="structures",
         method=f"{method} around a diagonal rod",
         stress="length over thickness of the rod",
         measure=functools.partial(_let_through, name=name),

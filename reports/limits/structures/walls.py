@@ -56,7 +56,6 @@ def _cost_of_the_plane(triangles: float, name: str) -> float:
 ROWS = tuple(
     Row(
         name=f"wall-{name}",
-        chapter="structures",
         method=f"{method}, a wall where it cuts",
         stress="triangles of the wall",
         measure=functools.partial(_cost_of_the_plane, name=name),
