@@ -113,7 +113,7 @@ def simplify(scene: Scene, *words: str) -> Scene:
         For a name or a value that does not exist in this scene.
     """
     from renderer.scene.scene import build_scene
-    from renderer.scene_file.simplifications.simplify import simplified
+    from renderer.scene.simplifications.simplify import simplified
 
     description = scene.description
     for word in words:

@@ -9,6 +9,12 @@ from small_scenes import rgb, sensor
 import renderer
 from renderer.command.cli import main
 from renderer.errors import SceneError
+from renderer.scene.simplifications.simplify import (
+    differs,
+    offered,
+    simplified,
+    words_of,
+)
 from renderer.scene_file import read_dict
 from renderer.scene_file.description import (
     ConstantTexture,
@@ -16,12 +22,6 @@ from renderer.scene_file.description import (
     Mask,
     Null,
     TwoSided,
-)
-from renderer.scene_file.simplifications.simplify import (
-    differs,
-    offered,
-    simplified,
-    words_of,
 )
 
 CHECKERBOARD = {"type": "checkerboard", "color0": rgb(0.2), "color1": rgb(0.6)}

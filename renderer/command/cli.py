@@ -63,9 +63,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
     from renderer.picture.image_files import check_output_path
     from renderer.scene.scene import build_scene
+    from renderer.scene.simplifications.simplify import simplified
     from renderer.scene_file import read_file
     from renderer.scene_file.plugin_file import import_plugin_file
-    from renderer.scene_file.simplifications.simplify import simplified
 
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))

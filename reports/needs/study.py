@@ -18,7 +18,7 @@ import renderer
 from renderer.picture.image import Image
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
 from renderer.scene.scene import Scene
-from renderer.scene_file.simplifications.simplify import differs, offered, simplified
+from renderer.scene.simplifications.simplify import differs, offered, simplified
 from reports.needs.losses import loss_between
 from reports.needs.record import Loss, SceneNeeds
 

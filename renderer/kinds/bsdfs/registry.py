@@ -188,9 +188,19 @@ def kind_of(bsdf: Any) -> BsdfKind | Structure:
     wrapper = WRAPPERS[bsdf.plugin]
     if isinstance(bsdf, TwoSided) and bsdf.front is bsdf.back:
         wrapper = ONE_FOR_BOTH
+    inside = (kind_of(getattr(bsdf, name)) for name in _nested_in(wrapper))
+    return Structure(wrapper, tuple(inside))
+
+
+def nested_names(bsdf: Any) -> tuple[str, ...]:
+    """Return the attributes of a BSDF of the description that are BSDFs themselves."""
+    wrapper = WRAPPERS.get(bsdf.plugin)
+    return () if wrapper is None else _nested_in(wrapper)
+
+
+def _nested_in(wrapper: Wrapper) -> tuple[str, ...]:
     hints = typing.get_type_hints(wrapper.parameters)
-    inside = [getattr(bsdf, name) for name, hint in hints.items() if hint is Nested]
-    return Structure(wrapper, tuple(kind_of(nested) for nested in inside))
+    return tuple(name for name, hint in hints.items() if hint is Nested)
 
 
 def _source_of(functions: list[Any]) -> str:

@@ -5,25 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 
-from renderer.scene_file.description import (
-    ConstantLight,
-    DirectionalLight,
-    EnvironmentMap,
-    PointLight,
-    Projector,
-    SceneDescription,
-    Shape,
-    SpotLight,
-)
-
-PLUGINS = {
-    PointLight: "point",
-    SpotLight: "spot",
-    DirectionalLight: "directional",
-    ConstantLight: "constant",
-    EnvironmentMap: "envmap",
-    Projector: "projector",
-}
+from renderer.kinds.lights.registry import plugin_of
+from renderer.scene_file.description import SceneDescription, Shape
 
 Light = tuple[str, int]  # the field of the description, and the index in it
 
@@ -48,7 +31,7 @@ def _counted(description: SceneDescription) -> tuple[str, ...]:
     count: Counter[str] = Counter()
     names = []
     for emitter in description.emitters:
-        plugin = PLUGINS[type(emitter)]
+        plugin = plugin_of(emitter).name
         count[plugin] += 1
         names.append(f"{plugin}-{count[plugin]}")
     return tuple(names)

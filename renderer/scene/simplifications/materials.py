@@ -11,35 +11,26 @@ from typing import Any
 
 import numpy as np
 
+from renderer.kinds.bsdfs.registry import nested_names
+from renderer.scene.simplifications.textures import Colors, mean_texture, recolored
 from renderer.scene_file.description import (
-    Blend,
     BumpMap,
     Conductor,
     ConstantTexture,
     Dielectric,
     Diffuse,
-    Mask,
     NormalMap,
     Null,
     OtherBsdf,
     Rgb,
     ThinDielectric,
-    TwoSided,
 )
-from renderer.scene_file.simplifications.textures import Colors, mean_texture, recolored
 
 Change = Callable[[Any], Any]
 
 BLACK = ConstantTexture((0.0, 0.0, 0.0))
 # What differs from point to point and is no colour: its mean is another surface, or none.
 SURFACE = {"normalmap", "height"}
-NESTING = {
-    TwoSided: ("front", "back"),
-    Mask: ("nested",),
-    Blend: ("first", "second"),
-    NormalMap: ("nested",),
-    BumpMap: ("nested",),
-}
 
 
 def everywhere(change: Change) -> Change:
@@ -48,7 +39,7 @@ def everywhere(change: Change) -> Change:
 
     def changed(bsdf: Any) -> Any:
         if id(bsdf) not in done:
-            parts = {name: getattr(bsdf, name) for name in NESTING.get(type(bsdf), ())}
+            parts = {name: getattr(bsdf, name) for name in nested_names(bsdf)}
             done[id(bsdf)] = bsdf, change(_replaced(bsdf, parts, changed))
         return done[id(bsdf)][1]
 
@@ -69,7 +60,7 @@ def without_texture(bsdf: Any) -> Any:
     """Put the mean in the place of every texture that is a colour or a number."""
     if isinstance(bsdf, OtherBsdf):
         return _replaced(bsdf, dict(bsdf.values), mean_texture)
-    nested = NESTING.get(type(bsdf), ())
+    nested = nested_names(bsdf)
     names = [field.name for field in dataclasses.fields(bsdf)]
     parts = {n: getattr(bsdf, n) for n in names if n not in nested and n not in SURFACE}
     return _replaced(bsdf, parts, mean_texture)

@@ -11,6 +11,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from renderer.errors import SceneError
+from renderer.scene.simplifications import materials
+from renderer.scene.simplifications.lights import lights_by_name, without_light
+from renderer.scene.simplifications.textures import mean_radiance, mean_texture
 from renderer.scene_file.description import (
     Film,
     Integrator,
@@ -20,9 +23,6 @@ from renderer.scene_file.description import (
     SdfGrid,
     SpotLight,
 )
-from renderer.scene_file.simplifications import materials
-from renderer.scene_file.simplifications.lights import lights_by_name, without_light
-from renderer.scene_file.simplifications.textures import mean_radiance, mean_texture
 
 BOX = ReconstructionFilter("box", radius=0.5)
 MOST_DEPTH = 2**31 - 1
