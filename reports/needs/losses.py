@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from mitsuba_ref.metrics.distances import flip, tile_means
+from mitsuba_ref.statistics.welch import critical_t
 from renderer.rendering.accuracy import LEFT_OUT, relative_squares
 from reports.needs.record import Loss
 
@@ -75,8 +75,7 @@ def _interval(values: Floats, tests: int) -> tuple[Any, Any]:
     Several intervals hold together (Sidak).
     """
     count = len(values)
-    alpha = -np.expm1(np.log1p(-ALPHA) / tests)
-    t = -float(special.stdtrit(count - 1, alpha / 2.0))
+    t = critical_t(ALPHA, tests, count - 1)
     return values.mean(axis=0), t * values.std(axis=0, ddof=1) / np.sqrt(count)
 
 
@@ -98,7 +97,7 @@ def _relative_loss(d: Floats, reference: Floats) -> tuple[float, float]:
     without = [_noise_free_square(np.delete(chosen, k, axis=0)) for k in range(count)]
     scatter = np.sum((np.array(without) - np.mean(without)) ** 2)
     error = np.sqrt((count - 1) / count * scatter)
-    t = -float(special.stdtrit(count - 1, ALPHA / 2.0))
+    t = critical_t(ALPHA, 1, count - 1)
     return _root(whole), _root(max(whole, 0.0) + t * float(error))
 
 
