@@ -1,10 +1,13 @@
-"""A failure is printed when it happens, not only at the end of the run.
+"""What all tests share: failures are printed at once, and the collector can be kept out.
 
 A run that something ends from outside (a hung process, CI's own limit) never comes to
 pytest's closing summary; without this its output says that tests failed and not which.
 """
 
 from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
 
 import pytest
 
@@ -28,3 +31,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     terminal = plugins.get_plugin("terminalreporter")
     if terminal is not None and not hasattr(session.config, "workerinput"):
         plugins.register(FailuresAtOnce(terminal))
+
+
+@pytest.fixture
+def no_collection() -> Iterator[None]:
+    """Keep Python's collector out: hypothesis hangs a callback on it.
+
+    What is raised inside of one, such as an interrupt, reaches nobody.
+    """
+    gc.disable()
+    yield
+    gc.enable()

@@ -573,6 +573,7 @@ class Alarm:
             raise KeyboardInterrupt
 
 
+@pytest.mark.usefixtures("no_collection")
 def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
     """What users of the API meet, at forty moments spread over a render.
 

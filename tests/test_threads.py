@@ -123,6 +123,7 @@ def test_rounds_are_counted_beyond_a_byte():
     assert ended == list(range(300))
 
 
+@pytest.mark.usefixtures("no_collection")
 def test_an_interrupt_at_any_moment_ends_it_and_leaves_no_job_half_done(monkeypatch):
     """Four hundred moments: never a wait without end, a job lost, or one done twice.
 
