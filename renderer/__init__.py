@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from renderer.errors import SceneError
-    from renderer.jit import kernel
+    from renderer.kernels.jit import kernel
     from renderer.kinds.bsdfs.registry import register_bsdf
     from renderer.picture.image import Image
     from renderer.rendering.render_scene import render
@@ -45,7 +45,7 @@ _MODULES = {
     "Progress": "renderer.rendering.rendering",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
-    "kernel": "renderer.jit",
+    "kernel": "renderer.kernels.jit",
     "register_bsdf": "renderer.kinds.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
 }

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.records.batch import CAPACITY
+from renderer.kernels.records.batch import CAPACITY
 from reports.accelerator_trials.contenders import build, reach_of
 from reports.accelerator_trials.meshes import soup, triangle_surfaces
 from reports.accelerator_trials.rays import TILE, camera_rays, random_rays

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from scene_file_samples import mi
 
 import renderer
-from renderer.jit import entry_kernel, pack
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kinds.bsdfs.kind import (
     BsdfMethods,
     Numbers,
@@ -22,8 +24,6 @@ from renderer.kinds.bsdfs.kind import (
     sample_bsdf,
 )
 from renderer.kinds.sampling.arithmetic import Plain
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3, store3
 from renderer.scene.materials import MaterialTables, kind_of
 
 Array = NDArray[np.float64]

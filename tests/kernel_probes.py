@@ -15,15 +15,21 @@ import numpy as np
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.jit import entry_kernel, pack
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.lanes.vectors import load3, store3
+from renderer.kernels.records.batch import (
+    CAPACITY,
+    Rays,
+    ShadowRays,
+    Workspace,
+    make_workspace,
+)
+from renderer.kernels.records.kernel_scene import ANY
 from renderer.kinds.shapes.cylinder import CylinderSurfaces
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
 from renderer.kinds.shapes.triangle import TriangleSurfaces
-from renderer.lanes.vectors import load3, store3
-from renderer.records.batch import CAPACITY, Rays, ShadowRays, Workspace, make_workspace
-from renderer.records.kernel_scene import ANY
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay, Variant
@@ -156,7 +162,7 @@ def closest(
 ) -> Found:
     """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one.
 
-    Given a tally (`renderer.records.tally`), the twin that counts runs.
+    Given a tally (`renderer.kernels.records.tally`), the twin that counts runs.
     """
     work = workspace(ray_count(origin, direction))
     n = fill(work.rays, origin, direction)

@@ -10,16 +10,16 @@ from kernel_probes import Inputs, float32
 from numpy.typing import NDArray
 
 import renderer
-from renderer.jit import Packed, call, entry_kernel, pack
+from renderer.kernels.jit import Packed, call, entry_kernel, pack
+from renderer.kernels.lanes.functions import splat_mask
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import load3, store3
+from renderer.kernels.records.batch import LightSamples, make_workspace
+from renderer.kernels.records.kernel_scene import RECORD, SAMPLE_LIGHT
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightKind
 from renderer.kinds.sampling.numbers_and_warps import choose_one
 from renderer.kinds.shapes.surface import pdf_shape
-from renderer.lanes.functions import splat_mask
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3, store3
-from renderer.records.batch import LightSamples, make_workspace
-from renderer.records.kernel_scene import RECORD, SAMPLE_LIGHT
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.tables.variant import way_of
 

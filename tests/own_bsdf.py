@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 import renderer
+from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kinds.bsdfs.kind import BsdfSample, Color, cosine_direction
-from renderer.lanes.functions import select, splat_f32
 
 INV_PI = np.float32(1.0 / np.pi)
 

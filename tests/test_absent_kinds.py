@@ -31,13 +31,8 @@ from small_scenes import (
 
 import renderer
 from renderer.integrators.kind import NO_LIMIT
-from renderer.jit.linking import SEPARATE
-from renderer.kinds.lights.area import AreaLights
-from renderer.kinds.lights.constant import ConstantLights
-from renderer.kinds.lights.directional import DirectionalLights
-from renderer.kinds.lights.point import PointLights
-from renderer.kinds.lights.spot import SpotLights
-from renderer.records.kernel_scene import (
+from renderer.kernels.jit.linking import SEPARATE
+from renderer.kernels.records.kernel_scene import (
     ANY_COHERENT,
     ANY_SINGLE,
     CHOOSE_LIGHT,
@@ -52,6 +47,11 @@ from renderer.records.kernel_scene import (
     SAMPLE_LIGHT,
     SCATTER,
 )
+from renderer.kinds.lights.area import AreaLights
+from renderer.kinds.lights.constant import ConstantLights
+from renderer.kinds.lights.directional import DirectionalLights
+from renderer.kinds.lights.point import PointLights
+from renderer.kinds.lights.spot import SpotLights
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 

@@ -23,15 +23,15 @@ from kernel_probes import unit
 from scatter_probes import clear_glass, diffuse_pdf, two_sided
 from test_bsdfs import dielectric64
 
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.vectors import store3, vec3
 from renderer.kinds.lights.constant import SPHERE_PDF
 from renderer.kinds.sampling.numbers_and_warps import (
     square_to_cosine_hemisphere,
     square_to_disk,
     square_to_sphere,
 )
-from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import store3, vec3
 
 N = 1 << 20
 FINDS = 0.03

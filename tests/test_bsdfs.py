@@ -7,14 +7,14 @@ import pytest
 from kernel_probes import chi_square_z, directions, float32, mean_z, unit
 from scene_file_samples import mi
 
-from renderer.jit import entry_kernel, pack
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import dot, load3, orthonormal_basis, store3, vec3
 from renderer.kinds.bsdfs.diffuse import DIFFUSE, Diffuse, eval_pdf, sample
 from renderer.kinds.bsdfs.fresnel import fresnel_conductor, fresnel_dielectric
 from renderer.kinds.bsdfs.kind import BsdfMethods, Numbers
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import Frame, Plain, to_world
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import dot, load3, orthonormal_basis, store3, vec3
 
 
 @entry_kernel

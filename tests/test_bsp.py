@@ -26,7 +26,7 @@ from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.extents import extents_of
 from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
 from renderer.accelerators.octree_and_bsp.bsp_build import EXTRA, LEAF, MAX_DEPTH
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
 
 RAYS = 2000
 every_kind = pytest.mark.parametrize("kind", KINDS)

@@ -17,7 +17,7 @@ from renderer.accelerators.bvh.bvh_build import (
     bvh_depth,
     validate_bvh,
 )
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 
 
 def soup(n, seed=0, size=0.02):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import renderer.stages.film
-from renderer.jit import entry_kernel, pack
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.tile import TILE_SIZE, Tile
 from renderer.kinds.sampling.numbers_and_warps import Independent
-from renderer.records.batch import CAPACITY
-from renderer.records.tile import TILE_SIZE, Tile
 from renderer.scene.reconstruction import lookup_weight, pixels_touched
 from renderer.scene_file.description import ReconstructionFilter
 from renderer.stages.draws import draw_film

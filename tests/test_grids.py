@@ -36,7 +36,7 @@ from kernel_probes import (
 
 from renderer.accelerators.grids.grid_walk import LEVELS
 from renderer.accelerators.grids.uniform_grid import build_uniform_grid
-from renderer.records.tally import (
+from renderer.kernels.records.tally import (
     BOXES,
     NODES,
     PRIMITIVES,

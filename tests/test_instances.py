@@ -27,7 +27,7 @@ from renderer.accelerators.build import build_accelerators
 from renderer.accelerators.groups.instances import Instances
 from renderer.accelerators.groups.instances_build import validate_instances
 from renderer.errors import SceneError
-from renderer.jit import pack
+from renderer.kernels.jit import pack
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene.scene import Scene
 

@@ -20,8 +20,15 @@ from small_scenes import diffuse, scene, sensor, sphere
 
 import renderer
 import renderer.stages.film
-from renderer.jit import cache, decorators, entry_kernel, kernel, versions, with_neighbours
-from renderer.jit.cache import KERNEL_FOLDERS, file_digest
+from renderer.kernels.jit import (
+    cache,
+    decorators,
+    entry_kernel,
+    kernel,
+    versions,
+    with_neighbours,
+)
+from renderer.kernels.jit.cache import KERNEL_FOLDERS, file_digest
 from renderer.scene_file.images import png_filters
 
 
@@ -81,7 +88,7 @@ def test_pythons_collector_looks_seldom_while_a_kernel_is_compiled() -> None:
 SAVES_MANY = """
 import sys
 import numpy as np
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 
 @entry_kernel
 def total(values):
@@ -118,7 +125,7 @@ def test_processes_that_compile_at_once_do_not_mix_their_kernels(tmp_path: Path)
 
 
 SHARED = """
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 
 @entry_kernel
 def first(record):
@@ -167,7 +174,7 @@ def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) ->
 
 def _hash_of(package: Path) -> str:
     """Return the name of the kernel cache that a copy of the package would use."""
-    program = "import renderer.jit; print(renderer.jit.KERNEL_CACHE.name)"
+    program = "import renderer.kernels.jit; print(renderer.kernels.jit.KERNEL_CACHE.name)"
     found = subprocess.run(
         [sys.executable, "-c", program],
         cwd=package.parent,
@@ -290,13 +297,13 @@ def test_a_second_copy_of_the_sources_compiles_nothing(tmp_path: Path) -> None:
 
 
 def test_this_version_of_numba_has_been_tried() -> None:
-    """`renderer.jit` replaces private parts of Numba, on versions it knows.
+    """`renderer.kernels.jit` replaces private parts of Numba, on versions it knows.
 
     On another version all works, but compiles longer. To add one to `TRIED`, run the whole
     suite with it.
     """
     assert numba.__version__ in versions.TRIED, (
-        f"Numba {numba.__version__} has not been tried with renderer.jit"
+        f"Numba {numba.__version__} has not been tried with renderer.kernels.jit"
     )
 
 
@@ -307,7 +314,8 @@ import sys
 from typing import NamedTuple
 import numpy as np
 from numba.core import base, codegen, event, ir, targetconfig, types
-from renderer.jit import compile_method, count_of, entry_kernel, kernel, method_kernel, pack
+from renderer.kernels.jit import compile_method, count_of, entry_kernel, kernel
+from renderer.kernels.jit import method_kernel, pack
 
 class Numbers(NamedTuple):
     values: np.ndarray

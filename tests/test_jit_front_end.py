@@ -11,7 +11,7 @@ from numba.core.compiler import Flags, run_frontend
 from numba.core.errors import TypingError
 from numba.extending import overload
 
-from renderer.jit import builder_kernel, entry_kernel, interface, kernel
+from renderer.kernels.jit import builder_kernel, entry_kernel, interface, kernel
 
 
 def _of_many_parts(x, pair, numbers):

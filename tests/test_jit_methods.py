@@ -9,7 +9,7 @@ import pytest
 from numba.core import types
 from numba.core.errors import TypingError
 
-from renderer.jit import (
+from renderer.kernels.jit import (
     call,
     compile_method,
     count_of,

@@ -10,7 +10,14 @@ import pytest
 from numba.core import types
 from numba.core.errors import TypingError
 
-from renderer.jit import Packed, entry_kernel, kernel, pack, record_class, record_type
+from renderer.kernels.jit import (
+    Packed,
+    entry_kernel,
+    kernel,
+    pack,
+    record_class,
+    record_type,
+)
 
 
 class Inner(NamedTuple):

@@ -39,8 +39,8 @@ from renderer.accelerators.kd_tree.kd_tree_split import (
     split_cost,
 )
 from renderer.accelerators.references import Hulls, fits, hulls_of
-from renderer.jit import entry_kernel
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, STACK
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK
 
 RULES = {"kd-middle": MIDDLE, "kd-median": MEDIAN, "kd-sah": CHEAPEST}
 every_name = pytest.mark.parametrize("name", RULES)

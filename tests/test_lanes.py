@@ -1,4 +1,4 @@
-"""Every operator and function of `renderer.lanes` against NumPy, bit for bit.
+"""Every operator and function of `renderer.kernels.lanes` against NumPy, bit for bit.
 
 NumPy treats a Python number beside an array as lanes treat it: the number takes the
 array's element type. So one function body is run twice, on NumPy arrays as plain Python
@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from renderer.jit import entry_kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
     as_u32,
@@ -44,7 +44,7 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.memory import (
+from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
     load_row,
@@ -551,10 +551,10 @@ def test_a_read_only_array_is_not_written():
 
 SCRIPT = """
 import numpy as np
-from renderer.jit import entry_kernel
-from renderer.lanes.functions import select, sqrt
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.vectors import load3, normalize, store3
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.functions import select, sqrt
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.vectors import load3, normalize, store3
 
 @entry_kernel
 def run(a):

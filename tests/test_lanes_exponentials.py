@@ -8,10 +8,10 @@ import numpy as np
 from scipy import special
 from test_lanes_mathematics import INF, NAN, ulps
 
-from renderer.jit import entry_kernel
-from renderer.lanes.error_function import erf, erfinv
-from renderer.lanes.exponentials import exp, log, power
-from renderer.lanes.memory import load_row, store_row
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.error_function import erf, erfinv
+from renderer.kernels.lanes.exponentials import exp, log, power
+from renderer.kernels.lanes.memory import load_row, store_row
 
 N = 1 << 17
 

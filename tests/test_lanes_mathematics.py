@@ -1,4 +1,4 @@
-"""`renderer.lanes.mathematics` against NumPy in float64, in units in the last place."""
+"""`kernels.lanes.mathematics` against NumPy in float64, in units in the last place."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import zlib
 
 import numpy as np
 
-from renderer.jit import entry_kernel
-from renderer.lanes.mathematics import arccos, arctan2, sincos
-from renderer.lanes.memory import load_row, store_row
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.memory import load_row, store_row
 
 NAN, INF = np.nan, np.inf
 

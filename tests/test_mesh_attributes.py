@@ -12,7 +12,7 @@ from scene_file_samples import error_of, ours
 from test_textures import run_parameters
 
 import renderer
-from renderer.jit import pack
+from renderer.kernels.jit import pack
 from renderer.kinds.textures.registry import mean_of
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene_file.description import MeshAttributeTexture

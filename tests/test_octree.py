@@ -32,8 +32,8 @@ from renderer.accelerators.octree_and_bsp.octree_build import (
     ROOM,
 )
 from renderer.accelerators.octree_and_bsp.octree_checks import octree_cells
-from renderer.records.tally import BOXES, NODES, PRIMITIVES
-from renderer.records.tally import STACK as WAITING
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES
+from renderer.kernels.records.tally import STACK as WAITING
 
 
 def check(kind, surfaces):

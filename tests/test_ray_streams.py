@@ -25,7 +25,7 @@ from soups import awkward_rays
 from renderer.accelerators.bvh.octants import STREAM
 from renderer.accelerators.bvh.ray_streams import SHORT
 from renderer.accelerators.bvh.wide_bvh import FEW
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
 
 NAN, INF = np.nan, np.inf
 SURFACES = soup("triangles", 500, np.random.default_rng(1), size=0.4)

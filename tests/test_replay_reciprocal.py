@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 from renderer.replay.rounding.reciprocal import guess_instruction, reciprocal
 
 

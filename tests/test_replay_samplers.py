@@ -16,7 +16,7 @@ import pytest
 from scene_file_samples import error_of, ours, theirs
 
 from renderer.errors import NotReplayable
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 from renderer.replay.numbers.pcg32 import next_float, next_u32, pcg32_seed
 from renderer.replay.numbers.permutations import (
     encrypt,

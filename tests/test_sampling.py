@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 from kernel_probes import chi_square_z, mean_z
 
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.functions import as_i32, splat_u32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import store3, vec3
 from renderer.kinds.sampling.numbers_and_warps import (
     MOST_BY_PAIR,
     Independent,
@@ -27,9 +30,6 @@ from renderer.kinds.sampling.numbers_and_warps import (
     square_to_sphere,
 )
 from renderer.kinds.sampling.sobol import Sobol, make_sobol
-from renderer.lanes.functions import as_i32, splat_u32
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import store3, vec3
 
 PIXELS = 1 << 16
 GRIDS = [(8, 8), (4, 2), (5, 3), (3, 3), (7, 1), (1, 1)]

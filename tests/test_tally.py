@@ -16,9 +16,9 @@ from kernel_probes import (
 from numba.core.errors import TypingError
 from soups import awkward_rays
 
-from renderer.jit import entry_kernel
-from renderer.records import tally as counting
-from renderer.records.tally import (
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.records import tally as counting
+from renderer.kernels.records.tally import (
     BOXES,
     NODES,
     PRIMITIVES,

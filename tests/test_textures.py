@@ -13,9 +13,9 @@ from PIL import Image
 from scene_file_samples import mi
 
 import renderer
-from renderer.jit import entry_kernel, pack
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.lanes.functions import first_lanes
 from renderer.kinds.textures.registry import mean_of
-from renderer.lanes.functions import first_lanes
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene.materials import MaterialTables
 from renderer.scene_file.description import (

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from kernel_probes import directions, float32, unit
 
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import load3
 from renderer.kinds.shapes.patch import Patch
 from renderer.kinds.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
-from renderer.lanes.functions import select, splat_f32
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3
 
 N = 16_384
 

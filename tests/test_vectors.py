@@ -1,4 +1,4 @@
-"""`renderer.lanes.vectors`: vectors of lanes and of scalars against NumPy."""
+"""`renderer.kernels.lanes.vectors`: vectors of lanes and of scalars against NumPy."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from renderer.jit import entry_kernel
-from renderer.lanes.functions import first_lanes, lane
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import (
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.functions import first_lanes, lane
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import (
     append3,
     column,
     cross,

@@ -17,15 +17,8 @@ from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, 
 import renderer
 from renderer.command.cli import main
 from renderer.errors import SceneError
-from renderer.jit import entry_kernel, pack
-from renderer.names import INTEGRATORS
-from renderer.picture.heat_map import (
-    _ROOTS_FROM_OKLAB,
-    _SRGB_FROM_CONES,
-    CONTROL_POINTS,
-    heat_colours,
-)
-from renderer.records.tally import (
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.records.tally import (
     BOXES,
     NAMES,
     NODES,
@@ -33,7 +26,14 @@ from renderer.records.tally import (
     SAVED,
     make_tally,
 )
-from renderer.records.tile import Tile
+from renderer.kernels.records.tile import Tile
+from renderer.names import INTEGRATORS
+from renderer.picture.heat_map import (
+    _ROOTS_FROM_OKLAB,
+    _SRGB_FROM_CONES,
+    CONTROL_POINTS,
+    heat_colours,
+)
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.planning.plan_text import plan_text
 from renderer.rendering.rendering import Rendering

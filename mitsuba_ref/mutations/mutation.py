@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import renderer
-from renderer.jit import cache_root
+from renderer.kernels.jit import cache_root
 
 PACKAGE = Path(renderer.__file__).parent
 

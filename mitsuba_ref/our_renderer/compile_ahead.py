@@ -24,7 +24,7 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from renderer.errors import SceneError
-from renderer.jit import KERNEL_CACHE, with_neighbours
+from renderer.kernels.jit import KERNEL_CACHE, with_neighbours
 
 MOST_WORKERS = 4  # each compiler takes half a gigabyte
 

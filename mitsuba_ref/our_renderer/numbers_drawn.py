@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
+from renderer.kernels.records.tile import Tile
 from renderer.kinds.sensors.registry import kind_of_sensor
-from renderer.records.tile import Tile
 from renderer.rendering.rendering import Rendering
 from renderer.replay.numbers.numbers import (
     APERTURE,

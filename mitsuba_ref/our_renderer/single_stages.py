@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.path import begin_bounce
-from renderer.jit import entry_kernel
-from renderer.records.kernel_scene import ANY
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.records.kernel_scene import ANY
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import (
     cast_shadow_rays,

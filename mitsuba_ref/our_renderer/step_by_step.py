@@ -27,9 +27,9 @@ from mitsuba_ref.our_renderer.traced_path import (
     Vector,
 )
 from renderer.integrators.kind import NO_LIMIT
-from renderer.jit import pack
+from renderer.kernels.jit import pack
+from renderer.kernels.records.tile import Tile
 from renderer.kinds.lights.registry import plugin_of
-from renderer.records.tile import Tile
 from renderer.rendering.rendering import Rendering
 from renderer.scene.light_order import light_order
 

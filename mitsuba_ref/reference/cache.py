@@ -24,7 +24,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
-from renderer.jit import cache_root, with_neighbours
+from renderer.kernels.jit import cache_root, with_neighbours
 from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 

@@ -38,10 +38,10 @@ from renderer.accelerators.octree_and_bsp.bsp import build_bsp
 from renderer.accelerators.octree_and_bsp.octree import build_octree
 from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
+from renderer.kernels.records.kernel_scene import EMIT
 from renderer.kinds.shapes.registry import SHAPES
 from renderer.kinds.shapes.triangle import Triangles
 from renderer.names import ACCELERATORS
-from renderer.records.kernel_scene import EMIT
 from renderer.scene.scene import KINDS, Scene, emits
 
 # name -> how it is built

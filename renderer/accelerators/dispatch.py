@@ -41,7 +41,7 @@ from renderer.accelerators.rays.brute_force import (
     closest_hit_brute_force,
 )
 from renderer.accelerators.rays.ray_by_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
-from renderer.jit import record_class
+from renderer.kernels.jit import record_class
 
 
 class Traversals(NamedTuple):

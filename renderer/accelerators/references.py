@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.extents import Extents
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 
 
 class Hulls(NamedTuple):

@@ -13,8 +13,8 @@ import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
 from renderer.integrators.path import begin_bounce, decide_direct, render_paths
-from renderer.jit import entry_kernel, kernel
-from renderer.records.batch import CAPACITY
+from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays

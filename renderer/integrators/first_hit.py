@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, entry_kernel, kernel, method_kernel
-from renderer.kinds.bsdfs.kind import (
-    albedo_of,
-    normal_of,
-    parameters_at,
-    seen_albedo_of,
-)
-from renderer.kinds.sampling.arithmetic import to_local, to_world
-from renderer.lanes.functions import (
+from renderer.kernels.jit import call, entry_kernel, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
     first_lanes,
     lane,
     mask_bits,
@@ -21,15 +14,22 @@ from renderer.lanes.functions import (
     splat_i32,
     to_f32,
 )
-from renderer.lanes.memory import gather_row, load_row, store_row
-from renderer.lanes.vectors import dot, load3
-from renderer.records.kernel_scene import (
+from renderer.kernels.lanes.memory import gather_row, load_row, store_row
+from renderer.kernels.lanes.vectors import dot, load3
+from renderer.kernels.records.kernel_scene import (
     ANY,
     HALVES,
     RECORD,
     SHOW_ALBEDO,
     SHOW_NORMAL,
 )
+from renderer.kinds.bsdfs.kind import (
+    albedo_of,
+    normal_of,
+    parameters_at,
+    seen_albedo_of,
+)
+from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.derivatives import differentiate
 from renderer.stages.film import add_to_tile, clear

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
-from renderer.jit import call, entry_kernel, kernel
-from renderer.records.kernel_scene import BEGIN_BOUNCE, RECORD
+from renderer.kernels.jit import call, entry_kernel, kernel
+from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays

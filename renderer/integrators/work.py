@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
-from renderer.jit import entry_kernel, kernel
+from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.records.tally import ROWS
 from renderer.picture.heat_map import heat_map
-from renderer.records.tally import ROWS
 from renderer.scene_file.description import Integrator
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.film import add_to_tile, clear

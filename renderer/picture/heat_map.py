@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderer.records.tally import BOXES, NAMES, PRIMITIVES
+from renderer.kernels.records.tally import BOXES, NAMES, PRIMITIVES
 
 # Where the colours pass, as (L, a, b) of Oklab [Ottosson2020]: black, violet, red, orange,
 # pale yellow. L grows evenly along the way, so that equal steps of work are equal steps of

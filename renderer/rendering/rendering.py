@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
-from renderer.jit import Packed, pack
-from renderer.records.batch import CAPACITY, Workspace, make_workspace
-from renderer.records.kernel_scene import KernelScene
+from renderer.kernels.jit import Packed, pack
+from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
+from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import Plan

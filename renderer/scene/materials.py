@@ -11,15 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.kind import BsdfKind, Rows
-from renderer.kinds.bsdfs.nesting import Structure, goes_straight
-from renderer.kinds.bsdfs.registry import BSDFS
-from renderer.kinds.bsdfs.registry import kind_of as kind_of
-from renderer.kinds.textures.checkerboard import children
-from renderer.kinds.textures.kind import TextureKind
-from renderer.kinds.textures.registry import kind_of_texture, mean_of
-from renderer.kinds.textures.uniform import UNIFORM
-from renderer.records.kernel_scene import (
+from renderer.kernels.records.kernel_scene import (
     ANY,
     EMIT,
     FIRST_BSDF,
@@ -28,6 +20,14 @@ from renderer.records.kernel_scene import (
     LOOK_UP_SCALAR,
     MOST_BSDF_KINDS,
 )
+from renderer.kinds.bsdfs.kind import BsdfKind, Rows
+from renderer.kinds.bsdfs.nesting import Structure, goes_straight
+from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.bsdfs.registry import kind_of as kind_of
+from renderer.kinds.textures.checkerboard import children
+from renderer.kinds.textures.kind import TextureKind
+from renderer.kinds.textures.registry import kind_of_texture, mean_of
+from renderer.kinds.textures.uniform import UNIFORM
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,

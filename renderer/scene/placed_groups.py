@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.records.kernel_scene import Placements
+from renderer.kernels.records.kernel_scene import Placements
 from renderer.scene_file.description import Instance, SceneDescription
 
 # Beyond it one rounding error of an object's coordinates is a tenth of the object: an

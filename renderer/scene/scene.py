@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.arrays import float32
-from renderer.kinds.shapes.arrays import unit_normals as unit_normals
-from renderer.kinds.shapes.registry import SHAPES, kind_of_shape
-from renderer.records.kernel_scene import (
+from renderer.kernels.records.kernel_scene import (
     ANY,
     EMIT,
     HALVES,
     Placements,
     Shapes,
 )
+from renderer.kinds.shapes.arrays import float32
+from renderer.kinds.shapes.arrays import unit_normals as unit_normals
+from renderer.kinds.shapes.registry import SHAPES, kind_of_shape
 from renderer.scene.attributes import check_attributes
 from renderer.scene.materials import MaterialTables
 from renderer.scene.placed_groups import (
@@ -51,7 +51,7 @@ class Scene:
     surfaces: dict[str, Any]  # kind -> record of renderer.kinds.shapes, present kinds only
     shape: NDArray[np.int32]  # (primitives,) shape id
     face: NDArray[np.int32]  # (primitives,) index within the file's mesh
-    stages: NDArray[np.int32]  # (primitives,) bits of renderer.records.kernel_scene
+    stages: NDArray[np.int32]  # (primitives,) bits of renderer.kernels.records.kernel_scene
     shapes: Shapes
     materials: MaterialTables
     # kind -> (groups + 1,) columns of its record where each group begins, and the end; what

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, count_of, kernel, method_kernel
-from renderer.kinds.sensors.kind import camera_ray
-from renderer.lanes.functions import (
+from renderer.kernels.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
     lane_index,
     mask_bits,
     popcount,
@@ -14,17 +13,18 @@ from renderer.lanes.functions import (
     splat_i32,
     to_f32,
 )
-from renderer.lanes.memory import append_row, load_row, store_row
-from renderer.lanes.vectors import append3, vec3
-from renderer.records.batch import CAPACITY
-from renderer.records.kernel_scene import (
+from renderer.kernels.lanes.memory import append_row, load_row, store_row
+from renderer.kernels.lanes.vectors import append3, vec3
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.kernel_scene import (
     AFTER_CAMERA_RAYS,
     DRAW_APERTURE,
     DRAW_FILM,
     FILL_RAYS,
     RECORD,
 )
-from renderer.records.tile import slot_pixel
+from renderer.kernels.records.tile import slot_pixel
+from renderer.kinds.sensors.kind import camera_ray
 
 
 @kernel

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from renderer.jit import call, kernel, method_kernel
+from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.lanes.affine import affine_of, times
+from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.lanes.memory import load_row, store_where
+from renderer.kernels.lanes.vectors import load3, select3
+from renderer.kernels.records.kernel_scene import DERIVE, RECORD
 from renderer.kinds.shapes.uv_derivatives import uv_derivatives
-from renderer.lanes.affine import affine_of, times
-from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.lanes.memory import load_row, store_where
-from renderer.lanes.vectors import load3, select3
-from renderer.records.kernel_scene import DERIVE, RECORD
 from renderer.stages.placement import instance_of, tangent_in_world
 
 

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, count_of, kernel, method_kernel
-from renderer.kinds.bsdfs.kind import eval_pdf_bsdf, parameters_at
-from renderer.kinds.lights.weights import light_probability, light_sample_weight
-from renderer.kinds.sampling.arithmetic import to_local
-from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
-from renderer.lanes.functions import first_lanes, mask_bits, popcount
-from renderer.lanes.memory import append_row, load_row
-from renderer.lanes.vectors import append3, length, load3
-from renderer.records.kernel_scene import (
+from renderer.kernels.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits, popcount
+from renderer.kernels.lanes.memory import append_row, load_row
+from renderer.kernels.lanes.vectors import append3, length, load3
+from renderer.kernels.records.kernel_scene import (
     CHOOSE_LIGHT,
     RECORD,
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
 )
+from renderer.kinds.bsdfs.kind import eval_pdf_bsdf, parameters_at
+from renderer.kinds.lights.weights import light_probability, light_sample_weight
+from renderer.kinds.sampling.arithmetic import to_local
+from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 from renderer.stages.intersect import trace_shadow_rays
 from renderer.stages.shading_frame import frame_at, leave_surface
 

@@ -6,17 +6,17 @@ surface point, and the light that each point samples.
 
 from __future__ import annotations
 
-from renderer.jit import kernel, method_kernel
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import lane_index, mask_bits, splat_i32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.tile import pixel_key, slot_pixel
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
     choose_from_draw,
     draw4,
 )
-from renderer.lanes.functions import lane_index, mask_bits, splat_i32
-from renderer.lanes.memory import load_row, store_row
-from renderer.records.batch import CAPACITY
-from renderer.records.tile import pixel_key, slot_pixel
 
 
 @kernel

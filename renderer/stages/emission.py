@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from renderer.jit import call, kernel
-from renderer.records.kernel_scene import EMISSION, EMIT, ENVIRONMENT, RECORD
+from renderer.kernels.jit import call, kernel
+from renderer.kernels.records.kernel_scene import EMISSION, EMIT, ENVIRONMENT, RECORD
 from renderer.stages.intersect import collect
 from renderer.stages.surface import surface_points
 

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import entry_kernel, kernel
-from renderer.lanes.functions import lane, lane_index
-from renderer.lanes.memory import load_row
-from renderer.records.batch import CAPACITY
-from renderer.records.tile import TILE_SIZE, Tile, slot_pixel
+from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.lanes.functions import lane, lane_index
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.tile import TILE_SIZE, Tile, slot_pixel
 from renderer.scene.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
 from renderer.threads import in_threads

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import call, kernel
+from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
     mask_bits,
@@ -13,8 +13,8 @@ from renderer.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.lanes.memory import append_row, gather_row, load_row, store_row
-from renderer.records.kernel_scene import (
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.kernels.records.kernel_scene import (
     ANY_COHERENT,
     ANY_SINGLE,
     CLOSEST,

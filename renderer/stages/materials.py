@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from renderer.jit import call, kernel
-from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.records.kernel_scene import FIRST_BSDF, RECORD
+from renderer.kernels.jit import call, kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.records.kernel_scene import FIRST_BSDF, RECORD
 from renderer.stages.derivatives import differentiate
 from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
-from renderer.kinds.shapes.surface import ROUNDING, magnitude
-from renderer.lanes.affine import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.affine import (
     absolute,
     absolute_times,
     affine_of,
     times,
     transposed_times,
 )
-from renderer.lanes.functions import mask_bits, select, splat_i32
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import dot, length, normalize, select3
+from renderer.kernels.lanes.functions import mask_bits, select, splat_i32
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, length, normalize, select3
+from renderer.kinds.shapes.surface import ROUNDING, magnitude
 
 
 class Place(NamedTuple):

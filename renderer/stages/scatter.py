@@ -8,7 +8,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    first_lanes,
+    lane_index,
+    mask_bits,
+    maximum,
+    minimum,
+    popcount,
+    splat_f32,
+)
+from renderer.kernels.lanes.memory import append_row, load_row
+from renderer.kernels.lanes.vectors import append3, load3
+from renderer.kernels.records.kernel_scene import (
+    AFTER_SCATTERING,
+    DRAW,
+    RECORD,
+    SCATTER,
+)
 from renderer.kinds.bsdfs.kind import (
     Numbers,
     is_possible,
@@ -18,23 +35,6 @@ from renderer.kinds.bsdfs.kind import (
 )
 from renderer.kinds.sampling.arithmetic import to_local
 from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
-from renderer.lanes.functions import (
-    first_lanes,
-    lane_index,
-    mask_bits,
-    maximum,
-    minimum,
-    popcount,
-    splat_f32,
-)
-from renderer.lanes.memory import append_row, load_row
-from renderer.lanes.vectors import append3, load3
-from renderer.records.kernel_scene import (
-    AFTER_SCATTERING,
-    DRAW,
-    RECORD,
-    SCATTER,
-)
 from renderer.stages.shading_frame import frame_at, leave_surface
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select
+from renderer.kernels.lanes.memory import gather_row, load_row, store_row
+from renderer.kernels.lanes.vectors import dot, load3
 from renderer.kinds.bsdfs.kind import visible_side
 from renderer.kinds.sampling.arithmetic import Frame, tangents_of
-from renderer.lanes.functions import select
-from renderer.lanes.memory import gather_row, load_row, store_row
-from renderer.lanes.vectors import dot, load3
 
 
 @kernel

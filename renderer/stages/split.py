@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import count_of, kernel, method_kernel
+from renderer.kernels.jit import count_of, kernel, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.vectors import load3, vec3
+from renderer.kernels.records.kernel_scene import RECORD, SPLIT
 from renderer.kinds.bsdfs.kind import (
     BsdfSample,
     outgoing,
@@ -13,10 +17,6 @@ from renderer.kinds.bsdfs.kind import (
     transmission_of,
 )
 from renderer.kinds.sampling.arithmetic import to_local
-from renderer.lanes.functions import first_lanes, mask_bits, splat_f32
-from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import load3, vec3
-from renderer.records.kernel_scene import RECORD, SPLIT
 from renderer.stages.scatter import append_rays, largest
 from renderer.stages.shading_frame import frame_at
 

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.records.kernel_scene import EMIT
+from renderer.kernels.jit import kernel
+from renderer.kernels.records.kernel_scene import EMIT
 
 
 @kernel

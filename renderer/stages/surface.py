@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import call, kernel, method_kernel
+from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
+from renderer.kernels.lanes.vectors import gather3, load3, select3, store3, store3_where
+from renderer.kernels.records.kernel_scene import AFTER_SURFACE_POINTS, LOCATE, RECORD
 from renderer.kinds.shapes.surface import magnitude, surface_point, tangent_at
-from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.lanes.memory import gather_row, load_row, store_row, store_where
-from renderer.lanes.vectors import gather3, load3, select3, store3, store3_where
-from renderer.records.kernel_scene import AFTER_SURFACE_POINTS, LOCATE, RECORD
 from renderer.stages.placement import (
     Place,
     in_world,

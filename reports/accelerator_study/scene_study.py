@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from renderer.accelerators.build import BUILDERS
-from renderer.records import tally
+from renderer.kernels.records import tally
 from reports.accelerator_study.settings import StudySettings, all_threads
 from reports.accelerator_trials.contenders import (
     NAIVE,

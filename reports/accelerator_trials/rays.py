@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderer.records.batch import CAPACITY, PADDING
+from renderer.kernels.records.batch import CAPACITY, PADDING
 from renderer.scene.scene import unit_normals
 from reports.accelerator_trials.meshes import StudyMesh, View
 

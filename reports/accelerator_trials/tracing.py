@@ -18,9 +18,9 @@ from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.jit import entry_kernel
-from renderer.records.batch import CAPACITY
-from renderer.records.tally import ROWS
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.tally import ROWS
 from renderer.stages.intersect import reset_hits
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 
@@ -28,7 +28,7 @@ JOBS_PER_THREAD = 4  # enough to even out batches of unlike cost
 
 
 class BatchRays(NamedTuple):
-    """What a traversal reads of one batch; named as in `renderer.records.batch.Rays`."""
+    """What a traversal reads of one batch; named as in `kernels.records.batch.Rays`."""
 
     origin: Any  # (3, stride)
     direction: Any  # (3, stride)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from mitsuba_ref.records.machine import usable_cores
 from renderer.accelerators.build import BUILDERS
-from renderer.jit import KERNEL_CACHE
+from renderer.kernels.jit import KERNEL_CACHE
 from reports.accelerator_trials import tracing
 from reports.accelerator_trials.contenders import build, reach_of, study_queries
 from reports.accelerator_trials.meshes import displaced_icosphere, triangle_surfaces

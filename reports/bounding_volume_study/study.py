@@ -20,9 +20,9 @@ from renderer.accelerators.bounding_volumes.grown_points import points_of_extent
 from renderer.accelerators.bounding_volumes.volumes import VOLUMES, which_hit
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.extents import extents_of
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.records.batch import PADDING
 from renderer.kinds.shapes.triangle import TriangleSurfaces
-from renderer.records.batch import PADDING
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import flat, in_batches
 from reports.accelerator_trials.tracing import make_query, trace

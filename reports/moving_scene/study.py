@@ -23,7 +23,7 @@ from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bounds, refit_bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost
 from renderer.accelerators.extents import extents_of
-from renderer.records.tally import NODES
+from renderer.kernels.records.tally import NODES
 from reports.accelerator_trials.meshes import (
     StudyMesh,
     displaced_icosphere,

@@ -226,8 +226,9 @@ DEFECTS = (
             ),
             Edit(
                 "stages/direct_light.py",
-                "from renderer.lanes.vectors import append3, length, load3",
-                "from renderer.lanes.vectors import append3, dot, length, load3, select3",
+                "from renderer.kernels.lanes.vectors import append3, length, load3",
+                "from renderer.kernels.lanes.vectors import append3, dot, length, load3, "
+                "select3",
             ),
         ),
         scene="smooth-mesh",

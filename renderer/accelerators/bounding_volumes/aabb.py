@@ -13,7 +13,7 @@ from renderer.accelerators.bounding_volumes.grown_points import (
     rounded_up,
 )
 from renderer.accelerators.bounding_volumes.slab import ONE, clip_to_slab, ray_interval
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 
 
 class Aabb(NamedTuple):

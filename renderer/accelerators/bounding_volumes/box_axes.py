@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.bounding_volumes.grown_points import GrownPoints
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 
 KEPT = 256  # extreme points, at most, in half as many directions
 MOST_ROUNDS = 12  # of turning about all three axes; 2 to 5 were seen

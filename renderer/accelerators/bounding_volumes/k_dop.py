@@ -26,8 +26,8 @@ from renderer.accelerators.bounding_volumes.grown_points import (
 )
 from renderer.accelerators.bounding_volumes.polytope import polytope_area
 from renderer.accelerators.bounding_volumes.slab import ONE, clip_to_slab, ray_interval
-from renderer.jit import kernel
-from renderer.lanes.vectors import column, dot
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import column, dot
 
 # Whole numbers, not unit vectors: products with them are exact.
 _AXES = np.eye(3)

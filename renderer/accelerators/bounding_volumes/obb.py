@@ -23,8 +23,8 @@ from renderer.accelerators.bounding_volumes.slab import (
     clip_to_slab,
     ray_interval,
 )
-from renderer.jit import kernel
-from renderer.lanes.vectors import column, dot
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import column, dot
 
 
 class Obb(NamedTuple):

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.extents import ROUNDING
-from renderer.jit import kernel
-from renderer.lanes.functions import fabs, select
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, select
 
 # A Python literal would make scalars float64.
 ONE = np.float32(1.0)

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from renderer.accelerators.bounding_volumes.grown_points import grown_points, rounded_up
 from renderer.accelerators.bounding_volumes.slab import DIAGONAL, ZERO, ray_interval
 from renderer.accelerators.bounding_volumes.smallest_ball import smallest_ball
-from renderer.jit import kernel
-from renderer.lanes.functions import select, sqrt
-from renderer.lanes.vectors import column, dot
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, sqrt
+from renderer.kernels.lanes.vectors import column, dot
 
 
 class BoundingSphere(NamedTuple):

@@ -38,10 +38,10 @@ from renderer.accelerators.bounding_volumes.sphere import (
     fit_sphere,
     hits_sphere,
 )
-from renderer.jit import entry_kernel, record_class
-from renderer.lanes.functions import first_lanes, select, splat_i32
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3
+from renderer.kernels.jit import entry_kernel, record_class
+from renderer.kernels.lanes.functions import first_lanes, select, splat_i32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import load3
 
 
 class Volume(NamedTuple):

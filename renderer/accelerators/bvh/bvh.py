@@ -27,8 +27,8 @@ from renderer.accelerators.rays.single_ray import (
     nearest_in_range,
     store_hit,
 )
-from renderer.jit import kernel, method_kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
     lane,
@@ -39,10 +39,10 @@ from renderer.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import column, load3, vec3
-from renderer.records.tally import (
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import column, load3, vec3
+from renderer.kernels.records.tally import (
     BOXES,
     NODES,
     add_to,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.extents import Extents, PrimitiveGroup
-from renderer.jit import entry_kernel
+from renderer.kernels.jit import entry_kernel
 
 
 def refit_bvh(bvh: Bvh, extents: Extents, group: PrimitiveGroup, first: int = 0) -> Bvh:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.bvh.bvh_tree import BLOCK, BLOCK_COST, TRAVERSAL_COST
-from renderer.jit import kernel
-from renderer.lanes.local import local_f32
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.local import local_f32
 
 BINS = 16
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks

@@ -13,8 +13,8 @@ import numpy as np
 from renderer.accelerators.bvh.bvh import MARGIN
 from renderer.accelerators.bvh.ray_packets import safe_reciprocal
 from renderer.accelerators.rays.ray_interval import is_finite_ray
-from renderer.jit import kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
     lane_index,
@@ -27,8 +27,8 @@ from renderer.lanes.functions import (
     splat_i32,
     splat_mask,
 )
-from renderer.lanes.memory import append_row, gather_row, load_row, store_row
-from renderer.lanes.vectors import gather3, load3
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.kernels.lanes.vectors import gather3, load3
 
 STREAM = 1024  # rays that go together at most
 ROW = STREAM + 32

@@ -20,8 +20,8 @@ from renderer.accelerators.rays.packets import (
     nearest_of,
 )
 from renderer.accelerators.rays.ray_interval import is_finite_ray
-from renderer.jit import kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
     lane,
@@ -32,10 +32,10 @@ from renderer.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.lanes.local import local_i32
-from renderer.lanes.memory import load_one, load_row, store_one, store_row
-from renderer.lanes.vectors import load3, vec3
-from renderer.records.tally import (
+from renderer.kernels.lanes.local import local_i32
+from renderer.kernels.lanes.memory import load_one, load_row, store_one, store_row
+from renderer.kernels.lanes.vectors import load3, vec3
+from renderer.kernels.records.tally import (
     BOXES,
     NODES,
     add_to_packet,

@@ -39,9 +39,8 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     WIDE_WORDS,
 )
 from renderer.accelerators.bvh.wide_rays import STACK, trace_rays
-from renderer.jit import kernel
-from renderer.kinds.shapes.blocks import WIDTH
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
     mask_bits,
@@ -53,8 +52,8 @@ from renderer.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.memory import (
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
     load_bytes,
@@ -65,7 +64,8 @@ from renderer.lanes.memory import (
     store_one,
     store_row,
 )
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.kinds.shapes.blocks import WIDTH
 
 # Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
 SHORT = 6

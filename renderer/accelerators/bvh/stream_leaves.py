@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.rays.packets import Nearest, nearest_of
-from renderer.jit import kernel
-from renderer.kinds.shapes.blocks import WIDTH
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     first_lanes,
     mask_bits,
     popcount,
@@ -15,8 +14,9 @@ from renderer.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.lanes.memory import gather_row, load_eight, load_row, scatter_row
-from renderer.lanes.vectors import gather3
+from renderer.kernels.lanes.memory import gather_row, load_eight, load_row, scatter_row
+from renderer.kernels.lanes.vectors import gather3
+from renderer.kinds.shapes.blocks import WIDTH
 
 ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
 

@@ -27,7 +27,7 @@ from renderer.accelerators.bvh.ray_streams import trace_stream
 from renderer.accelerators.bvh.wide_bvh_build import collapse, far_to_near, pack_pairs
 from renderer.accelerators.bvh.wide_rays import any_hits, nearest_hits
 from renderer.accelerators.extents import Extents, PrimitiveGroup
-from renderer.jit import method_kernel
+from renderer.kernels.jit import method_kernel
 from renderer.kinds.shapes.blocks import WIDTH, blocks_of
 
 # Fewer rays than this are no stream, or it takes up to 1.6 times as long as rays one by one

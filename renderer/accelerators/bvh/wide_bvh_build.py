@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import entry_kernel, kernel
+from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.lanes.local import local_f64, local_i32
 from renderer.kinds.shapes.blocks import aligned_bytes
-from renderer.lanes.local import local_f64, local_i32
 
 # words of a node of a pair
 PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive

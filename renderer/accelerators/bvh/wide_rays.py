@@ -24,10 +24,8 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
-from renderer.jit import kernel
-from renderer.kinds.shapes.blocks import WIDTH, primitives_in
-from renderer.kinds.shapes.primitives import hit_primitive
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
     lane,
@@ -44,8 +42,8 @@ from renderer.lanes.functions import (
     splat_f32,
     upper_half,
 )
-from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.memory import (
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.memory import (
     append_row,
     load_bytes,
     load_eight,
@@ -55,8 +53,10 @@ from renderer.lanes.memory import (
     store_one,
     store_row,
 )
-from renderer.lanes.vectors import column
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.kernels.lanes.vectors import column
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.kinds.shapes.blocks import WIDTH, primitives_in
+from renderer.kinds.shapes.primitives import hit_primitive
 
 RAYS = 8  # under way at the same time; 4 to 16 were measured
 # Places of a ray's stack: seven a level of at most 60, and room for eight to be written at

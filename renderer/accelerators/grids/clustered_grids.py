@@ -25,7 +25,7 @@ from renderer.accelerators.grids.grid_cells import (
 )
 from renderer.accelerators.grids.grid_resolution import DENSITY, cell_count
 from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
-from renderer.jit import builder_kernel, kernel
+from renderer.kernels.jit import builder_kernel, kernel
 
 GAP = 2.0  # factor between two sizes, with none in between, that parts two classes
 LINK = 4.0  # edge of the raster's cells, in median sizes of the class

@@ -19,8 +19,8 @@ from renderer.accelerators.grids.grid_resolution import (
     choose_resolution,
     coarsen,
 )
-from renderer.jit import builder_kernel, kernel
-from renderer.lanes.local import local_i64
+from renderer.kernels.jit import builder_kernel, kernel
+from renderer.kernels.lanes.local import local_i64
 
 # Most cells that hold a primitive, on the average: a grid of more is made coarser. With
 # `DENSITY` it bounds the memory: 4 (4 + 32) bytes for each primitive.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.local import local_i32
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.local import local_i32
 
 # Cells for each primitive. A density of one makes the cube root of n cells along each
 # edge, as the lecture has it; the best one is a constant [Cleary1988]. Cells visited and

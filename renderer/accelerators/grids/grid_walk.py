@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.functions import fabs
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs
 
 LEVELS = 6  # most grids that lie in each other, with the outermost
 AXES = 3 * LEVELS

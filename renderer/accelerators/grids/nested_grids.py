@@ -27,7 +27,7 @@ from renderer.accelerators.grids.grid_cells import (
 from renderer.accelerators.grids.grid_resolution import cell_count
 from renderer.accelerators.grids.grid_walk import LEVELS
 from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
-from renderer.jit import builder_kernel, kernel
+from renderer.kernels.jit import builder_kernel, kernel
 
 DENSITY = 2.0  # cells for each primitive: half of what a grid without finer ones has
 MANY = 8  # primitives that a cell holds without any thought of a grid

@@ -43,9 +43,9 @@ from renderer.accelerators.rays.single_ray import (
     nearer,
     nearest_in_range,
 )
-from renderer.jit import builder_kernel, kernel
-from renderer.lanes.local import local_f32, local_i32
-from renderer.records.tally import BOXES, NODES, PRIMITIVES, add_to
+from renderer.kernels.jit import builder_kernel, kernel
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to
 
 
 class UniformGrid(NamedTuple):

@@ -23,13 +23,13 @@ from renderer.accelerators.bvh.bvh import (
     ray_enters,
 )
 from renderer.accelerators.rays.single_ray import RayHit
-from renderer.jit import kernel, method_kernel
-from renderer.lanes.affine import affine_at, times
-from renderer.lanes.functions import fabs
-from renderer.lanes.local import local_f32, local_i32
-from renderer.lanes.vectors import column
-from renderer.records.kernel_scene import Placements
-from renderer.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.affine import affine_at, times
+from renderer.kernels.lanes.functions import fabs
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.vectors import column
+from renderer.kernels.records.kernel_scene import Placements
+from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
 
 _INFINITY = np.float32(np.inf)
 

@@ -40,7 +40,7 @@ from renderer.accelerators.references import (
     lies_above,
     lies_below,
 )
-from renderer.jit import builder_kernel, kernel
+from renderer.kernels.jit import builder_kernel, kernel
 
 # References for each primitive. Each cell may use the room that is its share by the number
 # of its references, so that no part of the scene takes the room of another.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.kd_tree.kd_tree_split import CHEAPEST, TRAVERSAL_COST, leaf_cost
-from renderer.jit import builder_kernel
+from renderer.kernels.jit import builder_kernel
 
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks
 LEAF = 3  # in place of an axis

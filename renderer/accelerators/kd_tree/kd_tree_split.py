@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.rays.sorting import median_of, sort_few
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 
 MIDDLE, MEDIAN, CHEAPEST = 0, 1, 2  # rules
 NONE = -1  # instead of an axis: no split found

@@ -26,9 +26,9 @@ from renderer.accelerators.octree_and_bsp.bsp_build import (
 )
 from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.single_ray import hit_in_list, nearest_in_range
-from renderer.jit import kernel
-from renderer.lanes.local import local_f32, local_i32
-from renderer.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
 
 STACK = 64  # the builder keeps the depth at 60 or below
 PROVEN = 1.5  # pads that the traversal needs hulls to be grown by

@@ -20,9 +20,9 @@ from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.ray_interval import interval_in_box, starts_beyond
 from renderer.accelerators.rays.single_ray import nearest_in_range
 from renderer.accelerators.references import boxes_of, hulls_of
-from renderer.jit import kernel
-from renderer.lanes.local import local_f32, local_i32
-from renderer.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
 
 STACK = 64  # three more a level than it is deep, at most 16 levels
 

@@ -14,7 +14,7 @@ from renderer.accelerators.references import (
     lies_above,
     lies_below,
 )
-from renderer.jit import builder_kernel, kernel
+from renderer.kernels.jit import builder_kernel, kernel
 
 MAX_DEPTH = 16  # edges from the root to the deepest leaf; sizes traversal stacks
 LEAF_SIZE = 8  # cells with more primitives are cut

@@ -16,10 +16,10 @@ from renderer.accelerators.rays.packets import (
     nearest_of,
     store_nearest,
 )
-from renderer.jit import method_kernel
-from renderer.lanes.functions import first_lanes, select, splat_i32
-from renderer.lanes.memory import load_row, store_row
-from renderer.lanes.vectors import load3
+from renderer.kernels.jit import method_kernel
+from renderer.kernels.lanes.functions import first_lanes, select, splat_i32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.vectors import load3
 
 
 class BruteForce(NamedTuple):

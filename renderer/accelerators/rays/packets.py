@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import mask_bits, select, splat_i32
+from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at
-from renderer.lanes.functions import mask_bits, select, splat_i32
-from renderer.lanes.memory import load_row, store_row
-from renderer.records.tally import PRIMITIVES, add_to_packet
 
 
 class Nearest(NamedTuple):

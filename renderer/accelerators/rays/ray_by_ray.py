@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.rays.single_ray import RayHit, load_hit, store_hit
-from renderer.jit import interface, kernel, method_kernel
-from renderer.lanes.vectors import column
+from renderer.kernels.jit import interface, kernel, method_kernel
+from renderer.kernels.lanes.vectors import column
 
 
 @interface

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.functions import fabs
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs
 
 _INFINITY = np.float32(np.inf)
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import first_lanes, lane, lowest_bit, mask_bits
+from renderer.kernels.records.tally import PRIMITIVES, SAVED, add_to
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
-from renderer.lanes.functions import first_lanes, lane, lowest_bit, mask_bits
-from renderer.records.tally import PRIMITIVES, SAVED, add_to
 
 MAILBOXES = 64  # a power of two
 

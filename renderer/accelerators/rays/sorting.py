@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 
 
 @kernel

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select
+from renderer.kernels.lanes.vectors import select3
 from renderer.kinds.bsdfs.kind import Float, Nested, Numbers
 from renderer.kinds.bsdfs.mask import in_unit_interval
 from renderer.kinds.bsdfs.nesting import (
@@ -21,8 +23,6 @@ from renderer.kinds.bsdfs.nesting import (
     nested_albedo,
     sample_lobe,
 )
-from renderer.lanes.functions import select
-from renderer.lanes.vectors import select3
 from renderer.scene_file.description import Blend as Description
 from renderer.scene_file.objects.bsdfs import read_nested
 from renderer.scene_file.objects.textures import read_scalar_texture

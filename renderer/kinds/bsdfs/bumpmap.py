@@ -9,7 +9,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.errors import SceneError
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.vectors import (
+    cross,
+    dot,
+    normalize,
+    orthonormal_basis,
+    select3,
+    vec3,
+)
 from renderer.kinds.bsdfs.kind import Derivatives, Float, Gradient, Nested, Surface
 from renderer.kinds.bsdfs.nesting import Wrapper
 from renderer.kinds.bsdfs.normalmap import (
@@ -21,8 +30,6 @@ from renderer.kinds.bsdfs.normalmap import (
     sample,
     turned_frame,
 )
-from renderer.lanes.functions import splat_f32
-from renderer.lanes.vectors import cross, dot, normalize, orthonormal_basis, select3, vec3
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import BumpMap as Description

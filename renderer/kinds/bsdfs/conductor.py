@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.bsdfs.fresnel import fresnel_conductor
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color
-from renderer.lanes.functions import splat_f32
-from renderer.lanes.vectors import vec3
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.colors.conductor_materials import MATERIALS
 from renderer.scene_file.description import Conductor as Description

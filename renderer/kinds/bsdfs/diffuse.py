@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
-from renderer.lanes.functions import select, splat_f32
 from renderer.scene_file.description import Diffuse as Description
 from renderer.scene_file.objects.textures import read_texture
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from renderer.jit import kernel
-from renderer.lanes.functions import fabs, maximum, select, splat_f32, sqrt
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, maximum, select, splat_f32, sqrt
 
 
 @kernel

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.memory import gather_row, load_row
+from renderer.kernels.lanes.vectors import dot, load3, select3, vec3
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
 from renderer.kinds.sampling.arithmetic import to_world
-from renderer.lanes.memory import gather_row, load_row
-from renderer.lanes.vectors import dot, load3, select3, vec3
 
 
 class Color:

@@ -10,13 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Float, Table, entry_of
-from renderer.kinds.bsdfs.merl_file import read_merl
-from renderer.kinds.bsdfs.mirror import reflect
-from renderer.kinds.sampling.arithmetic import cosine_direction
-from renderer.kinds.sampling.numbers_and_warps import INV_PI
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     floor,
     maximum,
     minimum,
@@ -25,8 +20,13 @@ from renderer.lanes.functions import (
     sqrt,
     to_i32,
 )
-from renderer.lanes.mathematics import arccos, arctan2, sincos
-from renderer.lanes.vectors import dot, normalize, select3, vec3
+from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
+from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Float, Table, entry_of
+from renderer.kinds.bsdfs.merl_file import read_merl
+from renderer.kinds.bsdfs.mirror import reflect
+from renderer.kinds.sampling.arithmetic import cosine_direction
+from renderer.kinds.sampling.numbers_and_warps import INV_PI
 from renderer.scene_file.description import OtherBsdf
 
 _HALF_PI = np.float32(np.pi / 2)

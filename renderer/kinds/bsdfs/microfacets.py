@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.error_function import erf, erfinv
+from renderer.kernels.lanes.exponentials import exp, log
+from renderer.kernels.lanes.functions import fabs, mask_bits, maximum, minimum, select, sqrt
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
-from renderer.lanes.error_function import erf, erfinv
-from renderer.lanes.exponentials import exp, log
-from renderer.lanes.functions import fabs, mask_bits, maximum, minimum, select, sqrt
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.vectors import dot, normalize, select3, vec3
 
 PI = np.float32(np.pi)
 _INV_SQRT_PI = np.float32(1.0 / np.sqrt(np.pi))

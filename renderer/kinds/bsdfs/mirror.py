@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from renderer.jit import kernel
-from renderer.lanes.vectors import dot, normalize
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import dot, normalize
 
 
 @kernel

@@ -17,7 +17,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.kinds.bsdfs.kind import (
     ROWS,
     BsdfKind,
@@ -38,8 +40,6 @@ from renderer.kinds.bsdfs.kind import (
     visible_side,
 )
 from renderer.kinds.sampling.arithmetic import to_world
-from renderer.lanes.functions import select, splat_f32
-from renderer.lanes.vectors import select3, vec3
 
 
 class Lobe(NamedTuple):

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
+from renderer.kernels.lanes.vectors import cross, dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.kind import Color, Float, Nested
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
@@ -22,8 +24,6 @@ from renderer.kinds.bsdfs.nesting import (
     sample_lobe,
 )
 from renderer.kinds.sampling.arithmetic import Frame, to_local
-from renderer.lanes.functions import maximum, minimum, select, splat_f32, sqrt
-from renderer.lanes.vectors import cross, dot, normalize, select3, vec3
 from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import NormalMap as Description
 from renderer.scene_file.objects.bsdfs import read_nested

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import maximum, select, splat_f32
+from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.kinds.bsdfs.dielectric import read_relative_index
 from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
 from renderer.kinds.textures.registry import mean_of
-from renderer.lanes.functions import maximum, select, splat_f32
-from renderer.lanes.vectors import select3, vec3
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, select, splat_f32, sqrt
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
 from renderer.kinds.bsdfs.microfacets import (
@@ -32,8 +34,6 @@ from renderer.kinds.bsdfs.principled_lobes import (
 )
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
-from renderer.lanes.functions import fabs, select, splat_f32, sqrt
-from renderer.lanes.vectors import dot, normalize, select3, vec3
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.kinds.bsdfs.microfacets import Microfacets
-from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
-from renderer.lanes.exponentials import exp, log
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.exponentials import exp, log
+from renderer.kernels.lanes.functions import (
     fabs,
     maximum,
     minimum,
@@ -19,8 +17,10 @@ from renderer.lanes.functions import (
     splat_f32,
     sqrt,
 )
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.vectors import dot, select3, vec3
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.vectors import dot, select3, vec3
+from renderer.kinds.bsdfs.microfacets import Microfacets
+from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
 
 _SMOOTHEST = np.float32(1e-3)
 _NO_DENSITY = np.float32(1e-20)  # of normals: there is nothing to divide by

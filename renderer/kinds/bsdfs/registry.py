@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from renderer.jit.cache import file_digest
+from renderer.kernels.jit.cache import file_digest
 from renderer.kinds.bsdfs.blend import BLEND
 from renderer.kinds.bsdfs.bumpmap import BUMP_MAP
 from renderer.kinds.bsdfs.conductor import CONDUCTOR

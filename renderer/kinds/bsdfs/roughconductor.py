@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.conductor import read_complex_index, reflectance
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
 from renderer.kinds.bsdfs.microfacets import (
@@ -17,8 +19,6 @@ from renderer.kinds.bsdfs.microfacets import (
 )
 from renderer.kinds.bsdfs.mirror import reflect
 from renderer.kinds.bsdfs.roughness import read_roughness
-from renderer.lanes.functions import select, splat_f32
-from renderer.lanes.vectors import dot, normalize, select3, vec3
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
 

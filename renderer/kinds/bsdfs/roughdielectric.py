@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, select, splat_f32, sqrt
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.dielectric import read_relative_index
 from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
@@ -19,8 +21,6 @@ from renderer.kinds.bsdfs.microfacets import (
 )
 from renderer.kinds.bsdfs.mirror import reflect
 from renderer.kinds.bsdfs.roughness import read_roughness
-from renderer.lanes.functions import fabs, select, splat_f32, sqrt
-from renderer.lanes.vectors import dot, normalize, select3, vec3
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
 

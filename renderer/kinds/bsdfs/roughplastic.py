@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
+    floor,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    to_i32,
+)
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.dielectric import read_relative_index
 from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float, Table, entry_of
@@ -25,8 +34,6 @@ from renderer.kinds.bsdfs.rough_transmittance import RESOLUTION, rough_transmitt
 from renderer.kinds.bsdfs.roughness import read_roughness
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
-from renderer.lanes.functions import floor, maximum, minimum, select, splat_f32, to_i32
-from renderer.lanes.vectors import dot, normalize, select3, vec3
 from renderer.scene_file.description import OtherBsdf
 
 

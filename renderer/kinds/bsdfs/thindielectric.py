@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, select, splat_f32
+from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.kinds.bsdfs.dielectric import read_glass
 from renderer.kinds.bsdfs.fresnel import fresnel_dielectric
 from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
-from renderer.lanes.functions import fabs, select, splat_f32
-from renderer.lanes.vectors import select3, vec3
 from renderer.scene_file.description import ThinDielectric as Description
 
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.errors import SceneError
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, select
+from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.kinds.bsdfs.kind import Nested
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
@@ -19,8 +21,6 @@ from renderer.kinds.bsdfs.nesting import (
     nested_albedo,
     sample_lobe,
 )
-from renderer.lanes.functions import fabs, select
-from renderer.lanes.vectors import select3, vec3
 from renderer.scene_file.description import TwoSided as Description
 from renderer.scene_file.objects.bsdfs import read_nested
 

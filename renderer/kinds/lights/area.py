@@ -11,16 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel, method_kernel
+from renderer.kernels.jit import interface, kernel, method_kernel
+from renderer.kernels.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
+from renderer.kernels.lanes.memory import gather_row, load_row
+from renderer.kernels.lanes.vectors import dot, gather3, length, load3
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.texel_choice import texel_luminance
 from renderer.kinds.lights.textures import refuse_nested
 from renderer.kinds.lights.weights import add_lanes, bsdf_sample_weight, light_probability
 from renderer.kinds.sampling.arithmetic import seen_from
 from renderer.kinds.shapes.surface import pdf_shape, sample_shape
-from renderer.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
-from renderer.lanes.memory import gather_row, load_row
-from renderer.lanes.vectors import dot, gather3, length, load3
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import (
     AreaLight,

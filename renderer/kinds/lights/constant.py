@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.vectors import column
 from renderer.kinds.lights.columns import vector_columns
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.sampling.numbers_and_warps import square_to_sphere
-from renderer.lanes.functions import splat_f32
-from renderer.lanes.vectors import column
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import ConstantLight
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from renderer.jit import interface, method_kernel
+from renderer.kernels.jit import interface, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.vectors import load3
 from renderer.kinds.lights.weights import add_lanes, bsdf_sample_weight, light_probability
-from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import load3
 
 
 @interface

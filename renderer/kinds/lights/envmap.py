@@ -11,18 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
-from renderer.kinds.lights.environment import environment_light
-from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
-from renderer.kinds.lights.placing import STRETCH
-from renderer.kinds.sampling.hierarchical_warp import (
-    Warp,
-    make_warp,
-    sample_warp,
-    warp_density,
-)
-from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     floor,
     maximum,
     minimum,
@@ -33,8 +23,18 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.mathematics import arccos, arctan2, sincos
-from renderer.lanes.vectors import column, dot, gather3, select3, vec3
+from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.vectors import column, dot, gather3, select3, vec3
+from renderer.kinds.lights.environment import environment_light
+from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
+from renderer.kinds.lights.placing import STRETCH
+from renderer.kinds.sampling.hierarchical_warp import (
+    Warp,
+    make_warp,
+    sample_warp,
+    warp_density,
+)
+from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
 from renderer.scene_file.description import EnvironmentMap
 from renderer.scene_file.images.images import read_image
 

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, method_kernel
-from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.lanes.memory import gather_row, load_row, store_where
-from renderer.lanes.vectors import load3, store3_where
+from renderer.kernels.jit import interface, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.lanes.memory import gather_row, load_row, store_where
+from renderer.kernels.lanes.vectors import load3, store3_where
 
 
 class LightSample(NamedTuple):

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, gather3, length
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH
 from renderer.kinds.lights.textures import LightTextures, light_color, refuse_nested
-from renderer.lanes.functions import select, splat_f32
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import dot, gather3, length
 from renderer.scene_file import transforms
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture, Projector

@@ -6,21 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from renderer.jit import interface, kernel
-from renderer.kinds.sampling.arithmetic import Plain
-from renderer.kinds.sampling.numbers_and_warps import TWO_PI, square_to_sphere
-from renderer.kinds.shapes.sphere import SphereSurfaces
-from renderer.kinds.shapes.surface import LightPoint, pdf_shape, sample_shape
-from renderer.lanes.functions import (
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import (
     maximum,
     minimum,
     select,
     splat_f32,
     sqrt,
 )
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import dot, gather3, normalize, orthonormal_basis, select3
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import (
+    dot,
+    gather3,
+    normalize,
+    orthonormal_basis,
+    select3,
+)
+from renderer.kinds.sampling.arithmetic import Plain
+from renderer.kinds.sampling.numbers_and_warps import TWO_PI, square_to_sphere
+from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.kinds.shapes.surface import LightPoint, pdf_shape, sample_shape
 
 
 @kernel

@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel
-from renderer.kinds.textures.bitmap import wrapped
-from renderer.kinds.textures.kind import LUMINANCE
-from renderer.lanes.functions import (
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import (
     fabs,
     floor,
     mask_bits,
@@ -28,7 +26,9 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.memory import gather_row
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kinds.textures.bitmap import wrapped
+from renderer.kinds.textures.kind import LUMINANCE
 from renderer.scene_file.description import BitmapTexture
 
 _WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}  # as `kinds.textures.bitmap` numbers them

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.memory import gather_row, load_row
+from renderer.kernels.lanes.vectors import dot, length, load3
 from renderer.kinds.lights.area import emitted_light
 from renderer.kinds.lights.kind import LightSample, sample_light
 from renderer.kinds.lights.texel_choice import choose_uv, uv_density
 from renderer.kinds.lights.textures import LightTextures, light_color
 from renderer.kinds.sampling.arithmetic import seen_from
 from renderer.kinds.shapes.parameterization import point_at_uv
-from renderer.lanes.functions import select, splat_f32
-from renderer.lanes.memory import gather_row, load_row
-from renderer.lanes.vectors import dot, length, load3
 
 
 class TexturedAreas(NamedTuple):

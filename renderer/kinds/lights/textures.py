@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.kinds.textures.kind import TextureKind, TexturePoint, texture_color
 from renderer.kinds.textures.nested import to_uv_of
 from renderer.scene_file.description import CheckerboardTexture

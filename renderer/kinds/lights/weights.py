@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import lane, lowest_bit, mask_bits, select, splat_f32
 from renderer.kinds.sampling.numbers_and_warps import power_heuristic
-from renderer.lanes.functions import lane, lowest_bit, mask_bits, select, splat_f32
 
 
 @kernel

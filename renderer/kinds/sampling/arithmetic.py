@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import interface, kernel
-from renderer.kinds.sampling.numbers_and_warps import square_to_cosine_hemisphere
-from renderer.lanes.functions import fabs
-from renderer.lanes.memory import load_row
-from renderer.lanes.vectors import (
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import fabs
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.vectors import (
     cross,
     dot,
     load3,
@@ -21,6 +20,7 @@ from renderer.lanes.vectors import (
     select3,
     vec3,
 )
+from renderer.kinds.sampling.numbers_and_warps import square_to_cosine_hemisphere
 
 
 class Plain(NamedTuple):

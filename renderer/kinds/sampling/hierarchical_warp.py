@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     fabs,
     maximum,
     minimum,
@@ -26,7 +26,7 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.memory import gather_row
+from renderer.kernels.lanes.memory import gather_row
 
 # relative difference of two ends below which a linear density is taken as constant
 _FLAT = np.float32(1e-4)

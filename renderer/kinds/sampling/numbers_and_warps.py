@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import interface, kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import (
     as_i32,
     as_u32,
     fabs,
@@ -26,8 +26,8 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.vectors import vec3
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.vectors import vec3
 
 TWO_PI = np.float32(2.0 * np.pi)
 INV_PI = np.float32(1.0 / np.pi)

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import bit_reverse, splat_u32
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     BLOCKS_PER_BOUNCE,
@@ -29,7 +30,6 @@ from renderer.kinds.sampling.numbers_and_warps import (
     unit_float,
 )
 from renderer.kinds.sampling.sobol_digits import net_digits, sequence_digits
-from renderer.lanes.functions import bit_reverse, splat_u32
 
 # the dimensions of a group: the first of each pair
 _DIRECTION = 0  # or the place in the pixel

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.jit import Packed
+from renderer.kernels.jit import Packed
 
 
 @dataclass(frozen=True)

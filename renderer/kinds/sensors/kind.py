@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from renderer.jit import interface
+from renderer.kernels.jit import interface
 
 
 class CameraRay(NamedTuple):

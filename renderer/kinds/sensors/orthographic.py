@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.vectors import column, vec3
 from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import vector_column
-from renderer.lanes.functions import splat_f32
-from renderer.lanes.vectors import column, vec3
 from renderer.scene_file.description import OrthographicCamera
 from renderer.scene_file.objects.sensors import shared
 from renderer.scene_file.reach import FARTHEST

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import column, dot, normalize
 from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import pinhole, vector_column
-from renderer.lanes.vectors import column, dot, normalize
 from renderer.scene_file.description import PerspectiveCamera
 from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
 

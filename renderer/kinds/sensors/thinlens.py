@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import column, dot, normalize
 from renderer.kinds.sampling.numbers_and_warps import square_to_disk
 from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import pinhole, vector_column
-from renderer.lanes.vectors import column, dot, normalize
 from renderer.scene_file.description import ThinLensCamera
 from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel
-from renderer.lanes.memory import load_eight, load_one
-from renderer.lanes.vectors import vec3
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.memory import load_eight, load_one
+from renderer.kernels.lanes.vectors import vec3
 
 WIDTH = 8
 

@@ -8,7 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, sqrt
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.memory import gather_row, load_eight, load_one, load_row
+from renderer.kernels.lanes.vectors import (
+    column,
+    dot,
+    gather3,
+    gather_rows3,
+    load3,
+    normalize,
+)
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 from renderer.kinds.shapes.arrays import float32
 from renderer.kinds.shapes.blocks import BLOCKS_OF, column_in, primitives_in, three_in
@@ -30,10 +41,6 @@ from renderer.kinds.shapes.surface import (
     tangent_at,
     turn,
 )
-from renderer.lanes.functions import select, sqrt
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.memory import gather_row, load_eight, load_one, load_row
-from renderer.lanes.vectors import column, dot, gather3, gather_rows3, load3, normalize
 from renderer.scene_file import transforms
 from renderer.scene_file.description import Cylinder as Description
 from renderer.scene_file.objects.shapes import STRETCH, placed

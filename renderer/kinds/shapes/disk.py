@@ -7,7 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import any_of, fabs, select, splat_f32, sqrt
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import gather3
 from renderer.kinds.sampling.numbers_and_warps import square_to_disk
 from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
@@ -36,9 +39,6 @@ from renderer.kinds.shapes.surface import (
     tangent_at,
     turn,
 )
-from renderer.lanes.functions import any_of, fabs, select, splat_f32, sqrt
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import gather3
 from renderer.scene_file.description import Disk
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import kernel, never_inline
+from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import orthonormal_basis, vec3
 from renderer.kinds.shapes.arrays import float32
 from renderer.kinds.shapes.intervals import Interval, Steps, along_line
 from renderer.kinds.shapes.kind import ShapeKind, flipped
@@ -40,8 +42,6 @@ from renderer.kinds.shapes.surface import (
     surface_point,
     tangent_at,
 )
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import orthonormal_basis, vec3
 from renderer.scene_file.description import Implicit
 from renderer.scene_file.document.tree import Function
 from renderer.scene_file.objects.expressions import (

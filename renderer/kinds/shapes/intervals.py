@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel, never_inline
-from renderer.lanes.local import local_f64
+from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.local import local_f64
 from renderer.scene_file.objects.expressions import (
     ADD,
     COS,

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import cross, gather3, gather_rows3, length
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
-from renderer.lanes.mathematics import sincos
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import cross, gather3, gather_rows3, length
 
 _PI = np.float32(np.pi)
 

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel, never_inline
+from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.functions import fabs, select, to_double, to_single
+from renderer.kernels.lanes.vectors import column, cross, dot, load3, vec3
 from renderer.kinds.shapes.blocks import column_in, three_in
-from renderer.lanes.functions import fabs, select, to_double, to_single
-from renderer.lanes.vectors import column, cross, dot, load3, vec3
 
 # A Python literal would make scalars float64, and round differently from the lanes.
 ONE = np.float32(1.0)

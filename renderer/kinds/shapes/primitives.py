@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from renderer.jit import interface
+from renderer.kernels.jit import interface
 
 
 @interface

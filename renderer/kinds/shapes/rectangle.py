@@ -7,7 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import any_of
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import gather3
 from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.kinds.shapes.kind import ShapeKind
@@ -36,9 +39,6 @@ from renderer.kinds.shapes.surface import (
     surface_point,
     tangent_at,
 )
-from renderer.lanes.functions import any_of
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import gather3
 from renderer.scene_file.description import Rectangle
 
 

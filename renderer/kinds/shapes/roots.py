@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel, never_inline
+from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.local import local_f64
 from renderer.kinds.shapes.intervals import Interval, along_line
-from renderer.lanes.local import local_f64
 
 _NARROWEST = 2.0**-42  # of the ray's ends
 _STACK = 64  # halvings, as many as there is room for; _NARROWEST needs 42

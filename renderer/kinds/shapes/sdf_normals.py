@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.vectors import vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import vec3
 
 
 @kernel

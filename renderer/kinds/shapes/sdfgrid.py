@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import kernel, never_inline
+from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.shapes.arrays import float32
 from renderer.kinds.shapes.kind import ShapeKind
 from renderer.kinds.shapes.sdf_normals import smooth_gradient
@@ -49,8 +51,6 @@ from renderer.kinds.shapes.trilinear import (
     trilinear_of,
     value_and_gradient,
 )
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import vec3
 from renderer.scene_file.description import SdfGrid
 from renderer.scene_file.document.tree import Tensor
 from renderer.scene_file.grid_file import check_distances, read_grid

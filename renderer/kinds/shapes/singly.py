@@ -14,14 +14,14 @@ from numba.core import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import lane, mask_bits
+from renderer.kernels.lanes.local import local_f32
+from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.types import Lanes
+from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.shapes.patch import Intersection
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
-from renderer.lanes.functions import lane, mask_bits
-from renderer.lanes.local import local_f32
-from renderer.lanes.memory import load_row
-from renderer.lanes.types import Lanes
-from renderer.lanes.vectors import vec3
 
 INFINITY = np.float32(np.inf)
 _WIDER = 1.0 + 2.0**-40  # boxes, against the rounding of where a ray meets them

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import fabs, maximum, select
+from renderer.kernels.lanes.mathematics import arctan2
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
-from renderer.lanes.functions import fabs, maximum, select
-from renderer.lanes.mathematics import arctan2
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import dot, gather3, gather_rows3
 
 # The position on a primitive is known up to about this fraction of its coordinates.
 ROUNDING = np.float32(2.0**-24)

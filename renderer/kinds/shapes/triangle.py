@@ -11,7 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import cross, dot, gather3, gather_rows3, normalize
 from renderer.kinds.sampling.arithmetic import density_normal
 from renderer.kinds.sampling.numbers_and_warps import square_to_triangle
 from renderer.kinds.shapes import flat
@@ -45,9 +48,6 @@ from renderer.kinds.shapes.surface import (
     surface_point,
     tangent_at,
 )
-from renderer.lanes.functions import any_of, minimum, select, to_f32, to_i32
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import cross, dot, gather3, gather_rows3, normalize
 from renderer.scene_file.description import Mesh
 
 

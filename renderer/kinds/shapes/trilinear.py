@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.vectors import vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import vec3
 
 _STEPS = 64  # of Newton's method, or bisections, which gain a bit each
 _CLOSE = 2.0**-50

@@ -7,10 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
-from renderer.kinds.shapes.parameterization import UvPoint, point_at_uv
-from renderer.kinds.shapes.triangle import TriangleSurfaces
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     fabs,
     mask_bits,
     maximum,
@@ -21,8 +19,10 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import cross, gather3, length
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import cross, gather3, length
+from renderer.kinds.shapes.parameterization import UvPoint, point_at_uv
+from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.scene_file.meshes.uv_grid import uv_grid
 
 _ROUNDING = np.float32(-1e-6)  # so that no point falls between two triangles

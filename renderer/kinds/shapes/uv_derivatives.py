@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.affine import affine_of, times
+from renderer.kernels.lanes.functions import select, splat_f32, sqrt
+from renderer.kernels.lanes.vectors import gather3, vec3
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 from renderer.kinds.shapes.triangle import TriangleSurfaces
-from renderer.lanes.affine import affine_of, times
-from renderer.lanes.functions import select, splat_f32, sqrt
-from renderer.lanes.vectors import gather3, vec3
 
 _PI = np.float32(np.pi)
 

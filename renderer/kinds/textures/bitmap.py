@@ -9,16 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import kernel
-from renderer.kinds.textures.kind import LUMINANCE, TextureKind
-from renderer.kinds.textures.texels import (
-    as_color,
-    as_number,
-    chosen,
-    packed_texels,
-    texel_at,
-)
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     floor,
     mask_bits,
     maximum,
@@ -28,7 +20,15 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.memory import gather_row
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kinds.textures.kind import LUMINANCE, TextureKind
+from renderer.kinds.textures.texels import (
+    as_color,
+    as_number,
+    chosen,
+    packed_texels,
+    texel_at,
+)
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture, Location
 from renderer.scene_file.images.image import Image, checked, linear_values

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import floor, select
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import gather_rows3, select3
 from renderer.kinds.textures.kind import TextureKind
-from renderer.lanes.functions import floor, select
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import gather_rows3, select3
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import CheckerboardTexture, ConstantTexture, Texture
 from renderer.scene_file.objects.textures import read_texture

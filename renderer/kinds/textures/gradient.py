@@ -6,12 +6,19 @@ the nearest texel alone it is 0, as there are steps and nothing between them.
 
 from __future__ import annotations
 
-from renderer.jit import kernel, method_kernel
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    floor,
+    mask_bits,
+    select,
+    splat_f32,
+    to_f32,
+    to_i32,
+)
+from renderer.kernels.lanes.memory import gather_row, store_where
 from renderer.kinds.textures.bitmap import NEAREST, texel_in
 from renderer.kinds.textures.look_up import point_of, textures_of
 from renderer.kinds.textures.texels import as_number
-from renderer.lanes.functions import floor, mask_bits, select, splat_f32, to_f32, to_i32
-from renderer.lanes.memory import gather_row, store_where
 
 
 @kernel

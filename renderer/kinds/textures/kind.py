@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface
+from renderer.kernels.jit import interface
 
 # luminance of linear sRGB: what a bitmap's colours mean where one number is asked for
 LUMINANCE = (0.212671, 0.715160, 0.072169)

@@ -6,12 +6,12 @@ so that what no BSDF of a scene asks for is not compiled.
 
 from __future__ import annotations
 
-from renderer.jit import kernel, method_kernel
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.lanes.memory import gather_row, load_row, store_where
+from renderer.kernels.lanes.vectors import load3
 from renderer.kinds.textures.kind import TexturePoint, texture_color, texture_scalar
 from renderer.kinds.textures.nested import chosen_texture, to_uv_of
-from renderer.lanes.functions import first_lanes, mask_bits
-from renderer.lanes.memory import gather_row, load_row, store_where
-from renderer.lanes.vectors import load3
 
 
 @kernel

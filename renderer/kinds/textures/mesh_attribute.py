@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3
 from renderer.kinds.textures.kind import TextureKind
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import dot, gather3, gather_rows3
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import Mesh, MeshAttributeTexture, Shape
 from renderer.scene_file.numbers import quoted

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import mask_bits, select
+from renderer.kernels.lanes.memory import gather_row, load_row
 from renderer.kinds.textures.checkerboard import children, in_same_half
-from renderer.lanes.functions import mask_bits, select
-from renderer.lanes.memory import gather_row, load_row
 from renderer.scene_file.description import CheckerboardTexture
 
 

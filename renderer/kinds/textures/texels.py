@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import as_f32, select
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import gather3, select3, vec3
 from renderer.kinds.textures.kind import LUMINANCE
-from renderer.lanes.functions import as_f32, select
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import gather3, select3, vec3
 from renderer.scene_file.images.image import decoded_bytes
 
 # a half's exponent counts from 15, a single's from 127

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import gather3
 from renderer.kinds.textures.kind import TextureKind
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import gather3
 from renderer.scene_file.colors.colors import Use, read_constant_plugin
 from renderer.scene_file.description import ConstantTexture
 

@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_albedo
-from renderer.jit import Packed, record_type
+from renderer.kernels.jit import Packed, record_type
+from renderer.kernels.records.kernel_scene import (
+    LOOK_UP_COLOR,
+    LOOK_UP_GRADIENT,
+    LOOK_UP_SCALAR,
+    Bsdfs,
+    Settings,
+)
 from renderer.kinds.bsdfs.kind import BsdfMethods
 from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.sampling.arithmetic import along_u
@@ -17,13 +24,6 @@ from renderer.kinds.textures.gradient import look_up_gradient
 from renderer.kinds.textures.kind import TextureMethods
 from renderer.kinds.textures.look_up import look_up_color, look_up_scalar
 from renderer.kinds.textures.nested import nested_boards
-from renderer.records.kernel_scene import (
-    LOOK_UP_COLOR,
-    LOOK_UP_GRADIENT,
-    LOOK_UP_SCALAR,
-    Bsdfs,
-    Settings,
-)
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     FLOAT,

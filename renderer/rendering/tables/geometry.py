@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.accelerators.groups.accelerators import Accelerators
-from renderer.jit import record_type
+from renderer.kernels.jit import record_type
+from renderer.kernels.records.kernel_scene import Placements, Primitives, Settings, Shapes
 from renderer.kinds.shapes.registry import kind_of_shape
 from renderer.kinds.shapes.uv_derivatives import derivatives_of
-from renderer.records.kernel_scene import Placements, Primitives, Settings, Shapes
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     COLUMN,

@@ -9,11 +9,16 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerators
 from renderer.integrators.kind import NO_LIMIT
-from renderer.jit import Packed, record_type
+from renderer.kernels.jit import Packed, record_type
+from renderer.kernels.records.kernel_scene import (
+    KernelScene,
+    Placements,
+    Primitives,
+    Settings,
+)
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.kinds.shapes.triangle import texture_tangents
-from renderer.records.kernel_scene import KernelScene, Placements, Primitives, Settings
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
-from renderer.jit import record_type
+from renderer.kernels.jit import record_type
+from renderer.kernels.records.kernel_scene import Lights, Settings, Shapes
 from renderer.kinds.lights.area import add_emission, emitted_light
 from renderer.kinds.lights.environment import add_environment, environment_light
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
-from renderer.records.kernel_scene import Lights, Settings, Shapes
 from renderer.rendering.tables.methods import INT, NOTHING, ROWS, MethodTables, work_types
 from renderer.scene.light_tables import LightTables
 

@@ -12,9 +12,9 @@ from numba import typeof
 from numba.core import types
 from numpy.typing import NDArray
 
-from renderer.jit import Packed, compile_method, pack, record_type
-from renderer.records.batch import Workspace, make_workspace
-from renderer.records.tile import Tile
+from renderer.kernels.jit import Packed, compile_method, pack, record_type
+from renderer.kernels.records.batch import Workspace, make_workspace
+from renderer.kernels.records.tile import Tile
 
 INT, FLOAT, NOTHING = types.int64, types.float32, types.none
 COLUMN = types.Array(types.int32, 1, "C")  # integers by column

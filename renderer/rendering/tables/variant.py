@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from renderer.jit import pack
+from renderer.kernels.jit import pack
 from renderer.kinds.sampling.arithmetic import Plain
 from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
 from renderer.kinds.sampling.sobol import make_sobol

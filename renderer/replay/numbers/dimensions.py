@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.replay.numbers.pcg32 import next_float, pcg32_seed
 from renderer.replay.numbers.permutations import LOW_32, encrypt
 from renderer.scene_file.description import Sampler

@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel, method_kernel
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import as_i32, splat_f32, splat_i32
+from renderer.kernels.lanes.memory import gather_row, load_row, store_row
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.tile import pixel_key, slot_pixel
 from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, choose_one
-from renderer.lanes.functions import as_i32, splat_f32, splat_i32
-from renderer.lanes.memory import gather_row, load_row, store_row
-from renderer.records.batch import CAPACITY
-from renderer.records.tile import pixel_key, slot_pixel
 from renderer.replay.numbers.sequences import begin_sample, next_1d, next_2d
 
 # rows of `Replay.numbers`

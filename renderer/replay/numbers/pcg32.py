@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 
 DEFAULT_STREAM = 0xDA3E39CB94B95BDB
 _MULTIPLIER = np.uint64(0x5851F42D4C957F2D)

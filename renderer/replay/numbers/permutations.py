@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 
 LOW_32 = np.uint64(0xFFFFFFFF)
 _ONE = np.uint64(1)

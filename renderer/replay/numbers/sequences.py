@@ -9,7 +9,7 @@ import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from renderer.jit import record_class
+from renderer.kernels.jit import record_class
 from renderer.replay.numbers.dimensions import begin_dimensions
 from renderer.replay.samplers.independent import (
     Independent,

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import interface, kernel, method_kernel, never_inline
-from renderer.lanes.vectors import column, vec3
+from renderer.kernels.jit import interface, kernel, method_kernel, never_inline
+from renderer.kernels.lanes.vectors import column, vec3
 from renderer.replay.rounding.fused import fused_multiply_add
 from renderer.replay.rounding.rounded_once import (
     fused_sum,

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.vectors import column, dot, vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import column, dot, vec3
 from renderer.replay.rounding.flat_hits import column3
 from renderer.replay.rounding.fused import fused_multiply_add
 from renderer.replay.rounding.reciprocal import reciprocal_in_matrices

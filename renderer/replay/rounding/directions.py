@@ -13,16 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.kinds.lights.spheres import cone_of_density, near_surface
-from renderer.kinds.sampling.arithmetic import (
-    cosine_direction,
-    density_normal,
-    seen_from,
-    tangents_of,
-    to_world,
-)
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
     fabs,
@@ -33,7 +25,22 @@ from renderer.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.lanes.vectors import dot, length, load3, orthonormal_basis, select3, vec3
+from renderer.kernels.lanes.vectors import (
+    dot,
+    length,
+    load3,
+    orthonormal_basis,
+    select3,
+    vec3,
+)
+from renderer.kinds.lights.spheres import cone_of_density, near_surface
+from renderer.kinds.sampling.arithmetic import (
+    cosine_direction,
+    density_normal,
+    seen_from,
+    tangents_of,
+    to_world,
+)
 from renderer.replay.rounding.fused_lanes import fused
 
 _QUARTER_PI = np.float32(0.25) * np.float32(np.pi)

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.vectors import column, vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import column, vec3
 from renderer.replay.rounding.fused import fused_multiply_add
 from renderer.replay.rounding.reciprocal import reciprocal
 from renderer.replay.rounding.rounded_once import fused_cross, fused_dot, fused_sum, unit

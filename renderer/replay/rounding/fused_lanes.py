@@ -1,6 +1,6 @@
 """a * b + c rounded once, of sixteen lanes: only for what must equal another renderer.
 
-The other kernels never fuse (see `renderer.jit`). The result is the same on every machine:
+The other kernels never fuse (see `kernels.jit`). The result is the same on every machine:
 where the processor lacks the instruction, the C library's function is called.
 """
 
@@ -14,8 +14,8 @@ from numba.core.errors import TypingError
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
-from renderer.lanes.operators import operands, widen
-from renderer.lanes.types import Lanes
+from renderer.kernels.lanes.operators import operands, widen
+from renderer.kernels.lanes.types import Lanes
 
 
 @intrinsic

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel, method_kernel
-from renderer.lanes.vectors import column, dot
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.vectors import column, dot
 from renderer.replay.rounding.curved_hits import on_cylinder, on_disk, on_sphere
 from renderer.replay.rounding.flat_hits import on_rectangle, on_triangle
 from renderer.replay.rounding.instance_space import (

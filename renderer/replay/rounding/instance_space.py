@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.jit import kernel
-from renderer.lanes.affine import affine_at
-from renderer.lanes.vectors import vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.affine import affine_at
+from renderer.kernels.lanes.vectors import vec3
 from renderer.replay.rounding.flat_hits import column3, column9
 from renderer.replay.rounding.rounded_once import fused_affine, fused_sum, fused_times, unit
 

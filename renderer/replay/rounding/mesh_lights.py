@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import mask_bits, select
+from renderer.kernels.lanes.memory import gather_row
 from renderer.kinds.shapes.triangle import choose_triangle
-from renderer.lanes.functions import mask_bits, select
-from renderer.lanes.memory import gather_row
 from renderer.replay.rounding.triangle_arithmetic import triangle_areas
 
 

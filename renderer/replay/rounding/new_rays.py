@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel, method_kernel
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.vectors import column, dot, vec3
 from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import kind_of
-from renderer.lanes.vectors import column, dot, vec3
 from renderer.replay.rounding.fused import fused_multiply_add
 from renderer.replay.rounding.hit_points import ROUNDING
 from renderer.replay.rounding.rounded_once import fused_cross, fused_sum, unit

@@ -19,7 +19,7 @@ from numba.core import config
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.replay.rounding.fused import fused_multiply_add
 
 _ONE = np.float32(1.0)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.vectors import vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.vectors import vec3
 from renderer.replay.rounding.fused import fused_multiply_add
 
 _ONE = np.float32(1.0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.replay.numbers.dimensions import generator_states
 from renderer.replay.numbers.pcg32 import next_float
 from renderer.scene_file.description import Sampler

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.replay.numbers.dimensions import next_key, no_dimensions, pattern_keys
 from renderer.replay.numbers.permutations import encrypt, permute_power_of_two
 from renderer.scene_file.description import Sampler

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import NotReplayable
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.replay.numbers.dimensions import (
     generator_states,
     next_dimension,

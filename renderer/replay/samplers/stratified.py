@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.jit import kernel
+from renderer.kernels.jit import kernel
 from renderer.replay.numbers.dimensions import (
     generator_states,
     next_key,

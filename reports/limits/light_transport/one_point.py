@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
-from renderer.records.kernel_scene import EMIT
+from renderer.kernels.records.kernel_scene import EMIT
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 

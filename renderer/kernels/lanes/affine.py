@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.jit import kernel
-from renderer.lanes.functions import fabs
-from renderer.lanes.memory import gather_row
-from renderer.lanes.vectors import dot, vec3
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, vec3
 
 
 class Affine(NamedTuple):

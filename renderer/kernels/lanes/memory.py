@@ -16,8 +16,8 @@ from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-from renderer.lanes.functions import _call, _suffix
-from renderer.lanes.types import Lanes, Mask, lanes_of, llvm_vector
+from renderer.kernels.lanes.functions import _call, _suffix
+from renderer.kernels.lanes.types import Lanes, Mask, lanes_of, llvm_vector
 
 _I64 = ir.IntType(64)
 

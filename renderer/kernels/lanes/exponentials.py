@@ -4,15 +4,15 @@ All three are powers of two inside, and these are computed in double precision, 
 registers of eight: the rest of a range reduction and the error of a short series then stay
 below what float32 can show, and a power keeps its digits, whose exponent would multiply
 the error of a single-precision logarithm by up to 128. Only operations that are rounded
-alike on every processor occur, as in `renderer.lanes.mathematics`.
+alike on every processor occur, as in `renderer.kernels.lanes.mathematics`.
 """
 
 from __future__ import annotations
 
 import math
 
-from renderer.jit import kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
     floor,

@@ -7,17 +7,17 @@ are called by their address, as methods of an object are (`methods`), and functi
 are chosen by the record they work on (`interfaces`).
 """
 
-from renderer.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
-from renderer.jit.decorators import (
+from renderer.kernels.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
+from renderer.kernels.jit.decorators import (
     builder_kernel,
     entry_kernel,
     kernel,
     method_kernel,
     never_inline,
 )
-from renderer.jit.interfaces import interface
-from renderer.jit.methods import Method, call, compile_method, count_of
-from renderer.jit.records import Packed, pack, record_class, record_type
+from renderer.kernels.jit.interfaces import interface
+from renderer.kernels.jit.methods import Method, call, compile_method, count_of
+from renderer.kernels.jit.records import Packed, pack, record_class, record_type
 
 __all__ = [
     "KERNEL_CACHE",

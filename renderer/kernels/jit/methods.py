@@ -26,8 +26,8 @@ from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from renderer.jit.decorators import rare_collections
-from renderer.jit.records import Packed
+from renderer.kernels.jit.decorators import rare_collections
+from renderer.kernels.jit.records import Packed
 
 
 class Method(NamedTuple):

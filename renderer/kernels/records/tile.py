@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from renderer.jit import kernel
-from renderer.lanes.functions import as_u32
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import as_u32
 
 
 class Tile(NamedTuple):

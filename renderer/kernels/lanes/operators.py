@@ -16,7 +16,7 @@ from numba.core import types
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 
-from renderer.lanes.types import Lanes, Mask, llvm_vector
+from renderer.kernels.lanes.types import Lanes, Mask, llvm_vector
 
 # name of the LLVM instruction for float, signed and unsigned elements; None: no such thing
 _ARITHMETIC: dict[Any, tuple[Any, Any, Any]] = {

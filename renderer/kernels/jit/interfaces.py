@@ -23,8 +23,8 @@ from numba.core.errors import TypingError
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, Signature, infer_global
 
-from renderer.jit.decorators import kernel
-from renderer.jit.records import record_class
+from renderer.kernels.jit.decorators import kernel
+from renderer.kernels.jit.records import record_class
 
 
 def interface(declared: Callable[..., Any]) -> Any:

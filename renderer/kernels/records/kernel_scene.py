@@ -2,7 +2,7 @@
 
 It is of one type for all scenes, so that what is common to them is compiled once. What a
 scene is made of (kinds of shapes, BSDFs, lights, ...) are rows of tables: each row has the
-address of the kind's own record, and those of its kernels (`renderer.jit.methods`). What a
+address of the kind's own record, and those of its kernels (`kernels.jit.methods`). What a
 scene lacks has no row: it is neither compiled nor run.
 """
 

@@ -6,7 +6,7 @@ them, all registries are read again for each function that is resolved, messages
 written for errors that are caught and forgotten, events are made for nobody. What is
 replaced here returns what Numba's own functions return.
 
-This replaces private parts of Numba, on the versions of `renderer.jit.versions`.
+This replaces private parts of Numba, on the versions of `renderer.kernels.jit.versions`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numba.core.target_extension import get_local_target
 from numba.core.types import functions as function_types
 from numba.core.typing import context as typing_context
 
-from renderer.jit.versions import IS_TRIED
+from renderer.kernels.jit.versions import IS_TRIED
 
 
 def _list_variables_fast() -> None:

@@ -35,15 +35,13 @@ try:
 except ImportError:  # not on Windows: there, render one scene at a time for the first time
     fcntl = None  # type: ignore[assignment]
 
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGE = Path(__file__).parents[2]
 # The folders whose files kernels are made of: all that is in them counts.
 KERNEL_FOLDERS = (
     "accelerators",
     "integrators",
-    "jit",
+    "kernels",
     "kinds",
-    "lanes",
-    "records",
     "replay",
     "stages",
 )

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 
-from renderer.jit import kernel
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
     fabs,

@@ -19,11 +19,17 @@ from numba.extending import (
     type_callable,
 )
 
-from renderer.jit import kernel
-from renderer.lanes.functions import as_i32, select, sqrt
-from renderer.lanes.memory import append_row, gather_row, load_row, store_row, store_where
-from renderer.lanes.operators import operands, widen
-from renderer.lanes.types import Lanes
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import as_i32, select, sqrt
+from renderer.kernels.lanes.memory import (
+    append_row,
+    gather_row,
+    load_row,
+    store_row,
+    store_where,
+)
+from renderer.kernels.lanes.operators import operands, widen
+from renderer.kernels.lanes.types import Lanes
 
 
 class Vec3Type(types.Type):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.records.tally import make_tally
+from renderer.kernels.records.tally import make_tally
 
 CAPACITY = 1024  # camera rays of a batch: one sample for each pixel of a 32 x 32 tile
 PADDING = 48

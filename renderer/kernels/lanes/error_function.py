@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from renderer.jit import kernel
-from renderer.lanes.exponentials import exp2_of_double, log2_in_double
-from renderer.lanes.functions import (
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.exponentials import exp2_of_double, log2_in_double
+from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
     fabs,

@@ -10,10 +10,10 @@ from typing import Any
 import numba
 from numba.extending import intrinsic
 
-from renderer.jit import front_end  # noqa: F401  # replaces parts of Numba
-from renderer.jit.cache import keep
-from renderer.jit.linking import SEPARATE
-from renderer.jit.passes import PIPELINE
+from renderer.kernels.jit import front_end  # noqa: F401  # replaces parts of Numba
+from renderer.kernels.jit.cache import keep
+from renderer.kernels.jit.linking import SEPARATE
+from renderer.kernels.jit.passes import PIPELINE
 
 _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 

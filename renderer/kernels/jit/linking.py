@@ -8,7 +8,7 @@ machine code. Cornell box: 12.5 s of processor time without, 10 s with it; and a
 compiled once instead of once for each caller (docs/decisions/compile-time.md).
 
 This replaces private parts of Numba's code generator, on the versions of
-`renderer.jit.versions`.
+`renderer.kernels.jit.versions`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core import codegen, cpu, targetconfig
 
-from renderer.jit.versions import IS_TRIED
+from renderer.kernels.jit.versions import IS_TRIED
 
 SEPARATE: set[str] = set()  # names of functions that become machine code by themselves
 

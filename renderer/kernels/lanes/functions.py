@@ -10,8 +10,8 @@ from numba.core.errors import TypingError
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
-from renderer.lanes.operators import SCALARS, operands, splat_value, widen
-from renderer.lanes.types import Lanes, Mask, f32x16, i32x16, llvm_vector, u32x16
+from renderer.kernels.lanes.operators import SCALARS, operands, splat_value, widen
+from renderer.kernels.lanes.types import Lanes, Mask, f32x16, i32x16, llvm_vector, u32x16
 
 
 def _call(builder: ir.IRBuilder, name: str, result: ir.Type, *args: ir.Value) -> ir.Value:
