@@ -197,7 +197,7 @@ DEFECTS = (
         "all pixels of a column draw the same random numbers",
         (
             Edit(
-                "records/tile.py",
+                "kernels/records/tile.py",
                 "return as_u32((y + tile.y) * tile.film_width + (x + tile.x))",
                 "return as_u32((y + tile.y) * 0 + (x + tile.x))",
             ),
