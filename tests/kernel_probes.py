@@ -12,10 +12,11 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import typeof
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.kernels.jit import entry_kernel, pack
+from renderer.accelerators.dispatch import TRAVERSALS
+from renderer.kernels.jit import Packed, call, compile_method, entry_kernel, pack
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import (
     CAPACITY,
@@ -117,21 +118,37 @@ class Found(NamedTuple):
 
 
 @entry_kernel
-def run_closest_hit(accel, rays, hits, first, count, coherent, tally):
-    closest_hit(accel, rays, hits, first, count, coherent, tally)
+def call_closest_hit(method, record, rays, hits, first, count, tally):
+    call(method, record, (rays, hits, first, count, tally))
 
 
 @entry_kernel
-def run_any_hit(accel, shadow_rays, count, coherent, tally):
-    any_hit(accel, shadow_rays, count, coherent, tally)
+def call_any_hit(method, record, shadow_rays, count, tally):
+    call(method, record, (shadow_rays, count, tally))
+
+
+def called(entry: Any, kernel: Any, accel: Any, *arguments: Any) -> None:
+    """Call a structure's kernel by its address, as the renderer's stages do.
+
+    So it is compiled once, and not again within an entry of its own.
+    """
+    packed = pack(accel)
+    given = [
+        argument.numba_type if isinstance(argument, Packed) else typeof(argument)
+        for argument in arguments
+    ]
+    method = compile_method(kernel, packed, *given)
+    entry(method.address, method.record, *arguments)
 
 
 def trace(
     accel: Any, work: Workspace, first: int, count: int, coherent: bool, tally: Any
 ) -> None:
     """Update the hits of `count` rays of a workspace with those in an accelerator."""
-    packed = pack(accel), pack(work.rays), pack(work.hits)
-    run_closest_hit(*packed, first, count, coherent, tally)
+    ways = TRAVERSALS[type(accel)]
+    kernel = ways.closest_hit_coherent if coherent else ways.closest_hit
+    rays, hits = pack(work.rays), pack(work.hits)
+    called(call_closest_hit, kernel, accel, rays, hits, first, count, tally)
 
 
 def workspace(count: int, channels: int = 3) -> Workspace:
@@ -187,7 +204,9 @@ def blocked(
     n = fill(work.shadow_rays, origin, direction)
     work.shadow_rays.blocked[:n] = before
     work.shadow_rays.t_max[:n] = t_max
-    run_any_hit(pack(accel), pack(work.shadow_rays), n, coherent, tally)
+    ways = TRAVERSALS[type(accel)]
+    kernel = ways.any_hit_coherent if coherent else ways.any_hit
+    called(call_any_hit, kernel, accel, pack(work.shadow_rays), n, tally)
     return work.shadow_rays.blocked[:n] != 0
 
 
