@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_probes import Found, accelerator, blocked, closest
+from kernel_probes import KINDS, Found, accelerator, blocked, closest
 
 from renderer.accelerators.build import BUILDERS
 from renderer.accelerators.dispatch import TRAVERSALS
@@ -21,6 +21,30 @@ from renderer.accelerators.validate import validate
 NAMES = tuple(BUILDERS)
 # Grouped by name, so that the processes of a test run share out what is to be compiled.
 every_name = pytest.mark.parametrize("name", NAMES, scope="module")
+# What a leaf tests is compiled for each kind of primitive in each structure. Loops over
+# rays meet every kind in one structure each; the others that share a loop with a kd-tree
+# (`ray_by_ray`) meet flat ones, and in the slow tests the rest.
+_OWN_LOOP = ("brute", "bvh", "bvh-median", "bvh-middle", "wide", "kd-sah")
+_SLOW = {
+    (name, kind): pytest.mark.slow
+    for name in NAMES
+    for kind in KINDS
+    if name not in _OWN_LOOP and kind not in ("triangles", "rectangles")
+}
+every_pair = pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        pytest.param(name, kind, marks=_SLOW.get((name, kind), ()))
+        for name in NAMES
+        for kind in KINDS
+    ],
+    scope="module",
+)
+every_name_of_cylinders = pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=_SLOW.get((name, "cylinders"), ())) for name in NAMES],
+    scope="module",
+)
 # Where a test compiles the renderer around a structure (4 s each), those that share their
 # traversal with another are slow: the quick tests compare the hits of all of them.
 _SHARED = {

@@ -14,6 +14,8 @@ from agreement import (
     assert_agrees,
     assert_same_hits,
     every_name,
+    every_name_of_cylinders,
+    every_pair,
     extents_for,
     proved,
     reach_of,
@@ -22,7 +24,6 @@ from agreement import (
 from hypothesis import given
 from kernel_probes import (
     FIRST_ID,
-    KINDS,
     accelerator,
     closest,
     cylinders,
@@ -86,8 +87,7 @@ def test_the_made_rays_hit_and_miss(family):
 # ---------------------------------------------------------------------- all kinds, by hand
 
 
-@every_name
-@pytest.mark.parametrize("kind", KINDS)
+@every_pair
 def test_soups_of_every_kind(name, kind):
     """Random and awkward rays, near and far, near the world's origin and far from it.
 
@@ -110,8 +110,7 @@ def test_soups_of_every_kind(name, kind):
             some(assert_same_hits(name, kind, surfaces, origin, direction, reach=reach))
 
 
-@every_name
-@pytest.mark.parametrize("kind", KINDS)
+@every_pair
 def test_one_primitive(name, kind):
     """The whole structure is one leaf, and 15 columns of padding are loaded with it."""
     rng = np.random.default_rng(4)
@@ -121,8 +120,7 @@ def test_one_primitive(name, kind):
     some(assert_same_hits(name, kind, surfaces, *rays_through(in_box, RAYS, rng)))
 
 
-@every_name
-@pytest.mark.parametrize("kind", KINDS)
+@every_pair
 def test_the_padding_is_never_hit(name, kind):
     """Groups end with 16 columns of zeros: points at the origin, where all rays go."""
     rng = np.random.default_rng(5)
@@ -161,7 +159,7 @@ def test_slivers(name):
     some(assert_same_hits(name, "triangles", surfaces, *rays), 0)
 
 
-@every_name
+@every_name_of_cylinders
 @pytest.mark.parametrize("tilt", [1e-3, 1e-5, 1e-7])
 def test_tilted_cylinders(name, tilt):
     """Boxes of tubes whose axis is nearly a coordinate axis, where 1 - axis^2 cancels."""
@@ -187,8 +185,7 @@ def test_tilted_cylinders(name, tilt):
 # ---------------------------------------------------------------------------------- ties
 
 
-@every_name
-@pytest.mark.parametrize("kind", KINDS)
+@every_pair
 def test_of_coincident_primitives_the_smallest_id_wins(name, kind):
     """25 copies of each of 40 primitives in random order, so in many leaves (row 18)."""
     rng = np.random.default_rng(13)

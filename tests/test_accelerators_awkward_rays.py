@@ -10,12 +10,11 @@ import itertools
 
 import numpy as np
 import pytest
-from agreement import assert_same_hits, every_name, extents_for, some
+from agreement import assert_same_hits, every_name, every_pair, extents_for, some
 from hypothesis import given
 from hypothesis import strategies as st
 from kernel_probes import (
     FIRST_ID,
-    KINDS,
     cylinders,
     directions,
     disks,
@@ -28,7 +27,6 @@ from kernel_probes import (
 from soups import SAME_EXAMPLES, axis_directions, ends_of
 
 RAYS = 2000
-every_kind = pytest.mark.parametrize("kind", KINDS)
 
 # ------------------------------------------------------- axis-parallel rays, slab planes
 
@@ -46,8 +44,7 @@ def on_a_lattice(kind, n, rng):
     return (rectangles if kind == "rectangles" else disks)(c, e1, e2)
 
 
-@every_name
-@every_kind
+@every_pair
 def test_axis_parallel_rays(name, kind):
     """All 26 directions, zeros of both signs, from inside, on a face, and outside (row 6).
 
@@ -64,8 +61,7 @@ def test_axis_parallel_rays(name, kind):
     some(assert_same_hits(name, kind, surfaces, *rays))
 
 
-@every_name
-@every_kind
+@every_pair
 def test_origins_on_slab_planes(name, kind):
     """Origins at corners, edges and faces of boxes (row 7); trees share their planes."""
     rng = np.random.default_rng(10)
@@ -210,7 +206,7 @@ def test_rays_that_graze_a_plane(name):
 number = st.floats(-1e6, 1e6, width=32) | st.sampled_from([0.0, -0.0, 1.0, 1e-30])
 
 
-@every_name
+@every_pair
 @SAME_EXAMPLES
 @given(
     st.integers(1, 80),
@@ -218,19 +214,17 @@ number = st.floats(-1e6, 1e6, width=32) | st.sampled_from([0.0, -0.0, 1.0, 1e-30
     st.lists(st.tuples(number, number, number), min_size=1, max_size=5),
     st.lists(st.tuples(number, number, number).filter(any), min_size=1, max_size=5),
 )
-def test_any_ray(name, n, seed, origins, directed):
-    """From anywhere, in any direction, through a random soup of each kind."""
+def test_any_ray(name, kind, n, seed, origins, directed):
+    """From anywhere, in any direction, through a random soup."""
     pairs = np.array(list(itertools.product(origins, directed)))
-    for kind in KINDS:
-        surfaces = soup(kind, n, np.random.default_rng(seed), size=1.0)
-        assert_same_hits(name, kind, surfaces, pairs[:, 0], unit(pairs[:, 1]), reach=0.0)
+    surfaces = soup(kind, n, np.random.default_rng(seed), size=1.0)
+    assert_same_hits(name, kind, surfaces, pairs[:, 0], unit(pairs[:, 1]), reach=0.0)
 
 
 # ----------------------------------------------------------------------- ends and no rays
 
 
-@every_name
-@every_kind
+@every_pair
 def test_a_hit_at_the_very_end_of_a_ray_counts(name, kind):
     """t <= t_max: at t_max = t it is a hit, one unit before it is none."""
     rng = np.random.default_rng(15)
@@ -249,8 +243,7 @@ def test_a_hit_at_the_very_end_of_a_ray_counts(name, kind):
 NUMBERS = (np.nan, np.inf, -np.inf)
 
 
-@every_name
-@every_kind
+@every_pair
 def test_rays_that_are_no_rays_miss(name, kind):
     """NaN and infinity in origin, direction or t_max, and zero directions (row 9).
 
