@@ -22,14 +22,16 @@ from renderer import threads
 from renderer.command.cli import main
 from renderer.command.progress_display import ProgressDisplay
 from renderer.errors import SceneError
+from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.rendering.checkpoints import checkpoint as checkpoint_module
 from renderer.rendering.checkpoints import file as checkpoint_file
 from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older
+from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import build_scene
-from renderer.scene_file.description import Mesh
+from renderer.scene_file.description import Mesh, OtherBsdf
 
 ROOT = Path(__file__).parent.parent
 SCENES = ROOT / "scenes"
@@ -377,6 +379,27 @@ def test_threads_structure_and_where_files_lie_may_differ(path, tmp_path):
     repainted = renderer.load_file(moved / "scene.xml", width=32, height=32)
     with pytest.raises(SceneError, match="textures"):
         renderer.render(repainted, 50, sampler="independent", checkpoint=path, resume=True)
+
+
+@pytest.mark.parametrize(
+    "file", sorted(SCENES.glob("*/scene.xml")), ids=lambda f: f.parent.name
+)
+def test_every_scene_has_a_digest(file):
+    """What a scene may hold is known, and two readings of it are the same."""
+    scenes = [renderer.load_file(file) for _ in range(2)]
+    first, second = (
+        identity.identity_of(scene, make_plan(scene), accel="auto", seed=0)
+        for scene in scenes
+    )
+    assert first == second
+
+
+def test_a_kind_of_the_users_own_is_known_by_its_source(monkeypatch):
+    glossy = OtherBsdf("plastic", {})
+    before = content_digest(glossy)
+    other = dataclasses.replace(BSDFS["plastic"], source="another")
+    monkeypatch.setitem(BSDFS, "plastic", other)
+    assert content_digest(glossy) != before
 
 
 def test_contents_differ_where_anything_does():
