@@ -21,7 +21,7 @@ import renderer
 from renderer import threads
 from renderer.command.cli import main
 from renderer.command.progress_display import ProgressDisplay
-from renderer.errors import SceneError
+from renderer.errors import CheckpointWarning, SceneError
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.rendering.checkpoints import checkpoint as checkpoint_module
 from renderer.rendering.checkpoints import file as checkpoint_file
@@ -209,11 +209,13 @@ def test_a_damaged_checkpoint_costs_what_came_after_the_older(box, path):
     """And the good older one is not pushed out by the damaged one."""
     some_of(box, path)
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.warns(RuntimeWarning, match="is damaged: .*; this goes on from the older"):
+    with pytest.warns(
+        CheckpointWarning, match="is damaged: .*; this goes on from the older"
+    ):
         image = renderer.render(box, 50, checkpoint=path, resume=True, seed=0)
     same(image, renderer.render(box, 50))
     path.write_bytes(b"")
-    with pytest.warns(RuntimeWarning, match="is no checkpoint"):
+    with pytest.warns(CheckpointWarning, match="is no checkpoint"):
         renderer.render(box, 24, checkpoint=path, resume=True)
     for file in (path, older(path)):
         file.write_bytes(b"lightproof?")
@@ -234,7 +236,9 @@ def test_only_the_older_is_there(box, path):
 
 
 def test_nothing_is_there_yet(box, path):
-    with pytest.warns(RuntimeWarning, match="no checkpoint yet; this starts at the begin"):
+    with pytest.warns(
+        CheckpointWarning, match="no checkpoint yet; this starts at the begin"
+    ):
         image = renderer.render(box, 20, checkpoint=path, resume=True)
     same(image, renderer.render(box, 20))
 
@@ -247,7 +251,9 @@ def test_a_full_disk_ends_no_render(box, path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(checkpoint_file.os, "fsync", full)
-    with pytest.warns(RuntimeWarning, match="cannot be written: No space left on device"):
+    with pytest.warns(
+        CheckpointWarning, match="cannot be written: No space left on device"
+    ):
         image = renderer.render(
             box, 500, checkpoint=path, checkpoint_every=1e-3, resume=True
         )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.errors import SceneError
+from renderer.errors import CheckpointWarning, SceneError
 from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
@@ -132,8 +132,8 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
         ProgressDisplay(sys.stderr, quiet=options.quiet) as display,
         warnings.catch_warnings(),
     ):
-        # of checkpoints, and at once: the render may take hours from then on
-        warnings.simplefilter("always")
+        # at once: the render may take hours from then on
+        warnings.simplefilter("always", CheckpointWarning)
         warnings.showwarning = _show_warning
 
         def progress(now: Progress) -> None:
