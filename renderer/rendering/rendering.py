@@ -1,10 +1,13 @@
-"""One render under way: tiles over threads; an interrupt keeps the picture so far."""
+"""One render: everything prepared, and what it has come to."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
@@ -13,13 +16,15 @@ from renderer.kernels.jit import Packed, pack
 from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.rendering.accuracy import Accuracy
-from renderer.rendering.goal import Goal, Halves
+from renderer.rendering.checkpoints.checkpoint import Checkpoint
+from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.sitting import Progress, Sitting
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
+from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
 from renderer.stages.film import BOX, Film, filter_border, filter_table
-from renderer.threads import Crew
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -27,26 +32,18 @@ SAMPLES_PER_JOB = 16
 SUMS_IN_ALL = 32
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a render is: handed to the `progress` callback.
-
-    There is no stage "compile" when all kernels are in the cache. The callback may raise
-    KeyboardInterrupt, which ends the render as Ctrl-C does.
-    """
-
-    stage: str  # "compile", done 0 and then 1 of 1, then "render"
-    done: int  # samples so far
-    total: int
-    seconds: float  # in this stage
-    # of the picture so far, where a goal asks for it: infinite before it is known
-    error: float | None = None
-
-
 class Rendering:
     """One render: everything prepared, then `run`.
 
     Parameters are those of `render`, with the `plan` made and every choice named.
+
+    Attributes
+    ----------
+    work : Work
+        How samples are dealt out to the film's sums.
+    samples_of_place : int64 (places,)
+        How many each of `film.sums` holds. Both together are how far the render is: with
+        those of another render of the same plan, in this process or not, it goes on there.
     """
 
     def __init__(
@@ -91,12 +88,16 @@ class Rendering:
         )
         self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
-        self.samples_per_job = max(1, SAMPLES_PER_JOB // asked)
-        self._pixels = sum(tile.width * tile.height for tile in self.film.tiles)
-        self.samples_in_all = self._pixels * plan.spp
-        self.has_goal = self._ending = False
+        tiles, layers = self.film.tiles, self.film.grid.layers
+        self.work = Work(len(tiles), layers, max(1, SAMPLES_PER_JOB // asked))
+        self.samples_of_place = np.zeros(self.work.places, np.int64)
+        pixels = [tile.width * tile.height for tile in tiles]
+        self.pixels, self._pixels_of_place = sum(pixels), np.tile(pixels, layers)
+        self.samples_in_all = self.pixels * plan.spp
+        # what a sitting says about itself
+        self.has_goal = False
+        self.seconds = 0.0  # of tracing; with those before a checkpoint
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
-        self._samples_done = [0] * threads  # each thread writes its own
         self._workspaces: list[Packed | None] = [None] * threads
 
     @property
@@ -132,21 +133,30 @@ class Rendering:
             previous_points=self.variant.previous_points,
         )
 
-    def _render(
-        self, tile: int, layer: int, first_sample: int, end_sample: int, thread: int
-    ) -> None:
-        """Add samples of a tile to one of its sums."""
+    def add_samples(self, place: int, end: int, thread: int) -> None:
+        """Let a place hold its samples up to number `end`; nothing if it holds more.
+
+        Threads may be at different places at the same time, each with its own number.
+        """
+        begin = int(self.samples_of_place[place])
+        for first_sample, end_sample in self.work.pieces(place, begin, end):
+            self._render(place, first_sample, end_sample, thread)
+        if end > begin:
+            self.samples_of_place[place] = end
+
+    def _render(self, place: int, first_sample: int, end_sample: int, thread: int) -> None:
+        """Add samples of the tile at a place to its sums."""
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
         self._render_tile(
             self._packed_scene,
             self._packed_filter,
-            self.film.tiles[tile],
+            self.film.tiles[place % self.work.tiles],
             first_sample,
             end_sample,
             work,
-            self.film.sums[layer * len(self.film.tiles) + tile],
+            self.film.sums[place],
             self.border,
         )
 
@@ -158,103 +168,51 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(tile=0, layer=0, first_sample=0, end_sample=0, thread=0)
+        self._render(place=0, first_sample=0, end_sample=0, thread=0)
         self.film.compile()
         return time.perf_counter() - start
 
     @property
     def spp(self) -> int:
         """Samples of each pixel: those asked for, with a goal those that were taken."""
-        return self.samples_done // self._pixels if self.has_goal else self.plan.spp
+        return self.samples_done // self.pixels if self.has_goal else self.plan.spp
 
     @property
     def samples_done(self) -> int:
         """Samples that are in the film, of all pixels together."""
-        return sum(self._samples_done)
+        return int(self.samples_of_place @ self._pixels_of_place)
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the render has come to: arrays from which another one may go on."""
+        state = {"sums": self.film.sums, "samples": self.samples_of_place}
+        if self.variant.in_order:
+            streams = _arrays_of(self.sampler.record)
+            state |= {f"stream {k}": stream for k, stream in enumerate(streams)}
+        return state
 
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
         goal: Goal | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> bool:
         """Trace all samples, or as many as a goal needs; return whether it went to the end.
 
         An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
         while these end is raised.
+
+        Raises
+        ------
+        SceneError
+            If the checkpoint does not fit.
         """
-        start = time.perf_counter()
-        self.has_goal = goal is not None and self.plan.spp > 1
+        return Sitting(self, progress, goal, checkpoint).run()
 
-        def show() -> None:
-            if progress is not None:
-                seconds = time.perf_counter() - start
-                total: int = self.samples_in_all
-                error: float | None = None
-                if goal is not None and self.has_goal:
-                    total, error = self._expected(goal, seconds)
-                progress(Progress("render", self.samples_done, total, seconds, error))
 
-        try:
-            show()
-            if goal is None or not self.has_goal:
-                self._trace(0, self.plan.spp, show)
-            else:
-                self._trace_until(goal, start, show)
-            show()
-        except KeyboardInterrupt:
-            if self._ending:  # one more, while threads are still at work
-                raise
-            return False
-        return True
-
-    def _trace_until(self, goal: Goal, start: float, show: Callable[[], None]) -> None:
-        halves = Halves(self.film)
-        done, error, steady = 0, float("inf"), False
-        while True:
-            seconds = time.perf_counter() - start
-            more = goal.next_samples(done, error, seconds, self.plan.spp, steady=steady)
-            if more == 0:
-                return
-            middle, end = done + more // 2, done + more
-            self._trace(done, middle, show)
-            halves.end_first()
-            self._trace(middle, end, show)
-            self.accuracy = halves.end_second(end, self.threads)
-            done, error, steady = end, self.accuracy.error, self.accuracy.steady
-
-    def _expected(self, goal: Goal, seconds: float) -> tuple[int, float]:
-        """Return how many samples there will be, and the error of those that there are."""
-        if self.accuracy is None:
-            return self.samples_in_all, float("inf")
-        done, error = self.accuracy.samples, self.accuracy.error
-        spp = goal.expected_samples(done, error, seconds, self.plan.spp)
-        return max(spp * self._pixels, self.samples_done), error
-
-    def _trace(self, first_sample: int, end_sample: int, show: Callable[[], None]) -> None:
-        """Add samples first_sample .. end_sample - 1 of all pixels; call `show` meanwhile.
-
-        A sample's number says which sums it is added to, and there samples are added in
-        their order: no sum depends on the threads, nor on where a goal takes its looks.
-        """
-        tiles, step, layers = self.film.tiles, self.samples_per_job, self.film.grid.layers
-        first_part = first_sample // step
-
-        def work(job: int, thread: int) -> None:
-            part, number = divmod(job, len(tiles))
-            part += first_part
-            first = max(part * step, first_sample)
-            end = min(part * step + step, end_sample)
-            self._render(number, part % layers, first, end, thread)
-            tile = tiles[number]
-            self._samples_done[thread] += tile.width * tile.height * (end - first)
-
-        jobs = (-(-end_sample // step) - first_part) * len(tiles)
-        crew = Crew(self.threads, jobs, work, round_length=layers * len(tiles))
-        try:
-            crew.start()
-            while not crew.wait():
-                show()
-        finally:
-            self._ending = True
-            crew.stop()
-            self._ending = False
+def _arrays_of(record: Any) -> list[NDArray[Any]]:
+    """Return all arrays of a record of records."""
+    if isinstance(record, np.ndarray):
+        return [record]
+    parts = record if isinstance(record, tuple) else ()
+    return [array for part in parts for array in _arrays_of(part)]
