@@ -28,6 +28,7 @@ DEFAULT_OUT = Path("reports/out")
 ACCELERATORS = "accelerators.json"
 BENCHMARK = "benchmark.json"
 COMPILE_TIMES = "compile_times.json"
+PART = "-part"  # in the names of record and page that hold not everything
 WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 
 

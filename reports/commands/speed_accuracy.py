@@ -22,7 +22,7 @@ from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.errors import SceneError
 from renderer.names import SAMPLERS
-from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
+from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, PART, WRONG_USE, draw
 from reports.page.formatting import number, seconds
 from reports.records.errors import ReportError
 from reports.speed.measure import scene_file
@@ -43,7 +43,6 @@ from reports.speed_accuracy.summary import Efficiency, efficiencies
 SCENES = Path(__file__).parents[2] / "scenes"
 QUICK = ("cornell-box", "textured-room", "caustic", "appel-teapot")
 QUICK_SETTINGS = Settings(spp=(4, 16), seeds=3, reference=512)
-PART = "-part"  # in the names of files that hold not all scenes
 SCENE_SECONDS = 20.0  # of one scene on two quiet cores, about
 FAILED = 1
 

@@ -37,8 +37,8 @@ from reports.speed_accuracy.record import OURS, NoiselessPicture, NoiselessScene
 from reports.speed_accuracy.references import true_radiance
 
 PIXELS = 1000  # that have a truth: it takes 1 to 15 ms for each
-SLOW = 0.3  # [s] of a picture: who takes longer takes part in the first rounds alone
-ROUNDS_OF_SLOW = 2
+SLOW = 0.5  # [s] of a picture: who takes longer takes part in the first round alone
+ROUNDS_OF_SLOW = 1
 OFF = 0.01  # relative: a pixel that differs by more has met another surface, or none
 
 # renderer, method, structure, ray offset, whose numbers
