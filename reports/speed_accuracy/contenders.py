@@ -1,7 +1,7 @@
 """Who takes part: our renderer in many ways, Mitsuba's variants with their samplers.
 
-A contender renders (seed, samples per pixel) into seconds and a picture. It is loaded and
-compiled when it is made, so that only rendering is timed.
+A contender renders (seed, samples per pixel) into seconds and a picture. It is loaded when
+it is made; who times it lets it render once before, so that nothing compiles then.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
+from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.names import SAMPLERS
@@ -64,7 +65,7 @@ def parameters_of(path: Path, settings: Settings, size: str) -> dict[str, str]:
 
 
 def of_ours(scene: Scene, threads: int, **ways: Any) -> Contender:
-    """Return our renderer with further arguments of `renderer.render`, not yet warm."""
+    """Return our renderer with further arguments of `renderer.render`."""
 
     def render(seed: int, spp: int) -> Shot:
         begin = time.perf_counter()
@@ -75,11 +76,14 @@ def of_ours(scene: Scene, threads: int, **ways: Any) -> Contender:
 
 
 def of_mitsuba(peer: TimedMitsuba, folder: Path, sampler: str | None) -> Contender:
-    """Return a variant of Mitsuba with one of its samplers; pictures come as files."""
+    """Return a variant of Mitsuba with one of its samplers; pictures come as files.
+
+    Its seeds are spread, since pictures of neighbouring ones share random numbers.
+    """
     file = folder / "picture.npy"
 
     def render(seed: int, spp: int) -> Shot:
-        seconds = peer.render(seed, spp, file, sampler).seconds
+        seconds = peer.render(SEED_STEP * seed, spp, file, sampler).seconds
         return seconds, np.load(file).astype(np.float64)
 
     return render

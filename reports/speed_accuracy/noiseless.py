@@ -59,8 +59,6 @@ def measure_noiseless(path: Path, settings: Settings, say: Say) -> NoiselessScen
 
     Raises
     ------
-    ReportError
-        If a picture holds what is no number.
     SceneError
         If we cannot render it, or it has no truth.
     """
@@ -89,9 +87,7 @@ def measure_noiseless(path: Path, settings: Settings, say: Say) -> NoiselessScen
         for variant in PEERS:
             name = f"mitsuba {variant}"
             say(f"starting {name}")
-            # what Mitsuba lacks stands in Python beside it
-            lacks = method == "whitted"
-            stands_in = lacks and variant.startswith("scalar")
+            stands_in = method == "whitted" and variant.startswith("scalar")
             way = (name, "whitted in Python" if stands_in else "", "", "", "")
             try:
                 peer = stack.enter_context(
@@ -99,8 +95,9 @@ def measure_noiseless(path: Path, settings: Settings, say: Say) -> NoiselessScen
                         variant, path, parameters, settings.threads, stand_ins=stands_in
                     )
                 )
-                contenders[way] = of_mitsuba(peer, folder, None)
-                pictures[way] = contenders[way](0, 1)[1]
+                contender = of_mitsuba(peer, folder, None)
+                pictures[way] = contender(0, 1)[1]
+                contenders[way] = contender
             except MitsubaError as error:
                 unavailable[name] = str(error)
         seconds: dict[Way, list[float]] = {way: [] for way in contenders}

@@ -56,7 +56,9 @@ def measure_noisy(path: Path, settings: Settings, say: Say) -> NoisyScene:
                 contenders |= _theirs(stack, variant, path, parameters, settings, folder)
             except MitsubaError as error:
                 unavailable[f"mitsuba {variant}"] = str(error)
-        judge = list(contenders)[-1]._replace(sampler="independent")  # any would do
+        # any peer would do; without one we are our own judge, which says nothing of bias
+        peers = [key for key in contenders if key.renderer != OURS]
+        judge = [next(iter(contenders)), *peers][-1]._replace(sampler="independent")
         say(f"image means of {len(contenders)} contenders")
         long = judge._replace(sampler=SAMPLER)
         for key, why in other_means(contenders, judge).items():

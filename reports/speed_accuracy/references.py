@@ -12,13 +12,15 @@ import json
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import renderer.simple
+import renderer
 from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.reference import edited_scene
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
 from mitsuba_ref.speed import timed_mitsuba
 from renderer.jit import cache_root
@@ -31,6 +33,11 @@ from reports.speed_accuracy.contenders import Contender, Key, Picture, Say
 PARTS = 8  # pictures whose mean it is: their scatter tells its own error
 SEED = 1_000_000  # far from those of the pictures that are judged
 SAMPLER = "multijitter"
+
+# What decides Mitsuba's pictures and the truth, beside the scene's files.
+THEIRS = (timed_mitsuba, edited_scene)
+OURS = ("simple", "scene", "scene_file", "kinds")  # folders of the renderer
+_PACKAGE = Path(str(renderer.__file__)).parent
 
 
 class LongPicture(NamedTuple):
@@ -76,8 +83,8 @@ def long_picture(
     if made_from is None:
         parts = render()
     else:
-        versions = (mitsuba_version(), drjit_version(), timed_mitsuba)
-        parts = kept((origin, SEED, *versions, *made_from), render)
+        by = (mitsuba_version(), drjit_version(), *map(_source, THEIRS))
+        parts = kept((origin, SEED, *by, *made_from), render)
     error = relative_error(parts.std(axis=0, ddof=1) / math.sqrt(PARTS), parts.mean(axis=0))
     return LongPicture(parts.mean(axis=0), error**2, origin)
 
@@ -92,10 +99,12 @@ def true_radiance(
     SceneError
         If there is no truth of this scene.
     """
-    simple = sorted(Path(renderer.simple.__file__).parent.glob("*.py"))
+    sources = [
+        path for folder in OURS for path in sorted((_PACKAGE / folder).rglob("*.py"))
+    ]
     film = description.camera.film
     size = (film.width, film.height, pixels.tolist())
-    made_from = (truth, *simple, *map(Path, description.files), size)
+    made_from = (_source(truth), *sources, *map(Path, description.files), size)
     return kept(made_from, lambda: truth.true_pixels(description, pixels, say))
 
 
@@ -107,18 +116,17 @@ def kept(
     Parameters
     ----------
     made_from
-        What decides its content: the bytes of files (a `Path`, a module) and plain values.
+        What decides its content: the bytes of files (each a `Path`) and plain values.
     make
         Makes it.
     """
     digest = hashlib.sha256()
     for one in made_from:
-        file = getattr(one, "__file__", one)
-        content = (
-            Path(file).read_bytes() if file is not one or isinstance(one, Path) else b""
+        # of a path the name counts alone: a clone elsewhere finds the same entry
+        value, content = (
+            (one.name, one.read_bytes()) if isinstance(one, Path) else (one, b"")
         )
-        value = Path(file).name if content else one
-        digest.update(json.dumps(value, default=str, sort_keys=True).encode() + content)
+        digest.update(json.dumps(value, sort_keys=True).encode() + b"\0" + content)
     path = cache_root() / "speed_accuracy" / f"{digest.hexdigest()[:32]}.npy"
     try:
         return np.asarray(np.load(path, allow_pickle=False), np.float64)
@@ -129,3 +137,7 @@ def kept(
     np.save(stream, array, allow_pickle=False)
     write_atomically(path, stream.getvalue())
     return array
+
+
+def _source(module: ModuleType) -> Path:
+    return Path(str(module.__file__))
