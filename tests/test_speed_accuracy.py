@@ -106,9 +106,9 @@ def test_the_truth_is_what_the_kernels_draw(monkeypatch):
 
     What is seen through glass moves with the last digits: off by 1e-4 in a few pixels.
     """
-    size = {"width": "20", "height": "15"}
+    size = {"width": "12", "height": "9"}
     path = SCENES / "whitted-spheres" / "scene.xml"
-    pixels = some_pixels(15, 20)
+    pixels = some_pixels(9, 12)
     truth = true_pixels(read_file(path, **size), pixels, lambda _: None)
     picture = np.asarray(renderer.render(renderer.load_file(path, **size)), np.float64)
     error, off = distance(picture[pixels[:, 0], pixels[:, 1]], truth)
@@ -253,6 +253,7 @@ class FakeMitsuba:
 
     broken: tuple[str, str] | None = None  # a variant's sampler that does not work
     shift: tuple[str, str] | None = None  # one whose pictures are brighter
+    holes: tuple[str, str] | None = None  # one whose pictures have NaN
     value_at_last = 1.0  # of the pictures that are judged
     open_now = 0
 
@@ -270,7 +271,10 @@ class FakeMitsuba:
         if (self.variant, sampler) == self.broken:
             raise MitsubaError("not today")
         picture = noisy_picture(seed, spp) + 0.5 * ((self.variant, sampler) == self.shift)
-        if spp != contenders.CHECK_SPP and seed < SEED:
+        if (self.variant, sampler) == self.holes:
+            picture[1, 2] = math.nan
+        # seed 0 is the warm-up's too
+        if spp != contenders.CHECK_SPP and 0 < seed < SEED:
             picture[0, 0] *= self.value_at_last
         np.save(keep, picture)
         return TimedRender(0.1, (1.0, 1.0, 1.0))
@@ -335,9 +339,20 @@ def test_no_peer_is_timed_whose_mean_is_another(fake, tmp_path):
     assert (PEER, "stratified") not in curves and (PEER, "independent") in curves
 
 
+def test_a_sampler_with_holes_in_its_pictures_is_left_out(fake, tmp_path):
+    """And the whole variant, if it is one that others are judged by."""
+    assert fake(holes=("scalar_rgb", "ldsampler")) == 0
+    (scene,) = measured(tmp_path)["noisy"]
+    assert list(scene["unavailable"]) == [f"{PEER} ldsampler"]
+    assert fake(holes=("llvm_ad_rgb", "independent")) == 0
+    (scene,) = measured(tmp_path)["noisy"]
+    assert "not finite" in scene["unavailable"]["mitsuba llvm_ad_rgb"]
+    assert FakeMitsuba.open_now == 0
+
+
 def test_a_picture_with_a_nan_ends_it(fake, capsys):
     assert fake(value_at_last=math.nan) == command.WRONG_USE
-    assert "seed 0: 3 of 48 values of the picture are not finite" in capsys.readouterr().err
+    assert "seed 1: 3 of 48 values of the picture are not finite" in capsys.readouterr().err
 
 
 def test_a_short_run_never_replaces_the_whole(fake, room, tmp_path, monkeypatch):

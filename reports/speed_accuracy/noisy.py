@@ -6,6 +6,8 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+
 import renderer
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
@@ -31,6 +33,12 @@ from reports.speed_accuracy.record import OURS, Curve, NoisyScene, Pictures
 from reports.speed_accuracy.references import SAMPLER, long_picture
 
 METHODS = ("direct", "path", "whitted")
+JUDGES = ("independent", SAMPLER)  # by whose means and long pictures others are judged
+
+# Mitsuba 3.9.1's `ldsampler` makes NaN of the scene white-furnace, and never ends a path of
+# its seed 4 (16 samples, 48 x 32).
+NOT_FINITE = "its picture has values that are not finite"
+PATIENCE = 120.0  # [s] for one picture
 
 
 def measure_noisy(path: Path, settings: Settings, say: Say) -> NoisyScene:
@@ -53,9 +61,15 @@ def measure_noisy(path: Path, settings: Settings, say: Say) -> NoisyScene:
         for variant in PEERS:
             say(f"starting mitsuba {variant}")
             try:
-                contenders |= _theirs(stack, variant, path, parameters, settings, folder)
+                theirs = _theirs(stack, variant, path, parameters, settings, folder)
             except MitsubaError as error:
                 unavailable[f"mitsuba {variant}"] = str(error)
+                continue
+            for key, contender in theirs.items():
+                if contender is None:
+                    unavailable[str(key)] = NOT_FINITE
+                else:
+                    contenders[key] = contender
         # any peer would do; without one we are our own judge, which says nothing of bias
         peers = [key for key in contenders if key.renderer != OURS]
         judge = [next(iter(contenders)), *peers][-1]._replace(sampler="independent")
@@ -132,8 +146,8 @@ def _theirs(
     parameters: dict[str, str],
     settings: Settings,
     folder: Path,
-) -> dict[Key, Contender]:
-    """Return a variant with each of its samplers, warm.
+) -> dict[Key, Contender | None]:
+    """Return a variant with each of its samplers, warm; None for pictures with NaN.
 
     Raises
     ------
@@ -144,13 +158,17 @@ def _theirs(
         peer = opened.enter_context(
             TimedMitsuba(variant, path, parameters, settings.threads, THEIR_SAMPLERS)
         )
-        found = {
-            Key(f"mitsuba {variant}", "", sampler): of_mitsuba(peer, folder, sampler)
-            for sampler in THEIR_SAMPLERS
-        }
-        for contender in found.values():
-            for spp in settings.spp if "_ad_" in variant else settings.spp[:1]:
-                contender(0, spp)  # JIT variants compile for each
+        peer.time_limit = PATIENCE
+        found: dict[Key, Contender | None] = {}
+        for sampler in THEIR_SAMPLERS:
+            contender = of_mitsuba(peer, folder, sampler)
+            # JIT variants compile for each number of samples
+            warm = settings.spp if "_ad_" in variant else settings.spp[:1]
+            finite = all(np.isfinite(contender(0, spp)[1]).all() for spp in warm)
+            if not finite and sampler in JUDGES:
+                raise MitsubaError(f"{variant} {sampler}: {NOT_FINITE}")
+            key = Key(f"mitsuba {variant}", "", sampler)
+            found[key] = contender if finite else None
         stack.push(opened.pop_all())
     return found
 
