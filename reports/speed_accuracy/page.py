@@ -30,7 +30,8 @@ from reports.speed_accuracy.summary import (
 
 HEIGHT = 520  # [px], with room for the legend of a dozen curves
 SMALLEST = 1e-9  # of errors on a logarithmic axis: an exact picture has a place too
-OF_PEERS = ("mitsuba scalar_rgb", "mitsuba llvm_ad_rgb")
+# open marks, with and without a dot; a dot in a full one is another method of ours
+FILLINGS_OF_PEERS = {"mitsuba scalar_rgb": 1, "mitsuba llvm_ad_rgb": 3}
 
 
 @dataclass(frozen=True)
@@ -140,9 +141,9 @@ def _points(curve: Curve) -> tuple[Point, ...]:
 def _looks(curves: Sequence[Curve]) -> list[int]:
     """Return a look for each curve: one colour a sampler, one filling a renderer."""
     method = next(one.method for one in curves if one.renderer == OURS)
-    fillings = {OURS: 0} | {name: 1 + index for index, name in enumerate(OF_PEERS)}
+    fillings = {OURS: 0, **FILLINGS_OF_PEERS}
     colours = {name: index for index, name in enumerate(SAMPLERS)}
-    looks, others = [], 3 * len(SYMBOLS)
+    looks, others = [], 2 * len(SYMBOLS)
     for one in curves:
         if one.renderer == OURS and one.method != method:
             looks.append(others)
