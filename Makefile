@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
 .PHONY: help demo proof proof-full limits test test-all lint format bench \
-  bench-accelerators needs clean
+  bench-accelerators charts needs clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -51,6 +51,9 @@ bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, on two scenes
 
 bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree beside them (long)
 	@$(BIN)/python -m reports.accelerators --full --out $(OUT)
+
+charts: $(INSTALLED) ## measure seconds against error of all contenders, write the page
+	@$(BIN)/python -m reports.speed_accuracy --out $(OUT)
 
 needs: $(INSTALLED) ## measure what each scene needs, write needs.html (long)
 	@$(BIN)/python -m reports.needs all --out $(OUT)

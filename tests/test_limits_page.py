@@ -154,6 +154,24 @@ def test_one_row_alone_leaves_the_record_of_all(canned_atlas, tmp_path, capsys):
     assert said.endswith("; 0.1: 0.01, 1: 1, 10: 100\n")
 
 
+def test_the_quick_rows_leave_the_record_of_all(canned_atlas, tmp_path, monkeypatch):
+    """They have files of their own, also when these are drawn again."""
+    command.main(["--out", str(tmp_path)])
+    files = [tmp_path / "data" / "limits.json", tmp_path / "limits.html"]
+    before = [file.read_bytes() for file in files]
+    first, second = command.ATLAS
+    monkeypatch.setattr(command, "ATLAS", (first, replace(second, slow=True)))
+    assert command.main(["--quick", "--out", str(tmp_path)]) == 0
+    quick = tmp_path / "data" / "limits-part.json"
+    assert [row.name for row in read_limits(quick).rows] == ["square"]
+    page = tmp_path / "limits-part.html"
+    drawn = page.read_bytes()
+    page.unlink()
+    assert command.main(["--from", str(quick), "--out", str(tmp_path)]) == 0
+    assert page.read_bytes() == drawn
+    assert [file.read_bytes() for file in files] == before
+
+
 def test_the_page_from_a_file(canned_atlas, tmp_path):
     assert command.main(["--out", str(tmp_path)]) == 0
     source = tmp_path / "data" / "limits.json"

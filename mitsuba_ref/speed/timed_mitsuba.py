@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 from mitsuba_ref.records.request import MIN_THREADS
 from mitsuba_ref.reference.edited_scene import SceneNodes, files_beside
 from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.variant import load_mitsuba
 from mitsuba_ref.reference.variant_process import Answerer, VariantProcess, answer_requests
 
 
@@ -37,8 +38,11 @@ class TimedMitsuba(VariantProcess):
         Values for the file's `$name`.
     threads
         Worker threads, at least 2.
-    sampler
-        A sampler in the place of the file's.
+    samplers
+        Samplers that may stand in the place of the file's.
+    stand_ins
+        Whether what Mitsuba lacks and the harness has in Python, `whitted` and `merl`, may
+        take part: its pictures are right, its seconds are Python's. In scalar_rgb alone.
 
     Raises
     ------
@@ -52,7 +56,9 @@ class TimedMitsuba(VariantProcess):
         path: Path,
         parameters: Mapping[str, str],
         threads: int,
-        sampler: str | None = None,
+        samplers: Sequence[str] = (),
+        *,
+        stand_ins: bool = False,
     ) -> None:
         if threads < MIN_THREADS:
             raise MitsubaError(
@@ -62,34 +68,46 @@ class TimedMitsuba(VariantProcess):
             "path": str(path),
             "parameters": {name: str(value) for name, value in parameters.items()},
             "threads": threads,
-            "sampler": sampler,
+            "samplers": list(samplers),
+            "stand_ins": stand_ins,
         }
         super().__init__("mitsuba_ref.speed.timed_mitsuba", variant, job)
 
-    def render(self, seed: int, spp: int, keep: Path | None = None) -> TimedRender:
+    def render(
+        self, seed: int, spp: int, keep: Path | None = None, sampler: str | None = None
+    ) -> TimedRender:
         """Render once; the picture goes to the file `keep` (.npy), if there is one.
+
+        The sampler is the file's, or one of `samplers`.
 
         Raises
         ------
         MitsubaError
             When Mitsuba refuses, ends, or does not answer.
         """
-        answer = self.ask({"seed": seed, "spp": spp, "keep": keep and str(keep)})
+        wanted = {"seed": seed, "spp": spp, "sampler": sampler}
+        answer = self.ask({**wanted, "keep": keep and str(keep)})
         red, green, blue = answer["mean"]
         return TimedRender(float(answer["seconds"]), (red, green, blue))
 
 
 def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
-    """Load the scene; return what renders it for each request."""
+    """Load the scene, once for each sampler; return what renders it for each request."""
     import drjit
     import mitsuba
 
+    if job["stand_ins"]:
+        load_mitsuba()
     mitsuba.set_variant(job["variant"])
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(job["threads"])
-    scene = _load(mitsuba, Path(job["path"]), job["parameters"], job["sampler"])
+    scenes = {
+        sampler: _load(mitsuba, Path(job["path"]), job["parameters"], sampler)
+        for sampler in job["samplers"] or [None]
+    }
 
     def render(wanted: dict[str, Any]) -> dict[str, Any]:
+        scene = scenes[wanted["sampler"]]
         start = time.perf_counter()
         # A JIT variant only notes the work until somebody asks for the numbers.
         image = np.array(mitsuba.render(scene, spp=wanted["spp"], seed=wanted["seed"]))

@@ -20,6 +20,7 @@ from reports.charts.figure import (
 )
 
 HEIGHT = 360  # [px]
+FRONT = "rgba(240,170,20,.5)"
 
 
 def log_log_chart(
@@ -29,6 +30,8 @@ def log_log_chart(
     y_label: str,
     description: str,
     guide_slope: float | None = -0.5,
+    front: Sequence[tuple[float, float]] = (),
+    height: int = HEIGHT,
 ) -> Markup:
     """Draw series over two logarithmic axes, with a dotted guide of the given slope.
 
@@ -43,6 +46,11 @@ def log_log_chart(
     guide_slope
         Exponent p of the guide y = c x^p; -1/2 is the law of independent samples. None
         draws no guide.
+    front
+        Places (x, y) of the points that no other beats in both, by x; marked by a broad
+        staircase behind all curves.
+    height
+        In pixels.
 
     Raises
     ------
@@ -57,8 +65,10 @@ def log_log_chart(
         ends = sorted({min(p.x for p in points), max(p.x for p in points)})
         heights = [math.exp(shift / len(points)) * x**guide_slope for x in ends]
         traces.insert(0, _guide(ends, heights))
+    if front:
+        traces.insert(0, _front(front))
     x, y = log_axis(x_label), log_axis(y_label)
-    return element(traces, x=x, y=y, height=HEIGHT, description=description)
+    return element(traces, x=x, y=y, height=height, description=description)
 
 
 def progress_chart(series: Sequence[Series], *, y_label: str, description: str) -> Markup:
@@ -102,18 +112,44 @@ def _curves(series: Sequence[Series]) -> list[go.Scatter]:
     drawn = [one for one in series if one.points]
     return [
         marks(
-            index,
+            index if one.look is None else one.look,
             one.name,
-            mode="lines+markers+text",
+            mode="lines+markers+text" if one.connected else "markers+text",
             x=[point.x for point in one.points],
             y=[point.y for point in one.points],
             text=[plain(point.label) for point in one.points],
             # the first series, ours, is mostly the lower one
             textposition="top right" if index else "bottom left",
             hovertext=[plain(point.tooltip or one.name) for point in one.points],
+            error_x=_bars([(point.x, point.x_range) for point in one.points]),
+            error_y=_bars([(point.y, point.y_range) for point in one.points]),
         )
         for index, one in enumerate(drawn)
     ]
+
+
+def _bars(
+    ranges: Sequence[tuple[float, tuple[float, float] | None]],
+) -> dict[str, object] | None:
+    """Return the bars around values, from the low to the high end of each range."""
+    if not any(ends for _, ends in ranges):
+        return None
+    ends = [(value, given or (value, value)) for value, given in ranges]
+    return {
+        "type": "data",
+        "symmetric": False,
+        "array": [high - value for value, (_, high) in ends],
+        "arrayminus": [value - low for value, (low, _) in ends],
+        "thickness": 1,
+        "width": 3,
+    }
+
+
+def _front(places: Sequence[tuple[float, float]]) -> go.Scatter:
+    x, y = zip(*places, strict=True)
+    line = {"color": FRONT, "width": 9, "shape": "hv"}
+    name = "Pareto front"
+    return go.Scatter(x=x, y=y, name=name, mode="lines", line=line, hoverinfo="skip")
 
 
 def _guide(x: list[float], y: list[float]) -> go.Scatter:

@@ -1,7 +1,7 @@
 """A chart on a page: a plotly figure in the page's look, as an element that waits for it.
 
 The element holds the figure as data; the script of `library` draws all of them. Each
-series has a marker and a dash of its own, so nothing depends on colour alone.
+series has a marker of its own, and a dash among six, so nothing depends on colour alone.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from markupsafe import Markup
 COLOURS = ("#0a8a7b", "#b8478a", "#7b8087", "#9a7b0a", "#3f7fc4", "#c2622c")
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 SYMBOLS = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross")
+FILLINGS = ("", "-open", "-dot", "-open-dot")  # of the symbols of series 0, 6, 12, 18 on
 GRID, FAINT, GUIDE = "rgba(128,134,140,.35)", "rgba(128,134,140,.13)", "rgb(128,134,140)"
 
 
@@ -29,6 +30,8 @@ class Point:
     y: float
     label: str = ""
     tooltip: str = ""
+    x_range: tuple[float, float] | None = None  # where it may as well be, as a bar
+    y_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Series:
 
     name: str
     points: tuple[Point, ...]
+    look: int | None = None  # colour, marker and dash; None: those of its place
+    connected: bool = True  # by a line
 
 
 def plain(text: str) -> str:
@@ -47,7 +52,8 @@ def plain(text: str) -> str:
 def marks(series: int, name: str, **given: Any) -> go.Scatter:
     """Return a trace with the colour, marker and dash of series number `series`."""
     colour = COLOURS[series % len(COLOURS)]
-    symbol = SYMBOLS[series % len(SYMBOLS)]
+    filling = FILLINGS[series // len(SYMBOLS) % len(FILLINGS)]
+    symbol = SYMBOLS[series % len(SYMBOLS)] + filling
     return go.Scatter(
         name=plain(name),
         legendgroup=series,

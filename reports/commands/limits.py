@@ -11,7 +11,7 @@ from rich.console import Console
 
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.json_files import write_atomically
-from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
+from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, PART, WRONG_USE, draw
 from reports.limits.atlas import ATLAS
 from reports.limits.measure import measure_atlas
 from reports.limits.page import gives_way, limits_page
@@ -25,7 +25,8 @@ ALARM = 1
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, or read what was measured, and draw limits.html; return the exit status.
 
-    Rows that are chosen are printed: the record and the page are of the whole atlas.
+    Rows that are chosen are printed: the record and the page are of the whole atlas. Those
+    that are quick have a record and a page of their own, which replace neither.
 
     Parameters
     ----------
@@ -34,7 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = _parser().parse_args(words)
-    target, page = given.out / "data" / FILE, given.out / "limits.html"
+    stem = Path(FILE).stem
+    if given.quick or (given.source is not None and given.source.stem.endswith(PART)):
+        stem += PART
+    target, page = given.out / "data" / f"{stem}.json", given.out / f"{stem}.html"
     console = Console(stderr=True)
     try:
         limits = _limits(given, words)
@@ -42,8 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             content = limits_page(limits)  # what cannot be drawn must not replace what can
             write_limits(target, limits)
             write_atomically(page, content.encode())
-            if (target.parent / "results.json").exists():
-                draw(target.parent / "results.json", given.out)  # links to this page now
+            results = target.parent / "results.json"
+            if target.name == FILE and results.exists():
+                draw(results, given.out)  # links to this page now
     except KeyboardInterrupt:
         console.print("reports.limits: interrupted, nothing was written")
         return INTERRUPTED
@@ -115,6 +120,6 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
     add("--from", dest="source", type=Path, metavar="LIMITS.json", help="draw only")
-    add("--quick", action="store_true", help="leave out the slow rows")
+    add("--quick", action="store_true", help=f"leave out the slow rows; in a *{PART} page")
     add("--only", nargs="+", metavar="ROW", help="measure these, write nothing")
     return parser

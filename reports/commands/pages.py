@@ -20,11 +20,15 @@ from reports.scenes_page.page import results_page
 from reports.speed.compile_times import read_compile_times
 from reports.speed.page import benchmark_page
 from reports.speed.record import read_benchmark
+from reports.speed_accuracy.page import speed_accuracy_page
+from reports.speed_accuracy.record import FILE as CURVES
+from reports.speed_accuracy.record import read_speed_accuracy
 
 DEFAULT_OUT = Path("reports/out")
 ACCELERATORS = "accelerators.json"
 BENCHMARK = "benchmark.json"
 COMPILE_TIMES = "compile_times.json"
+PART = "-part"  # in the names of record and page that hold not everything
 WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 
 
@@ -39,9 +43,9 @@ def draw(source: Path, out: Path) -> int:
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; benchmark.json, accelerators.json and the proof in its `data`
-        are shown too, each on a page of its own; limits.html and needs.html are named if
-        they are there.
+        Folder for the page; benchmark.json, speed_accuracy.json, accelerators.json and the
+        proof in its `data` are shown too, each on a page of its own; limits.html and
+        needs.html are named if they are there.
 
     Raises
     ------
@@ -59,6 +63,8 @@ def draw(source: Path, out: Path) -> int:
     stressed = out / "data" / LIMITS
     there = stressed.exists() and (out / "limits.html").exists()
     limits = read_limits(stressed) if there else None
+    measured = out / "data" / CURVES
+    curves = read_speed_accuracy(measured) if measured.exists() else None
     page = out / "index.html"
     content = results_page(
         results,
@@ -67,10 +73,13 @@ def draw(source: Path, out: Path) -> int:
         study,
         proof,
         limits,
+        curves,
         needs=(out / "needs.html").exists(),
     )
     write_atomically(page, content.encode())
     draw_benchmark(out)
+    if curves is not None:
+        write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())
     if study is not None:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     if proof is not None:

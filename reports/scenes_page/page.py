@@ -14,6 +14,8 @@ from reports.records.results import worst_first
 from reports.scenes_page.sections import build_sections
 from reports.speed.record import Benchmark
 from reports.speed.section import build_benchmark_section
+from reports.speed_accuracy.record import SpeedAccuracy
+from reports.speed_accuracy.summary import efficiencies
 
 
 def results_page(
@@ -23,6 +25,7 @@ def results_page(
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
+    curves: SpeedAccuracy | None = None,
     *,
     needs: bool = False,
 ) -> str:
@@ -42,6 +45,8 @@ def results_page(
         Likewise, with a link to proof.html.
     limits
         Likewise, with a link to limits.html.
+    curves
+        Likewise, with a link to speed_accuracy.html.
     needs
         Whether there is a needs.html to be named.
 
@@ -60,5 +65,7 @@ def results_page(
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
         limits=limits,
+        curves=curves,
+        efficiency=next(iter(efficiencies(curves)), None) if curves else None,
         needs=needs,
     )

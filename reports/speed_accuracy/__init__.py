@@ -1,0 +1,1 @@
+"""Speed against accuracy: what every method, sampler and renderer gets for its seconds."""

@@ -1,0 +1,149 @@
+"""The page of speed against accuracy, from a canned record; records that are refused."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from drawn_charts import figures, points
+from report_samples import scene, write_results
+from speed_accuracy_sample import PEER, noisy, record
+
+from reports.commands import speed_accuracy as command
+from reports.commands.pages import draw
+from reports.records.errors import ReportError
+from reports.records.results import read_results
+from reports.scenes_page.page import results_page
+from reports.speed_accuracy.page import speed_accuracy_page
+from reports.speed_accuracy.record import read_speed_accuracy, write_speed_accuracy
+
+
+@pytest.fixture
+def page():
+    return speed_accuracy_page(record(failed={"cellar": "no <light>"}))
+
+
+def test_one_chart_a_scene_with_every_contender(page):
+    box, room, teapot = figures(page)
+    for chart, count in ((box, 4), (room, 4), (teapot, 3)):
+        assert sum(trace.get("hoverinfo") != "skip" for trace in chart["data"]) == count
+    looks = [trace["marker"]["symbol"] for trace in room["data"] if "marker" in trace]
+    assert len(set(looks)) == 4  # ours, another method of ours, and a peer's
+    ours, theirs = (box["data"][index]["marker"] for index in (2, 4))
+    assert theirs["symbol"] == ours["symbol"] + "-open"
+    assert theirs["color"] == ours["color"]  # the same sampler
+
+
+def test_bars_are_the_intervals(page):
+    """Two errors 10 % around the mean: 12.7 times a tenth, on both sides of it."""
+    curve = figures(page)[0]["data"][2]
+    assert points(curve) == [(2.0, 0.25), (8.0, pytest.approx(0.0625))]
+    bars = curve["error_y"]
+    assert 0.25 + bars["array"][0] == pytest.approx(0.25 * 3.563, rel=1e-3)
+    assert 0.25 - bars["arrayminus"][0] == pytest.approx(0.25 / 3.563, rel=1e-3)
+    assert curve["error_x"]["array"] == [0.0, 0.0]
+
+
+def test_the_front_is_marked(page):
+    """In the chart, and in the table beside each curve that has a part of it."""
+    front = figures(page)[0]["data"][0]
+    assert front["name"] == "Pareto front" and front["line"]["shape"] == "hv"
+    assert points(front) == [(1.0, 0.125), (4.0, 0.03125)]  # of our `sobol`
+    section = page[page.index('id="noisy-1"') : page.index('id="noisy-2"')]
+    assert section.count("✓ on it") == 1
+
+
+def test_who_is_absent_and_what_failed_is_at_the_top(page):
+    head = page[: page.index("<main")]
+    assert "mitsuba llvm_ad_rgb takes no part" in head and "no &lt;LLVM&gt;" in head
+    assert "1 scene could not be measured" in head and "no &lt;light&gt;" in head
+    assert "Not all scenes" not in head
+    assert "Not all scenes" in speed_accuracy_page(record(whole=False))
+    partly = noisy("only", *record().noisy[0].curves, unavailable={f"{PEER} x": "off"})
+    found = speed_accuracy_page(record(noisy=[*record().noisy, partly]))
+    assert f"{PEER} x takes no part in only" in found
+
+
+def test_load_and_peers_are_stated(page):
+    assert "0.25 processes wanted a processor" in page and "there are 2 cores" in page
+    busy = "It was busy with something else"
+    assert busy not in page and busy in speed_accuracy_page(record(load=[1.5, 3.0]))
+
+
+def test_a_structure_with_another_picture_is_seen():
+    still = record().noiseless[0]
+    assert "bit for bit" in speed_accuracy_page(record())
+    still.different.append("lightproof grid")
+    page = speed_accuracy_page(record(noiseless=[still]))
+    assert "lightproof grid" in page and "bit for bit" not in page
+
+
+def test_an_exact_picture_has_a_place_on_a_logarithmic_axis(page):
+    assert any(points(trace) == [(0.1, 1e-9)] for trace in figures(page)[2]["data"])
+
+
+def test_the_page_loads_nothing(page):
+    assert "http" not in page.split('id="plotly"')[0].replace("http-equiv", "")
+
+
+def test_the_record_survives_its_file_and_is_drawn_again(tmp_path, capsys):
+    """With `--from`, and beside all other pages; the page of all scenes leads to it."""
+    data = tmp_path / "data"
+    data.mkdir()
+    write_speed_accuracy(data / "speed_accuracy.json", record())
+    assert read_speed_accuracy(data / "speed_accuracy.json") == record()
+    write_results(data, [scene("box", "pass")])
+    draw(data / "results.json", tmp_path)
+    page = tmp_path / "speed_accuracy.html"
+    drawn = page.read_bytes()
+    assert 'href="speed_accuracy.html"' in (tmp_path / "index.html").read_text()
+    page.unlink()
+    words = ["--from", str(data / "speed_accuracy.json"), "--out", str(tmp_path)]
+    assert command.main(words) == 0
+    assert page.read_bytes() == drawn
+    assert "| sobol | 2 | 0.707 | 0.707 to 0.707 | 0.25 (room) | 1 |" in (
+        capsys.readouterr().out
+    )
+
+
+def test_the_page_of_all_scenes_says_how_it_stands(tmp_path):
+    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
+    page = results_page(results, tmp_path, curves=record(failed={"cellar": "x"}))
+    assert "1 times as fast to the same error" in page and "1 scene could not be" in page
+    assert 'href="speed_accuracy.html"' not in results_page(results, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            lambda r: r["noisy"][0]["curves"][1]["pictures"][0]["errors"].append(1),
+            "box: not",
+        ),
+        (
+            lambda r: r["noisy"][1].update(curves=r["noisy"][0]["curves"][2:]),
+            "room: no curve",
+        ),
+        (lambda r: r["noiseless"][0]["pictures"][1].update(seconds=[-1.0]), "> 0.0"),
+        (lambda r: r["noisy"][0]["curves"][0].pop("sampler"), "missing required"),
+        (lambda r: r.update(noisy=[], noiseless=[]), "holds no scene"),
+        (lambda r: r.update(schema=2), "schema 2"),
+    ],
+)
+def test_a_bad_record_is_one_line(tmp_path, capsys, change, told):
+    path = tmp_path / "speed_accuracy.json"
+    write_speed_accuracy(path, record())
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+    with pytest.raises(ReportError, match=told):
+        read_speed_accuracy(path)
+    out = tmp_path / "out"
+    words = ["--from", str(path), "--out", str(out)]
+    assert command.main(words) == command.WRONG_USE
+    assert told in capsys.readouterr().err and not out.exists()
+
+
+def test_drawing_is_not_measuring(capsys):
+    assert command.main(["--from", "x.json", "--quick"]) == command.WRONG_USE
+    assert "not with --scene, --quick" in capsys.readouterr().err
