@@ -32,7 +32,7 @@ from renderer.scene.scene import Scene
 SCENES = Path(__file__).parents[1] / "scenes"
 EVEN, PILOT = 64, 16  # samples per pixel of a whole picture, and of its first stage
 SPREAD = 0.2  # of the second stage, evenly: a pilot may have met nothing somewhere
-REFERENCE = 1024
+REFERENCE = 512
 NOISY = 0.05  # error of the pilot, below which a scene is left out
 FAR = 4_000_000_000  # seeds from here on are not those of the pictures
 
@@ -159,7 +159,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("scenes", nargs="*", help="folders of scenes/ (default: all)")
     parser.add_argument("--side", type=int, default=16, help="of a tile (default: 16)")
-    parser.add_argument("--seeds", type=int, default=4, help="pictures (default: 4)")
+    parser.add_argument("--seeds", type=int, default=2, help="pictures (default: 2)")
     given = parser.parse_args(arguments)
     names = given.scenes or sorted(path.parent.name for path in SCENES.glob("*/scene.xml"))
     write: Any = sys.stdout.write

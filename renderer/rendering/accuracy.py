@@ -15,14 +15,14 @@ normal it hardly says anything about a, so that stopping when it is small hardly
 picture anywhere. It takes the place of a - r. A thousandth is left out of both, so heavy
 tails weigh alike.
 
-In the place of r stands a, but where one half is more than twice the other: a rare bright
-sample makes that pixel of a too bright, and its error, divided by that, looks small. There
-it is the mean of the 3 x 3 pixels around, if that is darker. With a alone the claims for
-`scenes/evening-sky` were low by 21 %, with this by 4 %.
+In the place of r stands a, but where one half is more than 1.5 times the other: a rare
+bright sample makes that pixel of a too bright, and its error, divided by that, looks small.
+There it is the mean of the 3 x 3 pixels around, if that is darker. With a alone the claims
+for `scenes/evening-sky` were low by 21 %, with this by 2 %.
 
 What that cannot know: light that no sample has met, or so few that they are all among the
 thousandth, such as a lamp that one path in a million finds. And a very noisy picture is a
-poor r: at an error of 57 % claims were low by a third, at 33 % and less by a tenth at most.
+poor r: at an error of 57 % claims were low by a third. Up to 33 % they are good to a tenth.
 Where either shows, the estimate says that it is unsure.
 """
 
@@ -38,7 +38,7 @@ FLOOR = 0.01  # times the squared mean is added to squares in the denominator
 BLOCK = 8  # pixels on a side of the parts whose scatter shows how sure the estimate is
 UNSURE = 0.1  # an estimate whose own relative standard error is more is called unsure
 TOO_NOISY = 0.3  # and so is a larger error
-TWICE = 1.0 / 3.0  # (a - b) / (a + b) where a is twice b
+APART = 0.2  # (a - b) / (a + b) where a is one and a half times b
 Floats = NDArray[np.float64]
 
 
@@ -100,8 +100,8 @@ def _limit(first: Floats, second: Floats) -> Floats:
     rows, columns = mean.shape[:2]
     padded = np.pad(mean, ((1, 1), (1, 1), (0, 0)), mode="edge")
     around = sum(padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3))
-    bright = np.abs(first - second) > TWICE * np.abs(first + second)
-    return np.where(bright, np.minimum(mean, around / 9.0), mean)
+    bright = np.abs(first - second) > APART * np.abs(first + second)
+    return np.where(bright, np.fmin(mean, around / 9.0), mean)
 
 
 def _uncertainty(guess: Floats, limit: Floats) -> float:

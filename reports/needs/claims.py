@@ -8,12 +8,13 @@ simplification is about, such as cylinders, have nothing that could be compared.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene.scene import Scene
-from renderer.scene.simplifications.simplify import words_of
+from renderer.scene.simplifications.simplify import is_endless, words_of
 from reports.needs.record import Claim
 
 # what a line begins with -> words of the same; "no-light" is each of them
@@ -46,9 +47,14 @@ def claims_of(scene: Scene, spp: int) -> list[Claim]:
     nested = nested_scene(scene, plan)
     if nested is not None:
         plan = make_plan(nested, sampler="independent", spp=spp)
+    impossible = {"roulette=off"} if is_endless(scene.description) else set()
     said = [line.partition("left out")[2].strip() for line in plan.lines]
     lights = [w for w in words_of(scene.description) if w.startswith("no-light=")]
-    return [_claim(text, lights) for text in said if text]
+    claims = [_claim(text, lights) for text in said if text]
+    return [
+        replace(claim, words=[w for w in claim.words if w not in impossible])
+        for claim in claims
+    ]
 
 
 def _claim(text: str, lights: Sequence[str]) -> Claim:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from reports.records.circumstances import Circumstances
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 @dataclass(frozen=True, kw_only=True)
