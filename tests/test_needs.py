@@ -251,7 +251,7 @@ def test_a_step_stays_where_it_saves_time_within_the_tolerance(
     path, found, monkeypatch, time, error, kept
 ):
     _, study = found
-    blank = found[0].losses[0]
+    blank = replace(found[0].losses[0], noise=1.0)
     first, second = (
         replace(blank, words=[word], time=spent, error_high=0.01)
         for word, spent in (("depth=2", 0.6), ("no-light=far", 0.7))

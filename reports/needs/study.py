@@ -1,7 +1,7 @@
 """Render a scene with one thing less at a time, then with all that it does not need.
 
-The least model is found greedily: what saves most time comes first, and stays where the
-loss of all that was left out so far, measured anew, is within the tolerance.
+The least model is found greedily: what saves most time for the same noise comes first, and
+stays where the loss of all that was left out so far, measured anew, is within the tolerance.
 """
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ def least_model(study: Study, losses: Sequence[Loss]) -> Loss | None:
     grow.
     """
     least: Loss | None = None
-    for one in sorted(losses, key=lambda loss: loss.time):
+    for one in sorted(losses, key=lambda loss: loss.cost):
         if one.error_high > study.tolerance:
             continue
         trial = one
