@@ -314,6 +314,9 @@ def test_without_caustics_a_mirror_beside_is_black(more):
     without = mean_of(simplified(full, "caustics=off"))
     assert np.array_equal(without, mean_of(room(floor, 3, mirror=BLACK, **more)))
     assert without.mean() < 0.99 * mean_of(full).mean()
+    plans = [make_plan(build_scene(d)) for d in (full, simplified(full, "caustics=off"))]
+    assert [plan.caustics for plan in plans] == [True, False]
+    assert "caustics" in " ".join(plans[1].lines)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """Render a scene with one thing less at a time, then with all that it does not need.
 
 The least model is found greedily: what saves most time for the same noise comes first, and
-stays where the loss of all that was left out so far, measured anew, is within the tolerance.
+stays where the loss of all that was left out so far, measured anew, is within tolerance.
 """
 
 from __future__ import annotations
