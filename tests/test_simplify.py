@@ -430,6 +430,8 @@ def test_instances_written_out_are_where_they_were():
     flat = simplified(full, "instances=flat")
     assert len(full.instances) == 3 and len(flat.instances) == 2
     assert all(len(group.shapes) == 1 for group in flat.groups)
+    places = [instance.place for instance in flat.instances]
+    assert places == [len(flat.shapes), len(flat.shapes) + 1]
     before, after = (renderer.render(build_scene(d), 1) for d in (full, flat))
     assert before.aovs["d"].max() > 0.0
     for name, picture in before.aovs.items():
@@ -439,3 +441,4 @@ def test_instances_written_out_are_where_they_were():
         patch.setattr("renderer.scene.simplifications.instances.MOST_FACES", 35)
         with pytest.raises(SceneError, match="36 faces in all; at most 35"):
             simplified(full, "instances=flat")
+        assert not any("instances=flat" in words for words in offered(full))

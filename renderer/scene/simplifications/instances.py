@@ -57,8 +57,12 @@ def with_copies(description: SceneDescription) -> SceneDescription:
         if kept and kept[-1].group == len(groups):
             groups.append(dataclasses.replace(group, shapes=others))
     kept.sort(key=lambda instance: instance.place)
+    instances = (  # in the order of the file, now behind all shapes
+        dataclasses.replace(instance, place=place)
+        for place, instance in enumerate(kept, start=len(shapes))
+    )
     return dataclasses.replace(
-        description, shapes=tuple(shapes), groups=tuple(groups), instances=tuple(kept)
+        description, shapes=tuple(shapes), groups=tuple(groups), instances=tuple(instances)
     )
 
 

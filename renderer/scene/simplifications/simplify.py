@@ -34,16 +34,22 @@ def is_endless(description: SceneDescription) -> bool:
 def offered(description: SceneDescription) -> tuple[list[str], list[str]]:
     """Return the words (`depth=K` apart) that change the scene, and those that do not.
 
-    The parts of a single BSDF are not offered where it is the only one to have them.
+    The parts of a single BSDF are not offered where it is the only one to have them, nor
+    what is refused: endless paths without roulette, more copies than there is room for.
     """
     words = words_of(description)
-    if is_endless(description):
-        words.remove("roulette=off")
     for name in ("no-specular", "no-diffuse"):
         if len(alone := [word for word in words if word.startswith(name + "=")]) == 1:
             words.remove(alone[0])
-    changing = [w for w in words if differs(description, simplified(description, w))]
-    return changing, [w for w in words if w not in changing]
+    changing: list[str] = []
+    absent: list[str] = []
+    for word in words:
+        try:
+            new = simplified(description, word)
+        except SceneError:
+            continue
+        (changing if differs(description, new) else absent).append(word)
+    return changing, absent
 
 
 def simplified(description: SceneDescription, word: str) -> SceneDescription:
