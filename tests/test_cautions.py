@@ -401,13 +401,22 @@ def test_equal_descriptions_have_equal_values():
 
 
 def test_what_fails_in_a_caution_breaks_no_scene(tmp_path, monkeypatch):
+    """It is said where the caution would be, by --explain and by the harness alike."""
+
     def fail(scene, plan):
         raise TypeError("unhashable")
 
     monkeypatch.setattr("renderer.rendering.planning.cautions.CHECKS", {"row": fail})
     path = tmp_path / "scene.xml"
     path.write_text(_FRAME.format(target="0,0,0", **_wall_behind_glass(3)))
-    assert cautions_about(RenderRequest(str(path))) == ()
+    with pytest.warns(RuntimeWarning, match="caution 'row' not checked: TypeError"):
+        (caution,) = cautions_about(RenderRequest(str(path)))
+    assert caution == (
+        "not checked: TypeError: unhashable; a defect of lightproof (atlas: row)"
+    )
+    with pytest.warns(RuntimeWarning):
+        text = plan_text(renderer.load_file(path))
+    assert caution in " ".join(text.split())
 
 
 def test_faces_without_area_are_left_out():

@@ -12,8 +12,10 @@ import pytest
 import renderer
 from renderer.command.cli import main as render_command
 from renderer.rendering.accuracy import relative_squares
+from reports.needs.claims import claims_of
 from reports.needs.command import main
 from reports.needs.losses import loss_between
+from reports.needs.record import Claim
 from reports.needs.study import least_model, measure
 
 # A floor under a lamp, with a wall that throws light back, and a far lamp that hardly
@@ -143,6 +145,65 @@ def test_a_claim_of_the_plan_is_an_exact_zero(path, tmp_path):
     assert roulette.exact
 
 
+def test_the_claims_of_the_plan_are_in_the_record(found):
+    """Each with what leaves out the same; of what nothing is about there is no zero."""
+    needs, _ = found
+    words = {claim.text.partition(":")[0]: claim.words for claim in needs.claims}
+    assert words["Russian roulette"] == ["roulette=off"]
+    assert words["textures and uv"] == ["textures=mean"]
+    (shapes,) = [w for text, w in words.items() if text.endswith("instances")]
+    assert shapes == ["instances=flat"]
+    (kinds,) = [w for text, w in words.items() if text.startswith("conductor")]
+    assert set(kinds) >= {"glass=straight", "metal=diffuse", "caustics=off"}
+    assert set().union(*words.values()) <= {*needs.absent, "roulette=off"}
+
+
+def test_a_wrong_claim_of_the_plan_is_an_error(path, monkeypatch):
+    """As if the plan said that the scene had no light that has an extent."""
+    wrong = Claim(
+        text="multiple importance sampling: no", words=["no-light=lamp"], at_its_word=False
+    )
+    monkeypatch.setattr("reports.needs.study.claims_of", lambda scene, spp: [wrong])
+    with pytest.raises(AssertionError, match="no-light=lamp"):
+        measure(path, spp=1, seeds=3, timed=0.0)
+
+
+POINT = """<scene version="3.0.0">
+  <integrator type="{integrator}"/>
+  <sensor type="perspective"><film type="hdrfilm">
+    <integer name="width" value="8"/><integer name="height" value="8"/>
+    <rfilter type="box"/></film></sensor>
+  <shape type="rectangle"><transform name="to_world"><translate z="3"/></transform>
+    <bsdf type="twosided"><bsdf type="diffuse"/></bsdf></shape>{light}</scene>"""
+SPOT = """<emitter type="spot"><texture type="checkerboard" name="texture"/></emitter>"""
+PLAIN = """<emitter type="point"/>"""
+
+
+@pytest.mark.parametrize(
+    ("integrator", "light", "text"),
+    [
+        ("path", "", "all samples but one per pixel"),
+        ("direct", PLAIN, "scattering"),
+        ("depth", PLAIN, "lights, shadow rays, bounces"),
+    ],
+)
+def test_claims_that_other_scenes_have(tmp_path, integrator, light, text):
+    """Measured without an AssertionError, so that they are exact zeros."""
+    file = tmp_path / "scene.xml"
+    file.write_text(POINT.format(integrator=integrator, light=light))
+    needs, _ = measure(file, spp=1, seeds=3, timed=0.0)
+    checked = [c.text for c in needs.claims if c.words or c.at_its_word]
+    assert any(one.startswith(text) for one in checked)
+
+
+def test_no_claim_about_textures_where_a_light_has_one():
+    """`textures=mean` changes that light, though no BSDF looks at a texture."""
+    for light in (PLAIN, SPOT):
+        scene = renderer.load_string(POINT.format(integrator="path", light=light))
+        claimed = [claim.text for claim in claims_of(scene, 1)]
+        assert any("textures" in text for text in claimed) == (light == PLAIN)
+
+
 def test_losses_of_the_floor(found):
     needs, study = found
     losses = {" ".join(loss.words): loss for loss in needs.losses}
@@ -151,6 +212,9 @@ def test_losses_of_the_floor(found):
     lamp, far = losses["no-light=lamp"], losses["no-light=far"]
     assert lamp.mean == pytest.approx(-1.0, abs=0.01) and not lamp.exact
     assert far.error_high < 0.5 * lamp.error
+    # BSDF samples hardly ever hit the far lamp, nor the near one
+    assert losses["sampling=bsdfs"].noise > 3.0 > 1.5 > losses["sampling=lights"].noise
+    assert losses["no-light=lamp"].cost < losses["sampling=bsdfs"].cost
     # the same paths up to the third segment: most of the noise is not in the difference
     assert losses["depth=3"].shared_variance < 0.2
     assert all(np.isfinite(one).all() for one in study.differences.values())
@@ -160,7 +224,8 @@ def test_the_command_is_within_the_tolerance(path, found, tmp_path, capsys):
     """Its picture beside that of the file, both of 4096 samples of other seeds."""
     needs, _ = found
     assert needs.least is not None and needs.least.error_high <= 0.03
-    assert needs.least.words == ["depth=3"] and needs.least.time == pytest.approx(0.9)
+    assert needs.least.words == ["depth=3", "sampling=lights"]
+    assert needs.least.time == pytest.approx(0.81)
     words = shlex.split(needs.command)
     assert words[:3] == ["python", "-m", "renderer"]
     pictures = []
@@ -186,7 +251,7 @@ def test_a_step_stays_where_it_saves_time_within_the_tolerance(
     path, found, monkeypatch, time, error, kept
 ):
     _, study = found
-    blank = found[0].losses[0]
+    blank = replace(found[0].losses[0], noise=1.0)
     first, second = (
         replace(blank, words=[word], time=spent, error_high=0.01)
         for word, spent in (("depth=2", 0.6), ("no-light=far", 0.7))
@@ -196,6 +261,7 @@ def test_a_step_stays_where_it_saves_time_within_the_tolerance(
     least = least_model(study, [second, first])
     assert least is not None and least.words == kept
     assert least_model(study, [replace(first, time=1.2)]) is None
+    assert least_model(study, [replace(first, noise=2.0)]) is None  # 0.6 x 2 = 1.2
 
 
 def test_the_page_and_the_record(path, tmp_path, capsys):

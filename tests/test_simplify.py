@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_scenes import rgb, sensor
+from small_scenes import placed, rgb, sensor
 
 import renderer
 from renderer.command.cli import main
 from renderer.errors import SceneError
+from renderer.rendering.planning.plan import make_plan
+from renderer.scene.scene import build_scene
 from renderer.scene.simplifications.simplify import (
     differs,
     offered,
@@ -174,6 +176,8 @@ def test_what_the_scene_has_not_is_the_same_scene():
     changing, absent = offered(scene())
     assert set(changing) >= {"roulette=off", "no-light=lamp"}
     assert absent == [
+        "caustics=off",
+        "instances=flat",
         "textures=mean",
         "normals=flat",
         "glass=straight",
@@ -236,3 +240,205 @@ def test_simplify_leaves_the_scene_as_it_is():
     assert built.description.integrator.max_depth == -1
     assert less.description.integrator.max_depth == 2
     assert len(less.description.simplified) == 2
+
+
+def test_parts_of_each_bsdf():
+    """Named after the first shape that shows it; one alone is not offered."""
+    plastic = {"type": "plastic"}
+    other = {"type": "sphere", "id": "other", "bsdf": {"type": "twosided", "p": plastic}}
+    again = {"type": "sphere", "bsdf": {"type": "diffuse"}}
+    before = scene(plastic, other=other, again=again)
+    words = [w for w in words_of(before) if w.startswith("no-specular")]
+    assert words == ["no-specular=ball", "no-specular=other"]
+    assert set(words) < set(offered(before)[0])
+    after = simplified(before, "no-specular=other")
+    assert ball(after) is ball(before)
+    assert isinstance(after.shapes[2].bsdf.front, Diffuse)
+    alone = scene(plastic)
+    assert not any("no-specular" in word for word in offered(alone)[0])
+    assert isinstance(ball(simplified(alone, "no-specular=ball")), Diffuse)
+    with pytest.raises(SceneError, match="no-diffuse: 'x' is not possible; possible: ball"):
+        simplified(alone, "no-diffuse=x")
+
+
+def test_principled_without_its_base():
+    """Where the base colour shows nowhere else."""
+    after = ball(simplified(scene({"type": "principled"}), "diffuse=off"))
+    assert after.base_color == ConstantTexture((0.0, 0.0, 0.0))
+    metal = scene({"type": "principled", "metallic": 0.5})
+    assert ball(simplified(metal, "diffuse=off")) is ball(metal)
+
+
+def mean_of(description, spp=4, seed=0):
+    """Return a picture."""
+    return renderer.render(build_scene(description), spp, seed).pixels
+
+
+def room(target, depth, **more):
+    """Return a floor under a lamp; the camera sees one spot of the world."""
+    return read_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": depth, "rr_depth": 99},
+            "sensor": sensor((0, -4, 2), target, fov=10, size=(8, 8), jitter=True),
+            "floor": {"type": "rectangle", "bsdf": {"type": "diffuse"}},
+            "lamp": {
+                "type": "rectangle",
+                "to_world": placed((0, 0, 3), (1, 0, 0), (0, -1, 0)),
+                "emitter": {"type": "area", "radiance": rgb(5.0)},
+            },
+            **more,
+        }
+    )
+
+
+MIRROR = {
+    "type": "rectangle",
+    "to_world": placed((0, 1.5, 1), (1, 0, 0), (0, 0, 1)),
+    "bsdf": {"type": "conductor"},
+}
+BLACK = MIRROR | {"bsdf": {"type": "diffuse", "reflectance": rgb(0.0)}}
+HOLE = {
+    "type": "rectangle",
+    "to_world": placed((0, 0, 2), (3, 0, 0), (0, 3, 0)),
+    "bsdf": {"type": "null"},
+}
+SKY = {"type": "constant", "radiance": rgb(0.5)}
+
+
+@pytest.mark.parametrize("more", [{}, {"sky": SKY}])
+def test_without_caustics_a_mirror_beside_is_black(more):
+    """With three segments it has nothing else to throw on the floor; bit for bit."""
+    floor = (0, 0, 0)
+    full = room(floor, 3, mirror=MIRROR, **more)
+    without = mean_of(simplified(full, "caustics=off"))
+    assert np.array_equal(without, mean_of(room(floor, 3, mirror=BLACK, **more)))
+    assert without.mean() < 0.99 * mean_of(full).mean()
+    plans = [make_plan(build_scene(d)) for d in (full, simplified(full, "caustics=off"))]
+    assert [plan.caustics for plan in plans] == [True, False]
+    assert "caustics" in " ".join(plans[1].lines)
+
+
+@pytest.mark.parametrize(
+    ("target", "depth", "more"),
+    [
+        ((0, 1.5, 1), 3, {"mirror": MIRROR}),  # camera, mirror, floor, lamp
+        ((0, 0, 0), 4, {"hole": HOLE, "sky": SKY}),  # floor, hole, lamp: straight on
+    ],
+)
+def test_what_is_no_caustic_stays(target, depth, more):
+    full = room(target, depth, **more)
+    assert "caustics=off" in offered(full)[0]
+    pixels = mean_of(simplified(full, "caustics=off"))
+    assert pixels.max() > 0.0 and np.array_equal(pixels, mean_of(full))
+
+
+def test_light_through_a_hole_to_a_mirror_is_a_caustic():
+    """Floor, hole, mirror, lamp: as if the mirror were black, up to four segments.
+
+    Longer paths by the floor again, floor, mirror, floor, lamp, are five.
+    """
+    hole = HOLE | {"to_world": placed((0, 0.7, 1), (1, 0, 0), (0, 0, 1))}
+    full = room((0, 0, 0), 4, mirror=MIRROR, hole=hole)
+    black = room((0, 0, 0), 4, mirror=BLACK, hole=hole)
+    pictures = [mean_of(simplified(full, "caustics=off")), mean_of(black)]
+    # what the floor sees of itself in the mirror, lit by a light sample, is left
+    assert np.all(pictures[0] >= pictures[1])
+    assert pictures[0].mean() < mean_of(full).mean()
+
+
+def test_each_strategy_has_the_same_mean():
+    """Three estimators of one picture, 8 pictures each; 5 standard errors of the mean.
+
+    False alarms: once in a million runs. A strategy that counted what the other one finds
+    would be bright by a third or more, 20 standard errors.
+    """
+    full = room((0, 0, 0), 3, mirror=MIRROR, sky=SKY)
+    means = {}
+    for word in ("", "sampling=lights", "sampling=bsdfs"):
+        less = simplified(full, word) if word else full
+        pictures = [mean_of(less, 16, seed).mean() for seed in range(8)]
+        means[word] = np.mean(pictures), np.std(pictures, ddof=1) / np.sqrt(8)
+    mean, error = means.pop("")
+    for word, (other, other_error) in means.items():
+        assert abs(other - mean) < 5 * np.hypot(error, other_error), word
+
+
+def test_light_samples_alone_of_two_segments_trace_no_further():
+    """Direct light without mirrors: rays into the blue find nothing that counts."""
+    less = build_scene(simplified(room((0, 0, 0), 2), "sampling=lights"))
+    plan = make_plan(less)
+    assert not plan.follow and not plan.weigh
+    assert "light samples alone" in " ".join(plan.lines)
+    mirrored = build_scene(simplified(room((0, 0, 0), 2, m=MIRROR), "sampling=lights"))
+    assert make_plan(mirrored).follow and make_plan(mirrored).light_share > 1e9
+
+
+def test_bsdf_samples_alone_never_find_a_point():
+    point = {"type": "point", "position": [0, 0, 2], "intensity": rgb(1.0)}
+    full = read_dict(
+        {
+            "type": "scene",
+            "sensor": sensor((0, -4, 2), (0, 0, 0), size=(4, 4)),
+            "floor": {"type": "rectangle"},
+            "light": point,
+        }
+    )
+    assert "sampling=lights" in offered(full)[1]  # nothing is weighed
+    assert mean_of(full).max() > 0.0
+    assert mean_of(simplified(full, "sampling=bsdfs")).max() == 0.0
+
+
+def test_simplified_methods_are_no_replays():
+    for word in ("sampling=lights", "caustics=off"):
+        less = build_scene(simplified(room((0, 0, 0), 4, mirror=MIRROR), word))
+        with pytest.raises(SceneError, match="possible is the scene without"):
+            renderer.render(less, 1, sampler="mitsuba")
+
+
+def test_instances_written_out_are_where_they_were():
+    """Triangles, normals and spheres; turned, mirrored and flattened copies.
+
+    The hits of the camera's rays: the same distance and normal to 1e-5, but for one in
+    a hundred, at edges. A flattened sphere stays an instance.
+    """
+    cube = {"type": "cube", "to_world": placed((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0))}
+    group = {
+        "type": "shapegroup",
+        "id": "group",
+        "cube": cube,
+        "sphere": {"type": "sphere", "center": [0.6, 0, 0], "radius": 0.3},
+    }
+    places = [
+        placed((-1, 0, 0), (0, 1, 0), (-1, 0, 0)) @ np.diag([0.5, 0.5, 0.5, 1.0]),
+        placed((1, 0, 0), (0.7, 0, 0), (0, 0.4, 0)),
+        np.diag([-1.0, 1.0, 1.0, 1.0]),
+    ]
+    copies = {
+        f"copy_{k}": {
+            "type": "instance",
+            "to_world": place,
+            "group": {"type": "ref", "id": "group"},
+        }
+        for k, place in enumerate(places)
+    }
+    aov = {"type": "aov", "aovs": "d:depth,g:geo_normal,s:sh_normal"}
+    view = sensor((0, -4, 2), (0, 0, 0), fov=40, size=(48, 32))
+    full = read_dict(
+        {"type": "scene", "integrator": aov, "sensor": view, **{"g": group}} | copies
+    )
+    flat = simplified(full, "instances=flat")
+    assert len(full.instances) == 3 and len(flat.instances) == 2
+    assert all(len(group.shapes) == 1 for group in flat.groups)
+    places = [instance.place for instance in flat.instances]
+    assert places == [len(flat.shapes), len(flat.shapes) + 1]
+    before, after = (renderer.render(build_scene(d), 1) for d in (full, flat))
+    assert before.aovs["d"].max() > 0.0
+    for name, picture in before.aovs.items():
+        off = np.abs(after.aovs[name] - picture).max(axis=-1) > 1e-5
+        assert off.mean() < 0.01, name
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("renderer.scene.simplifications.instances.MOST_FACES", 35)
+        with pytest.raises(SceneError, match="36 faces in all; at most 35"):
+            simplified(full, "instances=flat")
+        assert not any("instances=flat" in words for words in offered(full))

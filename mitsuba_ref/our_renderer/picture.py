@@ -112,9 +112,10 @@ def cautions_about(request: RenderRequest) -> tuple[str, ...]:
 
     try:
         scene = build_scene(read_scene(request))
-        return tuple(str(caution) for caution in cautions_of(scene, make_plan(scene)))
-    except Exception:  # a refusal, which its rendering says; no remark breaks a scene
+        plan = make_plan(scene)
+    except Exception:  # its rendering does the same, and says what is wrong
         return ()
+    return tuple(str(caution) for caution in cautions_of(scene, plan))
 
 
 def _method(explanation: str) -> str:

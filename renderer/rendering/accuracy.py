@@ -12,13 +12,18 @@ To estimate it, the samples are divided into two halves with the means a1 and a2
 these are independent, (a1 - a2) / 2 has the variance of a = (a1 + a2) / 2 at every pixel,
 whatever the reconstruction filter, if both halves have samples there; and where both are
 normal it hardly says anything about a, so that stopping when it is small hardly pulls the
-picture anywhere. It takes the place of a - r, and a that of r. A thousandth is left out of
-both, so heavy tails weigh alike.
+picture anywhere. It takes the place of a - r. A thousandth is left out of both, so heavy
+tails weigh alike.
+
+In the place of r stands a, but where one half is more than 1.5 times the other: a rare
+bright sample makes that pixel of a too bright, and its error, divided by that, looks small.
+There it is the mean of the 3 x 3 pixels around, if that is darker. With a alone the claims
+for `scenes/evening-sky` were low by 21 %, with this by 2 %.
 
 What that cannot know: light that no sample has met, or so few that they are all among the
-thousandth, such as a lamp that one path in a million finds. And a noisy picture is a poor
-r: claims are low by an eighth where they are 0.27, by a third where they are 0.5. Where
-either shows, the estimate says that it is unsure.
+thousandth, such as a lamp that one path in a million finds. And a very noisy picture is a
+poor r: at an error of 57 % claims were low by a third. Up to 33 % they are good to a tenth.
+Where either shows, the estimate says that it is unsure.
 """
 
 from __future__ import annotations
@@ -33,6 +38,7 @@ FLOOR = 0.01  # times the squared mean is added to squares in the denominator
 BLOCK = 8  # pixels on a side of the parts whose scatter shows how sure the estimate is
 UNSURE = 0.1  # an estimate whose own relative standard error is more is called unsure
 TOO_NOISY = 0.3  # and so is a larger error
+APART = 0.2  # (a - b) / (a + b) where a is one and a half times b
 Floats = NDArray[np.float64]
 
 
@@ -82,19 +88,30 @@ def estimate(first: Any, second: Any, samples: int) -> Accuracy:
     """Estimate the error of the mean of two pictures of as many samples each."""
     first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
     with np.errstate(invalid="ignore"):  # infinite in both
-        guess, mean = (first - second) / 2, (first + second) / 2
-    error = relative_error(guess, mean)
-    return Accuracy(samples, error, _uncertainty(guess, mean), guess.astype(np.float32))
+        guess, limit = (first - second) / 2, _limit(first, second)
+        error = relative_error(guess, limit)
+        uncertainty = _uncertainty(guess, limit)
+    return Accuracy(samples, error, uncertainty, guess.astype(np.float32))
 
 
-def _uncertainty(guess: Floats, mean: Floats) -> float:
+def _limit(first: Floats, second: Floats) -> Floats:
+    """Return what stands for the limit of the mean of two pictures."""
+    mean = (first + second) / 2
+    rows, columns = mean.shape[:2]
+    padded = np.pad(mean, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = sum(padded[y : y + rows, x : x + columns] for y in range(3) for x in range(3))
+    bright = np.abs(first - second) > APART * np.abs(first + second)
+    return np.where(bright, np.fmin(mean, around / 9.0), mean)
+
+
+def _uncertainty(guess: Floats, limit: Floats) -> float:
     """Return the relative standard error of the root, from the scatter between blocks.
 
     The root of a mean has half of the mean's relative error.
     """
-    squares = relative_squares(guess, mean)
+    squares = relative_squares(guess, limit)
     clipped = np.minimum(squares, _kept(squares)[-1])
-    if not np.isfinite(guess).all() or not mean.any():
+    if not np.isfinite(guess).all() or not limit.any():
         return float("inf")
     if not squares.any():
         return 0.0  # of a picture without noise

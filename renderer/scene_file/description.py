@@ -521,6 +521,10 @@ class Integrator:
     aovs: tuple[tuple[str, str], ...] = ()  # aov: (channel name, one of AOV_KINDS)
     block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
     one_pass: bool = True  # false where the file gives samples_per_pass
+    # path and direct, of simplified scenes alone: of the two ways to find light "lights" or
+    # "bsdfs", by sampling lights or BSDFs; and whether paths may be caustics
+    strategy: str = "both"
+    caustics: bool = True
     nested: Integrator | None = None  # aov: the integrator whose colours come first
     moments: Moments | None = None  # `moment` stands around it
     stands_for: str = ""  # the plugin of the file, where another name is as good here

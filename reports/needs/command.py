@@ -6,19 +6,17 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table
 
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
-from reports.needs.page import fewer, interval, needs_page, percent, title_of
-from reports.needs.record import SCHEMA, Loss, NeedsRecord, SceneNeeds
+from reports.needs.page import needs_page
+from reports.needs.record import SCHEMA, NeedsRecord, SceneNeeds
 from reports.needs.study import TIMED, Study, measure
+from reports.needs.table import print_table
 from reports.records.json_file import write_json
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -53,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 log.print(f"error: {error}", markup=False, soft_wrap=True)
                 status = REFUSED
                 continue
-            _print(found[-1][0], console)
+            print_table(found[-1][0], console)
     except KeyboardInterrupt:
         status = INTERRUPTED  # what is measured is worth a page
     if not found:
@@ -91,38 +89,6 @@ def _paths(scenes: Sequence[Path]) -> list[Path]:
         scenes = [s.relative_to(here) if s.is_relative_to(here) else s for s in scenes]
         return [s / "scene.xml" for s in scenes if (s / "scene.xml").is_file()]
     return [scene / "scene.xml" if scene.is_dir() else scene for scene in scenes]
-
-
-def _print(needs: SceneNeeds, console: Console) -> None:
-    width, height = needs.size
-    title = f"{title_of(needs)}: {width} x {height}, {needs.seeds} x {needs.spp} samples"
-    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 0, 0, 1))
-    for heading in ("left out", "mean", "loss", "at most", "FLIP", "time", "fewer"):
-        left = heading == "left out"
-        justify: Any = "left" if left else "right"
-        table.add_column(heading, justify=justify, no_wrap=not left, overflow="fold")
-    for loss in needs.losses:
-        kept = loss.error_high <= needs.tolerance
-        table.add_row(*_cells(loss), style=None if kept else "dim")
-    for word in needs.absent:
-        table.add_row(word, *["0"] * 4, "1", "-", style="dim")
-    if needs.least is not None:
-        table.add_section()
-        table.add_row("the least model", *_cells(needs.least)[1:])
-    console.print(table)
-    console.print(needs.command, markup=False, soft_wrap=True)
-
-
-def _cells(loss: Loss) -> list[str]:
-    return [
-        " ".join(loss.words),
-        interval(loss.mean, loss.mean_half_width),
-        percent(loss.error),
-        percent(loss.error_high),
-        f"{loss.flip:.3f}",
-        f"{loss.time:.2f}",
-        fewer(loss.shared_variance),
-    ]
 
 
 def _parser() -> argparse.ArgumentParser:

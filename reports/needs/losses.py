@@ -49,9 +49,11 @@ def loss_between(
     tiles = np.array([tile_means(one).mean(axis=2).ravel() for one in d])
     tile, tile_width = _interval(tiles, tiles.shape[1])
     worst = int(np.argmax(np.abs(tile)))
-    error, high = _relative_loss(d, np.asarray(reference, np.float64))
-    noise = float((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)).sum())
+    independent = float((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)).sum())
     shared = float(d.var(axis=0, ddof=1).sum())
+    limit = np.asarray(reference, np.float64)
+    error, high = _relative_loss(d, limit)
+    before, after = _relative_variance(a, limit), _relative_variance(b, limit)
     return Loss(
         words=list(words),
         sentence=sentence,
@@ -65,7 +67,8 @@ def loss_between(
         error_high=high,
         flip=flip(_float32(b.mean(axis=0)), _float32(a.mean(axis=0))) if d.any() else 0.0,
         time=time,
-        shared_variance=shared / noise if noise else None,
+        shared_variance=shared / independent if independent else None,
+        noise=after / before if before else None,
     )
 
 
@@ -77,6 +80,13 @@ def _interval(values: Floats, tests: int) -> tuple[Any, Any]:
     count = len(values)
     t = critical_t(ALPHA, tests, count - 1)
     return values.mean(axis=0), t * values.std(axis=0, ddof=1) / np.sqrt(count)
+
+
+def _relative_variance(pictures: Floats, reference: Floats) -> float:
+    """Return the mean relative variance, without the largest thousandth."""
+    squares = relative_squares(pictures.std(axis=0, ddof=1), reference)
+    kept = squares.size - int(LEFT_OUT * squares.size)
+    return float(np.partition(squares, kept - 1, axis=None)[:kept].mean())
 
 
 def _relative_loss(d: Floats, reference: Floats) -> tuple[float, float]:

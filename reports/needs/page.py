@@ -49,7 +49,9 @@ def needs_page(record: NeedsRecord, studies: Sequence[Study]) -> str:
 
 def percent(value: float) -> str:
     """Return 0.0123 as 1.2 %, and what is exactly 0 as 0."""
-    return "0" if value == 0.0 else f"{100.0 * value:.2g} %"
+    if value == 0.0:
+        return "0"
+    return f"{100.0 * value:.0f} %" if value > 0.99 else f"{100.0 * value:.2g} %"
 
 
 def interval(value: float, half_width: float) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from reports.records.circumstances import Circumstances
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,11 +31,26 @@ class Loss:
     time: float  # over that of the full scene, the best of several turns
     # variance of the difference over that with independent seeds; None: there is no noise
     shared_variance: float | None
+    noise: float | None  # variance over that of the full scene; None: that has none
 
     @property
     def exact(self) -> bool:
         """Whether both pictures are the same, bit for bit."""
         return self.error_high == 0.0 and self.tile == 0.0
+
+    @property
+    def cost(self) -> float:
+        """Time for the same noise, over that of the full scene."""
+        return self.time * (1.0 if self.noise is None else self.noise)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A line of the plan about what it leaves out, and what loses nothing therefore."""
+
+    text: str
+    words: list[str]  # NAME=VALUE whose pictures are the same; []: none is about that
+    at_its_word: bool  # so is that of the file's integrator as it stands, but for rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +65,7 @@ class SceneNeeds:
     seconds: float  # of a full picture
     losses: list[Loss]
     absent: list[str]  # words that the scene has nothing for: exactly 0, checked
+    claims: list[Claim]  # of the plan: exactly 0, checked
     least: Loss | None  # None: nothing can be left out
     command: str
 

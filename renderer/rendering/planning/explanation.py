@@ -16,6 +16,7 @@ from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.kinds.sampling.sobol_digits import net_digits
+from renderer.scene.light_order import has_textured_lights
 from renderer.scene.scene import KINDS, Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
 
 TOPIC_WIDTH = 14  # columns before the text
 
+_ALONE = {
+    "lights": "light samples alone",
+    "bsdfs": "BSDF samples that hit a light, alone; points and directions are never hit",
+}
 _PATTERNS = {
     "stratified": "a square number",
     "multijitter": "the cells of a grid",
@@ -126,7 +131,7 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
     lights = _lights(scene)
     listed = ", ".join(f"{count} {kind}" for kind, count in lights.items() if count)
     why.say("lights", listed or "none")
-    if not materials.textured:
+    if not materials.textured and not has_textured_lights(scene.description):
         why.say("left out", "textures and uv: no BSDF looks at them; not compiled")
     _leave_out([name for name in BSDFS if name not in used], "no shape has it", why)
     if listed:
@@ -153,7 +158,12 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
     what = "multiple importance sampling"
     if plan.weigh:
         by = "light samples and BSDF samples that hit a light, by the power heuristic"
+        if plan.strategy == "lights":
+            what, by = "light samples alone", "BSDF samples count where they find nothing"
         why.say("weights", f"{what}: {by}")
+        return
+    if plan.strategy != "both":
+        why.say("weights", f"{_ALONE[plan.strategy]}, as simplified")
         return
     if not extended:
         what += ", emission at hits"

@@ -27,7 +27,9 @@ from renderer.rendering.planning.explanation import (
     explain_samples,
     explain_weights,
 )
+from renderer.rendering.planning.restriction import restrict
 from renderer.replay.refusals import check_replay
+from renderer.scene.light_order import has_extended_lights
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -45,6 +47,9 @@ OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 # (docs/decisions/ray-offset.md).
 RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
+# So many times more light samples: what BSDF samples find that a light sample could have
+# found as well then weighs 1e-30 of it, less than any rounding. The rest still weighs 1.
+LIGHTS_ALONE = 1e15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +64,8 @@ class Plan(Decision):
     ray_offset: str = "tight"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
     moments: Moments | None = None  # second moments stand beside the picture
+    strategy: str = "both"  # or "lights", "bsdfs": the one way to find light
+    caustics: bool = True  # paths may be, if the scene has what it takes
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -81,20 +88,19 @@ class Plan(Decision):
     @property
     def asks_lights(self) -> bool:
         """Whether lights are sampled at surface points."""
-        return self.kind.sees_lights and self.max_depth > 1
+        return self.kind.sees_lights and self.max_depth > 1 and self.strategy != "bsdfs"
+
+    @property
+    def light_share(self) -> float:
+        """Light samples for each BSDF sample: their densities count so many times."""
+        if self.strategy == "lights":
+            return LIGHTS_ALONE
+        return self.light_samples / self.bsdf_samples if self.weigh else 1.0
 
     @property
     def sampler_name(self) -> str:
         """Name of the sampler, and whose numbers it draws."""
         return f"{REPLAY} {self.sampler.name}" if self.replay else self.sampler.name
-
-
-def _has_extended_lights(scene: Scene) -> bool:
-    shapes = any(shape.radiance is not None for shape in scene.description.shapes)
-    environment = any(
-        plugin_of(emitter).environment for emitter in scene.description.emitters
-    )
-    return shapes or environment
 
 
 def _is_transparent(scene: Scene, asked: Integrator) -> bool:
@@ -211,7 +217,7 @@ def _decide(
     chosen_sampler = _choose_sampler(scene, sampler)
     count = chosen_sampler.sample_count if spp is None else spp
     materials = scene.materials
-    extended = _has_extended_lights(scene)
+    extended = has_extended_lights(scene.description)
     lights = extended or bool(scene.description.emitters)
     if reduce and not lights and INTEGRATORS[asked.name].sees_lights:
         count = 1  # the picture is black
@@ -230,19 +236,27 @@ def _decide(
         _is_transparent(scene, asked),
     )
     decision = INTEGRATORS[asked.name].decide(case, why.say)
+    restriction = restrict(decision, case)
+    decision = restriction.decision
     if replay:
         check_replay(asked, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
     depth = decision.max_depth
     plan = Plan(
         **vars(decision),
-        weigh=extended and decision.follow and materials.smooth and depth > 1,
+        weigh=extended
+        and decision.follow
+        and materials.smooth
+        and depth > 1
+        and restriction.strategy != "bsdfs",
         hide_emitters=asked.hide_emitters,
         transparent=case.transparent,
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,
         replay=replay,
         moments=asked.moments,
+        strategy=restriction.strategy,
+        caustics=restriction.caustics,
     )
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")
@@ -250,6 +264,8 @@ def _decide(
         _check_tree(scene)
     if plan.kind.sees_lights:
         explain_weights(plan, scene, extended, why)
+        if not plan.caustics:
+            why.say("left out", "caustics, on rough surfaces, as simplified")
         explain_roulette(plan, why)
         if plan.kind.scatters and not plan.mirrors and not plan.follow and depth > 1:
             why.say("left out", "scattering: nothing is reflected towards another surface")

@@ -80,7 +80,7 @@ def bsdf_tables(
     ]
     bsdfs = Bsdfs(
         methods,
-        sum(kind.smooth for kind in kinds),
+        sum(kind.smooth for kind in kinds) if lit else 0,
         np.array([place[kind_of(b).name] for b in materials.bsdfs] or [-1], np.int32),
         materials.values(),
         np.array([kind.row_count for kind in kinds], np.int32),

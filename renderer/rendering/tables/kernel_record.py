@@ -11,6 +11,7 @@ from renderer.accelerators.build import build_accelerators
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
+    AFTER_SCATTERING,
     KernelScene,
     Placements,
     Primitives,
@@ -37,11 +38,12 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.variant import Variant
-from renderer.scene.light_order import light_order
+from renderer.scene.light_order import has_textured_lamps, light_order
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sensor
 from renderer.stages.camera_rays import fill_rays
+from renderer.stages.caustics import CausticMarks, mark_caustics
 
 _NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
 
@@ -83,8 +85,17 @@ class KernelInputs:
         if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             lights = light_methods(
-                tables, by_kind, settings, scene.shapes, variant.arithmetic, lit
+                tables,
+                by_kind,
+                settings,
+                scene.shapes,
+                variant.arithmetic,
+                lit,
+                plan.caustics,
             )
+        hooks = variant.hooks(scene, surfaces)
+        if not plan.caustics:  # a plan for a replay has them
+            hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks(-1.0))
         self.record = KernelScene(
             groups,
             camera_groups,
@@ -106,7 +117,7 @@ class KernelInputs:
             lights,
             _sensor_methods(tables, scene.description.camera),
             _sampler_methods(tables, sampling, scene, plan, lit),
-            _hooks(tables, variant.hooks(scene, surfaces), settings, placements),
+            _hooks(tables, hooks, settings, placements),
             settings,
         )
 
@@ -127,15 +138,9 @@ def has_lights(scene: Scene) -> bool:
     return bool(order.of_emitters) or max(order.of_shapes, default=-1) >= 0
 
 
-def has_textured_lamps(scene: Scene) -> bool:
-    """Return whether the radiance of a shape depends on where it is met."""
-    lit = (shape.radiance for shape in scene.description.shapes)
-    return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
-
-
 def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
     kind = plan.kind
-    textured = scene.materials.textured or has_textured_lamps(scene)
+    textured = scene.materials.textured or has_textured_lamps(scene.description)
     with_uv = (textured or kind.first_hit) and not kind.counts_work
     return Settings(
         plan.max_depth,
@@ -148,7 +153,7 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
         int(variant.previous_points or scene.materials.oriented),
         plan.light_samples,
         plan.bsdf_samples,
-        plan.light_samples / plan.bsdf_samples if plan.weigh else 1.0,
+        plan.light_share,
         float(plan.cutoff),
         *(float(x) for x in RAY_OFFSETS[plan.ray_offset]),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Collection
 
 from renderer.kinds.lights.registry import plugin_of
 from renderer.scene_file.description import SceneDescription, Shape
@@ -20,10 +21,10 @@ def lights_by_name(description: SceneDescription) -> dict[str, Light]:
     lights: dict[str, Light] = {}
     for index, shape in enumerate(description.shapes):
         if shape.radiance is not None:
-            lights[_unused(_shape_name(shape, index), lights)] = "shapes", index
+            lights[unused(shape_name(shape, index), lights)] = "shapes", index
     names = description.emitter_names or _counted(description)
     for index, name in enumerate(names):
-        lights[_unused(name, lights)] = "emitters", index
+        lights[unused(name, lights)] = "emitters", index
     return lights
 
 
@@ -37,14 +38,15 @@ def _counted(description: SceneDescription) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _shape_name(shape: Shape, index: int) -> str:
+def shape_name(shape: Shape, index: int) -> str:
+    """Return a shape's id, or its class and line."""
     place = shape.location.line or index + 1  # a dictionary has no lines
     return shape.id or f"{type(shape).__name__.lower()}:{place}"
 
 
-def _unused(name: str, lights: dict[str, Light]) -> str:
-    """Return the name, longer if a light has it: two shapes may stand on one line."""
-    while name in lights:
+def unused(name: str, taken: Collection[str]) -> str:
+    """Return the name, longer if it is taken: two shapes may stand on one line."""
+    while name in taken:
         name += "'"
     return name
 

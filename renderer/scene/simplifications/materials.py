@@ -104,13 +104,35 @@ def without_specular(bsdf: Any) -> Any:
 
 
 def without_diffuse(bsdf: Any) -> Any:
-    """Blacken the base under a coat; all samples then go to the coat."""
-    if bsdf.plugin not in ("plastic", "roughplastic"):
+    """Blacken the base under a coat; all samples then go to the coat.
+
+    Of principled ones the base colour shows in metal, tint and transmission too: where
+    there are any it stays.
+    """
+    black: dict[str, Any]
+    if bsdf.plugin in ("plastic", "roughplastic"):
+        base = bsdf.diffuse_reflectance
+        black = {"diffuse_reflectance": BLACK, "specular_share": 1.0}
+    elif (
+        bsdf.plugin == "principled"
+        and _is_zero(bsdf.metallic, bsdf.spec_tint)
+        and bsdf.main_specular_sampling_rate > 0.0  # or nothing would be sampled at all
+    ):
+        base = bsdf.base_color
+        black = {
+            "base_color": BLACK,
+            "sheen": 0.0,
+            "diffuse_reflectance_sampling_rate": 0.0,
+        }
+    else:
         return bsdf
-    if bsdf.diffuse_reflectance == BLACK:
-        return bsdf
-    black: dict[str, Any] = {"diffuse_reflectance": BLACK, "specular_share": 1.0}
-    return OtherBsdf(bsdf.plugin, {**bsdf.values, **black})
+    return bsdf if base == BLACK else OtherBsdf(bsdf.plugin, {**bsdf.values, **black})
+
+
+def _is_zero(*parameters: Any) -> bool:
+    """Return whether numbers, or textures of one, are 0."""
+    zeros = (0.0, BLACK)
+    return all(isinstance(p, float | ConstantTexture) and p in zeros for p in parameters)
 
 
 def metal_as_diffuse(bsdf: Any) -> Any:

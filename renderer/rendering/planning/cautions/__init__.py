@@ -9,6 +9,7 @@ coordinates looks into instances. Each stands under the row of the atlas of fail
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,17 @@ CHECKS: Mapping[str, Callable[[Scene, Plan], Iterator[str]]] = {
 
 
 def cautions_of(scene: Scene, plan: Plan) -> tuple[Caution, ...]:
-    """Return all that is to be said about a scene that is rendered so."""
-    return tuple(
-        Caution(text, row) for row, check in CHECKS.items() for text in check(scene, plan)
-    )
+    """Return all that is to be said about a scene that is rendered so.
+
+    A defect of a check breaks no render: it is said in the place of its cautions, and
+    warned of, which fails tests.
+    """
+    found: list[Caution] = []
+    for row, check in CHECKS.items():
+        try:
+            found += [Caution(text, row) for text in check(scene, plan)]
+        except Exception as error:
+            defect = f"not checked: {type(error).__name__}: {error}; a defect of lightproof"
+            found.append(Caution(defect, row))
+            warnings.warn(f"caution {row!r} {defect}", RuntimeWarning, stacklevel=2)
+    return tuple(found)
