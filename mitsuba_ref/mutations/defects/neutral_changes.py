@@ -49,10 +49,11 @@ NEUTRAL_CHANGES = (
         "tiles are traced and added from the last to the first",
         (
             Edit(
-                "rendering/rendering.py",
-                "part, number = divmod(job, len(tiles))",
-                "part, number = divmod(job, len(tiles))\n"
-                "            number = len(tiles) - 1 - number",
+                "rendering/sitting.py",
+                "number, place = divmod(job, places)",
+                "number, place = divmod(job, places)\n"
+                "            tiles = rendering.work.tiles\n"
+                "            place += tiles - 1 - 2 * (place % tiles)",
             ),
         ),
         scene="cornell-box",
