@@ -45,8 +45,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     written: list[Path] = []
+    interrupts = Interrupts()
     try:
-        with Interrupts() as interrupts:
+        with interrupts:
             return _run(options, interrupts, written)
     except SceneError as error:
         _complain(f"error: {error}")
@@ -55,9 +56,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
-        _complain(f"interrupted; wrote {_listed(written) or 'nothing'}")
-        return 130
+        return _interrupted(written)
+    except Exception:
+        if not interrupts.count:
+            raise
+        # An extension module that is being imported makes an ImportError of an interrupt.
+        return _interrupted(written)
     return 1
+
+
+def _interrupted(written: list[Path]) -> int:
+    _complain(f"interrupted; wrote {_listed(written) or 'nothing'}")
+    return 130
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:

@@ -12,6 +12,7 @@ from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
 from reports.scenes_page.sections import build_sections
+from reports.soak.record import Soak
 from reports.speed.record import Benchmark
 from reports.speed.section import build_benchmark_section
 
@@ -23,8 +24,10 @@ def results_page(
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
+    soak: Soak | None = None,
     *,
     needs: bool = False,
+    history: bool = False,
 ) -> str:
     """Return the whole page as HTML.
 
@@ -42,8 +45,10 @@ def results_page(
         Likewise, with a link to proof.html.
     limits
         Likewise, with a link to limits.html.
-    needs
-        Whether there is a needs.html to be named.
+    soak
+        Likewise, with a link to soak.html.
+    needs, history
+        Whether there is a needs.html, a history.html to be named.
 
     Raises
     ------
@@ -60,5 +65,7 @@ def results_page(
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
         limits=limits,
+        soak=soak,
         needs=needs,
+        history=history,
     )

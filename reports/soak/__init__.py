@@ -1,1 +1,1 @@
-"""Long trials that look for the rare: rays that leak, files that crash, memory that grows."""
+"""Long trials for the rare: rays that leak, files that crash, memory that grows."""

@@ -105,7 +105,7 @@ def _judged(folder: Path, name: str, status: int, said: str) -> tuple[str, str]:
     if files and (fault := _unreadable(folder / name)):
         return "a picture that cannot be read", fault
     if status == -signal.SIGINT or (TRACEBACK in said and "/renderer/" not in said):
-        return "ended in Python's own start", "with a picture" if files else ""
+        return "ended before its first line", "with a picture" if files else ""
     if TRACEBACK in said:
         return "a traceback", " | ".join(said.strip().splitlines()[-12:])
     if status == 0 and files:

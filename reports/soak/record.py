@@ -1,4 +1,4 @@
-"""What was soaked so far, soak.json: it grows from run to run, and an interrupt keeps it."""
+"""What was soaked so far, soak.json: it grows from run to run."""
 
 from __future__ import annotations
 

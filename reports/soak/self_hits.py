@@ -206,7 +206,8 @@ def _tube() -> str:
     k = np.arange(24)
     after = (k + 1) % 24
     faces = [np.stack((k, after + 24, k + 24), 1), np.stack((k, after, after + 24), 1)]
-    return _obj(np.concatenate((ring - [1.5, 0, 0], ring + [1.5, 0, 0])), np.vstack(faces))
+    half = np.array([1.5, 0.0, 0.0])
+    return _obj(np.concatenate((ring - half, ring + half)), np.vstack(faces))
 
 
 def _obj(points: Any, faces: Any) -> str:

@@ -33,11 +33,11 @@ STUDIES = (
         EACH * len(STRUCTURES),
         f"Rays from inside of five closed meshes, the same for each of {len(STRUCTURES)} "
         "structures, asked for the nearest hit one by one and in packets, and for any hit. "
-        "Half go anywhere, half are aimed to pass edges and vertices at 10^-8 to 10^-2 of "
-        "an edge. A leak is a ray that meets nothing although its line, in double precision, "
-        f"keeps {BOUND:g} of the largest coordinate away from every edge. Nearer rays may be "
-        "lost, because neighbouring triangles do not share their edge exactly; they are "
-        "counted beside it.",
+        "Half go anywhere, half are aimed to pass edges and vertices at 10^-8 to 10^-2 "
+        "of an edge. A leak is a ray that meets nothing although its line, in double "
+        f"precision, keeps {BOUND:g} of the largest coordinate away from every edge. "
+        "Nearer rays may be lost, because neighbouring triangles do not share their edge "
+        "exactly; they are counted beside it.",
         ray_steps,
     ),
     Study(
@@ -45,10 +45,10 @@ STUDIES = (
         "Rays that leave a surface",
         "rays",
         WANTED,
-        "Mitsuba's 44 cases: eleven shapes at four places and sizes are hit from four sizes "
-        "away, rays leave into the hemisphere above each hit, and none may meet anything "
-        "within a thousandth of the shape. Four shapes that this renderer lacks have their "
-        "nearest kin.",
+        "Mitsuba's 44 cases: eleven shapes at four places and sizes are hit from four "
+        "sizes away, rays leave into the hemisphere above each hit, and none may meet "
+        "anything within a thousandth of the shape. Four shapes that this renderer lacks "
+        "have their nearest kin.",
         self_hit_steps,
     ),
     Study(
@@ -59,9 +59,9 @@ STUDIES = (
         "Every format that is read, and whole scenes: extreme values in well-formed XML, "
         "headers that lie, streams of deflate with flipped bits, and damage that knows "
         "nothing of the format. Each is read and, if it is read, rendered with one sample. "
-        "It must end in a SceneError or a finite picture, within 10 s of processor time and "
-        "1 GiB; a warning of NumPy is a fault too. Films above 16384 pixels and paths above "
-        "64 bounces are read and not rendered.",
+        "It must end in a SceneError or a finite picture, within 10 s of processor time "
+        "and 1 GiB; a warning of NumPy is a fault too. Films above 16384 pixels and paths "
+        "above 64 bounces are read and not rendered.",
         damaged_file_steps,
     ),
     Study(
@@ -84,8 +84,8 @@ STUDIES = (
         "All scenes of the repository in turn in one process, memory after each round. The "
         "first half of the rounds is left out; the medians of 20 blocks of the others are "
         "tested for a trend (Kendall's S against random orders of the blocks). Growth is "
-        "p <= 0.001 and 1 MiB or more: blocks without a trend alarm in at most 0.1 % of all "
-        "processes.",
+        "p <= 0.001 and 1 MiB or more: blocks without a trend alarm in at most 0.1 % of "
+        "all processes.",
         growth_steps,
     ),
 )

@@ -32,7 +32,8 @@ _SPECTRUM = b"# sampled\n400 0.1\n500 0.3\n600 0.4\n700 .2\n"
 _SCENE = """<scene version="3.0.0">
 <integrator type="path"><integer name="max_depth" value="4"/></integrator>
 <sensor type="perspective"><float name="fov" value="60"/>
-<transform name="to_world"><lookat origin="0.4 0.3 3" target="0 0 0" up="0 1 0"/></transform>
+<transform name="to_world"><lookat origin="0.4 0.3 3" target="0 0 0" up="0 1 0"/>
+</transform>
 <film type="hdrfilm"><integer name="width" value="4"/><integer name="height" value="4"/>
 </film></sensor>
 <emitter type="point"><point name="position" value="1 2 3"/></emitter>
@@ -63,7 +64,7 @@ def sound_files() -> tuple[SoundFile, ...]:
         raise ReportError(f"{PLUGINS} is missing: damaged files need a clone's tests")
     textures = [
         *("rgb.bmp", "rgb.hdr", "rgb.jpg", "rgba.png", "grey_16.png", "rgb.tga"),
-        *("half.exr", "grey_float.exr"),
+        *("half.exr", "grey_float.exr", "float.exr"),
     ]
     files = [_used(f"textures/{name}", _BITMAP) for name in textures]
     files += [
