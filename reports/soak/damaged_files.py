@@ -44,6 +44,15 @@ class Reader:
         self._folder = tempfile.TemporaryDirectory()
         self._process: subprocess.Popen[str] | None = None
 
+    def __enter__(self) -> Reader:
+        """Return itself; the process starts with the first question."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End the process and forget its files."""
+        self.close()
+        self._folder.cleanup()
+
     def answer(self, number: int) -> Answer:
         """Return what the file of this number leads to; a process that dies is an answer.
 
@@ -121,8 +130,7 @@ def damaged_file_steps(
     at_a_time
         Cases of a step.
     """
-    reader = Reader()
-    try:
+    with Reader() as reader:
         while time.monotonic() < deadline:
             counts: dict[str, int] = {}
             faults, slowest = [], 0.0
@@ -139,8 +147,6 @@ def damaged_file_steps(
                     (kept / f"{number}-{sound.name}").write_bytes(content)
             yield Step(at_a_time, counts, {"processor seconds": slowest}, tuple(faults))
             done += at_a_time
-    finally:
-        reader.close()
 
 
 def _line(process: subprocess.Popen[str], until: float, waiting: float) -> str:
