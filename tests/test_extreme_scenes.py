@@ -191,8 +191,29 @@ def _ball(bsdf: str = "", light: str = '<emitter type="constant"/>') -> str:
             ),
             r"radiance.*an emission of at least 0 and at most 1e30",
         ),
+        (
+            _ball(
+                '<bsdf type="bumpmap"><texture type="uniform"/><float name="scale" '
+                'value="1e38"/><bsdf type="diffuse"/></bsdf>'
+            ),
+            r"scale.*1e\+38",
+        ),
+        (
+            _ball(
+                light='<emitter type="projector"><float name="scale" value="3e38"/>'
+                "</emitter>"
+            ),
+            r"scale.*3e\+38.*at most 1e\+30",
+        ),
+        (
+            _ball(
+                light='<emitter type="projector"><float name="fov" value="1e-38"/>'
+                "</emitter>"
+            ),
+            r"fov.*1e-38 degrees",
+        ),
     ],
-    ids=["emission", "conductor", "metallic", "spectrum"],
+    ids=["emission", "conductor", "metallic", "spectrum", "bumps", "projector", "fov"],
 )
 def test_numbers_whose_products_leave_single_precision_are_refused(
     scene: str, found: str

@@ -8,6 +8,7 @@ it comes to the first line of the program, answers as Python does; that is count
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import subprocess
@@ -74,6 +75,7 @@ def _run(number: int, moment: float | None, spp: int) -> tuple[str, str]:
             stderr=subprocess.PIPE,
             text=True,
             start_new_session=True,
+            env={**os.environ, "PYTHONFAULTHANDLER": "1"},  # where a crash was
             # where this runs in a shell's background, SIGINT is ignored, and inherited so
             preexec_fn=_listens,
         )

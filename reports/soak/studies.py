@@ -61,7 +61,7 @@ STUDIES = (
         "nothing of the format. Each is read and, if it is read, rendered with one sample. "
         "It must end in a SceneError or a finite picture, within 10 s of processor time "
         "and 1 GiB; a warning of NumPy is a fault too. Films above 16384 pixels and paths "
-        "above 64 bounces are read and not rendered.",
+        "above 64 bounces or samples of light are read and not rendered.",
         damaged_file_steps,
     ),
     Study(

@@ -26,8 +26,8 @@ from reports.soak.damage.sound_files import PLUGINS, ROOT, SCENES, SoundFile, so
 
 MEMORY = 1 << 30  # [bytes] of address space beyond what the warm process has
 PIXELS = 1 << 14  # larger films are read, and not rendered
-DEPTH = 64  # bounces; a longer path of a sound scene may take any time
-REFUSED, PICTURE, LARGE = "refused", "rendered", "read; film or depth too large to render"
+DEPTH = 64  # bounces, and samples of light at one point; sound scenes may have any number
+REFUSED, PICTURE, LARGE = "refused", "rendered", "read; too large to render"
 
 
 def damaged(number: int) -> tuple[SoundFile, bytes]:
@@ -74,7 +74,8 @@ def _rendered(path: Path, sound: SoundFile) -> str:
     film, method = description.camera.film, description.integrator
     # without a limit, paths end by roulette
     deepest = method.max_depth if method.max_depth >= 0 else method.rr_depth
-    if film.width * film.height > PIXELS or deepest > DEPTH:
+    widest = max(method.emitter_samples, method.bsdf_samples)
+    if film.width * film.height > PIXELS or max(deepest, widest) > DEPTH:
         return LARGE
     image = renderer.render(scene, spp=1, threads=1)
     if not np.isfinite(image.pixels).all():
