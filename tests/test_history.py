@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from report_samples import scene, write_results
 
 from mitsuba_ref.records import machine
 from reports.history import command, kept
@@ -19,6 +20,9 @@ from reports.history.versions import NOT_COMMITTED, versions_of
 from reports.records import measured
 from reports.records.errors import ReportError
 from reports.records.measured import newest
+from reports.records.results import read_results
+from reports.scenes_page.page import results_page
+from reports.soak.record import Part, Session, Soak, Step
 
 REPOSITORY = Path(measured.__file__).parents[1] / "measured"
 
@@ -212,3 +216,12 @@ def test_needs_are_drawn_without_their_pictures(tmp_path: Path, monkeypatch) -> 
     pages._needs(tmp_path / "out")
     page = (tmp_path / "out" / "needs.html").read_text()
     assert "The least model" in page and "<img" not in page
+
+
+def test_the_index_names_what_was_soaked(tmp_path: Path) -> None:
+    part = Part().begun(Session("now", "abc", "cpu")).after(Step(3, faults=("a",)), 7200.0)
+    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
+    page = results_page(results, tmp_path, soak=Soak(parts={"rays": part}), history=True)
+    assert 'href="soak.html"' in page and "1 fault found" in page and "120 min" in page
+    assert 'href="history.html"' in page
+    assert "soak.html" not in results_page(results, tmp_path)

@@ -93,6 +93,12 @@ class Soak(Circumstances):
     parts: dict[str, Part] = field(default_factory=dict)
 
     @property
+    def seconds(self) -> float:
+        """How long all sessions of all trials took."""
+        parts = self.parts.values()
+        return sum(session.seconds for part in parts for session in part.sessions)
+
+    @property
     def fault_count(self) -> int:
         """The faults of all trials."""
         return sum(part.fault_count for part in self.parts.values())
