@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -112,7 +113,8 @@ class Reader:
         """End the process; the next question starts another."""
         if self._process is not None:
             self._process.kill()
-            self._process.wait()
+            with suppress(BrokenPipeError), self._process:  # closes its pipes, and waits
+                pass
             self._process = None
 
 
