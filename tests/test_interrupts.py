@@ -73,6 +73,16 @@ def test_an_import_that_an_interrupt_broke_is_no_traceback(monkeypatch, capsys) 
     assert capsys.readouterr().err == "interrupted; wrote nothing\n"
 
 
+def test_an_interrupt_is_put_off_until_an_import_is_over() -> None:
+    after = False
+    with pytest.raises(KeyboardInterrupt), Interrupts() as interrupts:
+        with interrupts.put_off():
+            signal.raise_signal(signal.SIGINT)
+            after = True
+        pytest.fail("the interrupt was lost")
+    assert after and not interrupts.held
+
+
 def test_an_import_that_fails_by_itself_is_shown(monkeypatch) -> None:
     def run(options, interrupts, written):
         raise ImportError("no such module")

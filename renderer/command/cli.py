@@ -71,11 +71,12 @@ def _interrupted(written: list[Path]) -> int:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
-    from renderer.picture.image_files import check_output_path
-    from renderer.scene.scene import build_scene
-    from renderer.scene.simplifications.simplify import simplified
-    from renderer.scene_file import read_file
-    from renderer.scene_file.plugin_file import import_plugin_file
+    with interrupts.put_off():
+        from renderer.picture.image_files import check_output_path
+        from renderer.scene.scene import build_scene
+        from renderer.scene.simplifications.simplify import simplified
+        from renderer.scene_file import read_file
+        from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
@@ -132,7 +133,9 @@ def default_output(scene: Path) -> Path:
 
 
 def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
-    from renderer.command.progress_display import ProgressDisplay
+    with interrupts.put_off():
+        import renderer.rendering.render_scene
+        from renderer.command.progress_display import ProgressDisplay
 
     with ProgressDisplay(sys.stderr, quiet=options.quiet) as display:
 
