@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
 .PHONY: help demo proof proof-full limits test test-all lint format bench \
-  bench-accelerators charts needs clean
+  bench-accelerators charts needs soak keep history clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -57,6 +57,15 @@ charts: $(INSTALLED) ## measure seconds against error of all contenders, write t
 
 needs: $(INSTALLED) ## measure what each scene needs, write needs.html (long)
 	@$(BIN)/python -m reports.needs all --out $(OUT)
+
+soak: $(INSTALLED) ## look for what is rare, an hour a trial; goes on from run to run
+	@$(BIN)/python -m reports.soak --out $(OUT)
+
+keep: $(INSTALLED) ## copy what was measured whole to reports/measured, to be committed
+	@$(BIN)/python -m reports.history --keep --out $(OUT)
+
+history: $(INSTALLED) ## draw how the records in reports/measured changed over commits
+	@$(BIN)/python -m reports.history --out $(OUT)
 
 clean: ## remove what was made, except .venv and the caches in your home
 	rm -rf $(OUT) build *.egg-info .pytest_cache .ruff_cache .mypy_cache \

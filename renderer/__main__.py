@@ -7,12 +7,10 @@ It halves the processor's time of a warm start at one sample (docs/performance.m
 from __future__ import annotations
 
 import gc
-import logging
 import os
+import signal
 import sys
 from typing import NoReturn
-
-from renderer.command.cli import main
 
 # Numba and the kernels make 200,000 objects on their way in, among which Python's collector
 # of cycles, which looks after every 700, finds nothing to free.
@@ -22,6 +20,13 @@ _OBJECTS_BETWEEN_COLLECTIONS = 1_000_000
 def command() -> NoReturn:
     """Run the command line of this process and end it with the command's status."""
     gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
+    # Ctrl-C before `main` looks after it ends the process, and Python has no traceback.
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from renderer.command.cli import main
+
+    signal.signal(signal.SIGINT, before)
     # Where SciPy is installed, Numba imports it for linear algebra, which nothing here
     # calls. None in its place is an ImportError, as where it is not installed.
     sys.modules.setdefault("scipy", None)  # type: ignore[arg-type]
@@ -34,6 +39,8 @@ def _end(status: int) -> NoReturn:
     Python would free every object and LLVM every kernel, one by one. When `main` returns,
     pictures are in their places, and only logging and the streams have something left.
     """
+    import logging
+
     try:
         logging.shutdown()
         sys.stdout.flush()

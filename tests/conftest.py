@@ -7,7 +7,9 @@ pytest's closing summary; without this its output says that tests failed and not
 from __future__ import annotations
 
 import gc
+import sys
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -42,3 +44,12 @@ def no_collection() -> Iterator[None]:
     gc.disable()
     yield
     gc.enable()
+
+
+@pytest.fixture(autouse=True)
+def _no_kept_records(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: Any) -> None:
+    """Keep the repository's records off pages that tests draw."""
+    nowhere = tmp_path_factory.getbasetemp() / "no-records"
+    for module in ("reports.records.measured", "reports.commands.pages"):
+        if module in sys.modules:
+            monkeypatch.setattr(f"{module}.MEASURED", nowhere)

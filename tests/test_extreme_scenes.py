@@ -149,3 +149,88 @@ def test_shading_normals_decide_which_side_of_a_lamp_shines(
     )
     mean = float(renderer.render(scene).pixels.mean())
     assert (mean > 1e-3) if lit else (mean == 0.0)
+
+
+# ------------------------------------------- found by soaking (reports.soak, damaged files)
+
+
+def _ball(bsdf: str = "", light: str = '<emitter type="constant"/>') -> str:
+    return (
+        f'<scene version="3.0.0"><shape type="sphere">{bsdf}</shape>{light}'
+        '<sensor type="perspective"><transform name="to_world"><lookat origin="0 0 3" '
+        'target="0 0 0" up="0 1 0"/></transform><film type="hdrfilm">'
+        '<integer name="width" value="4"/><integer name="height" value="4"/></film>'
+        "</sensor></scene>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("scene", "found"),
+    [
+        (
+            _ball(
+                light='<emitter type="constant"><rgb name="radiance" value="1 3.4e38 1"/>'
+                "</emitter>"
+            ),
+            r"radiance.*3\.4e\+38.*an emission of at least 0 and at most 1e30",
+        ),
+        (
+            _ball('<bsdf type="conductor"><rgb name="k" value="4 4294967296 2"/></bsdf>'),
+            r"\bk\b.*4\.29497e\+09.*an index of refraction of at least 0 and at most 1e9",
+        ),
+        (
+            _ball(
+                '<bsdf type="principled"><float name="metallic" value="-3.4e38"/></bsdf>'
+            ),
+            r"metallic.*-3\.4e\+38.*numbers from -1e9 to 1e9",
+        ),
+        (
+            _ball(
+                light='<emitter type="constant"><spectrum name="radiance" '
+                'value="400:3e38 700:3e38"/></emitter>'
+            ),
+            r"radiance.*an emission of at least 0 and at most 1e30",
+        ),
+        (
+            _ball(
+                '<bsdf type="bumpmap"><texture type="uniform"/><float name="scale" '
+                'value="1e38"/><bsdf type="diffuse"/></bsdf>'
+            ),
+            r"scale.*1e\+38",
+        ),
+        (
+            _ball(
+                light='<emitter type="projector"><float name="scale" value="3e38"/>'
+                "</emitter>"
+            ),
+            r"scale.*3e\+38.*at most 1e\+30",
+        ),
+        (
+            _ball(
+                light='<emitter type="projector"><float name="fov" value="1e-38"/>'
+                "</emitter>"
+            ),
+            r"fov.*1e-38 degrees",
+        ),
+    ],
+    ids=["emission", "conductor", "metallic", "spectrum", "bumps", "projector", "fov"],
+)
+def test_numbers_whose_products_leave_single_precision_are_refused(
+    scene: str, found: str
+) -> None:
+    """Each gave a picture of NaN or infinity."""
+    with pytest.raises(renderer.SceneError, match=found):
+        renderer.load_string(scene)
+
+
+@pytest.mark.parametrize(
+    "texture", ["", '<texture type="bitmap" name="texture">{}</texture>']
+)
+def test_the_narrowest_spot_has_a_sharp_edge_and_no_warning(texture: str) -> None:
+    """The inverse of its width is beyond float32: NumPy warned of an overflow."""
+    image = Path(__file__).parent / "plugins" / "slide.png"
+    slide = texture.format(f'<string name="filename" value="{image}"/>')
+    angle = '<float name="cutoff_angle" value="1e-45"/>'
+    light = f'<emitter type="spot">{angle}{slide}</emitter>'
+    pixels = renderer.render(renderer.load_string(_ball(light=light)), spp=1).pixels
+    assert (pixels == 0.0).all()

@@ -206,7 +206,7 @@ def test_negative_emission_is_refused() -> None:
     message = error_of(EMISSION.format('<rgb name="intensity" value="1 -1 1"/>'))
     assert message == (
         '<string>:3: emitter "point", property "intensity": found the colour (1, -1, 1), '
-        "expected an emission of at least 0"
+        "expected an emission of at least 0 and at most 1e30"
     )
 
 

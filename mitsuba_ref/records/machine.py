@@ -72,12 +72,15 @@ def installed_versions() -> dict[str, str]:
 
 
 def current_commit() -> str:
-    """Return this work tree's commit, with "-dirty" if it differs, or "unknown"."""
+    """Return this work tree's commit, with "-dirty" if it differs, or "unknown".
+
+    Records that were measured and not committed so far are no difference.
+    """
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return "unknown"
     commit = _git(root, "rev-parse", "--short=12", "HEAD")
-    changes = _git(root, "status", "--porcelain")
+    changes = _git(root, "status", "--porcelain", "--", ".", ":!reports/measured")
     if not commit or changes is None:
         return "unknown"
     return f"{commit}-dirty" if changes else commit

@@ -47,8 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     written: list[Path] = []
+    interrupts = Interrupts()
     try:
-        with Interrupts() as interrupts:
+        with interrupts:
             return _run(options, interrupts, written)
     except SceneError as error:
         _complain(f"error: {error}")
@@ -57,17 +58,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
-        _complain(f"interrupted; wrote {_listed(written) or 'nothing'}")
-        return 130
+        return _interrupted(written)
+    except Exception:
+        if not interrupts.count:
+            raise
+        # An extension module that is being imported makes an ImportError of an interrupt.
+        return _interrupted(written)
     return 1
 
 
+def _interrupted(written: list[Path]) -> int:
+    _complain(f"interrupted; wrote {_listed(written) or 'nothing'}")
+    return 130
+
+
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
-    from renderer.picture.image_files import check_output_path
-    from renderer.scene.scene import build_scene
-    from renderer.scene.simplifications.simplify import simplified
-    from renderer.scene_file import read_file
-    from renderer.scene_file.plugin_file import import_plugin_file
+    with interrupts.put_off():
+        from renderer.picture.image_files import check_output_path
+        from renderer.scene.scene import build_scene
+        from renderer.scene.simplifications.simplify import simplified
+        from renderer.scene_file import read_file
+        from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
@@ -126,7 +137,9 @@ def default_output(scene: Path) -> Path:
 
 
 def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
-    from renderer.command.progress_display import ProgressDisplay
+    with interrupts.put_off():
+        import renderer.rendering.render_scene
+        from renderer.command.progress_display import ProgressDisplay
 
     with (
         ProgressDisplay(sys.stderr, quiet=options.quiet) as display,

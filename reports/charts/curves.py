@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import plotly.graph_objects as go
 from markupsafe import Markup
@@ -95,6 +96,34 @@ def progress_chart(series: Sequence[Series], *, y_label: str, description: str) 
         y=log_axis(y_label),
         height=HEIGHT,
         description=description,
+    )
+
+
+def line_chart(
+    series: Sequence[Series], *, x_label: str, y_label: str, description: str, **x: Any
+) -> Markup:
+    """Draw series over two linear axes.
+
+    Parameters
+    ----------
+    series
+        Every coordinate finite.
+    x_label, y_label, description
+        What the axes mean; what the chart shows, for a screen reader.
+    **x
+        Further settings of plotly's first axis.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to draw.
+    """
+    points = [point for one in series for point in one.points]
+    if not points or not all(math.isfinite(p.x) and math.isfinite(p.y) for p in points):
+        raise ValueError("a chart needs at least one point, and finite ones")
+    axes = linear_axis(x_label, **x), linear_axis(y_label, rangemode="tozero")
+    return element(
+        _curves(series), x=axes[0], y=axes[1], height=HEIGHT, description=description
     )
 
 

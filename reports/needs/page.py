@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +30,15 @@ class Shown:
     anchor: str
     title: str
     needs: SceneNeeds
-    picture: str  # data URI of the full scene
+    picture: str  # data URI of the full scene; "": it is not at hand
     pictures: list[Any]  # words, data URI, scale, loss: of each difference
 
 
-def needs_page(record: NeedsRecord, studies: Sequence[Study]) -> str:
-    """Return the whole page as HTML."""
+def needs_page(record: NeedsRecord, studies: Sequence[Study] = ()) -> str:
+    """Return the whole page as HTML; without studies, which no file holds, no pictures."""
+    pairs = zip_longest(record.scenes, studies)
     shown = [
-        _shown(f"scene-{number}", needs, study)
-        for number, (needs, study) in enumerate(zip(record.scenes, studies, strict=True), 1)
+        _shown(f"scene-{n}", needs, study) for n, (needs, study) in enumerate(pairs, 1)
     ]
     filters: dict[str, Callable[..., str]] = {
         "percent": percent,
@@ -78,7 +79,9 @@ def title_of(needs: SceneNeeds) -> str:
     return path.parent.name if path.stem == "scene" and path.parent.name else path.stem
 
 
-def _shown(anchor: str, needs: SceneNeeds, study: Study) -> Shown:
+def _shown(anchor: str, needs: SceneNeeds, study: Study | None) -> Shown:
+    if study is None:
+        return Shown(anchor, title_of(needs), needs, "", [])
     full = mean_picture(study.full)
     losses: list[Loss] = [*needs.losses]
     if needs.least is not None and len(needs.least.words) > 1:

@@ -20,6 +20,7 @@ from mitsuba_ref.records.results import Results
 from mitsuba_ref.records.verdicts import VERDICTS
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json
+from reports.records.measured import newest
 from reports.records.results import read_results
 
 SCHEMA = 1
@@ -110,6 +111,8 @@ class ProofRecord:
 def read_proof_record(source: Path) -> ProofRecord:
     """Read results.json, and the other files beside it or in the folder above.
 
+    Of these the repository has records too, which are read where they are newer.
+
     Raises
     ------
     ReportError
@@ -124,10 +127,9 @@ def read_proof_record(source: Path) -> ProofRecord:
 
 
 def _if_there(name: str, folder: Path, read: Callable[[Path], Part]) -> Part | None:
-    for place in (folder, folder.parent):
-        if (place / name).exists():
-            return read(place / name)
-    return None
+    places = (folder / name, folder.parent / name)
+    path = newest(next((place for place in places if place.exists()), places[0]))
+    return read(path) if path.exists() else None
 
 
 def read_register(path: Path) -> Register:

@@ -12,6 +12,7 @@ from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
 from reports.scenes_page.sections import build_sections
+from reports.soak.record import Soak
 from reports.speed.record import Benchmark
 from reports.speed.section import build_benchmark_section
 from reports.speed_accuracy.record import SpeedAccuracy
@@ -26,8 +27,10 @@ def results_page(
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
     curves: SpeedAccuracy | None = None,
+    soak: Soak | None = None,
     *,
     needs: bool = False,
+    history: bool = False,
 ) -> str:
     """Return the whole page as HTML.
 
@@ -47,8 +50,10 @@ def results_page(
         Likewise, with a link to limits.html.
     curves
         Likewise, with a link to speed_accuracy.html.
-    needs
-        Whether there is a needs.html to be named.
+    soak
+        Likewise, with a link to soak.html.
+    needs, history
+        Whether there is a needs.html, a history.html to be named.
 
     Raises
     ------
@@ -67,5 +72,7 @@ def results_page(
         limits=limits,
         curves=curves,
         efficiency=next(iter(efficiencies(curves)), None) if curves else None,
+        soak=soak,
         needs=needs,
+        history=history,
     )

@@ -64,7 +64,7 @@ def read(properties: Any) -> Description:
         height = ConstantTexture((0.0, 0.0, 0.0))  # which is its slope
     elif not isinstance(height, BitmapTexture):
         properties.fail(name, "a texture without a slope", "a bitmap")
-    scale = properties.number("scale", 1.0)
+    scale = properties.number("scale", 1.0, at_least=-1e9, at_most=1e9)
     flip = properties.boolean("flip_invalid_normals", True)
     shadow = properties.boolean("use_shadowing_function", True)
     (nested,) = read_nested(properties, 1, 1, "one")

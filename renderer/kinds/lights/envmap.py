@@ -35,6 +35,7 @@ from renderer.kinds.sampling.hierarchical_warp import (
     warp_density,
 )
 from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
+from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import EnvironmentMap
 from renderer.scene_file.images.images import read_image
 
@@ -65,8 +66,8 @@ def read(properties: Any) -> EnvironmentMap:
     expected = "the path of an EXR, HDR, PNG or JPEG image"
     pixels = properties.file("the image", expected, read_image)
     scale = properties.number("scale", 1.0, at_least=0.0)
-    if scale * float(pixels.max()) > float(np.finfo(np.float32).max):
-        properties.fail("scale", f"{scale:g}", "one that leaves all pixels finite")
+    if scale * float(pixels.max()) > Use.EMISSION.limits[1]:
+        properties.fail("scale", f"{scale:g}", "one that leaves all pixels at most 1e30")
     to_world = properties.transform("to_world")
     axes = to_world[:3, :3]
     if np.abs(axes.T @ axes - np.eye(3)).max() > STRETCH:

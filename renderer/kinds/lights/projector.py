@@ -49,7 +49,7 @@ def read(properties: Any) -> Projector:
     if isinstance(irradiance, BitmapTexture):
         height, width = (max(n, 2) for n in irradiance.texels.shape[:2])
         aspect = width / height
-    scale = properties.number("scale", 1.0, at_least=0.0)
+    scale = properties.number("scale", 1.0, at_least=0.0, at_most=1e30)
     return Projector(to_world, irradiance, scale, read_fov_x(properties, aspect), aspect)
 
 

@@ -88,7 +88,8 @@ def table(
         number_column(count, {i: np.cos(a) for i, a in cutoff.items()}),
         number_column(count, {i: np.cos(a) for i, a in beam.items()}),
         number_column(count, cutoff),
-        number_column(count, {i: 1.0 / w if w > 0 else 0.0 for i, w in widths.items()}),
+        # the inverse of a narrower one leaves float32; there the edge is sharp
+        number_column(count, {i: 1.0 / w if w > 1e-30 else 0.0 for i, w in widths.items()}),
         None if textures is None else _squares(count, lights, textures),
     )
 
@@ -98,7 +99,8 @@ def _squares(
 ) -> SpotSquares:
     sides = []
     for axis in (0, 1):
-        inverse = {i: 0.5 / np.tan(np.radians(e.cutoff_angle)) for i, e in lights.items()}
+        half = {i: max(np.radians(e.cutoff_angle), 1e-30) for i, e in lights.items()}
+        inverse = {i: 0.5 / np.tan(angle) for i, angle in half.items()}
         ways = {i: e.to_world[:3, axis] * inverse[i] for i, e in lights.items()}
         sides.append(vector_columns(count, ways))
     return SpotSquares(textures, sides[0], sides[1])

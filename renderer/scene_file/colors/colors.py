@@ -25,17 +25,23 @@ class Use(Enum):
     """What a colour is for, which decides its conversion and its range."""
 
     REFLECTANCE = "a reflectance in [0, 1]"
-    EMISSION = "an emission of at least 0"
-    REFRACTION = "an index of refraction of at least 0"
-    NUMBER = "any numbers"
+    EMISSION = "an emission of at least 0 and at most 1e30"
+    REFRACTION = "an index of refraction of at least 0 and at most 1e9"
+    NUMBER = "numbers from -1e9 to 1e9"
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The least and the largest that a component may be."""
+        """The least and the largest that a component may be.
+
+        Beyond these the fourth power of a number or an index, and the products of light
+        with weights, leave float32, and pictures are NaN, as Mitsuba's are.
+        """
         return {
             Use.REFLECTANCE: (0.0, 1.0),
-            Use.NUMBER: (-np.inf, np.inf),
-        }.get(self, (0.0, np.inf))
+            Use.EMISSION: (0.0, 1e30),
+            Use.REFRACTION: (0.0, 1e9),
+            Use.NUMBER: (-1e9, 1e9),
+        }[self]
 
 
 def read_color(properties: Properties, name: str, default: float, use: Use) -> Rgb:
@@ -103,7 +109,9 @@ def _linear_srgb(
     raw = srgb_of_spectrum(
         spectrum.wavelengths, spectrum.values, under_d65=use is not Use.EMISSION
     )
-    clamped = np.clip(raw, *(Use.NUMBER if use is None else use).limits)
+    # what is too large is no matter of the gamut, and refused by who asked
+    lower = -np.inf if use in (None, Use.NUMBER) else 0.0
+    clamped = np.clip(raw, lower, 1.0 if use is Use.REFLECTANCE else np.inf)
     # Bright white reflectances end a hair above 1, which is no news.
     if use is not None and np.abs(clamped - raw).max() > 1e-3 * np.abs(raw).max():
         shown = ", ".join(f"{component:.4g}" for component in raw)

@@ -95,7 +95,8 @@ def read_fov_x(properties: Properties, aspect: float) -> float:
     elif axis == "diagonal":
         half /= math.hypot(1.0, 1.0 / aspect)
     fov_x = math.degrees(2.0 * math.atan(half))
-    if not 0.0 < np.float32(fov_x) < 180.0:
+    # what is narrower has a width of which the inverse leaves float32
+    if not 1e-30 < np.float32(fov_x) < 180.0:
         properties.fail(
             name, f"{fov:g} degrees", "a field of view between 0 and 180 degrees"
         )

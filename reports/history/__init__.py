@@ -1,0 +1,1 @@
+"""The records of long measurements in the repository, and how they changed over commits."""

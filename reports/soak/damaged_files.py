@@ -1,0 +1,188 @@
+"""Damaged files of every format: each ends in a SceneError or a finite picture.
+
+Within 10 s of processor time and 1 GiB. What is damaged follows from the case's number, so
+that a fault is found again by it; the failing file is kept too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import selectors
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, NamedTuple
+
+from reports.records.errors import ReportError
+from reports.soak.damage.process import LARGE, PICTURE, REFUSED, damaged
+from reports.soak.record import Step
+
+SECONDS = 10.0  # of processor time a file may take
+WAITING = 120.0  # [s] a file may take on a clock: the machine may be busy
+WARMING = 1800.0  # [s] until the process is ready: every kernel may have to be compiled
+LOOK_EVERY = 0.25  # [s] while an answer is awaited
+AT_A_TIME = 50  # cases of a step
+KEPT = Path("reports/out/soak")
+
+
+class Answer(NamedTuple):
+    """What a file led to."""
+
+    outcome: str
+    fault: str  # "" if there is none
+    seconds: float  # of processor time
+
+
+class Reader:
+    """A process that reads files, and is replaced when one of them kills it."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory()
+        self._process: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> Reader:
+        """Return itself; the process starts with the first question."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End the process and forget its files."""
+        self.close()
+        self._folder.cleanup()
+
+    def answer(self, number: int) -> Answer:
+        """Return what the file of this number leads to; a process that dies is an answer.
+
+        A file may be the first of all that asks for a kernel, and compiling takes seconds:
+        what took too long is tried again, with kernels from the cache.
+        """
+        first = self._asked(number)
+        return first if first.seconds <= SECONDS else self._asked(number)
+
+    def _asked(self, number: int) -> Answer:
+        process = self._process or self._start()
+        assert process.stdin is not None
+        before = _processor_seconds(process.pid)
+        try:
+            process.stdin.write(f"{number}\n")
+            process.stdin.flush()
+            line = _line(process, SECONDS + before, WAITING)
+        except BrokenPipeError:
+            line = ""
+        if line:
+            found = Answer(*json.loads(line))
+            if found.fault or found.seconds > SECONDS:
+                self.close()  # the next file finds a process that nothing has harmed
+            if found.seconds > SECONDS:
+                return found._replace(fault=f"{found.seconds:.0f} s of processor time")
+            return found
+        took = _processor_seconds(process.pid) - before
+        self.close()
+        if took > SECONDS:
+            what = f"more than {SECONDS:g} s"
+            return Answer(what, what, took)
+        status = process.returncode
+        what = "hangs" if status == -9 else "the process died"
+        return Answer(what, f"{what}: status {status}", took)
+
+    def _start(self) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "reports.soak.damage.process", self._folder.name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Ctrl-C is for us
+        )
+        self._process = process
+        assert process.stderr is not None
+        os.set_blocking(process.stderr.fileno(), False)
+        if _line(process, WARMING, WARMING) != "ready\n":
+            process.kill()
+            said = (process.stderr.read() or "").strip().splitlines()
+            raise ReportError(f"damaged files: {said[-1] if said else 'no process'}")
+        # nobody reads what libraries say of damaged files; a full pipe would hold them up
+        process.stderr.close()
+        return process
+
+    def close(self) -> None:
+        """End the process; the next question starts another."""
+        if self._process is not None:
+            self._process.kill()
+            with suppress(BrokenPipeError), self._process:  # closes its pipes, and waits
+                pass
+            self._process = None
+
+
+def damaged_file_steps(
+    done: int, deadline: float, kept: Path = KEPT, at_a_time: int = AT_A_TIME
+) -> Iterator[Step]:
+    """Try case after case from number `done` on.
+
+    Parameters
+    ----------
+    done, deadline
+        The first case; when to stop, by `time.monotonic`.
+    kept
+        Folder for the files that made a fault.
+    at_a_time
+        Cases of a step.
+    """
+    with Reader() as reader:
+        while time.monotonic() < deadline:
+            counts: dict[str, int] = {}
+            faults, slowest = [], 0.0
+            for number in range(done, done + at_a_time):
+                sound, content = damaged(number)
+                found = reader.answer(number)
+                end = Path(sound.name).suffix
+                for name in (f"files: {end}", found.outcome):
+                    counts[name] = counts.get(name, 0) + 1
+                slowest = max(slowest, found.seconds)
+                if found.fault:
+                    faults.append(f"case {number}, {sound.name}: {found.fault}")
+                    kept.mkdir(parents=True, exist_ok=True)
+                    (kept / f"{number}-{sound.name}").write_bytes(content)
+            yield Step(at_a_time, counts, {"processor seconds": slowest}, tuple(faults))
+            done += at_a_time
+
+
+def _line(process: subprocess.Popen[str], until: float, waiting: float) -> str:
+    """Return the next line, or "" if the process ends or takes too long.
+
+    Parameters
+    ----------
+    process
+        What is asked.
+    until
+        Seconds of its processor time, from its start.
+    waiting
+        Seconds on a clock, from now.
+    """
+    stream: IO[str] | None = process.stdout
+    assert stream is not None
+    give_up = time.monotonic() + waiting
+    with selectors.DefaultSelector() as selector:
+        selector.register(stream, selectors.EVENT_READ)
+        while not selector.select(LOOK_EVERY):
+            late = time.monotonic() > give_up
+            if late or _processor_seconds(process.pid) > until:
+                process.kill()
+                return ""
+    return stream.readline()
+
+
+def _processor_seconds(pid: int) -> float:
+    """Return what a process has used of the processor, or 0 where nobody can know."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+OUTCOMES = (REFUSED, PICTURE, LARGE)

@@ -1,0 +1,323 @@
+"""The long trials in short: each finds nothing, and finds what is put in its way.
+
+How many rays, files and interrupts the long runs did is in reports/measured/soak.json.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import random
+import subprocess
+import sys
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reports.records.errors import ReportError
+from reports.soak import command, interrupts, rays, self_hits
+from reports.soak.damage import formats, process
+from reports.soak.damage.formats import DAMAGE
+from reports.soak.damage.sound_files import SoundFile, sound_files
+from reports.soak.damaged_files import Answer, Reader, damaged_file_steps
+from reports.soak.growth import ALPHA, LEAST, MIB, trend
+from reports.soak.record import FAULTS_KEPT, Part, Session, Soak, Step, read_soak
+from reports.soak.studies import STUDIES, Study
+
+FOREVER = float("inf")
+
+
+def first(steps, count: int) -> list[Step]:
+    return list(itertools.islice(steps, count))
+
+
+# -------------------------------------------------------------------------------- rays
+
+
+def test_no_ray_leaks_from_a_closed_mesh() -> None:
+    """Five meshes, any hit too, 20,000 rays each by two structures; see `rays.BOUND`."""
+    steps = first(rays.ray_steps(0, FOREVER, ("bvh", "kd-sah"), 2048), 20)
+    assert [fault for step in steps for fault in step.faults] == []
+    lost = "lost within rounding of an edge, aimed at edges"
+    assert sum(step.counts.get(lost, 0) for step in steps) > 0  # known, and not hidden
+    both = zip(steps[::2], steps[1::2], strict=True)
+    assert all(one.counts.get(lost) == other.counts.get(lost) for one, other in both)
+
+
+def test_every_mesh_is_closed() -> None:
+    """Each edge has two faces."""
+    for mesh in rays.meshes():
+        pairs = np.concatenate([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+        _, faces = np.unique(np.sort(pairs, axis=1), axis=0, return_counts=True)
+        assert (faces == 2).all()
+
+
+def test_a_missing_triangle_is_a_leak(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of 80: about 1/80 of the rays that go anywhere, by nearest and by any hit."""
+    whole = rays.meshes()[0]
+    holed = rays.ClosedMesh(whole.name, whole.vertices, whole.faces[1:], whole.inside)
+    monkeypatch.setattr(rays, "meshes", lambda: (holed,))
+    for turn in (0, 2, 4):  # anywhere; one by one, any hit, in packets
+        step = rays._traced("bvh", turn, 4096)
+        assert 4096 / 80 / 3 < step.counts["leaks"] < 3 * 4096 / 80
+        assert len(step.faults) == step.counts["leaks"]
+
+
+# --------------------------------------------------------------------------- self hits
+
+
+def test_rays_that_leave_a_surface_do_not_meet_it() -> None:
+    """All of the 44 cases, 256 rays each."""
+    steps = first(self_hits.self_hit_steps(0, FOREVER, rays=256), len(self_hits.CASES))
+    assert len(self_hits.CASES) == 44
+    assert [fault for step in steps for fault in step.faults] == []
+    assert all(step.counts["rays that left a surface"] > 50 for step in steps)
+
+
+def test_rays_that_start_on_the_surface_do_meet_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check can fail: without an offset some percent of them do."""
+    inputs = self_hits._inputs("sphere", 1e3, 1.0)
+    settings = inputs.record.settings._replace(rounding_offset=0.0, fixed_offset=0.0)
+    monkeypatch.setattr(inputs, "record", inputs.record._replace(settings=settings))
+    left, near = self_hits._tried("sphere", 1e3, 1.0, 0, 2048)
+    assert near > 0.01 * left
+
+
+# ----------------------------------------------------------------------- damaged files
+
+FORMATS = [one for one in sound_files() if one.scene]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("damaged")
+
+
+@pytest.mark.parametrize("sound", FORMATS, ids=lambda one: one.name)
+def test_damaged_files_are_refused_or_rendered(folder: Path, sound: SoundFile) -> None:
+    """A dozen of each format; the sound one is rendered: the damage is what hurts."""
+    assert process.outcome(folder, sound, sound.content) == (process.PICTURE, "")
+    found = Counter()
+    for seed in range(12):
+        damaged = DAMAGE[Path(sound.name).suffix](random.Random(seed), sound.content)
+        outcome, fault = process.outcome(folder, sound, damaged)
+        assert fault == "", (seed, outcome)
+        found[outcome] += 1
+    assert found[process.REFUSED]
+
+
+def test_damage_knows_the_formats() -> None:
+    """Checksums are right, and streams of deflate can be opened: the wrong lies deeper."""
+    png = next(one for one in FORMATS if one.name == "rgba.png").content
+    bad_sums = opened = 0
+    for seed in range(100):
+        wrong, place = formats.png(random.Random(seed), png), 8
+        while place + 12 <= len(wrong):
+            length = int.from_bytes(wrong[place : place + 4], "big")
+            kind_and_data = wrong[place + 4 : place + 8 + length]
+            check = int.from_bytes(wrong[place + 8 + length : place + 12 + length], "big")
+            bad_sums += zlib.crc32(kind_and_data) != check
+            if kind_and_data[:4] == b"IDAT":
+                try:
+                    opened += bool(zlib.decompress(kind_and_data[4:]))
+                except zlib.error:
+                    pass
+            place += 12 + length
+    assert bad_sums == 0 and opened > 60
+
+
+@pytest.mark.parametrize(
+    ("raised", "outcome"),
+    [
+        (ZeroDivisionError("a"), "ZeroDivisionError instead of a SceneError"),
+        (MemoryError(), "out of memory"),
+    ],
+)
+def test_what_is_no_scene_error_is_a_fault(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, raised: Exception, outcome: str
+) -> None:
+    def fail(*given: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(process, "_rendered", fail)
+    found, fault = process.outcome(folder, FORMATS[0], b"")
+    assert found == outcome and fault
+
+
+@pytest.mark.parametrize(
+    ("code", "outcome"),
+    [
+        ("import os; os.abort()", "the process died"),
+        ("while True: pass", "more than 10 s"),
+        ("import time; time.sleep(1e6)", "hangs"),
+    ],
+)
+def test_a_process_that_dies_or_hangs_is_a_fault(
+    monkeypatch: pytest.MonkeyPatch, code: str, outcome: str
+) -> None:
+    """And the next file finds a new one."""
+    start, started = subprocess.Popen, []
+
+    def popen(words, **given):
+        started.append(words)
+        program = f"import sys\nprint('ready', flush=True)\nsys.stdin.readline()\n{code}"
+        return start([sys.executable, "-c", program], **given)
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    monkeypatch.setattr("reports.soak.damaged_files.SECONDS", 0.3)
+    monkeypatch.setattr("reports.soak.damaged_files.WAITING", 2.0)
+    with Reader() as reader:
+        found = reader.answer(0)
+    assert found.fault and found.outcome == outcome.replace("10", "0.3")
+    assert len(started) == (2 if "more" in outcome else 1)  # too slow: tried once more
+
+
+def test_a_failing_file_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def answer(self: Reader, number: int) -> Answer:
+        return Answer("died", "died" if number == 7 else "", 0.0)
+
+    monkeypatch.setattr(Reader, "answer", answer)
+    (step,) = first(damaged_file_steps(5, FOREVER, tmp_path, 4), 1)
+    sound, content = process.damaged(7)
+    assert step.faults == (f"case 7, {sound.name}: died",)
+    assert (tmp_path / f"7-{sound.name}").read_bytes() == content
+
+
+# -------------------------------------------------------------------------- interrupts
+
+
+def test_an_interrupted_command_leaves_a_picture_or_nothing() -> None:
+    steps = first(interrupts.interrupt_steps(3, FOREVER, spp=16), 1)
+    assert [fault for step in steps for fault in step.faults] == []
+
+
+@pytest.mark.parametrize(
+    ("files", "status", "said", "outcome"),
+    [
+        ([], 130, "interrupted; wrote nothing\n", ""),
+        ([], -2, "", ""),
+        ([], 1, 'Traceback (most recent call last):\n  File "/usr/lib/site.py"', ""),
+        ([], 1, 'Traceback (most recent call last):\n  "/a/renderer/b.py"', "a traceback"),
+        (["a.npy", "a.npy.tmp"], 130, "", "a file besides the picture"),
+        (["a.npy"], 130, "", "a picture that cannot be read"),
+        ([], 0, "", "a wrong status"),
+        ([], 130, "interrupted; wrote a.npy\n", "a wrong message"),
+    ],
+)
+def test_what_an_interrupt_may_leave(
+    tmp_path: Path, files: list[str], status: int, said: str, outcome: str
+) -> None:
+    for name in files:
+        (tmp_path / name).write_bytes(b"half")
+    found, fault = interrupts._judged(tmp_path, "a.npy", status, said)
+    assert (found if fault else "") == outcome
+
+
+# -------------------------------------------------------------------------------- growth
+
+
+def test_steady_memory_raises_no_alarm_and_a_leak_does() -> None:
+    """50 processes of 200 rounds, noise of 1 MiB: alpha is 0.1 % of false alarms.
+
+    More than one of 50 happens in one of 800 seeds. A leak of 0.1 MiB a round, a hundredth
+    of the noise's range, is seen each time.
+    """
+    rng = np.random.default_rng(5)
+    noise = 300 * MIB + MIB * rng.standard_normal((50, 200))
+    found = [trend(sizes) for sizes in noise]
+    assert sum(one.p <= ALPHA for one in found) <= 1
+    leak = 0.1 * MIB * np.arange(200)
+    assert all(trend(sizes + leak).grows for sizes in noise[:5])
+    # what fills once, and early, is no leak
+    step = 50 * MIB * (np.arange(200) > 60)
+    assert not any(trend(sizes + step).grows for sizes in noise[:5])
+
+
+def test_little_growth_and_few_rounds_are_no_alarm() -> None:
+    assert trend(range(30)) is None
+    steadily = trend(np.linspace(0, LEAST, 200))
+    assert steadily.p <= ALPHA and not steadily.grows
+
+
+# ------------------------------------------------------------------- record and command
+
+
+def counted(name: str, done_at: list[int], faults: tuple[str, ...] = ()) -> Study:
+    def steps(done: int, deadline: float) -> Iterator[Step]:
+        done_at.append(done)
+        for _ in range(3):
+            yield Step(10, {"a": 1}, {"b": float(done)}, faults)
+
+    return Study(name, name.title(), "things", 100, "About it.", steps)
+
+
+def test_a_run_goes_on_where_the_record_was(tmp_path: Path, monkeypatch, capsys) -> None:
+    done_at: list[int] = []
+    monkeypatch.setattr(command, "STUDIES", (counted("rays", done_at),))
+    monkeypatch.setattr("reports.soak.page.STUDIES", command.STUDIES)
+    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
+    for _ in range(5):
+        assert command.main(words) == 0
+    soak = read_soak(tmp_path / "soak.json")
+    part = soak.parts["rays"]
+    assert done_at == [0, 30, 60, 90]  # the fifth run finds all done
+    assert part.done == 100
+    assert part.counts == {"a": 10} and part.largest == {"b": 90.0}
+    assert [one.done for one in part.sessions] == [30, 30, 30, 10]
+    assert {one.commit for one in part.sessions} == {soak.commit}
+    assert "Rays" in (tmp_path / "soak.html").read_text()
+    assert "100 things, no fault" in capsys.readouterr().out
+
+
+def test_a_fault_is_status_1_and_on_the_page(tmp_path: Path, monkeypatch) -> None:
+    """Once: the next run that finds none is status 0, and the page still tells of it."""
+    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
+    for faults, status in ((("a <b> hole",), 1), ((), 0)):
+        study = counted("rays", [], faults)
+        monkeypatch.setattr(command, "STUDIES", (study,))
+        monkeypatch.setattr("reports.soak.page.STUDIES", (study,))
+        assert command.main(words) == status
+        assert "a &lt;b&gt; hole" in (tmp_path / "soak.html").read_text()
+
+
+def test_an_interrupt_keeps_what_was_done(tmp_path: Path, monkeypatch) -> None:
+    def steps(done: int, deadline: float):
+        yield Step(10)
+        raise KeyboardInterrupt
+
+    study = Study("rays", "Rays", "things", 100, "About it.", steps)
+    monkeypatch.setattr(command, "STUDIES", (study,))
+    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
+    assert command.main(words) == 130
+    assert read_soak(tmp_path / "soak.json").parts["rays"].done == 10
+
+
+def test_a_damaged_record_is_one_line(tmp_path: Path, capsys) -> None:
+    (tmp_path / "soak.json").write_text('{"schema": 1, "parts": {"rays": 3}}')
+    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
+    assert command.main(words) == 2
+    assert "soak.json: parts.rays: expected `object`, found 3" in capsys.readouterr().err
+    with pytest.raises(ReportError):
+        read_soak(tmp_path / "soak.json")
+
+
+def test_many_faults_are_all_counted_and_the_first_kept() -> None:
+    part = Part().begun(Session("now", "abc", "cpu"))
+    for k in range(30):
+        part = part.after(Step(1, faults=(f"{k}a", f"{k}b")), 0.5)
+    assert part.fault_count == part.sessions[0].faults == 60
+    assert len(part.faults) == FAULTS_KEPT and part.faults[0] == "0a"
+    assert part.sessions[0].seconds == 15.0
+    assert Soak(parts={"a": part}).fault_count == 60
+
+
+def test_the_repositorys_record_is_of_todays_trials() -> None:
+    path = command.MEASURED / "soak.json"
+    soak = read_soak(path)
+    assert set(soak.parts) == {study.name for study in STUDIES}
+    assert all(part.sessions and part.done for part in soak.parts.values())
+    assert len(json.dumps(path.read_text())) < 200_000
