@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
+import speed_accuracy_sample
 from report_samples import scene, write_results
 
 from mitsuba_ref.records import machine
+from mitsuba_ref.records.json_files import to_json
 from reports.history import command, kept
 from reports.history.kept import keep, partial
 from reports.history.measures import MEASURES, values_of
 from reports.history.page import history_page
 from reports.history.versions import NOT_COMMITTED, versions_of
+from reports.needs.record import SCHEMA as NEEDS_SCHEMA
+from reports.needs.record import Loss, SceneNeeds
 from reports.records import measured
 from reports.records.errors import ReportError
 from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.record import Part, Session, Soak, Step
+from reports.speed_accuracy.summary import efficiencies
 
 REPOSITORY = Path(measured.__file__).parents[1] / "measured"
 
@@ -211,7 +216,13 @@ def test_a_fresh_clone_shows_the_repositorys_mutations(tmp_path: Path, monkeypat
 def test_needs_are_drawn_without_their_pictures(tmp_path: Path, monkeypatch) -> None:
     from reports.commands import pages
 
-    shutil.copy(REPOSITORY / "needs.json", tmp_path)
+    loss = {field.name: 0.5 for field in dataclasses.fields(Loss)}
+    loss |= {"words": ["depth=2"], "sentence": "s", "tiles_off": 1, "tiles": 4}
+    needs = {field.name: 8 for field in dataclasses.fields(SceneNeeds)}
+    needs |= {"scene": "box", "size": [8, 6], "losses": [loss], "least": loss}
+    needs |= {"absent": [], "claims": [], "command": "c"}
+    kept = record(1, scenes=[needs], machine={}, versions={}) | {"schema": NEEDS_SCHEMA}
+    write(tmp_path / "needs.json", kept)
     monkeypatch.setattr(measured, "MEASURED", tmp_path)
     pages._needs(tmp_path / "out")
     page = (tmp_path / "out" / "needs.html").read_text()
@@ -225,3 +236,10 @@ def test_the_index_names_what_was_soaked(tmp_path: Path) -> None:
     assert 'href="soak.html"' in page and "1 fault found" in page and "120 min" in page
     assert 'href="history.html"' in page
     assert "soak.html" not in results_page(results, tmp_path)
+
+
+def test_what_draws_a_scene_fastest_is_a_curve_too() -> None:
+    (measure,) = [one for one in MEASURES if one.record == "speed_accuracy.json"]
+    values = values_of(measure, json.loads(to_json(speed_accuracy_sample.record())))
+    rows = efficiencies(speed_accuracy_sample.record())
+    assert values == {row.name: row.mean for row in rows} and values

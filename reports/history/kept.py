@@ -24,7 +24,7 @@ PARTIAL = {
     "false_alarms.json": ("--pairs", "--scene", "--size", "--spp", "--seeds"),
     "register.json": ("--quick", "--only"),
     "calibration.json": ("--error", "--seeds"),
-    "equal_error.json": ("--spp", "--seeds", "--scenes"),
+    "speed_accuracy.json": ("--quick", "--scene", "--spp", "--seeds", "--samplers"),
     "benchmark.json": ("--size", "--spp", "--rounds", "--threads", "--no-cold", "--scene"),
     "compile_times.json": (),
     "accelerators.json": ("--quick",),
@@ -73,7 +73,7 @@ def partial(name: str, content: Content) -> str:
             return f"it was measured with {word}"
     if (needed := NEEDED.get(name)) and needed not in words:
         return f"it was measured without {needed}"
-    if name in ("calibration.json", "equal_error.json") and _names(words):
+    if name == "calibration.json" and _names(words):
         return "it was measured on some scenes"
     commit = str(content.get("commit", "unknown"))
     if commit == "unknown" or commit.endswith("-dirty"):

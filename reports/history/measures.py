@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from mitsuba_ref.records.json_files import from_json
+from reports.speed_accuracy.record import SpeedAccuracy
+from reports.speed_accuracy.summary import efficiencies
 
 Content = dict[str, Any]
 
@@ -87,16 +92,10 @@ def _compiling(times: Content) -> dict[str, float]:
 
 
 def _equal_error(record: Content) -> dict[str, float]:
-    def worth(one: Content) -> float:
-        pairs = zip(one["errors"], one["seconds"], strict=True)
-        return 1.0 / statistics.fmean(error * seconds for error, seconds in pairs)
-
-    def ratio(scene: Content) -> float:
-        ours = [worth(c) for c in scene["contenders"] if c["renderer"] == "lightproof"]
-        others = [worth(c) for c in scene["contenders"] if c["renderer"] != "lightproof"]
-        return max(ours) / max(others)
-
-    return {scene["scene"]: ratio(scene) for scene in record["scenes"]}
+    return {
+        row.name: row.mean
+        for row in efficiencies(from_json(json.dumps(record), SpeedAccuracy))
+    }
 
 
 def _structures(study: Content) -> dict[str, float]:
@@ -135,7 +134,7 @@ MEASURES = (
     Measure("benchmark.json", "Time of a start", "seconds", _starts),
     Measure("compile_times.json", "Compiling, scene by scene", "seconds", _compiling),
     Measure(
-        "equal_error.json", "Worth at equal error, others' is 1", "ratio", _equal_error
+        "speed_accuracy.json", "Worth at equal error, others' is 1", "ratio", _equal_error
     ),
     Measure("accelerators.json", "Structures, diffuse rays", "ns a ray", _structures),
     Measure("limits.json", "The atlas of limits", "rows", _limits),
