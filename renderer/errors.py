@@ -19,3 +19,10 @@ class SceneError(ValueError):
 
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""
+
+
+class NotAllowed(SceneError):
+    """A scene asks for what it may not have: a file outside of its folder, or memory.
+
+    Nobody else is asked to read it then, such as the renderer that ours is compared with.
+    """

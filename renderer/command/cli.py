@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 import renderer
 from renderer.command.interrupts import Interrupts
 from renderer.errors import SceneError
+from renderer.memory import limited_to, parse_size
 from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
@@ -46,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(stop.code or 0)
     written: list[Path] = []
     try:
-        with Interrupts() as interrupts:
+        with Interrupts() as interrupts, limited_to(options.memory):
             return _run(options, interrupts, written)
     except SceneError as error:
         _complain(f"error: {error}")
@@ -64,7 +65,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     from renderer.picture.image_files import check_output_path
     from renderer.scene.scene import build_scene
     from renderer.scene.simplifications.simplify import simplified
-    from renderer.scene_file import read_file
+    from renderer.scene_file import read_file_with
     from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
@@ -75,7 +76,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         outputs = [default_output(path)]
     for output in outputs:
         check_output_path(output)
-    description = read_file(path, **dict(options.define))
+    description = read_file_with(path, dict(options.define), options.allow_outside)
     for word in options.simplify:
         description = simplified(description, word)
     scene = build_scene(description)
@@ -163,6 +164,8 @@ def _command(options: argparse.Namespace) -> str:
         words += ["-D", f"{name}={value}"]
     for word in options.simplify:
         words += ["--simplify", word]
+    for outside in options.allow_outside:
+        words += ["--allow-outside", str(outside)]
     return shlex.join(words)
 
 
@@ -313,6 +316,22 @@ def _parser() -> argparse.ArgumentParser:
         "given several times (docs/simplifications.md)",
     )
     add(
+        "--memory",
+        type=_memory,
+        metavar="SIZE",
+        help="refuse what would take this process beyond a size such as 4GiB (default: "
+        "what the machine has free)",
+    )
+    add(
+        "--allow-outside",
+        action="append",
+        default=[],
+        type=_folder,
+        metavar="DIR",
+        help="let the scene name files below this folder too; without it, only below its "
+        "own; may be given several times (docs/security.md)",
+    )
+    add(
         "--explain",
         action="store_true",
         help="print what is modelled, what is left out and why; render only with -o",
@@ -347,6 +366,19 @@ def _error(text: str) -> float:
 
 def _seconds(text: str) -> float:
     return _number(text.removesuffix("s"))
+
+
+def _memory(text: str) -> int:
+    try:
+        return parse_size(text)
+    except SceneError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _folder(text: str) -> Path:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is not a folder")
+    return Path(text)
 
 
 def _number(text: str) -> float:
