@@ -190,7 +190,7 @@ def test_a_second_interrupt_is_raised(box, monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        rendering._trace(0, 64, lambda: progress(Progress("render", 0, 1, 1.0)))
+        rendering._trace(64, lambda: progress(Progress("render", 0, 1, 1.0)))
     with pytest.raises(KeyboardInterrupt):
         rendering.run()
 

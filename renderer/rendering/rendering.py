@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
@@ -17,6 +19,7 @@ from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
+from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
 from renderer.stages.film import BOX, Film, filter_border, filter_table
 from renderer.threads import Crew
@@ -47,6 +50,14 @@ class Rendering:
     """One render: everything prepared, then `run`.
 
     Parameters are those of `render`, with the `plan` made and every choice named.
+
+    Attributes
+    ----------
+    work : Work
+        How samples are dealt out to the film's sums.
+    samples_of_place : int64 (places,)
+        How many each of `film.sums` holds. Both together are how far the render is: with
+        those of another render of the same plan, in this process or not, it goes on there.
     """
 
     def __init__(
@@ -91,12 +102,14 @@ class Rendering:
         )
         self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
-        self.samples_per_job = max(1, SAMPLES_PER_JOB // asked)
-        self._pixels = sum(tile.width * tile.height for tile in self.film.tiles)
+        tiles, layers = self.film.tiles, self.film.grid.layers
+        self.work = Work(len(tiles), layers, max(1, SAMPLES_PER_JOB // asked))
+        self.samples_of_place = np.zeros(self.work.places, np.int64)
+        pixels = [tile.width * tile.height for tile in tiles]
+        self._pixels, self._pixels_of_place = sum(pixels), np.tile(pixels, layers)
         self.samples_in_all = self._pixels * plan.spp
         self.has_goal = self._ending = False
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
-        self._samples_done = [0] * threads  # each thread writes its own
         self._workspaces: list[Packed | None] = [None] * threads
 
     @property
@@ -132,21 +145,30 @@ class Rendering:
             previous_points=self.variant.previous_points,
         )
 
-    def _render(
-        self, tile: int, layer: int, first_sample: int, end_sample: int, thread: int
-    ) -> None:
-        """Add samples of a tile to one of its sums."""
+    def add_samples(self, place: int, end: int, thread: int) -> None:
+        """Let a place hold its samples up to number `end`; nothing if it holds more.
+
+        Threads may be at different places at the same time, each with its own number.
+        """
+        begin = int(self.samples_of_place[place])
+        for first_sample, end_sample in self.work.pieces(place, begin, end):
+            self._render(place, first_sample, end_sample, thread)
+        if end > begin:
+            self.samples_of_place[place] = end
+
+    def _render(self, place: int, first_sample: int, end_sample: int, thread: int) -> None:
+        """Add samples of the tile at a place to its sums."""
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
         self._render_tile(
             self._packed_scene,
             self._packed_filter,
-            self.film.tiles[tile],
+            self.film.tiles[place % self.work.tiles],
             first_sample,
             end_sample,
             work,
-            self.film.sums[layer * len(self.film.tiles) + tile],
+            self.film.sums[place],
             self.border,
         )
 
@@ -158,7 +180,7 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(tile=0, layer=0, first_sample=0, end_sample=0, thread=0)
+        self._render(place=0, first_sample=0, end_sample=0, thread=0)
         self.film.compile()
         return time.perf_counter() - start
 
@@ -170,7 +192,7 @@ class Rendering:
     @property
     def samples_done(self) -> int:
         """Samples that are in the film, of all pixels together."""
-        return sum(self._samples_done)
+        return int(self.samples_of_place @ self._pixels_of_place)
 
     def run(
         self,
@@ -197,7 +219,7 @@ class Rendering:
         try:
             show()
             if goal is None or not self.has_goal:
-                self._trace(0, self.plan.spp, show)
+                self._trace(self.plan.spp, show)
             else:
                 self._trace_until(goal, start, show)
             show()
@@ -216,9 +238,9 @@ class Rendering:
             if more == 0:
                 return
             middle, end = done + more // 2, done + more
-            self._trace(done, middle, show)
+            self._trace(middle, show)
             halves.end_first()
-            self._trace(middle, end, show)
+            self._trace(end, show)
             self.accuracy = halves.end_second(end, self.threads)
             done, error, steady = end, self.accuracy.error, self.accuracy.steady
 
@@ -230,26 +252,22 @@ class Rendering:
         spp = goal.expected_samples(done, error, seconds, self.plan.spp)
         return max(spp * self._pixels, self.samples_done), error
 
-    def _trace(self, first_sample: int, end_sample: int, show: Callable[[], None]) -> None:
-        """Add samples first_sample .. end_sample - 1 of all pixels; call `show` meanwhile.
+    def _trace(self, end_sample: int, show: Callable[[], None]) -> None:
+        """Add what is missing of samples 0 .. end_sample - 1; call `show` meanwhile.
 
-        A sample's number says which sums it is added to, and there samples are added in
-        their order: no sum depends on the threads, nor on where a goal takes its looks.
+        Places may have come unequally far.
         """
-        tiles, step, layers = self.film.tiles, self.samples_per_job, self.film.grid.layers
-        first_part = first_sample // step
+        places, part = self.work.places, self.work.part
+        wanted = self.work.samples(end_sample)
+        begun = self.samples_of_place // part
+        rounds = max(0, int((-(-wanted // part) - begun).max()))
 
         def work(job: int, thread: int) -> None:
-            part, number = divmod(job, len(tiles))
-            part += first_part
-            first = max(part * step, first_sample)
-            end = min(part * step + step, end_sample)
-            self._render(number, part % layers, first, end, thread)
-            tile = tiles[number]
-            self._samples_done[thread] += tile.width * tile.height * (end - first)
+            number, place = divmod(job, places)
+            end = min((begun[place] + number + 1) * part, wanted[place])
+            self.add_samples(place, int(end), thread)
 
-        jobs = (-(-end_sample // step) - first_part) * len(tiles)
-        crew = Crew(self.threads, jobs, work, round_length=layers * len(tiles))
+        crew = Crew(self.threads, rounds * places, work, round_length=places)
         try:
             crew.start()
             while not crew.wait():

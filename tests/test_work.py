@@ -1,0 +1,67 @@
+"""How samples are dealt out to the sums of a film: each once, in one order."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import renderer
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
+from renderer.rendering.work import Work
+
+SCENES = Path(__file__).parent.parent / "scenes"
+
+
+@pytest.mark.parametrize(("layers", "part"), [(1, 16), (3, 4), (8, 1), (5, 7)])
+@pytest.mark.parametrize("spp", [0, 1, 6, 16, 97])
+def test_every_sample_belongs_to_one_place(layers, part, spp):
+    work = Work(tiles=2, layers=layers, part=part)
+    samples = work.samples(spp)
+    assert samples.shape == (work.places,)
+    for tile in range(2):
+        taken = []
+        for place in range(tile, work.places, 2):
+            pieces = list(work.pieces(place, 0, int(samples[place])))
+            assert all(0 < end - first <= part for first, end in pieces)
+            numbers = [n for first, end in pieces for n in range(first, end)]
+            assert numbers == sorted(numbers)
+            assert {n // part % layers for n in numbers} <= {place // 2}
+            taken += numbers
+        assert sorted(taken) == list(range(spp))
+
+
+@pytest.mark.parametrize("cut", [0, 3, 4, 9, 12])
+def test_a_place_goes_on_where_it_was(cut):
+    work = Work(tiles=3, layers=2, part=4)
+
+    def numbers(begin, end):
+        return [n for first, last in work.pieces(5, begin, end) for n in range(first, last)]
+
+    assert numbers(0, cut) + numbers(cut, 12) == numbers(0, 12)
+
+
+def test_places_that_have_come_unequally_far_end_as_the_same_picture():
+    """Sums taken from another render, and parts that were begun and not ended."""
+    box = renderer.load_file(SCENES / "cornell-box" / "scene.xml", width=48, height=48)
+    plan = make_plan(box, spp=150, sampler="independent")
+
+    def rendering(threads):
+        return Rendering(box, plan, accel="auto", seed=5, threads=threads)
+
+    whole, first, second = rendering(2), rendering(1), rendering(2)
+    assert whole.run()
+    wanted = first.work.samples(plan.spp)
+    assert first.work.layers > 1
+    rng = np.random.default_rng(2)
+    for place in range(first.work.places):
+        for end in sorted(rng.integers(0, wanted[place], 2, endpoint=True)):
+            first.add_samples(place, int(end), 0)
+    second.film.sums[...] = first.film.sums
+    second.samples_of_place[:] = first.samples_of_place
+    assert 0 < second.samples_done < second.samples_in_all
+    assert second.run()
+    assert second.samples_done == second.samples_in_all == whole.samples_done
+    assert np.array_equal(second.film.sums, whole.film.sums)
