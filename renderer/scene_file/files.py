@@ -120,5 +120,6 @@ def find_regular_file(
             f"{location}: {what} {quoted(name)} is not a file but {kind}; expected a "
             "regular file"
         )
-    memory.require(status.st_size, f"{location}: {what} {quoted(name)}")
+    # what is in it stands in memory as bytes, as numbers, and checked
+    memory.require(3 * status.st_size, f"{location}: {what} {quoted(name)}")
     return path

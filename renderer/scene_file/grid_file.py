@@ -13,8 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 
+# Measured: what cells of the surface take lies between 0 and 3 crossings of an edge each.
+_BYTES_A_POINT, _BYTES_A_CROSSING = 34, 500
 _HEADER = struct.Struct("<3sB5i6f")
 
 
@@ -60,7 +63,17 @@ def read_grid(path: Path) -> NDArray[np.float32]:
 
 
 def check_distances(grid: NDArray[np.float32]) -> str | None:
-    """Return the first number that is not finite and its place, or None."""
+    """Return the first number that is not finite and its place, or None.
+
+    Raises
+    ------
+    NotAllowed
+        If a shape of so many points would take more memory than there is.
+    """
+    inside = grid > 0.0
+    crossing = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in range(3))
+    size = _BYTES_A_POINT * grid.size + _BYTES_A_CROSSING * crossing
+    memory.require(size, f"a grid of {grid.size} points")
     if np.isfinite(grid).all():
         return None
     z, y, x = np.argwhere(~np.isfinite(grid))[0]
