@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from renderer.kinds.bsdfs.registry import register_bsdf
     from renderer.picture.image import Image
     from renderer.rendering.render_scene import render
-    from renderer.rendering.rendering import Progress
+    from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
 
@@ -42,7 +42,7 @@ __all__ = [
 # the version, the command's help or a scene's description need not wait for.
 _MODULES = {
     "Image": "renderer.picture.image",
-    "Progress": "renderer.rendering.rendering",
+    "Progress": "renderer.rendering.sitting",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.jit",

@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
@@ -20,15 +20,17 @@ from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPL
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.picture.image import Image
-    from renderer.rendering.rendering import Progress
+    from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
 EPILOG = """examples:
   lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256
   lightproof scene.xml -D width=1280 -D height=720     set <default>s of the file
   lightproof scene.xml --explain                       what would be done, and why
+  lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
+  lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
 
-Ctrl-C writes the picture so far; a second one quits without.
+Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
 Exit status: 0 the picture is written, 1 the scene or a file was refused,
 2 the command line was wrong, 130 interrupted."""
 
@@ -42,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name; None: those of the process.
     """
     try:
-        options = _parser().parse_args(arguments)
+        options = _options(arguments)
     except SystemExit as stop:
         return int(stop.code or 0)
     written: list[Path] = []
@@ -76,6 +78,8 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         outputs = [default_output(path)]
     for output in outputs:
         check_output_path(output)
+        if output == options.checkpoint:
+            raise SceneError(f"{output}: is named as the picture and as the checkpoint")
     description = read_file_with(path, dict(options.define), options.allow_outside)
     for word in options.simplify:
         description = simplified(description, word)
@@ -106,7 +110,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if interrupts.count > 1:
         raise KeyboardInterrupt
     _write(image, outputs, written)
-    _report(image, written, quiet=options.quiet)
+    _report(image, written, options)
     if interrupts.count:
         return 130
     return 0 if len(written) == len(outputs) else 1
@@ -125,7 +129,13 @@ def default_output(scene: Path) -> Path:
 def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
     from renderer.command.progress_display import ProgressDisplay
 
-    with ProgressDisplay(sys.stderr, quiet=options.quiet) as display:
+    with (
+        ProgressDisplay(sys.stderr, quiet=options.quiet) as display,
+        warnings.catch_warnings(),
+    ):
+        # of checkpoints, and at once: the render may take hours from then on
+        warnings.simplefilter("always")
+        warnings.showwarning = _show_warning
 
         def progress(now: Progress) -> None:
             # compiling, there is nothing to save, and Ctrl-C need not wait for the end
@@ -146,6 +156,9 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
             progress=progress,
             target_error=options.target_error,
             time_limit=options.time,
+            checkpoint=options.checkpoint,
+            checkpoint_every=60.0 if options.every is None else options.every,
+            resume=options.resume,
         )
     if image.error is not None:  # the command that gives this picture again
         options.spp, options.sampler = image.spp, image.metadata["sampler"]
@@ -183,13 +196,15 @@ def _write(image: Image, outputs: list[Path], written: list[Path]) -> None:
             _complain(f"warning: {output}: {warning.message}")
 
 
-def _report(image: Image, written: list[Path], *, quiet: bool) -> None:
+def _report(image: Image, written: list[Path], options: argparse.Namespace) -> None:
     files = _listed(written) or "nothing"
     if not image.complete:
         if image.error is not None:
             _complain(f"estimated error, some samples ago: {image.error:.2%}")
         _complain(f"interrupted {image.metadata['interrupted']}; wrote {files}")
-    elif not quiet:
+        if options.checkpoint is not None:
+            _complain(f"--checkpoint {options.checkpoint} --resume goes on from here")
+    elif not options.quiet:
         samples = image.width * image.height * image.spp
         rate = samples / max(image.seconds, 1e-9) / 1e6
         sys.stdout.write(
@@ -214,10 +229,30 @@ def _complain(line: str) -> None:
     sys.stderr.flush()
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    _complain(f"warning: {message}")
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line, without the usage before it."""
         self.exit(2, f"{self.prog}: error: {message}; --help lists the options\n")
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.checkpoint is None and (options.resume or options.every is not None):
+        given = "--resume" if options.resume else "--every"
+        parser.error(f"{given} needs --checkpoint FILE")
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -256,6 +291,24 @@ def _parser() -> argparse.ArgumentParser:
         type=_seconds,
         metavar="SECONDS",
         help="render for about so long, and say the error that was reached",
+    )
+    add(
+        "--checkpoint",
+        type=Path,
+        metavar="FILE",
+        help="keep the state of the render there, now and then, and at its end",
+    )
+    add(
+        "--every",
+        type=_seconds,
+        metavar="SECONDS",
+        help="between two writings of the checkpoint (default: 60)",
+    )
+    add(
+        "--resume",
+        action="store_true",
+        help="go on from the checkpoint, to the same picture as without a break; also to "
+        "more --spp than it was made with, if the sampler is independent",
     )
     add(
         "--seed",

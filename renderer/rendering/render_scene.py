@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import operator
+import os
 import reprlib
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -17,10 +19,17 @@ from renderer.integrators.moment import show_moments
 from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, with_picture
+from renderer.rendering.checkpoints.checkpoint import (
+    Checkpoint,
+    check_checkpoint_path,
+    is_kept,
+)
+from renderer.rendering.checkpoints.identity import identity_of
 from renderer.rendering.compilation import CompilationWatch
 from renderer.rendering.goal import Goal, check_goal, for_a_goal
 from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
-from renderer.rendering.rendering import Progress, Rendering
+from renderer.rendering.rendering import Rendering
+from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
 from renderer.threads import default_threads
 
@@ -40,6 +49,9 @@ def render(
     measured_camera: Sequence[float] | None = None,
     target_error: float | None = None,
     time_limit: float | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 60.0,
+    resume: bool = False,
 ) -> Image:
     """Render a scene.
 
@@ -79,6 +91,17 @@ def render(
         Render for about so many seconds, compilation not included; the same applies. With
         a goal a file's sampler whose points depend on their number gives way to
         `independent`.
+    checkpoint : path, optional
+        A file that keeps the state of the render: every so many seconds, after an interrupt
+        and at the end. The one before stays beside it (docs/checkpoints.md). Colours beside
+        AOVs have one of their own, with `.colors` behind the name.
+    checkpoint_every : float
+        Seconds between two writings of it.
+    resume : bool
+        Go on from the checkpoint, with any number of threads, to the picture that a render
+        without a break gives, bit for bit; with the sampler `independent` also to more
+        samples. Without it a file that is there is refused. A file that is missing, or
+        damaged while the one before is whole, is a RuntimeWarning.
 
     Returns
     -------
@@ -89,7 +112,8 @@ def render(
     Raises
     ------
     SceneError
-        For a name that does not exist or a number that is out of range.
+        For a name that does not exist, a number that is out of range, or a checkpoint of
+        something else.
     TypeError
         For a scene that is none, and for `spp`, `seed` or `threads` that are no whole
         numbers.
@@ -109,6 +133,9 @@ def render(
             _positive("target_error", target_error), _positive("time_limit", time_limit)
         )
         sampler, spp = for_a_goal(scene, sampler, spp)
+    every = _positive("checkpoint_every", checkpoint_every)
+    if resume and checkpoint is None:
+        raise SceneError("resume is true, and no checkpoint is given to go on from")
     accel = accel or "auto"
     if accel not in ACCELERATORS:
         known = ", ".join(ACCELERATORS)
@@ -125,6 +152,17 @@ def render(
 
     if goal is not None:
         check_goal(plan)
+    nested = nested_scene(scene, plan)
+    kept = colors_kept = None
+    if checkpoint is not None and every is not None:
+        path = Path(checkpoint)
+        if nested is not None:
+            colors_kept = path.with_name(f"{path.name}.colors")
+            check_checkpoint_path(colors_kept, resume=resume)
+        of = identity_of(
+            scene, plan, accel=accel, seed=seed, measured_camera=measured_camera
+        )
+        kept = Checkpoint(path, every, of, resume=resume)
 
     def announce() -> None:
         if progress is not None:
@@ -146,11 +184,9 @@ def render(
         compile_seconds += rendering.methods_seconds + rendering.compile()
     if progress is not None and watch.compiled:
         progress(Progress("compile", 1, 1, compile_seconds))
-    started = time.perf_counter()
-    complete = rendering.run(progress, goal)
-    seconds = time.perf_counter() - started + build_seconds
+    complete = rendering.run(progress, goal, kept)
+    seconds = rendering.seconds + build_seconds
     image = _image(rendering, seconds, compile_seconds, complete)
-    nested = nested_scene(scene, plan)
     if nested is None or not complete:
         return image
     try:
@@ -164,6 +200,9 @@ def render(
             progress=progress,
             ray_offset=ray_offset,
             measured_camera=measured_camera,
+            checkpoint=colors_kept,
+            checkpoint_every=checkpoint_every,
+            resume=colors_kept is not None and is_kept(colors_kept),
         )
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}
