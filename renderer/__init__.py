@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from renderer.kinds.bsdfs.registry import register_bsdf
     from renderer.picture.image import Image
     from renderer.rendering.render_scene import render
+    from renderer.rendering.render_to_file import render_to_file
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
@@ -35,6 +36,7 @@ __all__ = [
     "load_string",
     "register_bsdf",
     "render",
+    "render_to_file",
     "simplify",
 ]
 
@@ -48,6 +50,7 @@ _MODULES = {
     "kernel": "renderer.jit",
     "register_bsdf": "renderer.kinds.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
+    "render_to_file": "renderer.rendering.render_to_file",
 }
 
 

@@ -8,9 +8,10 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
@@ -20,6 +21,7 @@ from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPL
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.picture.image import Image
+    from renderer.rendering.render_to_file import PictureFile
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
@@ -101,10 +103,14 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
             spp=spp,
             accel=options.accel,
             threads=options.threads,
+            goal=options.target_error is not None or options.time is not None,
         )
         sys.stdout.write(text)
         sys.stdout.flush()
     if not outputs:
+        return 0
+    if _needs_bands(scene, options, outputs):
+        _render_to_file(scene, options, outputs[0], interrupts)
         return 0
     image = _render(scene, options, interrupts)
     if interrupts.count > 1:
@@ -126,7 +132,11 @@ def default_output(scene: Path) -> Path:
     return Path(f"{name or path.stem}.exr")
 
 
-def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
+@contextmanager
+def _watched(
+    options: argparse.Namespace, interrupts: Interrupts
+) -> Iterator[Callable[[Progress], None]]:
+    """Give what shows the progress, ends a render at Ctrl-C, and says warnings at once."""
     from renderer.command.progress_display import ProgressDisplay
 
     with (
@@ -144,15 +154,20 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
                 raise KeyboardInterrupt
             display(now)
 
+        yield progress
+
+
+def _how(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments that all renders have."""
+    names = ("spp", "seed", "threads", "integrator", "accel", "sampler", "ray_offset")
+    return {name: getattr(options, name) for name in names}
+
+
+def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
+    with _watched(options, interrupts) as progress:
         image = renderer.render(
             scene,
-            spp=options.spp,
-            seed=options.seed,
-            threads=options.threads,
-            integrator=options.integrator,
-            accel=options.accel,
-            sampler=options.sampler,
-            ray_offset=options.ray_offset,
+            **_how(options),
             progress=progress,
             target_error=options.target_error,
             time_limit=options.time,
@@ -164,6 +179,48 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
         options.spp, options.sampler = image.spp, image.metadata["sampler"]
     metadata = {**image.metadata, "command": _command(options)}
     return dataclasses.replace(image, metadata=metadata)
+
+
+def _needs_bands(scene: Scene, options: argparse.Namespace, outputs: list[Path]) -> bool:
+    """Tell whether the film is larger than memory, and can go into its file in bands."""
+    from renderer.rendering.render_to_file import fits_in_memory
+
+    asked = (options.target_error, options.time, options.checkpoint)
+    if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr" or any(asked):
+        return False
+    how = _how(options)
+    del how["seed"]
+    return fits_in_memory(scene, **how) is False
+
+
+def _render_to_file(
+    scene: Scene, options: argparse.Namespace, output: Path, interrupts: Interrupts
+) -> None:
+    if not options.quiet:
+        _complain(
+            f"the film is larger than memory: it is written to {output} in bands, and "
+            "nothing is kept of it after an interrupt"
+        )
+    with _watched(options, interrupts) as progress:
+        file = renderer.render_to_file(
+            scene,
+            output,
+            **_how(options),
+            progress=progress,
+            metadata={"command": _command(options)},
+        )
+    if not options.quiet:
+        sys.stdout.write(_rate(file, str(output)))
+        sys.stdout.flush()
+
+
+def _rate(picture: Image | PictureFile, files: str) -> str:
+    samples = picture.width * picture.height * picture.spp
+    rate = samples / max(picture.seconds, 1e-9) / 1e6
+    return (
+        f"{picture.width} x {picture.height} pixels, {picture.spp} spp, "
+        f"{picture.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
+    )
 
 
 def _command(options: argparse.Namespace) -> str:
@@ -205,12 +262,7 @@ def _report(image: Image, written: list[Path], options: argparse.Namespace) -> N
         if options.checkpoint is not None:
             _complain(f"--checkpoint {options.checkpoint} --resume goes on from here")
     elif not options.quiet:
-        samples = image.width * image.height * image.spp
-        rate = samples / max(image.seconds, 1e-9) / 1e6
-        sys.stdout.write(
-            f"{image.width} x {image.height} pixels, {image.spp} spp, "
-            f"{image.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
-        )
+        sys.stdout.write(_rate(image, files))
         if image.error is not None:
             doubt = "; unsure, the true one may well be another"
             doubt = doubt if image.error_unsure else ""
