@@ -104,7 +104,8 @@ def estimate(
         f"working arrays of {threads} threads": threads * _workspace(scene, plan, shape),
     }
     if goal:
-        parts["both halves of a goal"] = 2 * sums + 8 * picture
+        # copies of the sums, and what an error is guessed from
+        parts["both halves of a goal"] = 2 * sums + 18 * picture
     if plan.replay:
         parts["streams of random numbers"] = _STREAM * shape.width * shape.height
     return Estimate(parts)

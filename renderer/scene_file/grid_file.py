@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from renderer import memory
 from renderer.errors import SceneError
 
-# Measured: what cells of the surface take lies between 0 and 3 crossings of an edge each.
+# Of the shape that it becomes, measured; a crossing is an edge with a sign at either end.
 _BYTES_A_POINT, _BYTES_A_CROSSING = 34, 500
 _HEADER = struct.Struct("<3sB5i6f")
 
@@ -57,23 +57,17 @@ def read_grid(path: Path) -> NDArray[np.float32]:
         raise SceneError(f"{path}: promises {nx} x {ny} x {nz} numbers; there are {there}")
     numbers = np.frombuffer(content, "<f4", nx * ny * nz, _HEADER.size)
     grid = numbers.reshape(nz, ny, nx).astype(np.float32)
+    inside = grid > 0.0
+    crossing = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in range(3))
+    size = _BYTES_A_POINT * grid.size + _BYTES_A_CROSSING * crossing
+    memory.require(size, f"{path}: the grid")
     if (wrong := check_distances(grid)) is not None:
         raise SceneError(f"{path}: has {wrong}; expected finite numbers")
     return grid
 
 
 def check_distances(grid: NDArray[np.float32]) -> str | None:
-    """Return the first number that is not finite and its place, or None.
-
-    Raises
-    ------
-    NotAllowed
-        If a shape of so many points would take more memory than there is.
-    """
-    inside = grid > 0.0
-    crossing = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in range(3))
-    size = _BYTES_A_POINT * grid.size + _BYTES_A_CROSSING * crossing
-    memory.require(size, f"a grid of {grid.size} points")
+    """Return the first number that is not finite and its place, or None."""
     if np.isfinite(grid).all():
         return None
     z, y, x = np.argwhere(~np.isfinite(grid))[0]
