@@ -77,11 +77,6 @@ def limited_to(limit: int | float | str | None) -> Iterator[None]:
         _limit.reset(token)
 
 
-def is_limited() -> bool:
-    """Tell whether somebody has said how much may be taken."""
-    return _limit.get() is not None
-
-
 def room() -> int:
     """Return how many bytes more this process may take.
 

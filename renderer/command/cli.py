@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.errors import SceneError
+from renderer.errors import CheckpointWarning, SceneError
 from renderer.memory import limited_to, parse_size
 from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
@@ -143,8 +143,8 @@ def _watched(
         ProgressDisplay(sys.stderr, quiet=options.quiet) as display,
         warnings.catch_warnings(),
     ):
-        # of checkpoints, and at once: the render may take hours from then on
-        warnings.simplefilter("always")
+        # at once: the render may take hours from then on
+        warnings.simplefilter("always", CheckpointWarning)
         warnings.showwarning = _show_warning
 
         def progress(now: Progress) -> None:

@@ -7,6 +7,7 @@ alone and no tiles.
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -38,11 +39,13 @@ class ExrRows:
             raise SceneError(f"{path}: rows can be written to an .exr file alone")
         self._path, self._size = path, (width, height)
         self._in_place = whole_or_not_at_all(path)
+        self._stack = ExitStack()
         self._file: Any = None
 
     def __enter__(self) -> Self:
         """Return the file."""
-        self._temporary = self._in_place.__enter__()
+        self._temporary = self._stack.enter_context(self._in_place)
+        self._stack.callback(self._close)  # an error of it too leaves no file
         return self
 
     def __exit__(
@@ -52,11 +55,7 @@ class ExrRows:
         trace: TracebackType | None,
     ) -> None:
         """Close the file and give it its name; after an error it is deleted."""
-        try:
-            if self._file is not None:
-                self._file.close()
-        finally:
-            self._in_place.__exit__(kind, error, trace)
+        self._stack.__exit__(kind, error, trace)
 
     def add(self, rows: Image) -> None:
         """Write the next rows; the first ones say what the channels and metadata are."""
@@ -66,6 +65,13 @@ class ExrRows:
                 self._file = self._begin(rows, list(planes))
             content = {name: plane.tobytes() for name, plane in planes.items()}
             self._file.writePixels(content, rows.height)
+        except (OSError, RuntimeError) as error:
+            raise SceneError(f"{self._path}: cannot be written: {error}") from error
+
+    def _close(self) -> None:
+        try:
+            if self._file is not None:
+                self._file.close()
         except (OSError, RuntimeError) as error:
             raise SceneError(f"{self._path}: cannot be written: {error}") from error
 

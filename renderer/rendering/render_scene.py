@@ -108,7 +108,7 @@ def render(
         Go on from the checkpoint, with any number of threads, to the picture that a render
         without a break gives, bit for bit; with the sampler `independent` also to more
         samples. Without it a file that is there is refused. A file that is missing, or
-        damaged while the one before is whole, is a RuntimeWarning.
+        damaged while the one before is whole, is a CheckpointWarning.
 
     memory : int or str, optional
         The most memory that this process may have meanwhile, in bytes or such as "4GiB";

@@ -54,7 +54,7 @@ class Sitting:
         self._goal = None if rendering.plan.spp == 1 else goal
         self._halves = None if self._goal is None else Halves(rendering.film)
         rendering.has_goal = self._goal is not None
-        self._ending = False
+        self._at_work = False  # threads are, or may be
         self._start = self._origin = time.perf_counter()
         self._resumed = 0  # samples
 
@@ -74,7 +74,7 @@ class Sitting:
                 checkpoint.save(self._state)
             self._show()
         except KeyboardInterrupt:
-            if self._ending:  # one more, while threads are still at work
+            if self._at_work:  # one more, while they end what they are at
                 raise
             return False
         finally:
@@ -108,6 +108,8 @@ class Sitting:
         if not checkpoint.restore(state):
             return
         self._origin -= float(state["seconds"][0])
+        if rendering.samples_of_place.min() < 0:
+            raise SceneError("the checkpoint has places with less than no samples")
         there = rendering.work.least_spp(rendering.samples_of_place)
         if self._halves is not None:
             there = max(there, self._halves.end)
@@ -159,7 +161,7 @@ class Sitting:
                 assert checkpoint is not None
                 checkpoint.take(self._state)
         except KeyboardInterrupt:
-            if checkpoint is not None and not self._ending:
+            if checkpoint is not None and not self._at_work:
                 checkpoint.save(self._state)
             raise
 
@@ -184,6 +186,7 @@ class Sitting:
             rendering.add_samples(place, int(end), thread)
 
         crew = Crew(rendering.threads, jobs, work, round_length=places)
+        self._at_work = True
         try:
             crew.start()
             while not crew.wait():
@@ -192,6 +195,5 @@ class Sitting:
                     return False
             return True
         finally:
-            self._ending = True
             crew.stop()
-            self._ending = False
+            self._at_work = False
