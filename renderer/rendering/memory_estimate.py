@@ -73,6 +73,7 @@ def estimate(
     accel: str,
     threads: int,
     goal: bool = False,
+    checkpoint: bool = False,
     band: int | None = None,
 ) -> Estimate:
     """Return what a render will take.
@@ -83,6 +84,8 @@ def estimate(
         As for `Rendering`.
     goal
         Whether the film's samples are kept in two halves.
+    checkpoint
+        Whether copies of the sums are written while others are added to.
     band
         Rows of tiles that there are at a time; None: all.
     """
@@ -106,6 +109,8 @@ def estimate(
     if goal:
         # copies of the sums, and what an error is guessed from
         parts["both halves of a goal"] = 2 * sums + 18 * picture
+    if checkpoint:
+        parts["a copy for the checkpoint"] = (3 if goal else 1) * sums
     if plan.replay:
         parts["streams of random numbers"] = _STREAM * shape.width * shape.height
     return Estimate(parts)

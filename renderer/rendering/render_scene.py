@@ -177,7 +177,14 @@ def render(
         kept = Checkpoint(path, every, of, resume=resume)
 
     with limited_to(memory):
-        needs = estimate(scene, plan, accel=accel, threads=threads, goal=goal is not None)
+        needs = estimate(
+            scene,
+            plan,
+            accel=accel,
+            threads=threads,
+            goal=goal is not None,
+            checkpoint=kept is not None,
+        )
         check_room(needs, scene.description.source, INSTEAD)
     rendering, build_seconds, compile_seconds = prepared(
         scene, plan, progress, accel, seed, threads, measured_camera=measured_camera
