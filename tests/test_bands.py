@@ -5,6 +5,7 @@ from __future__ import annotations
 import filecmp
 from pathlib import Path
 
+import Imath
 import mitsuba as mi
 import numpy as np
 import OpenEXR
@@ -14,6 +15,8 @@ import renderer
 from renderer import memory
 from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
+from renderer.picture.exr_rows import ExrRows
+from renderer.picture.image import Image
 from renderer.rendering import memory_estimate, render_to_file
 from renderer.rendering.band import Band, FilmShape
 from renderer.rendering.memory_estimate import rows_at_once
@@ -209,3 +212,22 @@ def test_bands_have_tiles_for_all_threads_and_fit() -> None:
         assert 2 <= rows <= 5
         assert rows * shape.bytes_of_row <= max(room // 2, 2 * shape.bytes_of_row)
     assert rows_at_once(shape._replace(width=32), 2**34) > 1000
+
+
+@pytest.mark.slow
+def test_a_channel_may_have_more_than_two_gigabytes(tmp_path: Path) -> None:
+    """Where products of 32 bits overflow: an older class of OpenEXR ended in a crash."""
+    path = tmp_path / "large.exr"
+    width, height, at_once = 32768, 16384 + 64, 64
+    rows = np.zeros((at_once, width, 3), np.float32)
+    with ExrRows(path, width, height) as file:
+        for first in range(0, height, at_once):
+            rows[0, 0] = first
+            file.add(Image(rows, spp=1))
+    part = OpenEXR.InputFile(str(path))
+    single = Imath.PixelType(Imath.PixelType.FLOAT)
+    for first in (0, 8192, 16384):
+        row = np.frombuffer(part.channel("G", single, first, first), np.float32)
+        assert row[0] == first
+        assert not row[1:].any()
+    part.close()

@@ -77,7 +77,8 @@ def exr_planes(image: Image) -> dict[str, NDArray[np.float32]]:
     }
 
 
-def _write_exr(path: Path, image: Image) -> None:
+def exr_header(image: Image) -> dict[str, Any]:
+    """Return what an EXR file says about itself."""
     import OpenEXR  # here, because it takes 0.1 s that a PNG need not wait for
 
     header: dict[str, Any] = {
@@ -86,7 +87,13 @@ def _write_exr(path: Path, image: Image) -> None:
         "spp": int(image.spp),
     }
     header.update({key: str(value) for key, value in image.metadata.items()})
-    OpenEXR.File(header, exr_planes(image)).write(str(path))
+    return header
+
+
+def _write_exr(path: Path, image: Image) -> None:
+    import OpenEXR
+
+    OpenEXR.File(exr_header(image), exr_planes(image)).write(str(path))
 
 
 def _write_png(path: Path, image: Image) -> None:
