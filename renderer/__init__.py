@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from renderer.kinds.bsdfs.registry import register_bsdf
     from renderer.picture.image import Image
     from renderer.rendering.render_scene import render
+    from renderer.rendering.render_to_file import render_to_file
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
-    from renderer.scene_file import SceneDescription
+    from renderer.scene_file import Folders, SceneDescription
 
 __version__ = "0.1.0"
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "load_string",
     "register_bsdf",
     "render",
+    "render_to_file",
     "simplify",
 ]
 
@@ -48,6 +50,7 @@ _MODULES = {
     "kernel": "renderer.kernels.jit",
     "register_bsdf": "renderer.kinds.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
+    "render_to_file": "renderer.rendering.render_to_file",
 }
 
 
@@ -65,36 +68,84 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-def load_file(path: str | Path, /, **parameters: object) -> Scene:
+def load_file(
+    path: str | Path,
+    /,
+    *,
+    allow_outside: Folders = (),
+    memory: int | float | str | None = None,
+    **parameters: object,
+) -> Scene:
     """Load a Mitsuba 3 XML scene; keyword arguments replace the file's `<default>` values.
 
     What the file says but the picture does not follow, such as triangles without area that
     are dropped, goes to the logger "renderer" as warnings.
+
+    Parameters
+    ----------
+    path
+        The file.
+    allow_outside
+        A folder, or several, in whose trees the scene may name files too: what lies in none
+        of them and not in that of the scene's own folder is not read (docs/security.md).
+    memory
+        The most memory that this process may have meanwhile, in bytes or such as "4GiB";
+        None: what the machine has free. A file that would take more is refused.
+    **parameters
+        Values for `$name` in the file.
 
     Raises
     ------
     SceneError
         With file, line, plugin and property, if the scene cannot be rendered.
     """
-    from renderer.scene_file import read_file
+    from renderer.memory import limited_to
+    from renderer.scene_file import read_file_with
 
-    return _logged(read_file(path, **parameters))
+    with limited_to(memory):
+        return _logged(read_file_with(path, parameters, allow_outside))
 
 
 def load_string(
-    xml: str, /, *, base_dir: str | Path | None = None, **parameters: object
+    xml: str,
+    /,
+    *,
+    base_dir: str | Path | None = None,
+    allow_outside: Folders = (),
+    memory: int | float | str | None = None,
+    **parameters: object,
 ) -> Scene:
-    """Load a scene from XML text; files it names are looked up in `base_dir`."""
+    """Load a scene from XML text; files it names are looked up in `base_dir`.
+
+    The other arguments are those of `load_file`; the scene's own folder is `base_dir`, or
+    without one the working directory.
+    """
+    from renderer.memory import limited_to
     from renderer.scene_file import read_string
 
-    return _logged(read_string(xml, base_dir=base_dir, **parameters))
+    with limited_to(memory):
+        return _logged(
+            read_string(xml, base_dir=base_dir, allow_outside=allow_outside, **parameters)
+        )
 
 
-def load_dict(scene: dict[str, Any], *, base_dir: str | Path | None = None) -> Scene:
-    """Load a scene from a dictionary of the form that Mitsuba's `load_dict` takes."""
+def load_dict(
+    scene: dict[str, Any],
+    *,
+    base_dir: str | Path | None = None,
+    allow_outside: Folders | None = None,
+    memory: int | float | str | None = None,
+) -> Scene:
+    """Load a scene from a dictionary of the form that Mitsuba's `load_dict` takes.
+
+    The other arguments are those of `load_string`, but that files may lie anywhere unless
+    `allow_outside` is given (it may be empty): a dictionary is a program's own.
+    """
+    from renderer.memory import limited_to
     from renderer.scene_file import read_dict
 
-    return _logged(read_dict(scene, base_dir=base_dir))
+    with limited_to(memory):
+        return _logged(read_dict(scene, base_dir=base_dir, allow_outside=allow_outside))
 
 
 def simplify(scene: Scene, *words: str) -> Scene:

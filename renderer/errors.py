@@ -23,3 +23,10 @@ class CheckpointWarning(RuntimeWarning):
 
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""
+
+
+class NotAllowed(SceneError):
+    """A scene asks for what it may not have: a file outside of its folder, or memory.
+
+    Nobody else is asked to read it then, such as the renderer that ours is compared with.
+    """

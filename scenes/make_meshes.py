@@ -284,7 +284,9 @@ def main(folder: Path = HERE) -> None:
     """Write every mesh of every scene under `folder`."""
     vertices, normals, faces = teapot_mesh()
     assert len(faces) == 6320, "32 patches of 200 triangles less 80 at the poles"
-    write_ply(folder / "appel-teapot/meshes/teapot.ply", vertices, faces, normals)
+    # A scene reads files in its own folder alone, so that each has a teapot of its own.
+    for scene in ("appel-teapot", "many-lights", "metals"):
+        write_ply(folder / scene / "meshes/teapot.ply", vertices, faces, normals)
 
     points, sweep_normals, quads = studio_sweep()
     write_obj(folder / "appel-teapot/meshes/sweep.obj", points, quads, sweep_normals)

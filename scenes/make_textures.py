@@ -132,12 +132,14 @@ def main(folder: Path = HERE) -> None:
     """Write every texture of every scene under `folder`."""
     textures = folder / "textured-room/textures"
     textures.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(planks()).save(textures / "planks.png", optimize=True)
     Image.fromarray(invader()).save(textures / "invader.png", optimize=True)
     Image.fromarray(glaze()).save(textures / "glaze.png", optimize=True)
     Image.fromarray(sunset()).save(textures / "sunset.jpg", quality=92)
     for scene in ("leaves", "bumps", "evening-sky"):
         (folder / scene / "textures").mkdir(parents=True, exist_ok=True)
+    for scene in ("textured-room", "evening-sky"):
+        path = folder / scene / "textures/planks.png"
+        Image.fromarray(planks()).save(path, optimize=True)
     Image.fromarray(leaf()).save(folder / "leaves/textures/leaf.png", optimize=True)
     Image.fromarray(normals()).save(folder / "bumps/textures/normals.png", optimize=True)
     sixteen = np.round(65535 * heights()).astype(np.uint16)

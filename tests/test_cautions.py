@@ -53,7 +53,7 @@ _GLASS = '<bsdf type="dielectric"/>'
 
 def rows_of(body, *, eye="9,3,4", target="0,0,0", depth=8, integrator=None):
     text = _FRAME.format(body=body, eye=eye, target=target, depth=depth)
-    scene = renderer.load_string(text)
+    scene = renderer.load_string(text, allow_outside="/")
     plan = make_plan(scene, integrator=integrator)
     return [caution.row for caution in cautions_of(scene, plan)]
 

@@ -192,7 +192,7 @@ def whole(content: str) -> str:
     """Return the error of building the scene, which knows the meshes."""
     text = f'<scene version="3.0.0">{content}<sensor type="perspective"/></scene>'
     with pytest.raises(renderer.SceneError) as caught:
-        renderer.load_string(text)
+        renderer.load_string(text, allow_outside="/")
     return str(caught.value)
 
 

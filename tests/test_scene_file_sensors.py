@@ -444,7 +444,7 @@ def test_sensors_that_are_wrong(content: str, message: str) -> None:
                 '<integer name="width" value="100000"/><integer name="height" '
                 'value="100000"/>'
             ),
-            "has 100000 x 100000 pixels; expected at most 268435456",
+            "has 100000 x 100000 pixels; expected at most 4294967296",
         ),
         (
             FILM.format(

@@ -340,7 +340,7 @@ def test_a_dictionary_holds_the_grid_that_a_file_has(tmp_path):
         f'<shape type="sdfgrid"><string name="filename" value="{path}"/>'
         '<string name="normals" value="analytic"/></shape>'
     )
-    described = ours(text)
+    described = ours(text, folder=tmp_path)
     of_file = described.shapes[0]
     assert not of_file.smooth
     assert np.array_equal(of_file.distances, grid)
@@ -390,7 +390,7 @@ def test_a_fault_of_a_file_is_one_line(tmp_path, content, message):
     path = tmp_path / "bad.vol"
     path.write_bytes(content)
     text = f'<shape type="sdfgrid"><string name="filename" value="{path}"/></shape>'
-    found = error_of(text)
+    found = error_of(text, folder=tmp_path)
     assert message in found
     assert ":2: " in found or "line 2" in found
 

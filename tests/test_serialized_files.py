@@ -50,7 +50,7 @@ def test_it_is_read_as_mitsuba_reads_it(tmp_path, version, double, index, more):
         f'<shape type="serialized"><string name="filename" value="{path}"/>'
         f'<integer name="shape_index" value="{index}"/>{more}</shape>'
     )
-    scene = ours(text)
+    scene = ours(text, folder=tmp_path)
     mine = scene.shapes[0]
     xml = f'<scene version="3.0.0">{text}</scene>'
     loaded = mi.load_string(xml, optimize=False).shapes()[0]
@@ -134,7 +134,7 @@ def test_a_fault_is_one_line(tmp_path, content, index, message):
         f'<shape type="serialized"><string name="filename" value="{path}"/>'
         f'<integer name="shape_index" value="{index}"/></shape>'
     )
-    found = error_of(text)
+    found = error_of(text, folder=tmp_path)
     assert message in found
     assert str(path) in found
 

@@ -157,6 +157,7 @@ def _options(given: argparse.Namespace) -> Options:
         time_limit=given.time_limit,
         seeds=given.seeds,
         plugins=given.plugins,
+        allow_outside=tuple(given.allow_outside),
         convergence=given.convergence,
     )
 
@@ -241,6 +242,14 @@ def _parser() -> argparse.ArgumentParser:
         help="import this file in both renderers; its register_mitsuba() registers the "
         "Mitsuba side of your plugins",
     )
+    add(
+        "--allow-outside",
+        action="append",
+        default=[],
+        type=_folder,
+        metavar="DIR",
+        help="let scenes name files below this folder too, not only below their own",
+    )
     add("--ladder", action="store_true", help="measure speed against accuracy too")
     add(
         "--time-limit",
@@ -275,6 +284,12 @@ def _file(text: str) -> Path:
     if not (path.is_file() and path.suffix == ".py"):
         raise argparse.ArgumentTypeError(f"{text}: must be a Python file, NAME.py")
     return path
+
+
+def _folder(text: str) -> Path:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: must be a folder")
+    return Path(text)
 
 
 def _definition(text: str) -> tuple[str, str]:

@@ -40,7 +40,7 @@ from mitsuba_ref.reference.known_faults import wrong_by
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.replay.replay_scene import replay_all
 from mitsuba_ref.speed.speed_against_accuracy import measure_ladder
-from renderer.errors import NotReplayable, SceneError
+from renderer.errors import NotAllowed, NotReplayable, SceneError
 
 Array = NDArray[np.float32]
 
@@ -108,7 +108,8 @@ def validate_scene(
         if request is None and isinstance(error, SceneError):
             return _without_pictures(blank, bad_request(error))
         stopped = stopped_by(error, stage)
-    if request is not None and stopped.verdict == "refused-by-us":
+        harmless = not isinstance(error, NotAllowed)
+    if request is not None and stopped.verdict == "refused-by-us" and harmless:
         note("Mitsuba, after our refusal")
         stopped = with_the_other_side(stopped, request, references)
     return _without_pictures(blank, stopped)

@@ -19,6 +19,7 @@ from mitsuba_ref.reference.errors import (
     MitsubaTimeout,
 )
 from renderer.errors import SceneError
+from renderer.scene_file.document.named_files import check_named_files
 
 VERDICT_OF: tuple[tuple[type[Exception], Verdict], ...] = (
     (MitsubaRefused, "refused-by-mitsuba"),
@@ -73,8 +74,15 @@ def with_the_other_side(
     It is asked for one sample per pixel of the picture as the file has it: to load a scene
     is not to render it. Nothing is kept: without our reading of the scene its files are not
     known.
+
+    It is not asked about a scene that names, anywhere, a file that may not be read: our
+    refusal may stand on an earlier line.
     """
     asked = replace(request, kind="image", spp=1, box_filter=False)
+    try:
+        check_named_files(Path(request.path), request.parameters, request.allow_outside)
+    except SceneError as error:
+        return replace(ours, other_side=f"Mitsuba was not asked: {_one_line(error)}")
     try:
         picture = references.render_uncached(asked).pixels
     except Exception as error:

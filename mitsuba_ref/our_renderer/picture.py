@@ -97,11 +97,11 @@ def read_scene(request: RenderRequest) -> SceneDescription:
     SceneError
         When the scene or the file of plugins cannot be read.
     """
-    from renderer.scene_file import read_file
+    from renderer.scene_file import read_file_with
 
     if request.plugins is not None:
         import_plugin_file(request.plugins)
-    return read_file(Path(request.path), **request.parameters)
+    return read_file_with(Path(request.path), request.parameters, request.allow_outside)
 
 
 def cautions_about(request: RenderRequest) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ class Options:
     time_limit: float = TIME_LIMIT  # seconds for one answer of Mitsuba to a trace
     seeds: int = 1  # pictures of each renderer for the ladder of tests; 1: not climbed
     plugins: Path | None = None  # a Python file of the user's (`plugin_file`)
+    allow_outside: tuple[Path, ...] = ()  # folders besides the scenes' own
     convergence: bool = False  # with the rungs that need pictures at many sample counts
 
     @property
@@ -61,6 +62,7 @@ def scene_request(path: Path, proof: Proof, options: Options) -> RenderRequest:
         threads=options.workers,
         box_filter=not proof.deterministic,
         plugins=str(options.plugins.resolve()) if options.plugins else None,
+        allow_outside=tuple(str(folder.resolve()) for folder in options.allow_outside),
     )
 
 

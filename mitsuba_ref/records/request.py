@@ -26,6 +26,7 @@ class RenderRequest:
     box_filter: bool = False  # instead of the file's filter
     independent: bool = False  # the sampler `independent` instead of the file's
     plugins: str | None = None  # a Python file of the user's (`plugin_file`)
+    allow_outside: tuple[str, ...] = ()  # folders besides the scene's (`scene_file.files`)
     replay: bool = False  # both sides draw the same random numbers
     # our side of a replay: what Mitsuba has in its camera's matrix (Reference.arrays)
     camera: tuple[float, ...] | None = None

@@ -102,7 +102,7 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     digest = hashlib.sha256()
     # Of the paths only the file names count: a clone elsewhere finds the same entry.
     wanted = {**asdict(request), "path": Path(request.path).name}
-    del wanted["threads"], wanted["plugins"]
+    del wanted["threads"], wanted["plugins"], wanted["allow_outside"]
     digest.update(json.dumps(wanted, sort_keys=True).encode())
     contents = (*AOV_KINDS, str(ENTRIES))
     for made_by in (mitsuba_version(), drjit_version(), *contents):

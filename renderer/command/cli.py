@@ -8,17 +8,20 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
 from renderer.errors import CheckpointWarning, SceneError
+from renderer.memory import limited_to, parse_size
 from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.picture.image import Image
+    from renderer.rendering.render_to_file import PictureFile
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
@@ -49,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     written: list[Path] = []
     interrupts = Interrupts()
     try:
-        with interrupts:
+        with interrupts, limited_to(options.memory):
             return _run(options, interrupts, written)
     except SceneError as error:
         _complain(f"error: {error}")
@@ -77,7 +80,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         from renderer.picture.image_files import check_output_path
         from renderer.scene.scene import build_scene
         from renderer.scene.simplifications.simplify import simplified
-        from renderer.scene_file import read_file
+        from renderer.scene_file import read_file_with
         from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
@@ -90,7 +93,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         check_output_path(output)
         if output == options.checkpoint:
             raise SceneError(f"{output}: is named as the picture and as the checkpoint")
-    description = read_file(path, **dict(options.define))
+    description = read_file_with(path, dict(options.define), options.allow_outside)
     for word in options.simplify:
         description = simplified(description, word)
     scene = build_scene(description)
@@ -111,10 +114,14 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
             spp=spp,
             accel=options.accel,
             threads=options.threads,
+            goal=options.target_error is not None or options.time is not None,
         )
         sys.stdout.write(text)
         sys.stdout.flush()
     if not outputs:
+        return 0
+    if _needs_bands(scene, options, outputs, interrupts):
+        _render_to_file(scene, options, outputs[0], interrupts)
         return 0
     image = _render(scene, options, interrupts)
     if interrupts.count > 1:
@@ -136,9 +143,12 @@ def default_output(scene: Path) -> Path:
     return Path(f"{name or path.stem}.exr")
 
 
-def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
+@contextmanager
+def _watched(
+    options: argparse.Namespace, interrupts: Interrupts
+) -> Iterator[Callable[[Progress], None]]:
+    """Give what shows the progress, ends a render at Ctrl-C, and says warnings at once."""
     with interrupts.put_off():
-        import renderer.rendering.render_scene
         from renderer.command.progress_display import ProgressDisplay
 
     with (
@@ -156,15 +166,20 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
                 raise KeyboardInterrupt
             display(now)
 
+        yield progress
+
+
+def _how(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments that all renders have."""
+    names = ("spp", "seed", "threads", "integrator", "accel", "sampler", "ray_offset")
+    return {name: getattr(options, name) for name in names}
+
+
+def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
+    with _watched(options, interrupts) as progress:
         image = renderer.render(
             scene,
-            spp=options.spp,
-            seed=options.seed,
-            threads=options.threads,
-            integrator=options.integrator,
-            accel=options.accel,
-            sampler=options.sampler,
-            ray_offset=options.ray_offset,
+            **_how(options),
             progress=progress,
             target_error=options.target_error,
             time_limit=options.time,
@@ -178,6 +193,54 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
     return dataclasses.replace(image, metadata=metadata)
 
 
+def _needs_bands(
+    scene: Scene,
+    options: argparse.Namespace,
+    outputs: list[Path],
+    interrupts: Interrupts,
+) -> bool:
+    """Tell whether the film is larger than memory, and can go into its file in bands."""
+    asked = (options.target_error, options.time, options.checkpoint)
+    if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr" or any(asked):
+        return False
+    with interrupts.put_off():
+        from renderer.rendering.render_to_file import fits_in_memory
+
+    how = _how(options)
+    del how["seed"]
+    return fits_in_memory(scene, **how) is False
+
+
+def _render_to_file(
+    scene: Scene, options: argparse.Namespace, output: Path, interrupts: Interrupts
+) -> None:
+    if not options.quiet:
+        _complain(
+            f"the film is larger than memory: it is written to {output} in bands, and "
+            "nothing is kept of it after an interrupt"
+        )
+    with _watched(options, interrupts) as progress:
+        file = renderer.render_to_file(
+            scene,
+            output,
+            **_how(options),
+            progress=progress,
+            metadata={"command": _command(options)},
+        )
+    if not options.quiet:
+        sys.stdout.write(_rate(file, str(output)))
+        sys.stdout.flush()
+
+
+def _rate(picture: Image | PictureFile, files: str) -> str:
+    samples = picture.width * picture.height * picture.spp
+    rate = samples / max(picture.seconds, 1e-9) / 1e6
+    return (
+        f"{picture.width} x {picture.height} pixels, {picture.spp} spp, "
+        f"{picture.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
+    )
+
+
 def _command(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
@@ -189,6 +252,8 @@ def _command(options: argparse.Namespace) -> str:
         words += ["-D", f"{name}={value}"]
     for word in options.simplify:
         words += ["--simplify", word]
+    for outside in options.allow_outside:
+        words += ["--allow-outside", str(outside)]
     return shlex.join(words)
 
 
@@ -215,12 +280,7 @@ def _report(image: Image, written: list[Path], options: argparse.Namespace) -> N
         if options.checkpoint is not None:
             _complain(f"--checkpoint {options.checkpoint} --resume goes on from here")
     elif not options.quiet:
-        samples = image.width * image.height * image.spp
-        rate = samples / max(image.seconds, 1e-9) / 1e6
-        sys.stdout.write(
-            f"{image.width} x {image.height} pixels, {image.spp} spp, "
-            f"{image.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
-        )
+        sys.stdout.write(_rate(image, files))
         if image.error is not None:
             doubt = "; unsure, the true one may well be another"
             doubt = doubt if image.error_unsure else ""
@@ -379,6 +439,22 @@ def _parser() -> argparse.ArgumentParser:
         "given several times (docs/simplifications.md)",
     )
     add(
+        "--memory",
+        type=_memory,
+        metavar="SIZE",
+        help="refuse what would take this process beyond a size such as 4GiB (default: "
+        "what the machine has free)",
+    )
+    add(
+        "--allow-outside",
+        action="append",
+        default=[],
+        type=_folder,
+        metavar="DIR",
+        help="let the scene name files below this folder too; without it, only below its "
+        "own; may be given several times (docs/security.md)",
+    )
+    add(
         "--explain",
         action="store_true",
         help="print what is modelled, what is left out and why; render only with -o",
@@ -413,6 +489,19 @@ def _error(text: str) -> float:
 
 def _seconds(text: str) -> float:
     return _number(text.removesuffix("s"))
+
+
+def _memory(text: str) -> int:
+    try:
+        return parse_size(text)
+    except SceneError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _folder(text: str) -> Path:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is not a folder")
+    return Path(text)
 
 
 def _number(text: str) -> float:

@@ -64,27 +64,36 @@ def encode_png(pixels: NDArray[np.float32]) -> PillowImage:
     return pillow.fromarray(levels)
 
 
-def _write_exr(path: Path, image: Image) -> None:
-    import OpenEXR  # here, because it takes 0.1 s that a PNG need not wait for
-
-    channels: dict[str, NDArray[np.float32]] = {}
-    for c, channel in enumerate("RGB"):
-        channels[channel] = image.pixels[..., c]
+def exr_planes(image: Image) -> dict[str, NDArray[np.float32]]:
+    """Return the channels of an EXR file by name, (H, W) each."""
+    planes = {name: image.pixels[..., c] for c, name in enumerate("RGB")}
     for name, values in image.aovs.items():
         kind = image.aov_kinds.get(name, "")
         for c, channel in enumerate(aov_channel_names(name, kind, values.shape[2])):
-            channels[channel] = values[..., c]
+            planes[channel] = values[..., c]
+    return {
+        name: np.ascontiguousarray(values, dtype=np.float32)
+        for name, values in planes.items()
+    }
+
+
+def exr_header(image: Image) -> dict[str, Any]:
+    """Return what an EXR file says about itself."""
+    import OpenEXR  # here, because it takes 0.1 s that a PNG need not wait for
+
     header: dict[str, Any] = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "spp": int(image.spp),
     }
     header.update({key: str(value) for key, value in image.metadata.items()})
-    planes = {
-        name: np.ascontiguousarray(values, dtype=np.float32)
-        for name, values in channels.items()
-    }
-    OpenEXR.File(header, planes).write(str(path))
+    return header
+
+
+def _write_exr(path: Path, image: Image) -> None:
+    import OpenEXR
+
+    OpenEXR.File(exr_header(image), exr_planes(image)).write(str(path))
 
 
 def _write_png(path: Path, image: Image) -> None:
@@ -128,7 +137,7 @@ def check_output_path(path: Path) -> None:
 
 
 @contextmanager
-def _whole_or_not_at_all(path: Path) -> Iterator[Path]:
+def whole_or_not_at_all(path: Path) -> Iterator[Path]:
     """Give a name beside `path` to write to; move it into place if all went well."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -142,7 +151,7 @@ def write_image_file(path: Path, image: Image) -> None:
     """Write `image` in the form that the ending of `path` names; see `Image.save`."""
     check_output_path(path)
     try:
-        with _whole_or_not_at_all(path) as temporary:
+        with whole_or_not_at_all(path) as temporary:
             _WRITERS[path.suffix.lower()](temporary, image)
     except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
         if isinstance(error, RuntimeWarning):  # a warning that the user made an error

@@ -16,6 +16,7 @@ import numpy as np
 from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
 from renderer.integrators.moment import show_moments
+from renderer.memory import limited_to
 from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, with_picture
@@ -27,13 +28,18 @@ from renderer.rendering.checkpoints.checkpoint import (
 from renderer.rendering.checkpoints.identity import identity_of
 from renderer.rendering.compilation import CompilationWatch
 from renderer.rendering.goal import Goal, check_goal, for_a_goal
-from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
+from renderer.rendering.memory_estimate import check_room, estimate
+from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
 from renderer.threads import default_threads
 
 MOST_THREADS = 1024
+INSTEAD = (
+    "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands; "
+    "fewer threads; --memory SIZE, if there is more"
+)
 
 
 def render(
@@ -52,6 +58,7 @@ def render(
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: float = 60.0,
     resume: bool = False,
+    memory: int | float | str | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -103,6 +110,11 @@ def render(
         samples. Without it a file that is there is refused. A file that is missing, or
         damaged while the one before is whole, is a CheckpointWarning.
 
+    memory : int or str, optional
+        The most memory that this process may have meanwhile, in bytes or such as "4GiB";
+        None: what the machine has free. A render that would take more is refused, with what
+        it needs; one of a large film alone can go into a file (`render_to_file`).
+
     Returns
     -------
     Image
@@ -112,8 +124,8 @@ def render(
     Raises
     ------
     SceneError
-        For a name that does not exist, a number that is out of range, or a checkpoint of
-        something else.
+        For a name that does not exist, a number that is out of range, a checkpoint of
+        something else, or more memory than there is.
     TypeError
         For a scene that is none, and for `spp`, `seed` or `threads` that are no whole
         numbers.
@@ -124,9 +136,9 @@ def render(
             "`load_dict` returns"
         )
     threads = default_threads() if threads is None else threads
-    threads = _whole_number("threads", threads, 1, MOST_THREADS)
-    seed = _whole_number("seed", seed, 0, 2**32 - 1)
-    spp = None if spp is None else _whole_number("spp", spp, 1, MOST_SAMPLES)
+    threads = whole_number("threads", threads, 1, MOST_THREADS)
+    seed = whole_number("seed", seed, 0, 2**32 - 1)
+    spp = None if spp is None else whole_number("spp", spp, 1, MOST_SAMPLES)
     goal = None
     if target_error is not None or time_limit is not None:
         goal = Goal(
@@ -164,29 +176,22 @@ def render(
         )
         kept = Checkpoint(path, every, of, resume=resume)
 
-    def announce() -> None:
-        if progress is not None:
-            progress(Progress("compile", 0, 1, 0.0))
-
-    watch = CompilationWatch(announce)
-    with watch.installed():
-        compile_seconds = compile_builders(scene, accel, plan.rays)
-        started = time.perf_counter()
-        rendering = Rendering(
+    with limited_to(memory):
+        needs = estimate(
             scene,
             plan,
             accel=accel,
-            seed=seed,
             threads=threads,
-            measured_camera=measured_camera,
+            goal=goal is not None,
+            checkpoint=kept is not None,
         )
-        build_seconds = time.perf_counter() - started - rendering.methods_seconds
-        compile_seconds += rendering.methods_seconds + rendering.compile()
-    if progress is not None and watch.compiled:
-        progress(Progress("compile", 1, 1, compile_seconds))
+        check_room(needs, scene.description.source, INSTEAD)
+    rendering, build_seconds, compile_seconds = prepared(
+        scene, plan, progress, accel, seed, threads, measured_camera=measured_camera
+    )
     complete = rendering.run(progress, goal, kept)
     seconds = rendering.seconds + build_seconds
-    image = _image(rendering, seconds, compile_seconds, complete)
+    image = image_of(rendering, seconds, compile_seconds, complete)
     if nested is None or not complete:
         return image
     try:
@@ -203,6 +208,7 @@ def render(
             checkpoint=colors_kept,
             checkpoint_every=checkpoint_every,
             resume=colors_kept is not None and is_kept(colors_kept),
+            memory=memory,
         )
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}
@@ -212,7 +218,44 @@ def render(
     return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
 
 
-def _whole_number(name: str, value: object, least: int, most: int) -> int:
+def prepared(
+    scene: Scene,
+    plan: Plan,
+    progress: Callable[[Progress], None] | None,
+    accel: str,
+    seed: int,
+    threads: int,
+    *,
+    measured_camera: Sequence[float] | None = None,
+    band: int | None = None,
+) -> tuple[Rendering, float, float]:
+    """Return a rendering that can run, and the seconds of building and of compiling."""
+
+    def announce() -> None:
+        if progress is not None:
+            progress(Progress("compile", 0, 1, 0.0))
+
+    watch = CompilationWatch(announce)
+    with watch.installed():
+        compile_seconds = compile_builders(scene, accel, plan.rays)
+        started = time.perf_counter()
+        rendering = Rendering(
+            scene,
+            plan,
+            accel=accel,
+            seed=seed,
+            threads=threads,
+            measured_camera=measured_camera,
+            band=band,
+        )
+        build_seconds = time.perf_counter() - started - rendering.methods_seconds
+        compile_seconds += rendering.methods_seconds + rendering.compile()
+    if progress is not None and watch.compiled:
+        progress(Progress("compile", 1, 1, compile_seconds))
+    return rendering, build_seconds, compile_seconds
+
+
+def whole_number(name: str, value: object, least: int, most: int) -> int:
     """Return an argument that is an integer, NumPy's included, and in range."""
     try:
         number = operator.index(value)  # type: ignore[arg-type]
@@ -242,9 +285,10 @@ def _shown(value: object) -> str:
     return f"{shown} (of type {type(value).__name__})"
 
 
-def _image(
+def image_of(
     rendering: Rendering, seconds: float, compile_seconds: float, complete: bool
 ) -> Image:
+    """Return what a rendering has come to: of a band, its rows that are complete."""
     plan, accuracy = rendering.plan, rendering.accuracy
     asked = rendering.scene.description.integrator
     show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)

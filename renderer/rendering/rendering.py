@@ -16,6 +16,7 @@ from renderer.kernels.jit import Packed, pack
 from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.rendering.accuracy import Accuracy
+from renderer.rendering.band import Band, FilmShape
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
@@ -24,7 +25,7 @@ from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
 from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
-from renderer.stages.film import BOX, Film, filter_border, filter_table
+from renderer.stages.film import BOX, Film, FilterTable, filter_border, filter_table
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -35,7 +36,8 @@ SUMS_IN_ALL = 32
 class Rendering:
     """One render: everything prepared, then `run`.
 
-    Parameters are those of `render`, with the `plan` made and every choice named.
+    Parameters are those of `render`, with the `plan` made and every choice named; `band` is
+    how many rows of tiles there are at a time, None for all of the film.
 
     Attributes
     ----------
@@ -55,6 +57,7 @@ class Rendering:
         seed: int,
         threads: int,
         measured_camera: Sequence[float] | None = None,
+        band: int | None = None,
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
         self.variant = way_of(plan, measured_camera)
@@ -63,42 +66,30 @@ class Rendering:
         self.kernel_scene = self._inputs.record
         kind = plan.kind
         self._render_tile = kind.render_several if plan.several else kind.render
-        self.channels = kind.channels
-        film = scene.description.camera.film
-        # counts stay in their own pixel, so that they can be added up
         self.counted = kind.counts_work
-        self.rfilter = BOX if self.counted else filter_table(film.rfilter)
-        if plan.moments is not None:
-            squares = squared_sums(kind, scene.description.integrator)
-            self.rfilter = self.rfilter._replace(squares=squares)
-            self.channels += len(squares)
+        self.rfilter = filter_of(scene, plan)
         self._packed_filter = pack(self.rfilter)
-        self.border = filter_border(self.rfilter)
-        self.film = Film(
-            self.channels,
-            film.crop_offset_x + film.border,
-            film.crop_offset_y + film.border,
-            film.crop_width,
-            film.crop_height,
-            self.border,
-            film.width + 2 * film.border,
-            film.border,
-            # in a replay a pixel's stream of random numbers runs on through all its samples
-            1 if self.variant.in_order else SUMS_IN_ALL,
-        )
+        shape = film_shape(scene, plan)
+        self.channels, self.border = shape.channels, shape.border
         self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
-        tiles, layers = self.film.tiles, self.film.grid.layers
-        self.work = Work(len(tiles), layers, max(1, SAMPLES_PER_JOB // asked))
-        self.samples_of_place = np.zeros(self.work.places, np.int64)
-        pixels = [tile.width * tile.height for tile in tiles]
-        self.pixels, self._pixels_of_place = sum(pixels), np.tile(pixels, layers)
-        self.samples_in_all = self.pixels * plan.spp
+        self._part = max(1, SAMPLES_PER_JOB // asked)
+        self.use_film(Film(*shape) if band is None else Band(shape, band))
         # what a sitting says about itself
         self.has_goal = False
         self.seconds = 0.0  # of tracing; with those before a checkpoint
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._workspaces: list[Packed | None] = [None] * threads
+
+    def use_film(self, film: Film) -> None:
+        """Begin anew, with another film of the same kind."""
+        self.film = film
+        self.work = Work(len(film.tiles), film.grid.layers, self._part)
+        self.samples_of_place = np.zeros(self.work.places, np.int64)
+        pixels = [tile.width * tile.height for tile in film.tiles]
+        self.pixels = sum(pixels)
+        self._pixels_of_place = np.tile(pixels, film.grid.layers)
+        self.samples_in_all = self.pixels * self.plan.spp
 
     @property
     def kernel_scene(self) -> KernelScene:
@@ -116,20 +107,12 @@ class Rendering:
 
     def make_workspace(self, channels: int) -> Workspace:
         """Allocate what one thread works in."""
-        depths, capacity = 1, CAPACITY
-        if self.plan.kind.splits:
-            depths = self.plan.max_depth + 1
-            capacity = REGION * depths
-        elif self.plan.several:
-            capacity = KEPT + CAPACITY
         bsdfs = self.kernel_scene.bsdfs
-        return make_workspace(
-            ray_capacity=capacity,
-            channels=channels,
-            depths=depths,
+        return workspace_of(
+            self.plan,
+            channels,
             kinds=len(bsdfs.methods),
             parameters=len(bsdfs.values),
-            counted=self.counted,
             previous_points=self.variant.previous_points,
         )
 
@@ -208,6 +191,57 @@ class Rendering:
             If the checkpoint does not fit.
         """
         return Sitting(self, progress, goal, checkpoint).run()
+
+
+def workspace_of(
+    plan: Plan, channels: int, *, kinds: int, parameters: int, previous_points: bool
+) -> Workspace:
+    """Allocate what one thread works in; the arguments are those of `make_workspace`."""
+    depths, capacity = 1, CAPACITY
+    if plan.kind.splits:
+        depths = plan.max_depth + 1
+        capacity = REGION * depths
+    elif plan.several:
+        capacity = KEPT + CAPACITY
+    return make_workspace(
+        ray_capacity=capacity,
+        channels=channels,
+        depths=depths,
+        kinds=kinds,
+        parameters=parameters,
+        counted=plan.kind.counts_work,
+        previous_points=previous_points,
+    )
+
+
+def filter_of(scene: Scene, plan: Plan) -> FilterTable:
+    """Return the table of the film's filter, with what is squared."""
+    table = filter_table(scene.description.camera.film.rfilter)
+    if (
+        plan.kind.counts_work
+    ):  # counts stay in their own pixel, so that they can be added up
+        table = BOX
+    if plan.moments is None:
+        return table
+    squares = squared_sums(plan.kind, scene.description.integrator)
+    return table._replace(squares=squares)
+
+
+def film_shape(scene: Scene, plan: Plan) -> FilmShape:
+    """Return what the film of a render is made of."""
+    film, table = scene.description.camera.film, filter_of(scene, plan)
+    return FilmShape(
+        plan.kind.channels + (0 if table.squares is None else len(table.squares)),
+        film.crop_offset_x + film.border,
+        film.crop_offset_y + film.border,
+        film.crop_width,
+        film.crop_height,
+        filter_border(table),
+        film.width + 2 * film.border,
+        film.border,
+        # in a replay a pixel's stream of random numbers runs on through all its samples
+        1 if plan.replay else SUMS_IN_ALL,
+    )
 
 
 def _arrays_of(record: Any) -> list[NDArray[Any]]:

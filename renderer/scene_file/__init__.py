@@ -8,7 +8,7 @@ only meets scenes that it can render. Whatever is wrong or not supported is one
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,27 @@ from renderer.scene_file.document.dictionary import read_dictionary
 from renderer.scene_file.document.parameters import Parameters
 from renderer.scene_file.document.references import resolve
 from renderer.scene_file.document.xml_tree import read_text_file, read_xml_tree
+from renderer.scene_file.files import Bounds
 from renderer.scene_file.objects.scenes import read_scene
 from renderer.scene_file.reading import Reading
 
-__all__ = ["SceneDescription", "SceneError", "read_dict", "read_file", "read_string"]
+__all__ = [
+    "Folders",
+    "SceneDescription",
+    "SceneError",
+    "read_dict",
+    "read_file",
+    "read_file_with",
+    "read_string",
+]
 
 
-def read_file(path: str | Path, /, **parameters: object) -> SceneDescription:
+Folders = str | Path | Iterable[str | Path]
+
+
+def read_file(
+    path: str | Path, /, *, allow_outside: Folders = (), **parameters: object
+) -> SceneDescription:
     """Read a Mitsuba 3 XML scene.
 
     Parameters
@@ -32,6 +46,8 @@ def read_file(path: str | Path, /, **parameters: object) -> SceneDescription:
     path
         The file. What it names is looked for in its own folder (and in those of its
         `<path>` elements), then in the working directory.
+    allow_outside
+        Folders in whose trees it may name files, besides its own folder (docs/security.md).
     **parameters
         Values for `$name` in the file; they win over its `<default>` elements.
 
@@ -42,17 +58,30 @@ def read_file(path: str | Path, /, **parameters: object) -> SceneDescription:
     TypeError
         If `path` is no path.
     """
+    return read_file_with(path, parameters, allow_outside)
+
+
+def read_file_with(
+    path: str | Path, parameters: Mapping[str, object], allow_outside: Folders = ()
+) -> SceneDescription:
+    """Read as `read_file`, with parameters whose names nobody has chosen here."""
     _check_type("the path of the scene", path, (str, os.PathLike), "a str or a Path")
     path = Path(path)
     if not path.is_file():
         raise SceneError(f"{path}: no such scene file")
-    reading = Reading([path.parent, Path.cwd()])
+    bounds = Bounds.of(path.parent, allow_outside)
+    reading = Reading([path.parent, Path.cwd()], bounds)
     reading.files[str(path)] = None
     return _read_xml(read_text_file(path), str(path), parameters, reading)
 
 
 def read_string(
-    xml: str, /, *, base_dir: str | Path | None = None, **parameters: object
+    xml: str,
+    /,
+    *,
+    base_dir: str | Path | None = None,
+    allow_outside: Folders = (),
+    **parameters: object,
 ) -> SceneDescription:
     """Read a scene from XML text.
 
@@ -62,8 +91,8 @@ def read_string(
         The document.
     base_dir
         Where the files that it names are looked for first; then in the working
-        directory.
-    **parameters
+        directory. It is the scene's own folder; without it the working directory is.
+    allow_outside, **parameters
         As in `read_file`.
 
     Raises
@@ -74,11 +103,14 @@ def read_string(
         If `xml` is no text.
     """
     _check_type("the scene", xml, (str, bytes), "XML text (a str)")
-    return _read_xml(xml, "<string>", parameters, Reading(_folders(base_dir)))
+    return _read_xml(xml, "<string>", parameters, _reading(base_dir, allow_outside))
 
 
 def read_dict(
-    content: Mapping[str, Any], *, base_dir: str | Path | None = None
+    content: Mapping[str, Any],
+    *,
+    base_dir: str | Path | None = None,
+    allow_outside: Folders | None = None,
 ) -> SceneDescription:
     """Read a scene from a dictionary in the form of Mitsuba's `load_dict`.
 
@@ -88,13 +120,16 @@ def read_dict(
         A dictionary with "type": "scene".
     base_dir
         As in `read_string`.
+    allow_outside
+        As in `read_file`. None: files may lie anywhere, as who holds a dictionary has
+        written the names in it; give () for one that was made from somebody else's text.
 
     Raises
     ------
     SceneError
         As `read_file`.
     """
-    reading = Reading(_folders(base_dir))
+    reading = _reading(base_dir, allow_outside)
     root = resolve(read_dictionary(content, reading))
     return read_scene(root, "<dictionary>", reading)
 
@@ -106,10 +141,14 @@ def _read_xml(
     return read_scene(resolve(tree), source, reading)
 
 
-def _folders(base_dir: str | Path | None) -> list[Path]:
+def _reading(base_dir: str | Path | None, allow_outside: Folders | None) -> Reading:
+    folders = [Path.cwd()]
     if base_dir is not None:
         _check_type("base_dir", base_dir, (str, os.PathLike), "a str or a Path")
-    return [Path.cwd()] if base_dir is None else [Path(base_dir), Path.cwd()]
+        folders.insert(0, Path(base_dir))
+    anywhere = folders[0].absolute().anchor
+    others = anywhere if allow_outside is None else allow_outside
+    return Reading(folders, Bounds.of(folders[0], others))
 
 
 def _check_type(

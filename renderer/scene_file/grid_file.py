@@ -13,8 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 
+# Of the shape that it becomes, measured; a crossing is an edge with a sign at either end.
+_BYTES_A_POINT, _BYTES_A_CROSSING = 34, 500
 _HEADER = struct.Struct("<3sB5i6f")
 
 
@@ -54,6 +57,10 @@ def read_grid(path: Path) -> NDArray[np.float32]:
         raise SceneError(f"{path}: promises {nx} x {ny} x {nz} numbers; there are {there}")
     numbers = np.frombuffer(content, "<f4", nx * ny * nz, _HEADER.size)
     grid = numbers.reshape(nz, ny, nx).astype(np.float32)
+    inside = grid > 0.0
+    crossing = sum(int(np.count_nonzero(np.diff(inside, axis=axis))) for axis in range(3))
+    size = _BYTES_A_POINT * grid.size + _BYTES_A_CROSSING * crossing
+    memory.require(size, f"{path}: the grid")
     if (wrong := check_distances(grid)) is not None:
         raise SceneError(f"{path}: has {wrong}; expected finite numbers")
     return grid

@@ -195,7 +195,7 @@ class Properties:
         try:
             return read(path)
         except SceneError as error:
-            raise SceneError(f"{location}: {self.element}: {error}") from None
+            raise type(error)(f"{location}: {self.element}: {error}") from None
 
     def take(self, name: str) -> Property | None:
         """Return a property of any kind, for readers that take several, or None."""

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from renderer.errors import SceneError
 from renderer.scene_file.description import Location
 from renderer.scene_file.document.tree import Element
-from renderer.scene_file.numbers import quoted
+from renderer.scene_file.files import Bounds, find_regular_file
 
 T = TypeVar("T")
 
@@ -20,6 +19,8 @@ class Reading:
     """State of one reading; every reader gets it."""
 
     folders: list[Path]  # searched in this order
+    # what of all paths may be read
+    bounds: Bounds = field(default_factory=lambda: Bounds.of(Path.cwd()))
     warnings: list[str] = field(default_factory=list)
     files: dict[str, None] = field(default_factory=dict)  # an ordered set
     # the shape that an emitter is in, by the id() of the emitter's element
@@ -32,11 +33,9 @@ class Reading:
         Raises
         ------
         SceneError
-            If no folder has it; the message says where it was looked for.
+            If no folder has it, or it may not be read (`renderer.scene_file.files`).
         """
-        path = find(name, self.folders, location, what)
-        if not path.is_file():
-            raise SceneError(f"{location}: {what} {quoted(name)} is not a file")
+        path = find_regular_file(name, self.folders, self.bounds, location, what)
         self.files[str(path)] = None
         return path
 
@@ -54,21 +53,3 @@ class Reading:
             self._built[id(element)] = (element, build())
         built: T = self._built[id(element)][1]
         return built
-
-
-def find(name: str, folders: list[Path], location: Location, what: str) -> Path:
-    """Return the first existing path for `name`, which may be absolute.
-
-    Raises
-    ------
-    SceneError
-        If there is none.
-    """
-    try:
-        for folder in folders:
-            if name and (folder / name).exists():
-                return folder / name
-    except (OSError, ValueError) as error:  # a name too long, a zero byte
-        raise SceneError(f"{location}: {what} {quoted(name)}: {error}") from None
-    looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
-    raise SceneError(f"{location}: {what} {quoted(name)} not found; looked in: {looked}")

@@ -10,6 +10,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +115,7 @@ def mean_picture(pictures: Sequence[Picture]) -> Picture:
 def measure(
     path: Path,
     *,
-    parameters: Mapping[str, str | int] | None = None,
+    parameters: Mapping[str, Any] | None = None,
     spp: int = 32,
     seeds: int = 6,
     tolerance: float = 0.01,

@@ -7,11 +7,12 @@ import gc
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import renderer
 from reports.soak.damage.sound_files import SCENES
 
-SIZE = {"width": 32, "height": 24}
+SIZE: dict[str, Any] = {"width": 32, "height": 24}
 
 
 def main() -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import textwrap
+from functools import partial
 from itertools import chain
 
+from renderer import memory
 from renderer.rendering.aovs import nested_scene
+from renderer.rendering.memory_estimate import Estimate, estimate
 from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.scene.scene import Scene
+from renderer.threads import default_threads
 
 WIDTH = 92
 
@@ -22,6 +26,7 @@ def plan_text(
     spp: int | None = None,
     accel: str | None = None,
     threads: int | None = None,
+    goal: bool = False,
 ) -> str:
     """Return what `render` would do with the same arguments, and why, as lines of text.
 
@@ -42,12 +47,24 @@ def plan_text(
         page += ["", "What is simplified, as asked"]
         page += [line for told in scene.description.simplified for line in _row("-", told)]
     page += _sections(plan)
+    takes = partial(
+        estimate, accel=accel or "auto", threads=threads or default_threads(), goal=goal
+    )
+    needs = takes(scene, plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
         plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
+        needs = max(needs, takes(nested, plan), key=lambda each: each.total)
     page += _known_to_fail(nested or scene, plan)
+    page += ["", "Memory, beside the scene", *_row("at most", _memory_text(needs))]
     return "\n".join(page) + "\n"
+
+
+def _memory_text(needs: Estimate) -> str:
+    room = memory.whose_room()
+    fits = "" if needs.total <= memory.room() else ", which is too little"
+    return f"{memory.shown(needs.total)} ({needs}); {room}{fits}"
 
 
 def _sections(plan: Plan) -> list[str]:

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
+from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
 from renderer.scene_file.document.tree import SpectrumValue
@@ -49,6 +50,7 @@ def read_spd(path: Path) -> SpectrumValue:
         If it cannot be read or a line is malformed.
     """
     try:
+        memory.require(24 * path.stat().st_size, f"{path}: the spectrum")
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeError) as error:
         raise SceneError(f"{path}: cannot read the spectrum: {error}") from None

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
 
+# Each <default> may double the one before it.
+_LONGEST = 1 << 20  # [characters] of a value with a parameter in it
 _UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
 
 
@@ -43,6 +45,11 @@ class Parameters:
         for name in sorted(self._values, key=len, reverse=True):
             pattern = re.compile(r"(?<!\\)\$" + re.escape(name))
             text, count = pattern.subn(self._values[name].replace("\\", r"\\"), text)
+            if count and len(text) > _LONGEST:
+                raise SceneError(
+                    f"{location}: a value with ${name} in it grows to more than {_LONGEST} "
+                    "characters"
+                )
             if count:
                 self._unused.discard(name)
         if unresolved := _UNRESOLVED.search(text):

@@ -10,9 +10,12 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
+from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
 
+_AT_ONCE = 4096  # elements, between two looks at how much memory is left
+_BYTES_AN_ELEMENT = 3000  # until it is an object of the scene
 _DEEPEST = 100  # nested elements; keeps the recursive readers far from Python's limit
 
 
@@ -47,8 +50,14 @@ def parse_xml(content: str | bytes, source: str) -> XmlElement:
     parser.buffer_text = True
     roots: list[XmlElement] = []
     open_elements: list[XmlElement] = []
+    count = 0
+    memory.require(max(4 * len(content), memory.SMALL + 1), source)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count % _AT_ONCE == 0:
+            memory.require(_AT_ONCE * _BYTES_AN_ELEMENT, f"{source}: more elements")
         location = Location(source, parser.CurrentLineNumber)
         element = XmlElement(tag, attributes, location)
         if len(open_elements) >= _DEEPEST:

@@ -20,11 +20,12 @@ from renderer.scene_file.document.xml_elements import (
 )
 from renderer.scene_file.document.xml_transforms import STEPS
 from renderer.scene_file.document.xml_values import VALUE_TAGS, read_value
+from renderer.scene_file.files import find
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.plugins import TAGS
-from renderer.scene_file.reading import Reading, find
+from renderer.scene_file.reading import Reading
 
-_DEEPEST_INCLUDE = 15  # as in Mitsuba
+DEEPEST_INCLUDE = 15  # as in Mitsuba
 _OTHER_TAGS = ("default", "include", "path", "alias")
 
 
@@ -138,13 +139,14 @@ class _Document:
         if resolved in self._stack:
             chain = " -> ".join(p.name for p in (*self._stack, resolved))
             raise SceneError(f"{where}: cyclic <include>: {chain}")
-        if len(self._stack) >= _DEEPEST_INCLUDE:
+        if len(self._stack) >= DEEPEST_INCLUDE:
             raise SceneError(
-                f"{where}: more than {_DEEPEST_INCLUDE} files include each other"
+                f"{where}: more than {DEEPEST_INCLUDE} files include each other"
             )
         # Only the root document's own <path> elements last until plugins open files.
         folders = [path.parent, *self._reading.folders]
-        inner = Reading(folders, self._reading.warnings, self._reading.files)
+        reading = self._reading
+        inner = Reading(folders, reading.bounds, reading.warnings, reading.files)
         document = _Document(str(path), self._parameters, inner, (*self._stack, resolved))
         tree = document.read(read_text_file(path))
         for id_, element in tree.elements.items():
@@ -167,14 +169,11 @@ class _Document:
             raise SceneError(
                 f"{xml.location}: <path> must stand directly in the root element"
             )
-        folder = find(
-            xml.attributes["value"], self._reading.folders, xml.location, "the folder"
-        )
+        reading, name = self._reading, xml.attributes["value"]
+        folder = find(name, reading.folders, reading.bounds, xml.location, "the folder")
         if not folder.is_dir():
-            raise SceneError(
-                f"{xml.location}: <path> {quoted(xml.attributes['value'])} is not a folder"
-            )
-        self._reading.folders.insert(0, folder)
+            raise SceneError(f"{xml.location}: <path> {quoted(name)} is not a folder")
+        reading.folders.insert(0, folder)
 
     def _alias(self, xml: XmlElement) -> None:
         check_attributes(xml, ("id", "as"))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.images.exr_image import is_exr, read_exr
 from renderer.scene_file.images.image import Image, checked
@@ -73,7 +74,16 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
                         f"{path}: {image.width} x {image.height} pixels are too many; "
                         f"expected at most {_LARGEST}"
                     )
-                if image.mode in ("1", "L", "LA"):
+                pixels = image.width * image.height
+                # A coder spends a bit on 64 pixels at least; missing ones are made up.
+                if image.format == "JPEG" and pixels > 1024 * path.stat().st_size:
+                    raise SceneError(
+                        f"{path}: damaged image: {path.stat().st_size} bytes cannot hold "
+                        f"{image.width} x {image.height} pixels"
+                    )
+                grey = image.mode in ("1", "L", "LA")
+                memory.require((6 if grey else 16) * pixels, f"{path}: the image")
+                if grey:
                     return np.asarray(image.convert("L"))[:, :, None]
                 if image.mode in ("RGB", "RGBA", "P"):
                     # By way of RGBA, so that transparency of a palette is no black.
@@ -83,6 +93,8 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
                     "supported: grey, "
                     "grey + alpha, RGB, RGB + alpha, palette"
                 )
+    except SceneError:  # a ValueError too
+        raise
     except UnidentifiedImageError:
         raise SceneError(
             f"{path}: neither PNG, JPEG, BMP, TGA, EXR nor HDR, which images are read from"

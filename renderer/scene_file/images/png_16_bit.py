@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -48,6 +49,8 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
         raise SceneError(f"{path}: damaged PNG: its header makes no sense")
     if interlace:
         raise SceneError(f"{path}: interlaced 16-bit PNG is not supported; save it without")
+    # unpacked, filtered, and in float64 while it is checked
+    memory.require(42 * width * height * channels, f"{path}: the image")
     row_bytes = width * channels * 2
     expected = height * (row_bytes + 1)  # each row starts with the number of its filter
     try:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 
 _SIZE = re.compile(rb"-Y (\d{1,7}) \+X (\d{1,7})")
@@ -70,6 +71,7 @@ def read_rgbe(path: Path, largest: int) -> NDArray[np.float32]:
             f"{path}: damaged HDR file: {len(content) - start} bytes for {height} rows of "
             f"{width} pixels"
         )
+    memory.require(44 * height * width, f"{path}: the image")
     return _decoded(_pixels(content, start, width, height, path))
 
 

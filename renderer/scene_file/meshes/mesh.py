@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
 from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Radiance
@@ -16,6 +17,8 @@ from renderer.scene_file.meshes.mesh_data import MeshData, first_not_finite, sho
 # A triangle whose height is less than this part of its longest edge is a line: far below
 # the rounding of float32 vertices, so only exactly collinear ones are caught.
 _FLAT = 1e-12
+# At the peak, measured: corners and angles in float64, for normals that a file lacks.
+_BYTES_A_FACE, _BYTES_A_VERTEX = 260, 110
 
 
 def build_mesh(
@@ -60,6 +63,8 @@ def build_mesh(
     SceneError
         The transform is singular, sends a vertex to infinity, or no triangle is left.
     """
+    size = _BYTES_A_FACE * len(data.faces) + _BYTES_A_VERTEX * len(data.vertices)
+    memory.require(size, f"{location}: the {len(data.faces)} triangles of {data.source}")
     linear = np.asarray(to_world, dtype=np.float64)[:3, :3]
     offset = np.asarray(to_world, dtype=np.float64)[:3, 3]
     finite = np.isfinite(linear).all() and np.isfinite(offset).all()

@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
+
+_BLANKS = bytes(b for b in range(256) if chr(b).isspace())  # between words of latin-1
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,18 @@ def read_mesh_bytes(path: Path) -> bytes:
     if not content:
         raise SceneError(f"{path}: the mesh file is empty")
     return content
+
+
+def require_for_words(content: bytes, each: int, path: Path) -> None:
+    """Refuse a text of more words than there is memory, `each` bytes for one at the peak.
+
+    Raises
+    ------
+    NotAllowed
+        With both numbers.
+    """
+    gaps = len(content) - len(content.translate(None, _BLANKS))
+    memory.require(each * gaps + 3 * len(content), f"{path}: the mesh")
 
 
 def first_not_finite(rows: NDArray[np.float64]) -> int:

@@ -17,6 +17,7 @@ from renderer.scene_file.meshes.mesh_data import (
     MeshData,
     first_not_finite,
     read_mesh_bytes,
+    require_for_words,
     show_numbers,
 )
 
@@ -73,7 +74,9 @@ def read_obj(path: Path, *, flip_tex_coords: bool = True) -> MeshData:
         finite, an index out of range, a face with less than three corners, no face.
     """
     # latin-1 maps every byte to a character: names may be in any encoding.
-    tables = _split_lines(read_mesh_bytes(path).decode("latin-1"), path)
+    content = read_mesh_bytes(path)
+    require_for_words(content, 95, path)  # texts in lists, and numbers beside them
+    tables = _split_lines(content.decode("latin-1"), path)
     vertices = _numbers(tables.v, path)
     uvs = _numbers(tables.vt, path)
     normals = _numbers(tables.vn, path)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
@@ -14,6 +15,7 @@ from renderer.scene_file.meshes.mesh_data import (
     first_not_finite,
     first_out_of_range,
     read_mesh_bytes,
+    require_for_words,
     show_numbers,
 )
 from renderer.scene_file.meshes.ply_attributes import ply_attributes
@@ -43,6 +45,10 @@ def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
     """
     content = read_mesh_bytes(path)
     header = parse_ply_header(content, path)
+    if header.byte_order:
+        memory.require(8 * len(content), f"{path}: the mesh")  # float64 of the bytes
+    else:
+        require_for_words(content[header.size :], 55, path)
     elements = read_records(content, header, path)
     for name in ("vertex", "face"):
         if not elements.get(name):

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
@@ -156,6 +157,8 @@ class _Stream:
                 f"{self.what} promises {count} bytes of {what.removeprefix('the ')}; its "
                 f"stream cannot hold more than {self._most}"
             )
+        # unpacked, copied, and as other numbers
+        memory.require(6 * count, f"{self.what}: {what}")
         self._unpack(count - len(self._ahead))
         if len(self._ahead) < count:
             raise SceneError(

@@ -8,7 +8,9 @@ from renderer.scene_file.document.tree import Element
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
 
-_LARGEST = 2**28  # pixels of the crop window: 11 GiB, sums in float64 and picture
+# Pixels of the crop window: the samplers number them in 32 bits. What fits into memory is
+# another question, which whoever renders asks.
+_LARGEST = 2**32
 _LONGEST = 2**20  # pixels of a side
 _PIXELS = ("rgb", "rgba", "luminance", "luminance_alpha", "xyz", "xyza")
 

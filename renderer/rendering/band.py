@@ -1,0 +1,126 @@
+"""A part of the film that fits into memory: some rows of its tiles, then the next ones.
+
+The sums of a tile have a border, so that pixels at the edge of a band need the rows of
+tiles beyond it too: those are carried from band to band and nothing is rendered twice. A
+band adds up the same sums in the same order as the whole film: no bit is another.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.records.tile import TILE_SIZE
+from renderer.stages.film import Film, develop_rows
+from renderer.threads import in_threads
+
+
+class FilmShape(NamedTuple):
+    """What `Film` is made of; see there."""
+
+    channels: int
+    x: int
+    y: int
+    width: int
+    height: int
+    border: int
+    film_width: int
+    beyond: int
+    sums_in_all: int
+
+    @property
+    def rows(self) -> int:
+        """Rows of tiles."""
+        return -(-(self.height + 2 * self.beyond) // TILE_SIZE)
+
+    @property
+    def columns(self) -> int:
+        """Tiles in a row."""
+        return -(-(self.width + 2 * self.beyond) // TILE_SIZE)
+
+    @property
+    def layers(self) -> int:
+        """Sums of each tile."""
+        return max(1, self.sums_in_all // (self.rows * self.columns))
+
+    @property
+    def carried(self) -> int:
+        """Rows of tiles that a band leaves to the next."""
+        return -(-2 * self.border // TILE_SIZE)
+
+    @property
+    def bytes_of_row(self) -> int:
+        """Memory of the sums of a row of tiles."""
+        size = TILE_SIZE + 2 * self.border
+        return 8 * self.layers * self.columns * (self.channels + 1) * size * size
+
+
+class Band(Film):
+    """Rows of tiles of a film, of which `develop` gives the pixels that are complete.
+
+    Parameters
+    ----------
+    shape : FilmShape
+        The whole film.
+    rows : int
+        Rows of tiles, more than are carried to the next band.
+    first : int
+        The first row of tiles.
+    begin : int
+        Rows of pixels that the bands before have given.
+    """
+
+    def __init__(self, shape: FilmShape, rows: int, first: int = 0, begin: int = 0) -> None:
+        self._shape, self._rows, self._first = shape, rows, first
+        last = min(first + rows, shape.rows)
+        top = shape.y - shape.beyond + TILE_SIZE * first
+        bottom = shape.y + shape.height + shape.beyond
+        end = min(shape.y - shape.beyond + TILE_SIZE * last, bottom)
+        part = shape._replace(
+            y=top + shape.beyond,
+            height=end - top - 2 * shape.beyond,
+            sums_in_all=shape.layers * shape.columns * (last - first),
+        )
+        super().__init__(*part)
+        self.begin, self.end = begin, shape.height
+        if last < shape.rows:
+            self.end = TILE_SIZE * last - shape.beyond - shape.border
+
+    def develop(
+        self, threads: int = 1, sums: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float32]:
+        """Return the rows of pixels begin .. end - 1, as those of `Film.develop`."""
+        sums = self.sums if sums is None else sums
+        offset = TILE_SIZE * self._first
+        first, end = self.begin - offset, self.end - offset
+        channels = self.sums.shape[1] - 1
+        picture = np.empty((end, self.width, channels), np.float32)
+
+        def develop_part(part: int) -> None:
+            start = first + part * TILE_SIZE
+            develop_rows(sums, self.grid, picture, start, min(start + TILE_SIZE, end))
+
+        in_threads(threads, -(-(end - first) // TILE_SIZE), develop_part)
+        return picture[first:]
+
+    def following(self) -> tuple[Band, int] | None:
+        """Return the next band and how many of its rows hold their samples; None: the end.
+
+        The sums of this one are gone then.
+        """
+        if self.end == self._shape.height:
+            return None
+        carried = self._shape.carried
+        first = self._first + self.grid.rows - carried
+        kept = self._by_rows()[:, self.grid.rows - carried :].copy()
+        self.sums = self.sums[:0]
+        band = Band(self._shape, self._rows, first, self.end)
+        band._by_rows()[:, :carried] = kept
+        return band, carried
+
+    def _by_rows(self) -> NDArray[np.float64]:
+        """Return the sums as (layers, rows, columns, ...)."""
+        grid = self.grid
+        return self.sums.reshape(grid.layers, grid.rows, grid.columns, *self.sums.shape[1:])

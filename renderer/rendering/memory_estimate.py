@@ -1,0 +1,180 @@
+"""What a render will take of memory, said before it does, and refused if it is too much.
+
+Each part is an upper estimate: of accelerators what their builders take at their peak. A
+test compares the sum with what is really allocated.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer import memory
+from renderer.accelerators.choice import choose_structures
+from renderer.errors import NotAllowed
+from renderer.rendering.band import FilmShape
+from renderer.rendering.planning.plan import Plan
+from renderer.rendering.rendering import film_shape, workspace_of
+from renderer.scene.scene import Scene
+
+# Bytes for a primitive at the peak of a build, measured with 51,200 triangles in a mesh and
+# in a soup; what stays is a third of it or less.
+_OF_STRUCTURE = {
+    "brute": 210,
+    "bvh": 220,
+    "bvh-median": 220,
+    "bvh-middle": 220,
+    "wide": 250,
+    "grid": 330,
+    "grid-without-mailboxes": 330,
+    "grid-clusters": 450,
+    "grid-nested": 610,
+    "bsp": 750,
+    "kd-middle": 950,
+    "kd-median": 950,
+    "kd-sah": 950,
+    "octree": 980,
+}
+_OF_TABLES = 80  # for a primitive: lights, derivatives, copies without uv
+_OF_TILE = 500  # the Python objects
+_STREAM = 24  # for a pixel of a replay: the state of its random numbers
+_PARAMETERS = 64  # rows for a BSDF; the largest have 30
+# The machine code of the kernels, with the compiler that makes it the first time [bytes].
+_KERNELS = 150 << 20
+
+_loaded = False  # whether a render of this process has them
+
+
+class Estimate(NamedTuple):
+    """Bytes that a render takes beside the scene, which is there, by what takes them."""
+
+    parts: dict[str, int]
+
+    @property
+    def total(self) -> int:
+        """The sum."""
+        return sum(self.parts.values())
+
+    def __str__(self) -> str:
+        """Return the parts that matter, the largest first."""
+        largest = sorted(self.parts.items(), key=lambda part: -part[1])
+        return ", ".join(
+            f"{what} {memory.shown(size)}"
+            for what, size in largest
+            if size > max(self.total / 100, memory.SMALL)
+        )
+
+
+def estimate(
+    scene: Scene,
+    plan: Plan,
+    *,
+    accel: str,
+    threads: int,
+    goal: bool = False,
+    checkpoint: bool = False,
+    band: int | None = None,
+) -> Estimate:
+    """Return what a render will take.
+
+    Parameters
+    ----------
+    scene, plan, accel, threads
+        As for `Rendering`.
+    goal
+        Whether the film's samples are kept in two halves.
+    checkpoint
+        Whether copies of the sums are written while others are added to.
+    band
+        Rows of tiles that there are at a time; None: all.
+    """
+    shape = film_shape(scene, plan)
+    rows = shape.rows if band is None else min(band, shape.rows)
+    sums = rows * shape.bytes_of_row
+    pixels = rows * 32 * shape.width if band else shape.height * shape.width
+    picture = 4 * pixels * shape.channels
+    film = sums + _OF_TILE * rows * shape.columns * shape.layers
+    if band is not None:
+        film += shape.carried * shape.bytes_of_row
+    parts = {
+        "the kernels": 0 if _loaded else _KERNELS,
+        "the film's sums": film,
+        # developed, as what is shown of it, and one channel after the other for a file
+        "the picture": (2 if band is None else 4) * picture,
+        "accelerators": _accelerators(scene, plan, accel),
+        "tables of the scene": _OF_TABLES * scene.shape.size,
+        f"working arrays of {threads} threads": threads * _workspace(scene, plan, shape),
+    }
+    if goal:
+        # copies of the sums, and what an error is guessed from
+        parts["both halves of a goal"] = 2 * sums + 18 * picture
+    if checkpoint:
+        parts["a copy for the checkpoint"] = (3 if goal else 1) * sums
+    if plan.replay:
+        parts["streams of random numbers"] = _STREAM * shape.width * shape.height
+    return Estimate(parts)
+
+
+def check_room(found: Estimate, source: str, possible: str) -> None:
+    """Refuse a render that takes more than there is.
+
+    Raises
+    ------
+    NotAllowed
+        With what takes how much, how much there is, and what is possible instead.
+    """
+    if found.total > memory.room():
+        raise NotAllowed(
+            f"{source}: rendering takes about {memory.shown(found.total)} of memory more "
+            f"({found}); {memory.whose_room()}; possible: {possible}"
+        )
+    global _loaded  # from here on kernels are loaded, once in a process
+    _loaded = True
+
+
+def rows_at_once(shape: FilmShape, room: int) -> int:
+    """Return how many rows of tiles a band has: enough for all threads, and no more.
+
+    It has one more than it leaves to the next one at least, whether there is room or not.
+    """
+    a_row = shape.bytes_of_row + shape.columns * (
+        _OF_TILE * shape.layers + 16 * 32 * 32 * shape.channels
+    )
+    wanted = -(-_TILES_OF_BAND // shape.columns)
+    fitting = room // 2 // a_row
+    return max(shape.carried + 1, min(wanted + shape.carried, fitting))
+
+
+_TILES_OF_BAND = 4096
+
+
+def _accelerators(scene: Scene, plan: Plan, accel: str) -> int:
+    chosen = choose_structures(scene, accel, plan.rays)
+    total = 0
+    for kind, surfaces in scene.surfaces.items():
+        name = chosen[kind].name if kind in chosen else "octree"
+        total += _OF_STRUCTURE[name] * (surfaces.end - surfaces.first)
+    if plan.hide_emitters:
+        total *= 2
+    if scene.placements is not None:
+        total += _OF_STRUCTURE["bvh"] * len(scene.description.instances)
+    return total
+
+
+def _workspace(scene: Scene, plan: Plan, shape: FilmShape) -> int:
+    work = workspace_of(
+        plan,
+        shape.channels,
+        kinds=len(scene.materials.kinds),
+        parameters=_PARAMETERS,
+        previous_points=plan.replay,
+    )
+    return _size(work)
+
+
+def _size(record: Any) -> int:
+    """Return the bytes of all arrays of a record of records."""
+    if isinstance(record, np.ndarray):
+        return record.nbytes
+    return sum(map(_size, record)) if isinstance(record, tuple) else 0

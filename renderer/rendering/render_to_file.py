@@ -1,0 +1,242 @@
+"""`render_to_file`: a picture that is larger than memory, band by band into an EXR file."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from renderer import memory as room_of_memory
+from renderer.errors import SceneError
+from renderer.names import ACCELERATORS, REPLAY
+from renderer.picture.exr_rows import ExrRows
+from renderer.picture.image import Image
+from renderer.rendering.aovs import nested_scene, with_picture
+from renderer.rendering.band import Band
+from renderer.rendering.memory_estimate import check_room, estimate, rows_at_once
+from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
+from renderer.rendering.render_scene import MOST_THREADS, image_of, prepared, whole_number
+from renderer.rendering.rendering import Rendering, film_shape
+from renderer.rendering.sitting import Progress
+from renderer.scene.scene import Scene
+from renderer.threads import default_threads
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """A picture that is in a file alone."""
+
+    path: Path
+    width: int
+    height: int
+    spp: int
+    seconds: float  # as those of `Image`
+    compile_seconds: float
+    metadata: Mapping[str, str]
+
+
+def render_to_file(
+    scene: Scene,
+    path: str | Path,
+    *,
+    spp: int | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    integrator: str | None = None,
+    accel: str | None = None,
+    sampler: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    ray_offset: str | None = None,
+    memory: int | float | str | None = None,
+    metadata: Mapping[str, str] | None = None,
+) -> PictureFile:
+    """Render a scene into an EXR file, some rows of the film at a time.
+
+    The file is the one that `render(...).save(path)` writes, byte for byte; neither the
+    film nor the picture is ever in memory as a whole. An interrupt leaves no file.
+
+    Parameters
+    ----------
+    scene, spp, seed, threads, integrator, accel, sampler, progress, ray_offset, memory
+        As for `render`.
+    path
+        A file name that ends in .exr.
+    metadata
+        More of it for the file.
+
+    Returns
+    -------
+    PictureFile
+        What it is, without its pixels.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After an interrupt.
+    SceneError
+        As `render`; if the file cannot be written; for the integrator `work`, whose colours
+        are relative to the whole picture, and for replays of Mitsuba.
+    """
+    threads = default_threads() if threads is None else threads
+    threads = whole_number("threads", threads, 1, MOST_THREADS)
+    seed = whole_number("seed", seed, 0, 2**32 - 1)
+    spp = None if spp is None else whole_number("spp", spp, 1, MOST_SAMPLES)
+    accel = accel or "auto"
+    if accel not in ACCELERATORS:
+        known = ", ".join(ACCELERATORS)
+        raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
+
+    def planned(of: Scene, method: str | None) -> Plan:
+        plan = make_plan(
+            of,
+            integrator=method,
+            sampler=sampler,
+            spp=spp,
+            accel=accel,
+            ray_offset=ray_offset,
+            threads=threads,
+        )
+        if plan.kind.counts_work or plan.replay:
+            what = f"sampler {REPLAY!r}" if plan.replay else f"integrator {plan.method!r}"
+            raise SceneError(f"{what} needs the whole film in memory; possible is `render`")
+        return plan
+
+    plan = planned(scene, integrator)
+    todo = [(scene, plan)]
+    if (nested := nested_scene(scene, plan)) is not None:
+        todo.append((nested, planned(nested, None)))
+    with room_of_memory.limited_to(memory):
+        rows = min(
+            rows_at_once(film_shape(*each), room_of_memory.room() // len(todo))
+            for each in todo
+        )
+        for of, its_plan in todo:
+            needs = estimate(of, its_plan, accel=accel, threads=threads, band=rows)
+            possible = "a film of fewer columns; fewer threads; --memory SIZE"
+            check_room(needs, scene.description.source, possible)
+    film = scene.description.camera.film
+    seconds = compile_seconds = 0.0
+    renders = []
+    with ExrRows(Path(path), film.crop_width, film.crop_height) as file:
+        for of, its_plan in todo:
+            rendering, building, compiling = prepared(
+                of, its_plan, progress, accel, seed, threads, band=rows
+            )
+            seconds, compile_seconds = seconds + building, compile_seconds + compiling
+            renders.append(rendering)
+        show = _Progress(renders, progress)
+        for bands in zip(*(_bands(each, show) for each in renders), strict=True):
+            image = bands[0]
+            for picture in bands[1:]:
+                image = with_picture(image, picture)
+                both = {**picture.metadata, **image.metadata}
+                image = dataclasses.replace(image, metadata=both)
+            image = dataclasses.replace(
+                image, metadata={**image.metadata, **(metadata or {})}
+            )
+            file.add(image)
+    return PictureFile(
+        Path(path),
+        film.crop_width,
+        film.crop_height,
+        image.spp,
+        seconds + show.seconds,
+        compile_seconds,
+        image.metadata,
+    )
+
+
+def fits_in_memory(
+    scene: Scene,
+    *,
+    spp: int | None,
+    threads: int | None,
+    integrator: str | None,
+    accel: str | None,
+    sampler: str | None,
+    ray_offset: str | None,
+) -> bool | None:
+    """Tell whether `render` has room for the film; None if bands are of no help.
+
+    Raises
+    ------
+    SceneError
+        As `make_plan`.
+    """
+    threads = threads or default_threads()
+    plan = make_plan(
+        scene,
+        integrator=integrator,
+        sampler=sampler,
+        spp=spp,
+        accel=accel,
+        ray_offset=ray_offset,
+        threads=threads,
+    )
+    if plan.kind.counts_work or plan.replay:
+        return None
+    needs = estimate(scene, plan, accel=accel or "auto", threads=threads)
+    return needs.total <= room_of_memory.room()
+
+
+class _Progress:
+    """Adds up the progress of several renders that take turns, each in bands."""
+
+    def __init__(
+        self, renders: list[Rendering], progress: Callable[[Progress], None] | None
+    ) -> None:
+        self._progress = progress
+        self._total = sum(_samples(rendering) for rendering in renders)
+        self._before = 0  # samples of the bands that are done
+        self._start = time.perf_counter()
+
+    @property
+    def seconds(self) -> float:
+        """Since all was prepared."""
+        return time.perf_counter() - self._start
+
+    def show(self, samples: int, now: Progress) -> None:
+        """Hand on where all of them are; the band under way began with `samples`."""
+        if self._progress is not None:
+            done = self._before + now.done - samples
+            self._progress(Progress("render", done, self._total, self.seconds))
+
+    def count(self, samples: int) -> None:
+        """Count a band that is done."""
+        self._before += samples
+
+
+def _samples(rendering: Rendering) -> int:
+    shape = film_shape(rendering.scene, rendering.plan)
+    width, height = (side + 2 * shape.beyond for side in (shape.width, shape.height))
+    return width * height * rendering.plan.spp
+
+
+def _bands(rendering: Rendering, show: _Progress) -> Iterator[Image]:
+    """Render band after band, and give the rows of each.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If one is interrupted.
+    """
+    carried = 0
+    while True:
+        film = rendering.film
+        assert isinstance(film, Band)
+        wanted = rendering.work.samples(rendering.plan.spp)
+        by_rows = rendering.samples_of_place.reshape(film.grid.layers, film.grid.rows, -1)
+        by_rows[:, :carried] = wanted.reshape(by_rows.shape)[:, :carried]
+        begun = rendering.samples_done
+        if not rendering.run(partial(show.show, begun)):
+            raise KeyboardInterrupt
+        show.count(rendering.samples_done - begun)
+        yield image_of(rendering, 0.0, 0.0, True)
+        following = film.following()
+        if following is None:
+            return
+        band, carried = following
+        rendering.use_film(band)

@@ -1,0 +1,83 @@
+"""The files that a scene names, all of them, before anybody else is asked to read it.
+
+Our reader stops at what it refuses first; another renderer may read on, and open what
+stands on the next line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from renderer.errors import SceneError
+from renderer.scene_file.document.parameters import Parameters
+from renderer.scene_file.document.xml_elements import XmlElement, parse_xml
+from renderer.scene_file.document.xml_tree import DEEPEST_INCLUDE, read_text_file
+from renderer.scene_file.files import Bounds
+from renderer.scene_file.reading import Reading
+
+
+def check_named_files(
+    path: Path, parameters: Mapping[str, object], allow_outside: Iterable[str] = ()
+) -> None:
+    """Refuse a scene that names, anywhere, a file that may not be read.
+
+    Every string and every `filename` counts that is the path of something, whatever it is
+    in: what it means is up to plugins that ours may not know.
+
+    Raises
+    ------
+    NotAllowed
+        Naming the first.
+    SceneError
+        If that cannot be known, because the XML cannot be read or includes itself.
+    """
+    bounds = Bounds.of(path.parent, allow_outside)
+    reading = Reading([path.parent, Path.cwd()], bounds)
+    _check_document(path, Parameters(parameters), reading, 0)
+
+
+def _check_document(
+    path: Path, parameters: Parameters, reading: Reading, depth: int
+) -> None:
+    if depth > DEEPEST_INCLUDE:
+        raise SceneError(f"{path}: more than {DEEPEST_INCLUDE} files include each other")
+    waiting = [parse_xml(read_text_file(path), str(path))]
+    while waiting:  # in the order of the file: a <default> counts from its line on
+        element = waiting.pop()
+        waiting += reversed(element.children)
+        found = element.attributes
+        for name, value in found.items():
+            found[name] = parameters.substitute(value, element.location)
+        if element.tag == "default":
+            parameters.add_default(found.get("name", ""), found.get("value", ""))
+        elif element.tag == "path":
+            _add_folder(element, reading)
+        elif named := found.get("filename") or (
+            found.get("value") if element.tag == "string" else None
+        ):
+            file = _check(named, element, reading)
+            if element.tag == "include" and file is not None:
+                inner = Reading([file.parent, *reading.folders], reading.bounds)
+                _check_document(file, parameters, inner, depth + 1)
+
+
+def _check(named: str, element: XmlElement, reading: Reading) -> Path | None:
+    """Return the file of that name, None if there is none."""
+    for folder in reading.folders:
+        try:
+            there = (folder / named).exists()
+        except (OSError, ValueError):  # no possible name
+            return None
+        if there and not (folder / named).is_dir():  # "rgb" may be a folder as well
+            return reading.find_file(named, element.location, "the file")
+    return None
+
+
+def _add_folder(element: XmlElement, reading: Reading) -> None:
+    name = element.attributes.get("value", "")
+    for folder in reading.folders:
+        if (folder / name).is_dir():
+            reading.bounds.check(folder / name, f"{element.location}: the folder")
+            reading.folders.insert(0, folder / name)
+            return

@@ -1,0 +1,125 @@
+"""Which files a scene may name: regular ones in the tree below its own folder.
+
+A scene from elsewhere can name any file, and what it names is opened with the rights of
+whoever renders. So this is the one place where names become paths (docs/security.md): what
+lies outside, by `..`, an absolute path or a symbolic link, is read only if somebody has
+allowed it, and what is no file, such as a named pipe that would block, never.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from renderer import memory
+from renderer.errors import NotAllowed, SceneError
+from renderer.scene_file.description import Location
+from renderer.scene_file.numbers import quoted
+
+# Files there are views into the kernel and into processes, not what a scene is made of.
+_NEVER = (Path("/proc"), Path("/sys"))
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The folders in whose trees all files of a scene must lie, without symbolic links."""
+
+    own: Path  # of the scene
+    others: tuple[Path, ...] = ()  # that somebody has allowed
+
+    @classmethod
+    def of(cls, own: Path, others: str | Path | Iterable[str | Path] = ()) -> Bounds:
+        """Return the bounds of a scene in the folder `own`.
+
+        Raises
+        ------
+        SceneError
+            If one of the others is no folder.
+        """
+        given = [others] if isinstance(others, (str, os.PathLike)) else list(others)
+        for folder in given:
+            if not Path(folder).is_dir():
+                raise SceneError(f"allow_outside: {quoted(str(folder))} is not a folder")
+        return cls(own.resolve(), tuple(Path(folder).resolve() for folder in given))
+
+    def check(self, path: Path, what: str) -> None:
+        """Refuse a path that leads outside.
+
+        Raises
+        ------
+        NotAllowed
+            Saying where it leads, and how to allow it.
+        """
+        try:
+            real = path.resolve()
+        except (OSError, RuntimeError) as error:  # a circle of symbolic links
+            raise SceneError(f"{what}: {error}") from None
+        if any(real.is_relative_to(folder) for folder in _NEVER):
+            raise NotAllowed(f"{what} is {real}, which no scene may read")
+        if not any(real.is_relative_to(folder) for folder in (self.own, *self.others)):
+            folder = real if real.is_dir() else real.parent
+            raise NotAllowed(
+                f"{what} is {real}, outside of the scene's folder {self.own}; if you trust "
+                f"the scene, allow it: --allow-outside {folder}"
+            )
+
+
+def find(
+    name: str, folders: list[Path], bounds: Bounds, location: Location, what: str
+) -> Path:
+    """Return the first existing path for `name`, which may be absolute.
+
+    Raises
+    ------
+    SceneError
+        If there is none.
+    NotAllowed
+        If it leads out of the bounds.
+    """
+    where = f"{location}: {what} {quoted(name)}"
+    try:
+        path = next((f / name for f in folders if name and (f / name).exists()), None)
+    except (OSError, ValueError) as error:  # a name too long, a zero byte
+        raise SceneError(f"{where}: {error}") from None
+    if path is None:
+        looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
+        raise SceneError(f"{where} not found; looked in: {looked}")
+    bounds.check(path, where)
+    return path
+
+
+def find_regular_file(
+    name: str, folders: list[Path], bounds: Bounds, location: Location, what: str
+) -> Path:
+    """Return the path of a file that can be read whole: regular, and not too large.
+
+    Raises
+    ------
+    SceneError
+        As `find`, and for what is no regular file or has more bytes than there is memory.
+    """
+    path = find(name, folders, bounds, location, what)
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise SceneError(f"{location}: {what} {quoted(name)}: {error.strerror}") from None
+    if not stat.S_ISREG(status.st_mode):
+        kind = next((kind for is_, kind in _KINDS if is_(status.st_mode)), "something else")
+        raise NotAllowed(
+            f"{location}: {what} {quoted(name)} is not a file but {kind}; expected a "
+            "regular file"
+        )
+    # what is in it stands in memory as bytes, as numbers, and checked
+    memory.require(3 * status.st_size, f"{location}: {what} {quoted(name)}")
+    return path
