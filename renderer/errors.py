@@ -19,3 +19,10 @@ class SceneError(ValueError):
 
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""
+
+
+class ClusterError(RuntimeError):
+    """A cluster cannot be reached, or cannot go on with a render; the message is one line.
+
+    What was rendered before is not lost: `render` returns it as after an interrupt.
+    """

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.errors import SceneError
+from renderer.errors import ClusterError, SceneError
 from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with Interrupts() as interrupts:
             return _run(options, interrupts, written)
-    except SceneError as error:
+    except (SceneError, ClusterError) as error:
         _complain(f"error: {error}")
     except MemoryError:
         _complain("error: there is not enough memory for this picture or scene")
@@ -263,6 +263,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--threads", type=_positive, metavar="N", help="default: one for each processor")
     add(
+        "--cluster",
+        type=_cluster,
+        metavar="WHERE",
+        help="render on a Dask cluster, the same picture: local:4 starts 4 processes here, "
+        "tcp://host:8786 is one that runs (docs/cluster.md)",
+    )
+    add(
         "--integrator",
         choices=INTEGRATORS,
         metavar="NAME",
@@ -357,6 +364,15 @@ def _number(text: str) -> float:
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not more than 0, and finite")
     return value
+
+
+def _cluster(text: str) -> str:
+    from renderer.rendering.cluster.connect import check_where
+
+    try:
+        return check_where(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _seed(text: str) -> int:

@@ -6,13 +6,15 @@ import dataclasses
 import operator
 import reprlib
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from renderer.accelerators.build import compile_builders
-from renderer.errors import SceneError
+from renderer.errors import ClusterError, SceneError
 from renderer.integrators.moment import show_moments
 from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
@@ -25,6 +27,7 @@ from renderer.scene.scene import Scene
 from renderer.threads import default_threads
 
 MOST_THREADS = 1024
+AHEAD = 2  # pictures of a sweep that are under way on a cluster beside the first
 
 
 def render(
@@ -40,6 +43,7 @@ def render(
     measured_camera: Sequence[float] | None = None,
     target_error: float | None = None,
     time_limit: float | None = None,
+    cluster: Any = None,
 ) -> Image:
     """Render a scene.
 
@@ -79,6 +83,10 @@ def render(
         Render for about so many seconds, compilation not included; the same applies. With
         a goal a file's sampler whose points depend on their number gives way to
         `independent`.
+    cluster : distributed.Client, optional
+        Of a Dask cluster whose workers render, with the same bits; `threads` then only
+        develop the picture (docs/cluster.md). When the cluster is lost the picture so far
+        comes back, with `complete` false.
 
     Returns
     -------
@@ -90,39 +98,142 @@ def render(
     ------
     SceneError
         For a name that does not exist or a number that is out of range.
+    ClusterError
+        If a cluster cannot do anything of it.
     TypeError
         For a scene that is none, and for `spp`, `seed` or `threads` that are no whole
         numbers.
     """
+    options = Options(
+        spp,
+        seed,
+        threads,
+        integrator,
+        accel,
+        sampler,
+        ray_offset,
+        measured_camera,
+        target_error,
+        time_limit,
+        cluster,
+    )
+    return _finish(_prepare(scene, options, progress), progress)
+
+
+def render_frames(
+    scenes: Iterable[Scene],
+    *,
+    progress: Callable[[Progress], None] | None = None,
+    cluster: Any = None,
+    **options: Any,
+) -> Iterator[Image]:
+    """Render one scene after the other, such as those of a sweep.
+
+    Parameters
+    ----------
+    scenes : iterable of Scene
+        Taken when they are needed.
+    progress, cluster, **options
+        As of `render`. On a cluster the next pictures begin before one ends, so that no
+        worker waits for the last tile.
+
+    Yields
+    ------
+    Image
+        In the order of the scenes; after one that was interrupted there are no more.
+
+    Raises
+    ------
+    SceneError, ClusterError, TypeError
+        As `render`.
+    """
+    asked = Options(**options, cluster=None if cluster is None else _team(cluster))
+    waiting: deque[_Prepared] = deque()
+    following = iter(scenes)
+    try:
+        while True:
+            ahead = 0 if asked.cluster is None else AHEAD
+            while len(waiting) <= ahead and (scene := next(following, None)) is not None:
+                prepared = _prepare(scene, asked, progress)
+                waiting.append(prepared)
+                if asked.cluster is not None and prepared.goal is None:
+                    prepared.rendering.begin(asked.cluster)
+            if not waiting:
+                return
+            image = _finish(waiting.popleft(), progress)
+            yield image
+            if not image.complete:
+                return
+    finally:
+        for prepared in waiting:
+            prepared.rendering.end()
+
+
+class Options(NamedTuple):
+    """What `render` takes beside the scene."""
+
+    spp: int | None = None
+    seed: int = 0
+    threads: int | None = None
+    integrator: str | None = None
+    accel: str | None = None
+    sampler: str | None = None
+    ray_offset: str | None = None
+    measured_camera: Sequence[float] | None = None
+    target_error: float | None = None
+    time_limit: float | None = None
+    cluster: Any = None
+
+
+class _Prepared(NamedTuple):
+    rendering: Rendering
+    goal: Goal | None
+    options: Options
+    build_seconds: float
+    compile_seconds: float
+
+
+def _team(cluster: Any) -> Any:
+    from renderer.rendering.cluster.connect import team_of
+
+    return team_of(cluster)
+
+
+def _prepare(
+    scene: Scene, options: Options, progress: Callable[[Progress], None] | None
+) -> _Prepared:
+    """Check what is asked for, and do all that comes before the first sample."""
     if not isinstance(scene, Scene):
         raise TypeError(
             f"the scene is {_shown(scene)}; possible is what `load_file`, `load_string` or "
             "`load_dict` returns"
         )
-    threads = default_threads() if threads is None else threads
+    if options.cluster is not None:
+        options = options._replace(cluster=_team(options.cluster))
+    threads = default_threads() if options.threads is None else options.threads
     threads = _whole_number("threads", threads, 1, MOST_THREADS)
-    seed = _whole_number("seed", seed, 0, 2**32 - 1)
+    seed = _whole_number("seed", options.seed, 0, 2**32 - 1)
+    spp = options.spp
     spp = None if spp is None else _whole_number("spp", spp, 1, MOST_SAMPLES)
-    goal = None
+    sampler, goal = options.sampler, None
+    target_error = _positive("target_error", options.target_error)
+    time_limit = _positive("time_limit", options.time_limit)
     if target_error is not None or time_limit is not None:
-        goal = Goal(
-            _positive("target_error", target_error), _positive("time_limit", time_limit)
-        )
+        goal = Goal(target_error, time_limit)
         sampler, spp = for_a_goal(scene, sampler, spp)
-    accel = accel or "auto"
+    accel = options.accel or "auto"
     if accel not in ACCELERATORS:
         known = ", ".join(ACCELERATORS)
         raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
     plan = make_plan(
         scene,
-        integrator=integrator,
+        integrator=options.integrator,
         sampler=sampler,
         spp=spp,
         accel=accel,
-        ray_offset=ray_offset,
+        ray_offset=options.ray_offset,
         threads=threads,
     )
-
     if goal is not None:
         check_goal(plan)
 
@@ -140,31 +251,31 @@ def render(
             accel=accel,
             seed=seed,
             threads=threads,
-            measured_camera=measured_camera,
+            measured_camera=options.measured_camera,
         )
         build_seconds = time.perf_counter() - started - rendering.methods_seconds
         compile_seconds += rendering.methods_seconds + rendering.compile()
     if progress is not None and watch.compiled:
         progress(Progress("compile", 1, 1, compile_seconds))
+    options = options._replace(spp=spp, sampler=sampler)
+    return _Prepared(rendering, goal, options, build_seconds, compile_seconds)
+
+
+def _finish(prepared: _Prepared, progress: Callable[[Progress], None] | None) -> Image:
+    """Trace, and return the picture."""
+    rendering, options = prepared.rendering, prepared.options
     started = time.perf_counter()
-    complete = rendering.run(progress, goal)
-    seconds = time.perf_counter() - started + build_seconds
-    image = _image(rendering, seconds, compile_seconds, complete)
-    nested = nested_scene(scene, plan)
+    complete = rendering.run(progress, prepared.goal, options.cluster)
+    if rendering.trouble and rendering.samples_done == 0:
+        raise ClusterError(rendering.trouble)
+    seconds = time.perf_counter() - started + prepared.build_seconds
+    image = _image(rendering, seconds, prepared.compile_seconds, complete)
+    nested = nested_scene(rendering.scene, rendering.plan)
     if nested is None or not complete:
         return image
     try:
-        picture = render(
-            nested,
-            spp,
-            seed,
-            threads,
-            accel=accel,
-            sampler=sampler,
-            progress=progress,
-            ray_offset=ray_offset,
-            measured_camera=measured_camera,
-        )
+        options = options._replace(integrator=None)
+        picture = _finish(_prepare(nested, options, progress), progress)
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}
         metadata = {**image.metadata, **interrupted}
@@ -254,4 +365,6 @@ def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
         done, samples = rendering.samples_done, rendering.samples_in_all
         of = "" if rendering.has_goal else f" of {samples}"
         metadata["interrupted"] = f"after {done}{of} samples"
+        if rendering.trouble:
+            metadata["interrupted"] += f": {rendering.trouble}"
     return metadata

@@ -5,9 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from renderer.errors import ClusterError
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
@@ -23,6 +26,10 @@ from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
 from renderer.stages.film import BOX, Film, filter_border, filter_table
 from renderer.threads import Crew
+
+if TYPE_CHECKING:  # needs Dask, an extra
+    from renderer.rendering.cluster.job import Job
+    from renderer.rendering.cluster.team import Team
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -44,6 +51,7 @@ class Progress:
     seconds: float  # in this stage
     # of the picture so far, where a goal asks for it: infinite before it is known
     error: float | None = None
+    cluster: str = ""  # what is to be said of one: workers, bytes, what was retried
 
 
 class Rendering:
@@ -71,6 +79,7 @@ class Rendering:
         measured_camera: Sequence[float] | None = None,
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
+        self.accel, self.seed = accel, seed
         self.variant = way_of(plan, measured_camera)
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
@@ -100,15 +109,17 @@ class Rendering:
             # in a replay a pixel's stream of random numbers runs on through all its samples
             1 if self.variant.in_order else SUMS_IN_ALL,
         )
-        self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
         tiles, layers = self.film.tiles, self.film.grid.layers
         self.work = Work(len(tiles), layers, max(1, SAMPLES_PER_JOB // asked))
         self.samples_of_place = np.zeros(self.work.places, np.int64)
         pixels = [tile.width * tile.height for tile in tiles]
-        self._pixels, self._pixels_of_place = sum(pixels), np.tile(pixels, layers)
+        self._pixels, self.pixels_of_place = sum(pixels), np.tile(pixels, layers)
         self.samples_in_all = self._pixels * plan.spp
         self.has_goal = self._ending = False
+        self.trouble = ""
+        self._team: Team | None = None
+        self._job: Job | None = None  # that the team is at
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._workspaces: list[Packed | None] = [None] * threads
 
@@ -151,13 +162,25 @@ class Rendering:
         Threads may be at different places at the same time, each with its own number.
         """
         begin = int(self.samples_of_place[place])
-        for first_sample, end_sample in self.work.pieces(place, begin, end):
-            self._render(place, first_sample, end_sample, thread)
+        self.add_to(self.film.sums[place], place, begin, end, thread)
         if end > begin:
             self.samples_of_place[place] = end
 
-    def _render(self, place: int, first_sample: int, end_sample: int, thread: int) -> None:
-        """Add samples of the tile at a place to its sums."""
+    def add_to(
+        self, sums: NDArray[np.float64], place: int, begin: int, end: int, thread: int
+    ) -> None:
+        """Add samples begin .. end - 1 of a place to sums, the film's or others."""
+        for first_sample, end_sample in self.work.pieces(place, begin, end):
+            self._render(sums, place, first_sample, end_sample, thread)
+
+    def _render(
+        self,
+        sums: NDArray[np.float64],
+        place: int,
+        first_sample: int,
+        end_sample: int,
+        thread: int,
+    ) -> None:
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
@@ -168,7 +191,7 @@ class Rendering:
             first_sample,
             end_sample,
             work,
-            self.film.sums[place],
+            sums,
             self.border,
         )
 
@@ -180,7 +203,7 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(place=0, first_sample=0, end_sample=0, thread=0)
+        self._render(self.film.sums[0], 0, first_sample=0, end_sample=0, thread=0)
         self.film.compile()
         return time.perf_counter() - start
 
@@ -192,19 +215,23 @@ class Rendering:
     @property
     def samples_done(self) -> int:
         """Samples that are in the film, of all pixels together."""
-        return int(self.samples_of_place @ self._pixels_of_place)
+        return int(self.samples_of_place @ self.pixels_of_place)
 
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
         goal: Goal | None = None,
+        team: Team | None = None,
     ) -> bool:
         """Trace all samples, or as many as a goal needs; return whether it went to the end.
+
+        On the workers of a `team`, if there is one. What stopped it is then in `trouble`.
 
         An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
         while these end is raised.
         """
         start = time.perf_counter()
+        self._team = team
         self.has_goal = goal is not None and self.plan.spp > 1
 
         def show() -> None:
@@ -214,7 +241,9 @@ class Rendering:
                 error: float | None = None
                 if goal is not None and self.has_goal:
                     total, error = self._expected(goal, seconds)
-                progress(Progress("render", self.samples_done, total, seconds, error))
+                note = "" if team is None else team.note
+                done = self.samples_done
+                progress(Progress("render", done, total, seconds, error, note))
 
         try:
             show()
@@ -226,6 +255,9 @@ class Rendering:
         except KeyboardInterrupt:
             if self._ending:  # one more, while threads are still at work
                 raise
+            return False
+        except ClusterError as error:
+            self.trouble = str(error)
             return False
         return True
 
@@ -259,6 +291,9 @@ class Rendering:
         """
         places, part = self.work.places, self.work.part
         wanted = self.work.samples(end_sample)
+        if self._team is not None:
+            self._trace_by(self._team, wanted, show)
+            return
         begun = self.samples_of_place // part
         rounds = max(0, int((-(-wanted // part) - begun).max()))
 
@@ -275,4 +310,27 @@ class Rendering:
         finally:
             self._ending = True
             crew.stop()
+            self._ending = False
+
+    def begin(self, team: Team) -> None:
+        """Let workers begin with all samples already; `run` or `end` follows."""
+        self._team = team
+        self._job = team.begin(self, self.work.samples(self.plan.spp))
+
+    def end(self) -> None:
+        """Let workers that have begun go on no longer."""
+        if self._job is not None and self._team is not None:
+            job, self._job = self._job, None
+            self._team.end(job)
+
+    def _trace_by(
+        self, team: Team, wanted: NDArray[np.int64], show: Callable[[], None]
+    ) -> None:
+        if self._job is None:
+            self._job = team.begin(self, wanted)
+        try:
+            team.wait(self._job, show)
+        finally:
+            self._ending = True
+            self.end()
             self._ending = False
