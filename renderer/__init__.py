@@ -14,17 +14,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from renderer.errors import SceneError
+    from renderer.errors import ClusterError, SceneError
     from renderer.jit import kernel
     from renderer.kinds.bsdfs.registry import register_bsdf
     from renderer.picture.image import Image
-    from renderer.rendering.render_scene import render
-    from renderer.rendering.rendering import Progress
+    from renderer.rendering.render_scene import render, render_frames
+    from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import SceneDescription
 
 __version__ = "0.1.0"
 __all__ = [
+    "ClusterError",
     "Image",
     "Progress",
     "Scene",
@@ -35,19 +36,22 @@ __all__ = [
     "load_string",
     "register_bsdf",
     "render",
+    "render_frames",
     "simplify",
 ]
 
 # Imported when they are first asked for: Numba takes half a second, which whoever wants
 # the version, the command's help or a scene's description need not wait for.
 _MODULES = {
+    "ClusterError": "renderer.errors",
     "Image": "renderer.picture.image",
-    "Progress": "renderer.rendering.rendering",
+    "Progress": "renderer.rendering.sitting",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.jit",
     "register_bsdf": "renderer.kinds.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
+    "render_frames": "renderer.rendering.render_scene",
 }
 
 

@@ -12,7 +12,8 @@ from renderer.errors import SceneError
 from renderer.rendering.accuracy import estimate, relative_error
 from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import make_plan
-from renderer.rendering.rendering import Progress, Rendering
+from renderer.rendering.rendering import Rendering
+from renderer.rendering.sitting import Sitting
 from renderer.threads import Crew
 
 SCENES = Path(__file__).parent.parent / "scenes"
@@ -190,7 +191,7 @@ def test_a_second_interrupt_is_raised(box, monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        rendering._trace(64, lambda: progress(Progress("render", 0, 1, 1.0)))
+        Sitting(rendering, progress, None, None)._trace(64)
     with pytest.raises(KeyboardInterrupt):
         rendering.run()
 

@@ -23,7 +23,8 @@ from renderer.command.progress_display import ProgressDisplay
 from renderer.picture import image_files
 from renderer.picture.image import Image
 from renderer.rendering.planning.plan import make_plan
-from renderer.rendering.rendering import SAMPLES_PER_JOB, Progress, Rendering
+from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
+from renderer.rendering.sitting import Progress
 
 ROOT = Path(__file__).parent.parent
 SCENES = ROOT / "scenes"
@@ -543,9 +544,8 @@ def test_ctrl_c_while_writing_waits_for_the_file(capsys, monkeypatch):
 def without_kernels(monkeypatch, value):
     """Let each job take a moment and add `value(first sample)` to all sums of its tile."""
 
-    def render(self, tile, layer, first_sample, end_sample, thread):
+    def render(self, place, first_sample, end_sample, thread):
         time.sleep(2e-4)
-        place = layer * len(self.film.tiles) + tile
         self.film.sums[place] += value(first_sample)
 
     monkeypatch.setattr(Rendering, "_render", render)

@@ -8,9 +8,11 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
@@ -19,15 +21,18 @@ from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPL
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.picture.image import Image
-    from renderer.rendering.rendering import Progress
+    from renderer.rendering.cluster.team import Team
+    from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
 EPILOG = """examples:
   lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256
   lightproof scene.xml -D width=1280 -D height=720     set <default>s of the file
   lightproof scene.xml --explain                       what would be done, and why
+  lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
+  lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
 
-Ctrl-C writes the picture so far; a second one quits without.
+Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
 Exit status: 0 the picture is written, 1 the scene or a file was refused,
 2 the command line was wrong, 130 interrupted."""
 
@@ -41,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name; None: those of the process.
     """
     try:
-        options = _parser().parse_args(arguments)
+        options = _options(arguments)
     except SystemExit as stop:
         return int(stop.code or 0)
     written: list[Path] = []
@@ -61,54 +66,118 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
-    from renderer.picture.image_files import check_output_path
-    from renderer.scene.scene import build_scene
-    from renderer.scene.simplifications.simplify import simplified
-    from renderer.scene_file import read_file
     from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
     path = options.scene / "scene.xml" if options.scene.is_dir() else options.scene
-    outputs = options.output
-    if not outputs and not options.explain:
-        outputs = [default_output(path)]
-    for output in outputs:
+    if not options.output and (options.frames is not None or not options.explain):
+        output = default_output(path)
+        if options.frames is not None:
+            output = output.with_stem(f"{output.stem}_####")
+        options.output = [output]
+    if options.frames is not None:
+        return _run_frames(options, path, interrupts, written)
+    _check_outputs(options)
+    scene = _load(options, path)
+    if options.explain:
+        _explain(scene, options)
+    if not options.output:
+        return 0
+    with _cluster(options) as team:
+        image = _render(scene, options, interrupts, team)
+    if interrupts.count > 1:
+        raise KeyboardInterrupt
+    _write(image, options.output, written)
+    _report(image, written, options)
+    if interrupts.count:
+        return 130
+    return 0 if image.complete and len(written) == len(options.output) else 1
+
+
+def _run_frames(
+    options: argparse.Namespace, path: Path, interrupts: Interrupts, written: list[Path]
+) -> int:
+    """Render a sweep, and return the exit status."""
+    from renderer.command.sweep import SweepRecord, made_from, of_frame
+
+    frames = [of_frame(options, frame) for frame in options.frames]
+    for each in frames:
+        _check_outputs(each)
+    record = SweepRecord(options.output[0])
+    if options.resume:
+        record.read()
+    asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
+
+    def scenes() -> Iterator[Scene]:
+        for each in frames:
+            scene = _load(each, path)
+            key = made_from(scene, _command(each))
+            if not record.has(each.output, key):
+                asked.append((each, key))
+                yield scene
+
+    with _cluster(options) as team, _showing(options, interrupts) as progress:
+        images = renderer.render_frames(
+            scenes(), progress=progress, cluster=team, **_choices(options)
+        )
+        for image in images:
+            each, key = asked.popleft()
+            if interrupts.count > 1:
+                raise KeyboardInterrupt
+            files: list[Path] = []
+            _write(_signed(image, each), each.output, files)
+            written += files
+            _report(image, files, options)
+            if interrupts.count or not image.complete or len(files) < len(each.output):
+                return 130 if interrupts.count else 1
+            record.add(files, key)
+    if len(written) < len(frames) * len(options.output) and not options.quiet:
+        _complain(f"{len(frames) - len(written) // len(options.output)} frames were there")
+    return 0
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    from renderer.picture.image_files import check_output_path
+
+    for output in options.output:
         check_output_path(output)
+        if output == options.checkpoint:
+            raise SceneError(f"{output}: is named as the picture and as the checkpoint")
+
+
+def _load(options: argparse.Namespace, path: Path) -> Scene:
+    from renderer.scene.scene import build_scene
+    from renderer.scene.simplifications.simplify import simplified
+    from renderer.scene_file import read_file
+
     description = read_file(path, **dict(options.define))
     for word in options.simplify:
         description = simplified(description, word)
     scene = build_scene(description)
     for warning in scene.description.warnings:
         _complain(f"warning: {warning}")
-    if options.explain:
-        from renderer.rendering.planning.plan_text import plan_text
+    return scene
 
-        sampler, spp = options.sampler, options.spp
-        if options.target_error is not None or options.time is not None:
-            from renderer.rendering.goal import for_a_goal
 
-            sampler, spp = for_a_goal(scene, sampler, spp)
-        text = plan_text(
-            scene,
-            integrator=options.integrator,
-            sampler=sampler,
-            spp=spp,
-            accel=options.accel,
-            threads=options.threads,
-        )
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    if not outputs:
-        return 0
-    image = _render(scene, options, interrupts)
-    if interrupts.count > 1:
-        raise KeyboardInterrupt
-    _write(image, outputs, written)
-    _report(image, written, quiet=options.quiet)
-    if interrupts.count:
-        return 130
-    return 0 if len(written) == len(outputs) else 1
+def _explain(scene: Scene, options: argparse.Namespace) -> None:
+    from renderer.rendering.planning.plan_text import plan_text
+
+    sampler, spp = options.sampler, options.spp
+    if options.target_error is not None or options.time is not None:
+        from renderer.rendering.goal import for_a_goal
+
+        sampler, spp = for_a_goal(scene, sampler, spp)
+    text = plan_text(
+        scene,
+        integrator=options.integrator,
+        sampler=sampler,
+        spp=spp,
+        accel=options.accel,
+        threads=options.threads,
+    )
+    sys.stdout.write(text)
+    sys.stdout.flush()
 
 
 def default_output(scene: Path) -> Path:
@@ -121,10 +190,38 @@ def default_output(scene: Path) -> Path:
     return Path(f"{name or path.stem}.exr")
 
 
-def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
+@contextmanager
+def _cluster(options: argparse.Namespace) -> Iterator[Team | None]:
+    """Give the workers of `--cluster`, and say at the end what they did; or nobody."""
+    if options.cluster is None:
+        yield None
+        return
+    from renderer.rendering.cluster.connect import open_cluster
+
+    with open_cluster(options.cluster) as team:
+        try:
+            yield team
+        finally:
+            for address, why in team.tally.refused.items():
+                _complain(f"warning: worker {address} was refused: {why}")
+            if not options.quiet:
+                _complain(f"cluster: {team.tally}")
+
+
+@contextmanager
+def _showing(
+    options: argparse.Namespace, interrupts: Interrupts
+) -> Iterator[Callable[[Progress], None]]:
+    """Show progress, warnings at once, and end a render after Ctrl-C."""
     from renderer.command.progress_display import ProgressDisplay
 
-    with ProgressDisplay(sys.stderr, quiet=options.quiet) as display:
+    with (
+        ProgressDisplay(sys.stderr, quiet=options.quiet) as display,
+        warnings.catch_warnings(),
+    ):
+        # of checkpoints, and at once: the render may take hours from then on
+        warnings.simplefilter("always")
+        warnings.showwarning = _show_warning
 
         def progress(now: Progress) -> None:
             # compiling, there is nothing to save, and Ctrl-C need not wait for the end
@@ -133,21 +230,47 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
                 raise KeyboardInterrupt
             display(now)
 
+        yield progress
+
+
+def _choices(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what `render` is given beside the scene."""
+    return {
+        "spp": options.spp,
+        "seed": options.seed,
+        "threads": options.threads,
+        "integrator": options.integrator,
+        "accel": options.accel,
+        "sampler": options.sampler,
+        "ray_offset": options.ray_offset,
+        "target_error": options.target_error,
+        "time_limit": options.time,
+    }
+
+
+def _render(
+    scene: Scene, options: argparse.Namespace, interrupts: Interrupts, team: Team | None
+) -> Image:
+    with _showing(options, interrupts) as progress:
         image = renderer.render(
             scene,
-            spp=options.spp,
-            seed=options.seed,
-            threads=options.threads,
-            integrator=options.integrator,
-            accel=options.accel,
-            sampler=options.sampler,
-            ray_offset=options.ray_offset,
+            **_choices(options),
             progress=progress,
-            target_error=options.target_error,
-            time_limit=options.time,
+            cluster=team,
+            checkpoint=options.checkpoint,
+            checkpoint_every=60.0 if options.every is None else options.every,
+            resume=options.resume,
         )
-    if image.error is not None:  # the command that gives this picture again
-        options.spp, options.sampler = image.spp, image.metadata["sampler"]
+    return _signed(image, options)
+
+
+def _signed(image: Image, options: argparse.Namespace) -> Image:
+    """Return the picture with the command that gives it again."""
+    if image.error is not None:
+        sampler = image.metadata["sampler"]
+        options = argparse.Namespace(
+            **vars(options) | {"spp": image.spp, "sampler": sampler}
+        )
     metadata = {**image.metadata, "command": _command(options)}
     return dataclasses.replace(image, metadata=metadata)
 
@@ -180,13 +303,15 @@ def _write(image: Image, outputs: list[Path], written: list[Path]) -> None:
             _complain(f"warning: {output}: {warning.message}")
 
 
-def _report(image: Image, written: list[Path], *, quiet: bool) -> None:
+def _report(image: Image, written: list[Path], options: argparse.Namespace) -> None:
     files = _listed(written) or "nothing"
     if not image.complete:
         if image.error is not None:
             _complain(f"estimated error, some samples ago: {image.error:.2%}")
         _complain(f"interrupted {image.metadata['interrupted']}; wrote {files}")
-    elif not quiet:
+        if options.checkpoint is not None:
+            _complain(f"--checkpoint {options.checkpoint} --resume goes on from here")
+    elif not options.quiet:
         samples = image.width * image.height * image.spp
         rate = samples / max(image.seconds, 1e-9) / 1e6
         sys.stdout.write(
@@ -211,10 +336,35 @@ def _complain(line: str) -> None:
     sys.stderr.flush()
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    _complain(f"warning: {message}")
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line, without the usage before it."""
         self.exit(2, f"{self.prog}: error: {message}; --help lists the options\n")
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.frames is not None:
+        if options.checkpoint is not None or options.every is not None:
+            parser.error("--checkpoint is of one picture; frames need --resume alone")
+        if options.explain:
+            parser.error("--explain is of one picture; leave out --frames")
+    elif options.checkpoint is None and (options.resume or options.every is not None):
+        given = "--resume" if options.resume else "--every"
+        parser.error(f"{given} needs --checkpoint FILE")
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -255,6 +405,32 @@ def _parser() -> argparse.ArgumentParser:
         help="render for about so long, and say the error that was reached",
     )
     add(
+        "--checkpoint",
+        type=Path,
+        metavar="FILE",
+        help="keep the state of the render there, now and then, and at its end",
+    )
+    add(
+        "--every",
+        type=_seconds,
+        metavar="SECONDS",
+        help="between two writings of the checkpoint (default: 60)",
+    )
+    add(
+        "--resume",
+        action="store_true",
+        help="go on from the checkpoint, to the same picture as without a break; also to "
+        "more --spp than it was made with, if the sampler is independent; with --frames: "
+        "render those that are not there yet",
+    )
+    add(
+        "--frames",
+        type=_frames,
+        metavar="FIRST:END",
+        help="render a sweep: -D angle={frame*1.5} -o turn_####.exr; without END, as in "
+        "Python; FIRST:END:STEP too",
+    )
+    add(
         "--seed",
         type=_seed,
         default=0,
@@ -264,7 +440,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--threads", type=_positive, metavar="N", help="default: one for each processor")
     add(
         "--cluster",
-        type=_cluster,
+        type=_where,
         metavar="WHERE",
         help="render on a Dask cluster, the same picture: local:4 starts 4 processes here, "
         "tcp://host:8786 is one that runs (docs/cluster.md)",
@@ -366,11 +542,20 @@ def _number(text: str) -> float:
     return value
 
 
-def _cluster(text: str) -> str:
+def _where(text: str) -> str:
     from renderer.rendering.cluster.connect import check_where
 
     try:
         return check_where(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _frames(text: str) -> range:
+    from renderer.command.sweep import parse_frames
+
+    try:
+        return parse_frames(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
-    from renderer.rendering.rendering import Progress
+    from renderer.rendering.sitting import Progress
 
 BAR_AFTER = 0.3  # [s]; a render that is over by then needs no bar
 BAR_EVERY = 0.1  # [s]
@@ -61,12 +61,9 @@ class ProgressDisplay:
         self._seconds = progress.seconds
         if another:
             self._shown = 0.0
-        if progress.done == 0:
+        if progress.done == progress.resumed:
             if another and not self._terminal:
-                known = "until the goal is reached"
-                if progress.error is None:
-                    known = f"{progress.total} samples"
-                self._line(f"rendering {known}")
+                self._line(_announcement(progress))
         elif not self._terminal:
             if progress.seconds - self._shown >= LINE_EVERY:
                 self._shown = progress.seconds
@@ -96,8 +93,20 @@ class ProgressDisplay:
         )
 
 
+def _announcement(progress: Progress) -> str:
+    known = "until the goal is reached"
+    resumed, total = progress.resumed, progress.total
+    if progress.error is not None:
+        return (
+            f"going on after {resumed} samples {known}" if resumed else f"rendering {known}"
+        )
+    if resumed:
+        return f"going on at {resumed / total:.0%} of {total} samples"
+    return f"rendering {total} samples"
+
+
 def _speed(progress: Progress) -> str:
-    rate = progress.done / progress.seconds
+    rate = (progress.done - progress.resumed) / progress.seconds
     if progress.error == float("inf"):
         return f"{rate / 1e6:.1f} Msamples/s"
     left = (progress.total - progress.done) / rate

@@ -14,8 +14,12 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from renderer.errors import SceneError
+
+if TYPE_CHECKING:
+    from renderer.scene.scene import Scene
 
 MOST_FRAMES = 1_000_000
 _FIELD = re.compile(r"\{([^{}]*)\}")
@@ -32,7 +36,7 @@ _OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
 
 
 def parse_frames(text: str) -> range:
-    """Return the frames of `first:end` or `first:end:step`, as Python's ranges: without `end`.
+    """Return the frames of `FIRST:END` or `FIRST:END:STEP`; as in Python without `END`.
 
     Raises
     ------
@@ -48,7 +52,9 @@ def parse_frames(text: str) -> range:
         raise ValueError(f"{text!r} is not of the form FIRST:END or FIRST:END:STEP")
     frames = range(*numbers)
     if not 0 < len(frames) <= MOST_FRAMES:
-        raise ValueError(f"{text!r} is {len(frames)} frames; 1 to {MOST_FRAMES} are possible")
+        raise ValueError(
+            f"{text!r} is {len(frames)} frames; 1 to {MOST_FRAMES} are possible"
+        )
     return frames
 
 
@@ -97,8 +103,8 @@ def _computed(formula: str, frame: int) -> float:
 
 
 def _evaluate(node: ast.AST, frame: int) -> float:
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        return float(node.value) if isinstance(node.value, float) else int(node.value)
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return node.value
     if isinstance(node, ast.Name) and node.id == "frame":
         return frame
     if isinstance(node, ast.BinOp | ast.UnaryOp) and type(node.op) in _OPERATORS:
@@ -121,7 +127,8 @@ class SweepRecord:
     """
 
     def __init__(self, output: Path) -> None:
-        self.path = output.with_name(f"{output.stem.replace('{', '').replace('}', '')}.json")
+        name = re.sub(r"[{}:]", "", output.stem)
+        self.path = output.with_name(f"{name}.frames.json")
         self._made_from: dict[str, str] = {}
 
     def read(self) -> None:
@@ -165,3 +172,11 @@ def of_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:
         "output": [path_of_frame(path, frame) for path in options.output],
     }
     return argparse.Namespace(**values)
+
+
+def made_from(scene: Scene, command: str) -> str:
+    """Return a digest of all that a picture depends on."""
+    from renderer.rendering.checkpoints.content import content_digest
+    from renderer.rendering.checkpoints.identity import made_by
+
+    return content_digest(scene.description, made_by(), command)

@@ -107,22 +107,69 @@ def check_goal(plan: Plan) -> None:
 
 
 class Halves:
-    """The film's sums so far in two halves of equally many samples."""
+    """The film's sums so far in two halves of equally many samples, and the next look.
+
+    Attributes
+    ----------
+    state : dict of str to array
+        All that there is to know besides the film's sums, to be kept with these.
+    """
 
     def __init__(self, film: Film) -> None:
         self._film = film
         self._first = np.zeros_like(film.sums)
         self._before = film.sums.copy()
+        # samples of each pixel at the last look and at the next, and whether its second
+        # half has begun
+        self._looks = np.zeros(3, np.int64)
+        self.state = {
+            "first half": self._first,
+            "sums before": self._before,
+            "looks": self._looks,
+        }
+
+    @property
+    def done(self) -> int:
+        """Samples of each pixel at the last look."""
+        return int(self._looks[0])
+
+    @property
+    def end(self) -> int:
+        """Samples of each pixel at the next look; those at the last until there is one."""
+        return int(self._looks[1])
+
+    @property
+    def middle(self) -> int:
+        """Samples of each pixel at which the next look's second half begins."""
+        return (self.done + self.end) // 2
+
+    @property
+    def in_second(self) -> bool:
+        """Whether it has begun."""
+        return bool(self._looks[2])
+
+    def begin(self, more: int) -> None:
+        """Set the next look."""
+        self._looks[1] = self.done + more
 
     def end_first(self) -> None:
-        """Count what was added since the last call to the first half."""
+        """Count what was added since the last look to the first half."""
         np.subtract(self._film.sums, self._before, out=self._before)
         self._first += self._before
+        self._looks[2] = 1
 
-    def end_second(self, samples: int, threads: int) -> Accuracy:
+    def end_second(self, threads: int) -> Accuracy:
         """Count what was added since then to the second; return what both say."""
-        first = self._film.develop(threads, self._first)
-        np.subtract(self._film.sums, self._first, out=self._before)
-        second = self._film.develop(threads, self._before)
         self._before[:] = self._film.sums
-        return estimate(first, second, samples)
+        self._looks[:] = self.end, self.end, 0
+        accuracy = self.last_look(threads)
+        assert accuracy is not None
+        return accuracy
+
+    def last_look(self, threads: int) -> Accuracy | None:
+        """Return what the last look said; None if it is not known any more, or yet."""
+        if self.in_second or self.done == 0:
+            return None
+        first = self._film.develop(threads, self._first)
+        second = self._film.develop(threads, self._before - self._first)
+        return estimate(first, second, self.done)

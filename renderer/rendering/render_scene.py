@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import operator
-import reprlib
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from renderer.accelerators.build import compile_builders
 from renderer.errors import ClusterError, SceneError
 from renderer.integrators.moment import show_moments
-from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
-from renderer.rendering.aovs import nested_scene, with_picture
-from renderer.rendering.compilation import CompilationWatch
-from renderer.rendering.goal import Goal, check_goal, for_a_goal
-from renderer.rendering.planning.plan import MOST_SAMPLES, make_plan
-from renderer.rendering.rendering import Progress, Rendering
+from renderer.rendering.aovs import with_picture
+from renderer.rendering.cluster.connect import team_of
+from renderer.rendering.preparation import Options, Prepared, prepare
+from renderer.rendering.rendering import Rendering
+from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
-from renderer.threads import default_threads
 
-MOST_THREADS = 1024
 AHEAD = 2  # pictures of a sweep that are under way on a cluster beside the first
 
 
@@ -43,6 +38,9 @@ def render(
     measured_camera: Sequence[float] | None = None,
     target_error: float | None = None,
     time_limit: float | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    checkpoint_every: float = 60.0,
+    resume: bool = False,
     cluster: Any = None,
 ) -> Image:
     """Render a scene.
@@ -83,6 +81,17 @@ def render(
         Render for about so many seconds, compilation not included; the same applies. With
         a goal a file's sampler whose points depend on their number gives way to
         `independent`.
+    checkpoint : path, optional
+        A file that keeps the state of the render: every so many seconds, after an interrupt
+        and at the end. The one before stays beside it (docs/checkpoints.md). Colours beside
+        AOVs have one of their own, with `.colors` behind the name.
+    checkpoint_every : float
+        Seconds between two writings of it.
+    resume : bool
+        Go on from the checkpoint, with any number of threads, to the picture that a render
+        without a break gives, bit for bit; with the sampler `independent` also to more
+        samples. Without it a file that is there is refused. A file that is missing, or
+        damaged while the one before is whole, is a RuntimeWarning.
     cluster : distributed.Client, optional
         Of a Dask cluster whose workers render, with the same bits; `threads` then only
         develop the picture (docs/cluster.md). When the cluster is lost the picture so far
@@ -97,7 +106,8 @@ def render(
     Raises
     ------
     SceneError
-        For a name that does not exist or a number that is out of range.
+        For a name that does not exist, a number that is out of range, or a checkpoint of
+        something else.
     ClusterError
         If a cluster cannot do anything of it.
     TypeError
@@ -115,9 +125,12 @@ def render(
         measured_camera,
         target_error,
         time_limit,
+        checkpoint,
+        checkpoint_every,
+        resume,
         cluster,
     )
-    return _finish(_prepare(scene, options, progress), progress)
+    return _finish(prepare(scene, options, progress), progress)
 
 
 def render_frames(
@@ -134,8 +147,8 @@ def render_frames(
     scenes : iterable of Scene
         Taken when they are needed.
     progress, cluster, **options
-        As of `render`. On a cluster the next pictures begin before one ends, so that no
-        worker waits for the last tile.
+        As of `render`, without a checkpoint. On a cluster the next pictures begin before
+        one ends, so that no worker waits for the last tile.
 
     Yields
     ------
@@ -147,17 +160,23 @@ def render_frames(
     SceneError, ClusterError, TypeError
         As `render`.
     """
-    asked = Options(**options, cluster=None if cluster is None else _team(cluster))
-    waiting: deque[_Prepared] = deque()
+    if options.get("checkpoint") is not None:
+        raise SceneError("a checkpoint is of one picture, and cannot be kept of several")
+    team = None if cluster is None else team_of(cluster)
+    asked = Options(**options, cluster=team)
+    waiting: deque[Prepared] = deque()
     following = iter(scenes)
     try:
         while True:
-            ahead = 0 if asked.cluster is None else AHEAD
+            ahead = 0 if team is None else AHEAD
             while len(waiting) <= ahead and (scene := next(following, None)) is not None:
-                prepared = _prepare(scene, asked, progress)
+                prepared = prepare(scene, asked, progress)
                 waiting.append(prepared)
-                if asked.cluster is not None and prepared.goal is None:
-                    prepared.rendering.begin(asked.cluster)
+                if team is not None and prepared.goal is None:
+                    rendering = prepared.rendering
+                    wanted = rendering.work.samples(rendering.plan.spp)
+                    rendering.begun = time.perf_counter()
+                    team.begin(rendering, wanted)
             if not waiting:
                 return
             image = _finish(waiting.popleft(), progress)
@@ -166,152 +185,28 @@ def render_frames(
                 return
     finally:
         for prepared in waiting:
-            prepared.rendering.end()
+            if team is not None:
+                team.end(prepared.rendering)
 
 
-class Options(NamedTuple):
-    """What `render` takes beside the scene."""
-
-    spp: int | None = None
-    seed: int = 0
-    threads: int | None = None
-    integrator: str | None = None
-    accel: str | None = None
-    sampler: str | None = None
-    ray_offset: str | None = None
-    measured_camera: Sequence[float] | None = None
-    target_error: float | None = None
-    time_limit: float | None = None
-    cluster: Any = None
-
-
-class _Prepared(NamedTuple):
-    rendering: Rendering
-    goal: Goal | None
-    options: Options
-    build_seconds: float
-    compile_seconds: float
-
-
-def _team(cluster: Any) -> Any:
-    from renderer.rendering.cluster.connect import team_of
-
-    return team_of(cluster)
-
-
-def _prepare(
-    scene: Scene, options: Options, progress: Callable[[Progress], None] | None
-) -> _Prepared:
-    """Check what is asked for, and do all that comes before the first sample."""
-    if not isinstance(scene, Scene):
-        raise TypeError(
-            f"the scene is {_shown(scene)}; possible is what `load_file`, `load_string` or "
-            "`load_dict` returns"
-        )
-    if options.cluster is not None:
-        options = options._replace(cluster=_team(options.cluster))
-    threads = default_threads() if options.threads is None else options.threads
-    threads = _whole_number("threads", threads, 1, MOST_THREADS)
-    seed = _whole_number("seed", options.seed, 0, 2**32 - 1)
-    spp = options.spp
-    spp = None if spp is None else _whole_number("spp", spp, 1, MOST_SAMPLES)
-    sampler, goal = options.sampler, None
-    target_error = _positive("target_error", options.target_error)
-    time_limit = _positive("time_limit", options.time_limit)
-    if target_error is not None or time_limit is not None:
-        goal = Goal(target_error, time_limit)
-        sampler, spp = for_a_goal(scene, sampler, spp)
-    accel = options.accel or "auto"
-    if accel not in ACCELERATORS:
-        known = ", ".join(ACCELERATORS)
-        raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
-    plan = make_plan(
-        scene,
-        integrator=options.integrator,
-        sampler=sampler,
-        spp=spp,
-        accel=accel,
-        ray_offset=options.ray_offset,
-        threads=threads,
-    )
-    if goal is not None:
-        check_goal(plan)
-
-    def announce() -> None:
-        if progress is not None:
-            progress(Progress("compile", 0, 1, 0.0))
-
-    watch = CompilationWatch(announce)
-    with watch.installed():
-        compile_seconds = compile_builders(scene, accel, plan.rays)
-        started = time.perf_counter()
-        rendering = Rendering(
-            scene,
-            plan,
-            accel=accel,
-            seed=seed,
-            threads=threads,
-            measured_camera=options.measured_camera,
-        )
-        build_seconds = time.perf_counter() - started - rendering.methods_seconds
-        compile_seconds += rendering.methods_seconds + rendering.compile()
-    if progress is not None and watch.compiled:
-        progress(Progress("compile", 1, 1, compile_seconds))
-    options = options._replace(spp=spp, sampler=sampler)
-    return _Prepared(rendering, goal, options, build_seconds, compile_seconds)
-
-
-def _finish(prepared: _Prepared, progress: Callable[[Progress], None] | None) -> Image:
+def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> Image:
     """Trace, and return the picture."""
-    rendering, options = prepared.rendering, prepared.options
-    started = time.perf_counter()
-    complete = rendering.run(progress, prepared.goal, options.cluster)
+    rendering, options = prepared.rendering, prepared.of_colors
+    complete = rendering.run(progress, prepared.goal, prepared.kept, options.cluster)
     if rendering.trouble and rendering.samples_done == 0:
         raise ClusterError(rendering.trouble)
-    seconds = time.perf_counter() - started + prepared.build_seconds
+    seconds = rendering.seconds + prepared.build_seconds
     image = _image(rendering, seconds, prepared.compile_seconds, complete)
-    nested = nested_scene(rendering.scene, rendering.plan)
-    if nested is None or not complete:
+    if prepared.nested is None or not complete:
         return image
     try:
-        options = options._replace(integrator=None)
-        picture = _finish(_prepare(nested, options, progress), progress)
+        picture = _finish(prepare(prepared.nested, options, progress), progress)
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}
         metadata = {**image.metadata, **interrupted}
         return dataclasses.replace(image, complete=False, metadata=metadata)
     both = with_picture(image, picture)
     return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
-
-
-def _whole_number(name: str, value: object, least: int, most: int) -> int:
-    """Return an argument that is an integer, NumPy's included, and in range."""
-    try:
-        number = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        raise TypeError(
-            f"{name} is {_shown(value)}; whole numbers from {least} to {most} are possible"
-        ) from None
-    if not least <= number <= most:
-        raise SceneError(f"{name} is {number}; {least} to {most} are possible")
-    return number
-
-
-def _positive(name: str, value: object) -> float | None:
-    """Return an argument that is a positive number, or None."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-        raise TypeError(f"{name} is {_shown(value)}; positive numbers are possible")
-    if not 0.0 < value < float("inf"):
-        raise SceneError(f"{name} is {value}; positive numbers are possible")
-    return float(value)
-
-
-def _shown(value: object) -> str:
-    """Return a value and its type on one line, cut if it is long."""
-    shown = " ".join(reprlib.repr(value).split())
-    return f"{shown} (of type {type(value).__name__})"
 
 
 def _image(

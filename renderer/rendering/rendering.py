@@ -1,16 +1,14 @@
-"""One render under way: tiles over threads; an interrupt keeps the picture so far."""
+"""One render: everything prepared, and what it has come to."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import ClusterError
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
@@ -18,40 +16,23 @@ from renderer.jit import Packed, pack
 from renderer.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.records.kernel_scene import KernelScene
 from renderer.rendering.accuracy import Accuracy
-from renderer.rendering.goal import Goal, Halves
+from renderer.rendering.checkpoints.checkpoint import Checkpoint
+from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.sitting import Progress, Sitting
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import way_of
 from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
 from renderer.stages.film import BOX, Film, filter_border, filter_table
-from renderer.threads import Crew
 
 if TYPE_CHECKING:  # needs Dask, an extra
-    from renderer.rendering.cluster.job import Job
     from renderer.rendering.cluster.team import Team
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
 # Of a small film, for many threads; never of the threads, on which no bit may depend.
 SUMS_IN_ALL = 32
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a render is: handed to the `progress` callback.
-
-    There is no stage "compile" when all kernels are in the cache. The callback may raise
-    KeyboardInterrupt, which ends the render as Ctrl-C does.
-    """
-
-    stage: str  # "compile", done 0 and then 1 of 1, then "render"
-    done: int  # samples so far
-    total: int
-    seconds: float  # in this stage
-    # of the picture so far, where a goal asks for it: infinite before it is known
-    error: float | None = None
-    cluster: str = ""  # what is to be said of one: workers, bytes, what was retried
 
 
 class Rendering:
@@ -114,12 +95,13 @@ class Rendering:
         self.work = Work(len(tiles), layers, max(1, SAMPLES_PER_JOB // asked))
         self.samples_of_place = np.zeros(self.work.places, np.int64)
         pixels = [tile.width * tile.height for tile in tiles]
-        self._pixels, self.pixels_of_place = sum(pixels), np.tile(pixels, layers)
-        self.samples_in_all = self._pixels * plan.spp
-        self.has_goal = self._ending = False
-        self.trouble = ""
-        self._team: Team | None = None
-        self._job: Job | None = None  # that the team is at
+        self.pixels, self.pixels_of_place = sum(pixels), np.tile(pixels, layers)
+        self.samples_in_all = self.pixels * plan.spp
+        # what a sitting says about itself
+        self.has_goal = False
+        self.begun = 0.0  # when, on a cluster whose workers did before the sitting
+        self.trouble = ""  # of a cluster, that ended it
+        self.seconds = 0.0  # of tracing; with those before a checkpoint
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._workspaces: list[Packed | None] = [None] * threads
 
@@ -210,17 +192,27 @@ class Rendering:
     @property
     def spp(self) -> int:
         """Samples of each pixel: those asked for, with a goal those that were taken."""
-        return self.samples_done // self._pixels if self.has_goal else self.plan.spp
+        return self.samples_done // self.pixels if self.has_goal else self.plan.spp
 
     @property
     def samples_done(self) -> int:
         """Samples that are in the film, of all pixels together."""
         return int(self.samples_of_place @ self.pixels_of_place)
 
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that the render has come to: arrays from which another one may go on."""
+        state = {"sums": self.film.sums, "samples": self.samples_of_place}
+        if self.variant.in_order:
+            streams = _arrays_of(self.sampler.record)
+            state |= {f"stream {k}": stream for k, stream in enumerate(streams)}
+        return state
+
     def run(
         self,
         progress: Callable[[Progress], None] | None = None,
         goal: Goal | None = None,
+        checkpoint: Checkpoint | None = None,
         team: Team | None = None,
     ) -> bool:
         """Trace all samples, or as many as a goal needs; return whether it went to the end.
@@ -229,108 +221,18 @@ class Rendering:
 
         An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
         while these end is raised.
+
+        Raises
+        ------
+        SceneError
+            If the checkpoint does not fit.
         """
-        start = time.perf_counter()
-        self._team = team
-        self.has_goal = goal is not None and self.plan.spp > 1
+        return Sitting(self, progress, goal, checkpoint, team).run()
 
-        def show() -> None:
-            if progress is not None:
-                seconds = time.perf_counter() - start
-                total: int = self.samples_in_all
-                error: float | None = None
-                if goal is not None and self.has_goal:
-                    total, error = self._expected(goal, seconds)
-                note = "" if team is None else team.note
-                done = self.samples_done
-                progress(Progress("render", done, total, seconds, error, note))
 
-        try:
-            show()
-            if goal is None or not self.has_goal:
-                self._trace(self.plan.spp, show)
-            else:
-                self._trace_until(goal, start, show)
-            show()
-        except KeyboardInterrupt:
-            if self._ending:  # one more, while threads are still at work
-                raise
-            return False
-        except ClusterError as error:
-            self.trouble = str(error)
-            return False
-        return True
-
-    def _trace_until(self, goal: Goal, start: float, show: Callable[[], None]) -> None:
-        halves = Halves(self.film)
-        done, error, steady = 0, float("inf"), False
-        while True:
-            seconds = time.perf_counter() - start
-            more = goal.next_samples(done, error, seconds, self.plan.spp, steady=steady)
-            if more == 0:
-                return
-            middle, end = done + more // 2, done + more
-            self._trace(middle, show)
-            halves.end_first()
-            self._trace(end, show)
-            self.accuracy = halves.end_second(end, self.threads)
-            done, error, steady = end, self.accuracy.error, self.accuracy.steady
-
-    def _expected(self, goal: Goal, seconds: float) -> tuple[int, float]:
-        """Return how many samples there will be, and the error of those that there are."""
-        if self.accuracy is None:
-            return self.samples_in_all, float("inf")
-        done, error = self.accuracy.samples, self.accuracy.error
-        spp = goal.expected_samples(done, error, seconds, self.plan.spp)
-        return max(spp * self._pixels, self.samples_done), error
-
-    def _trace(self, end_sample: int, show: Callable[[], None]) -> None:
-        """Add what is missing of samples 0 .. end_sample - 1; call `show` meanwhile.
-
-        Places may have come unequally far.
-        """
-        places, part = self.work.places, self.work.part
-        wanted = self.work.samples(end_sample)
-        if self._team is not None:
-            self._trace_by(self._team, wanted, show)
-            return
-        begun = self.samples_of_place // part
-        rounds = max(0, int((-(-wanted // part) - begun).max()))
-
-        def work(job: int, thread: int) -> None:
-            number, place = divmod(job, places)
-            end = min((begun[place] + number + 1) * part, wanted[place])
-            self.add_samples(place, int(end), thread)
-
-        crew = Crew(self.threads, rounds * places, work, round_length=places)
-        try:
-            crew.start()
-            while not crew.wait():
-                show()
-        finally:
-            self._ending = True
-            crew.stop()
-            self._ending = False
-
-    def begin(self, team: Team) -> None:
-        """Let workers begin with all samples already; `run` or `end` follows."""
-        self._team = team
-        self._job = team.begin(self, self.work.samples(self.plan.spp))
-
-    def end(self) -> None:
-        """Let workers that have begun go on no longer."""
-        if self._job is not None and self._team is not None:
-            job, self._job = self._job, None
-            self._team.end(job)
-
-    def _trace_by(
-        self, team: Team, wanted: NDArray[np.int64], show: Callable[[], None]
-    ) -> None:
-        if self._job is None:
-            self._job = team.begin(self, wanted)
-        try:
-            team.wait(self._job, show)
-        finally:
-            self._ending = True
-            self.end()
-            self._ending = False
+def _arrays_of(record: Any) -> list[NDArray[Any]]:
+    """Return all arrays of a record of records."""
+    if isinstance(record, np.ndarray):
+        return [record]
+    parts = record if isinstance(record, tuple) else ()
+    return [array for part in parts for array in _arrays_of(part)]

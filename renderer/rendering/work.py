@@ -40,6 +40,13 @@ class Work(NamedTuple):
         taken[parts % self.layers] += rest
         return np.repeat(taken, self.tiles)
 
+    def least_spp(self, samples: NDArray[np.int64]) -> int:
+        """Return of how many samples per pixel all these of the places are among."""
+        parts, inside = np.divmod(samples - 1, self.part)
+        layer = np.arange(self.places) // self.tiles
+        last = (parts * self.layers + layer) * self.part + inside
+        return int(np.where(samples > 0, last + 1, 0).max())
+
     def pieces(self, place: int, begin: int, end: int) -> Iterator[tuple[int, int]]:
         """Give the numbers that samples begin .. end - 1 of a place have in their pixel.
 

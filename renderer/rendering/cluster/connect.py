@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from renderer.rendering.cluster.team import Team
 
 MOST_LOCAL = 256  # processes
+CONNECT = 10  # [s]
 MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
 PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
@@ -65,7 +66,7 @@ def open_cluster(where: str) -> Iterator[Team]:
     from renderer.rendering.cluster.team import Team
 
     try:
-        client = Client(where, set_as_default=False)
+        client = Client(where, set_as_default=False, timeout=CONNECT)
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise ClusterError(f"no cluster at {where}: {reason}") from None

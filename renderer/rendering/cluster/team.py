@@ -22,8 +22,8 @@ from distributed import Client
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError, SceneError
+from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster import worker as work
-from renderer.rendering.cluster.identity import differences, identity, why_never
 from renderer.rendering.cluster.job import Job
 from renderer.rendering.cluster.tally import Tally
 from renderer.rendering.cluster.worker import Portion
@@ -100,7 +100,7 @@ class Team:
 
     # --------------------------------------------------------------- in the user's thread
 
-    def begin(self, rendering: Rendering, wanted: NDArray[np.int64]) -> Job:
+    def begin(self, rendering: Rendering, wanted: NDArray[np.int64]) -> None:
         """Let the workers begin with a render; it goes on until `end`.
 
         Raises
@@ -112,28 +112,47 @@ class Team:
             raise ClusterError(f"the client of the cluster is {self.client.status}")
         job = Job(rendering, wanted, work.request_of(rendering))
         self._in_loop(self._add_job(job))
-        return job
 
-    def wait(self, job: Job, show: Callable[[], None]) -> None:
-        """Wait for a job; call `show` meanwhile.
+    def trace(
+        self, rendering: Rendering, wanted: NDArray[np.int64], look: Callable[[], None]
+    ) -> None:
+        """Wait for the end of a render, begun or not; call `look` meanwhile.
 
         Raises
         ------
         ClusterError
             If the cluster cannot do it.
         """
-        while not job.finished:
+        job = self._job_of(rendering)
+        if job is None:
+            self.begin(rendering, wanted)
+            job = self._job_of(rendering)
+        while job is not None and not job.finished:
             if self._error is not None:
                 raise self._error
-            show()
+            look()
             try:
                 job.news.get(timeout=WAKE)
             except queue.Empty:
                 pass
 
-    def end(self, job: Job) -> None:
-        """Let no worker begin with more of a job; take in what they are at."""
-        self._in_loop(self._remove_job(job))
+    def end(self, rendering: Rendering) -> None:
+        """Let no worker begin with more of a render; take in what they are at."""
+        job = self._job_of(rendering)
+        if job is not None:
+            self._in_loop(self._remove_job(job))
+
+    def meanwhile(self, call: Callable[[], None]) -> None:
+        """Call something while nothing comes into any film."""
+
+        async def alone() -> None:
+            call()
+
+        self._in_loop(alone())
+
+    def _job_of(self, rendering: Rendering) -> Job | None:
+        jobs = [job for job in self._jobs if job.rendering is rendering]
+        return jobs[0] if jobs else None
 
     def _in_loop(self, coroutine: Coroutine[Any, Any, None]) -> None:
         loop: Any = self.client.loop
@@ -255,10 +274,14 @@ class Team:
                 return
             except Exception as error:  # whatever unpickling or importing raises there
                 return self._refuse(worker, f"{type(error).__name__}: {error}")
-            never = why_never(identity(), theirs)
-            if never:
-                return self._refuse(worker, never)
-            worker.differs = differences(identity(), theirs)
+            differ = [
+                f"{name} ({theirs.get(name)}, here {ours})"
+                for name, ours in made_by().items()
+                if theirs.get(name) != ours
+            ]
+            if any(name.startswith("lightproof ") for name in differ):
+                return self._refuse(worker, f"it has another {differ[0]}")
+            worker.differs = ", ".join(differ)
             self._known[address] = worker
         worker = self._known[address]
         slots = [self._serve(worker) for _ in range(worker.threads + AHEAD)]
@@ -394,7 +417,7 @@ class Team:
             )
             job.checked = ours.tobytes()
         if theirs.tobytes() != job.checked:
-            self._refuse(worker, f"its pictures differ, as do {worker.differs}")
+            self._refuse(worker, f"its sums are not ours, nor is its {worker.differs}")
             raise ClusterError(f"{worker.address} was refused")
         self.tally.shown_equal[worker.address] = worker.differs
         worker.shown.add(job.key)

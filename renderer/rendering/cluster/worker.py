@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError
+from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
-from renderer.rendering.cluster.identity import Identity, identity
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
@@ -78,9 +78,9 @@ _ready: OrderedDict[str, _Ready] = OrderedDict()
 _one_prepares = threading.Lock()
 
 
-def introduce() -> Identity:
-    """Return what this worker is."""
-    return identity()
+def introduce() -> dict[str, str]:
+    """Return what runs on this worker, and on which processor."""
+    return made_by()
 
 
 def add_samples(

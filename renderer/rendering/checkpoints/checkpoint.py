@@ -1,0 +1,178 @@
+"""The checkpoint of a render under way: read at its start, written now and then."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.rendering.checkpoints.file import (
+    Arrays,
+    Stored,
+    find_checkpoint,
+    older,
+    remove_parts,
+    write_checkpoint,
+)
+from renderer.rendering.checkpoints.identity import Identity, difference
+from renderer.threads import Crew
+
+MAY_DIFFER = "only threads, accel and, if the sampler is independent, spp may differ"
+
+
+def is_kept(path: Path) -> bool:
+    """Return whether there is a checkpoint, or the older one of two."""
+    return path.exists() or older(path).exists()
+
+
+def check_checkpoint_path(path: Path, *, resume: bool) -> None:
+    """Say now that a checkpoint cannot be written, or that it would cost another one.
+
+    Raises
+    ------
+    SceneError
+        For a folder that is missing, and for a file that is there but is not asked for.
+    """
+    if not path.parent.is_dir():
+        raise SceneError(f"{path}: there is no folder {str(path.parent)!r} to write to")
+    if path.is_dir():
+        raise SceneError(f"{path}: is a folder; a file name is needed for a checkpoint")
+    if not resume and is_kept(path):
+        there = path if path.exists() else older(path)
+        raise SceneError(
+            f"{there} is there already: go on from it (--resume, or resume=True) or "
+            "remove it"
+        )
+
+
+class Checkpoint:
+    """Where the state of a render is kept.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file; the one before is kept beside it, see `file.older`.
+    every : float
+        Seconds between the end of one writing and the next.
+    of : Identity
+        What is rendered.
+    resume : bool
+        Go on from what is there. If that is nothing, or only the older one of two is
+        whole, this is said (as a RuntimeWarning).
+
+    Raises
+    ------
+    SceneError
+        If what is there is of another render, is damaged, or is not asked for.
+    """
+
+    def __init__(self, path: Path, every: float, of: Identity, *, resume: bool) -> None:
+        check_checkpoint_path(path, resume=resume)
+        self._path, self._every, self._of = path, every, of
+        self._found: Stored | None = None
+        self._whole = False  # whether `path` has a good file, to be kept beside the next
+        self._copies: dict[str, NDArray[Any]] = {}
+        self._writing: Crew | None = None
+        self._failure = ""
+        self._last = time.monotonic()
+        remove_parts(path)
+        if resume:
+            self._find()
+
+    def _find(self) -> None:
+        self._found, wrong = find_checkpoint(self._path)
+        if self._found is None and wrong:
+            raise SceneError(f"{'; '.join(wrong)}: there is nothing to go on from")
+        if self._found is None:
+            _warn(f"{self._path}: there is no checkpoint yet; this starts at the beginning")
+            return
+        if wrong:
+            _warn(f"{'; '.join(wrong)}; this goes on from the older {self._found.path}")
+        self._whole = self._found.path == self._path
+        if (how := difference(self._found.of, self._of)) is not None:
+            raise SceneError(
+                f"{self._found.path} is of another render: {how}; {MAY_DIFFER}"
+            )
+
+    def restore(self, state: Arrays) -> bool:
+        """Fill the arrays of a render's state; return false if there is nothing to resume.
+
+        Raises
+        ------
+        SceneError
+            If the file lacks one, which is so after a render without a goal, or cannot be
+            read any more.
+        """
+        if self._found is None:
+            return False
+        stored = self._found.arrays
+        for name, array in state.items():
+            if name not in stored:
+                raise SceneError(
+                    f"{self._found.path} has no {name}: it is of a render without "
+                    "target_error and time_limit, and can only go on without them"
+                )
+            there = (np.dtype(stored[name].dtype), stored[name].shape)
+            if there != (array.dtype, array.shape):
+                raise SceneError(f"{self._found.path} has {name} of another size")
+        try:
+            self._found.read_into(state)
+        except OSError as error:
+            raise SceneError(f"{self._found.path} cannot be read: {error}") from error
+        return True
+
+    def due(self) -> bool:
+        """Return whether it is time to `take` the state."""
+        if self._writing is not None:
+            if self._writing.done == 0:
+                return False
+            self.close()
+        return time.monotonic() - self._last >= self._every
+
+    def take(self, state: Arrays) -> None:
+        """Copy a state that nobody works on, and write the copy while work goes on."""
+        self.close()
+        for name, array in state.items():
+            if name not in self._copies:
+                self._copies[name] = np.empty_like(array)
+            np.copyto(self._copies[name], array)
+        self._writing = Crew(1, 1, lambda job, thread: self._write(self._copies))
+        self._writing.start()
+
+    def save(self, state: Arrays) -> None:
+        """Write a state that nobody works on; return when it is on the disk."""
+        self.close()
+        self._write(state)
+        self._say_failure()
+
+    def close(self) -> None:
+        """Wait for the end of what is being written."""
+        if self._writing is not None:
+            while not self._writing.wait():
+                pass
+            self._writing = None
+        self._say_failure()
+
+    def _write(self, state: Arrays) -> None:
+        """Write; a full disk is no reason to end a render of hours."""
+        try:
+            keep = self._whole and self._path.exists()
+            write_checkpoint(self._path, self._of, state, keep=keep)
+            self._whole = True
+        except OSError as error:
+            self._failure = f"{self._path} cannot be written: {error.strerror or error}"
+        self._last = time.monotonic()
+
+    def _say_failure(self) -> None:
+        if self._failure:
+            failure, self._failure = self._failure, ""
+            _warn(f"{failure}; what was there is kept")
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, RuntimeWarning, stacklevel=3)

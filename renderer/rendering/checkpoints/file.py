@@ -1,0 +1,194 @@
+"""The file of a checkpoint: named arrays and what they are of, whole or not at all.
+
+The older of two is kept beside the new one. There is a good file at every moment: the new
+one is on the disk before it takes the place of the old one, and a file that was cut off or
+changed is known by its checksum. docs/checkpoints.md has the format.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAGIC = b"lightproof checkpoint 1\n"
+LENGTH = 8  # bytes of the header's length, little-endian
+CHECKSUM = 32  # bytes of SHA-256 of all before, at the end
+BLOCK = 1 << 20  # bytes read at once
+Arrays = Mapping[str, NDArray[Any]]
+
+
+class Damaged(Exception):
+    """A file that is no whole checkpoint; the message says why, without its name."""
+
+
+class Layout(NamedTuple):
+    """Where an array lies in a file."""
+
+    dtype: str  # such as "<f8"
+    shape: tuple[int, ...]
+    offset: int  # [bytes]
+
+
+class Stored(NamedTuple):
+    """A checkpoint in a file that was found whole."""
+
+    path: Path
+    of: dict[str, dict[str, str]]  # see `identity`
+    arrays: dict[str, Layout]
+
+    def read_into(self, arrays: Arrays) -> None:
+        """Fill arrays, which must be of the types and shapes that are in the file."""
+        with self.path.open("rb") as file:
+            for name, array in arrays.items():
+                file.seek(self.arrays[name].offset)
+                _fill(file, array)
+
+
+def older(path: Path) -> Path:
+    """Return the name under which the checkpoint before the one at `path` is kept."""
+    return path.with_name(f"{path.name}.older")
+
+
+def write_checkpoint(
+    path: Path, of: dict[str, dict[str, str]], arrays: Arrays, *, keep: bool
+) -> None:
+    """Write a checkpoint; keep the one that is there as the older, or put it in its place.
+
+    Raises
+    ------
+    OSError
+        When the disk is full, say. What was there still is.
+    """
+    types = [[name, a.dtype.str, list(a.shape)] for name, a in arrays.items()]
+    header = json.dumps({"of": of, "arrays": types}, ensure_ascii=True).encode()
+    length = len(header).to_bytes(LENGTH, "little")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    digest = hashlib.sha256()
+    try:
+        with part.open("wb") as file:
+            data = map(_bytes_of, arrays.values())
+            for block in (memoryview(MAGIC + length + header), *data):
+                digest.update(block)
+                file.write(block)
+            file.write(digest.digest())
+            file.flush()
+            os.fsync(file.fileno())
+        if keep:  # between these two only the older one is there: `find` knows
+            os.replace(path, older(path))
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    _sync_folder(path.parent)
+
+
+def remove_parts(path: Path) -> None:
+    """Remove what processes that were killed have not written to the end."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        with contextlib.suppress(OSError):
+            part.unlink()
+
+
+def find_checkpoint(path: Path) -> tuple[Stored | None, list[str]]:
+    """Return the newest whole checkpoint at `path`, and what is wrong with newer ones.
+
+    There is none, and nothing wrong, where no file is.
+    """
+    wrong: list[str] = []
+    for candidate in (path, older(path)):
+        try:
+            return read_checkpoint(candidate), wrong
+        except FileNotFoundError:
+            continue
+        except (Damaged, OSError) as error:
+            wrong.append(f"{candidate} {_reason(error)}")
+    return None, wrong
+
+
+def read_checkpoint(path: Path) -> Stored:
+    """Read what a checkpoint is of, and where its arrays lie, after a look at every byte.
+
+    Raises
+    ------
+    Damaged
+        If it was cut off or changed, or is something else.
+    OSError
+        If it cannot be read.
+    """
+    if not path.is_file() and path.exists():
+        raise Damaged("is no file")
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC[:size] or size == 0:
+            raise Damaged("is no checkpoint of this version's format")
+        file.seek(0)
+        digest = hashlib.sha256()
+        for block in _blocks(file, size - CHECKSUM):
+            digest.update(block)
+        if size < len(MAGIC) + LENGTH + CHECKSUM or file.read() != digest.digest():
+            raise Damaged("is damaged: its checksum is wrong")
+        file.seek(len(MAGIC))
+        length = int.from_bytes(file.read(LENGTH), "little")
+        if length > size:
+            raise Damaged("is damaged: its header is longer than the file")
+        text = file.read(length)
+    try:
+        header = json.loads(text)
+        of = {group: dict(items) for group, items in header["of"].items()}
+        offset, arrays = len(MAGIC) + LENGTH + length, {}
+        for name, dtype, shape in header["arrays"]:
+            arrays[name] = Layout(dtype, tuple(shape), offset)
+            offset += np.dtype(dtype).itemsize * int(np.prod(shape, dtype=object))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise Damaged("is damaged: its header makes no sense") from None
+    if offset + CHECKSUM != size:
+        raise Damaged("is damaged: its arrays do not fill it")
+    return Stored(path, of, arrays)
+
+
+def _bytes_of(array: NDArray[Any]) -> memoryview:
+    """Return an array's own memory; it must be contiguous."""
+    flat: Any = array.reshape(-1).view(np.uint8)
+    return memoryview(flat)
+
+
+def _fill(file: BinaryIO, array: NDArray[Any]) -> None:
+    target = _bytes_of(array)
+    while len(target):
+        count = file.readinto(target)  # type: ignore[attr-defined]
+        if not count:
+            raise OSError("it has become shorter while it was read")
+        target = target[count:]
+
+
+def _blocks(file: BinaryIO, size: int) -> Iterator[bytes]:
+    while size > 0:
+        block = file.read(min(BLOCK, size))
+        if not block:
+            return
+        size -= len(block)
+        yield block
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"cannot be read: {error.strerror or error}"
+    return str(error)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Let the names be on the disk too; not every system can open a folder."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
