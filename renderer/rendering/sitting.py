@@ -182,14 +182,18 @@ class Sitting:
             self._trace_by(self._team, wanted)
             return True
         begun = rendering.samples_of_place // part
-        rounds = max(0, int((-(-wanted // part) - begun).max()))
+        missing = -(-wanted // part) - begun
+        rounds = int(missing.max())
+        if rounds <= 0:
+            return True
+        jobs = (rounds - 1) * places + int(np.flatnonzero(missing == rounds)[-1]) + 1
 
         def work(job: int, thread: int) -> None:
             number, place = divmod(job, places)
             end = min((begun[place] + number + 1) * part, wanted[place])
             rendering.add_samples(place, int(end), thread)
 
-        crew = Crew(rendering.threads, rounds * places, work, round_length=places)
+        crew = Crew(rendering.threads, jobs, work, round_length=places)
         try:
             crew.start()
             while not crew.wait():
