@@ -69,5 +69,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || { echo 'Creating $(VENV)'; $(PYTHON) -m venv $(VENV); }
 	@echo 'Installing lightproof and what it needs into $(VENV)'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --editable '.[harness,dev]' --constraint constraints.txt
+	  --editable '.[harness,cluster,dev]' --constraint constraints.txt
 	@touch $@

@@ -86,7 +86,7 @@ def _local(workers: int) -> Iterator[Team]:
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # any free port; two clusters meet at one else
             memory_limit=0,  # a watch that would end workers; ours keep little
         ) as cluster,
         Client(cluster, set_as_default=False) as client,

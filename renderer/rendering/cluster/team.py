@@ -78,6 +78,7 @@ class Team:
     def __init__(self, client: Client) -> None:
         self.client = client
         self.tally = Tally()
+        self.size = 0  # workers that may work, when they were last counted
         self._known: dict[str, Worker] = {}  # all that may work, whether there or not
         self._slots: dict[str, list[asyncio.Task[None]]] = {}  # of those that are there
         self._jobs: list[Job] = []
@@ -87,11 +88,6 @@ class Team:
         self._watch: asyncio.Task[None] | None = None
         self._error: BaseException | None = None
         self._usual = 0.0  # [s] that a portion takes
-
-    @property
-    def size(self) -> int:
-        """How many workers are there and may work."""
-        return sum(address in self._known for address in list(self._slots))
 
     @property
     def note(self) -> str:
@@ -223,6 +219,7 @@ class Team:
                 for address in set(present) - set(self._slots) - set(self.tally.refused):
                     slot = asyncio.create_task(self._meet(address, present[address]))
                     self._slots[address] = [slot]
+                self.size = sum(address in self._known for address in self._slots)
                 if self._slots:
                     seen = time.monotonic()
                 self._check_hope(present, time.monotonic() - seen)
@@ -235,14 +232,17 @@ class Team:
         """Return the number of threads of each worker that the scheduler knows."""
         scheduler: Any = self.client.scheduler
         where = "?" if scheduler is None else scheduler.address
-        if self.client.status == "running":
-            try:
-                threads: dict[str, int] = await asyncio.wait_for(
-                    scheduler.ncores(), PATIENCE
-                )
-                return threads
-            except (TimeoutError, OSError):
-                pass
+        if scheduler is not None:
+            asking = asyncio.ensure_future(scheduler.ncores())
+            last = time.monotonic() + PATIENCE
+            # the client notices at once that a scheduler is gone, the question does not
+            while self.client.status == "running" and time.monotonic() < last:
+                done, _ = await asyncio.wait({asking}, timeout=LOOK)
+                if done and asking.exception() is None:
+                    return dict(asking.result())
+                if done:
+                    break
+            asking.cancel()
         raise ClusterError(f"the scheduler at {where} went away")
 
     def _check_hope(self, present: dict[str, int], lonely: float) -> None:
@@ -286,6 +286,7 @@ class Team:
         worker = self._known[address]
         slots = [self._serve(worker) for _ in range(worker.threads + AHEAD)]
         self._slots[address] = [asyncio.create_task(slot) for slot in slots]
+        self.size = sum(address in self._known for address in self._slots)
 
     def _refuse(self, worker: Worker, why: str) -> None:
         self.tally.refused[worker.address] = why
