@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
-.PHONY: help demo proof proof-full limits test test-all lint format bench \
+.PHONY: help demo proof proof-full limits resilience scaling test test-all lint format bench \
   bench-accelerators needs clean
 .DEFAULT_GOAL := help
 
@@ -25,6 +25,9 @@ proof-full: $(INSTALLED) ## the same with the mutation matrix and false alarms (
 
 limits: $(INSTALLED) ## measure where methods fail, both sides, write the page
 	@$(BIN)/python -m reports.limits --out $(OUT)
+
+resilience: $(INSTALLED) ## kill a render, resume it on a cluster, compare the files
+	@$(BIN)/python -m reports.resilience
 
 test: $(INSTALLED) ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
@@ -51,6 +54,9 @@ bench: $(INSTALLED) ## measure speed against Mitsuba, in turn, on two scenes
 
 bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree beside them (long)
 	@$(BIN)/python -m reports.accelerators --full --out $(OUT)
+
+scaling: $(INSTALLED) ## measure clusters against threads, simulate up to 1000 workers
+	@$(BIN)/python -m reports.scaling --out $(OUT)
 
 needs: $(INSTALLED) ## measure what each scene needs, write needs.html (long)
 	@$(BIN)/python -m reports.needs all --out $(OUT)

@@ -208,16 +208,20 @@ class Sitting:
 
     def _trace_by(self, team: Team, wanted: NDArray[np.int64]) -> None:
         """Let a cluster's workers trace all that is missing."""
-        checkpoint = self._checkpoint
+        rendering, checkpoint = self._rendering, self._checkpoint
+        kept = rendering.samples_done  # in the checkpoint
 
         def look() -> None:
+            nonlocal kept
             self._show()
-            if checkpoint is not None and checkpoint.due():
+            done = rendering.samples_done
+            if checkpoint is not None and done > kept and checkpoint.due():
                 team.meanwhile(lambda: checkpoint.take(self._state))
+                kept = done
 
         try:
-            team.trace(self._rendering, wanted, look)
+            team.trace(rendering, wanted, look)
         finally:
             self._ending = True
-            team.end(self._rendering)
+            team.end(rendering)
             self._ending = False

@@ -87,6 +87,8 @@ def _local(workers: int) -> Iterator[Team]:
             processes=True,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # any free port; two clusters meet at one else
+            silence_logs=logging.CRITICAL + 1,
+            preload=["renderer.rendering.cluster.worker"],  # `dask_setup` there
             memory_limit=0,  # a watch that would end workers; ours keep little
         ) as cluster,
         Client(cluster, set_as_default=False) as client,

@@ -12,8 +12,11 @@ from renderer.rendering.cluster.content import Content
 from renderer.rendering.cluster.worker import Portion
 from renderer.rendering.rendering import Rendering
 
-# The cost of handing out a portion is 10 ms (docs/cluster.md), 2 % of this.
-PORTION_SECONDS, LEAST_SECONDS = 0.5, 0.02
+# To hand out a portion and take it in costs some milliseconds of one processor, that of the
+# client and the scheduler (docs/cluster.md), whose share of time must not grow with the
+# number of threads that it feeds.
+MOST_SECONDS, MOST_PER_THREAD = 0.5, 0.04
+LEAST_SECONDS, LEAST_PER_THREAD = 0.02, 0.01
 MOST_BYTES = 1 << 22  # of the sums that a portion takes along
 
 
@@ -91,8 +94,9 @@ class Job:
         """
         if rate == 0.0:
             return 1.0  # a place's first part
-        seconds = self.missing / (rate * threads) / 3.0
-        return rate * min(max(seconds, LEAST_SECONDS), PORTION_SECONDS)
+        least = max(LEAST_SECONDS, LEAST_PER_THREAD * threads)
+        most = max(MOST_SECONDS, MOST_PER_THREAD * threads)
+        return rate * min(max(self.missing / (rate * threads) / 3.0, least), most)
 
     def sample(self, count: int) -> Portion:
         """Return the first samples of some places that lie all over the picture."""

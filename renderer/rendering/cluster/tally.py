@@ -21,13 +21,14 @@ class Tally:
     def __str__(self) -> str:
         """Return a line for the user."""
         words = [f"{self.portions} portions"]
-        for count, word in (
-            (self.retried, "retried"),
-            (self.doubled, "doubled"),
-            (self.lost, "workers lost"),
-            (len(self.refused), "workers refused"),
+        for count, noun, verb in (
+            (self.retried, "", "retried"),
+            (self.doubled, "", "doubled"),
+            (self.lost, "worker", "lost"),
+            (len(self.refused), "worker", "refused"),
         ):
             if count:
-                words.append(f"{count} {word}")
+                plural = "s" if noun and count > 1 else ""
+                words.append(" ".join(f"{count} {noun}{plural} {verb}".split()))
         sent, received = self.bytes_sent / 1e6, self.bytes_received / 1e6
         return ", ".join([*words, f"{sent:.1f} MB sent, {received:.1f} MB received"])

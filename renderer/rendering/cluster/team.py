@@ -92,7 +92,7 @@ class Team:
     @property
     def note(self) -> str:
         """A line about workers and what was done."""
-        return f"{self.size} workers, {self.tally}"
+        return f"{self.size} worker{'' if self.size == 1 else 's'}, {self.tally}"
 
     # --------------------------------------------------------------- in the user's thread
 
@@ -214,7 +214,7 @@ class Team:
             while True:
                 present = await self._present()
                 for address in set(self._slots) - set(present):
-                    self.tally.lost += address in self._known
+                    self.tally.lost += 1
                     await self._dismiss(address)
                 for address in set(present) - set(self._slots) - set(self.tally.refused):
                     slot = asyncio.create_task(self._meet(address, present[address]))

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import pickle
 import queue
+import signal
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,7 +145,9 @@ def _make_ready(request: Request) -> _Ready:
     return _Ready(rendering, threads)
 
 
-def forget() -> None:
-    """Keep nothing ready any more."""
-    with _one_prepares:
-        _ready.clear()
+def dask_setup(process: Any) -> None:
+    """Let Ctrl-C in a terminal, which all processes there get, end the render alone.
+
+    Dask calls it in the workers of `local:N`, which end with their cluster.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
