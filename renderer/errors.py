@@ -17,6 +17,10 @@ class SceneError(ValueError):
         )
 
 
+class CheckpointWarning(RuntimeWarning):
+    """A checkpoint cannot be written, is missing, or only the one before is whole."""
+
+
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""
 

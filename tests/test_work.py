@@ -21,6 +21,7 @@ def test_every_sample_belongs_to_one_place(layers, part, spp):
     work = Work(tiles=2, layers=layers, part=part)
     samples = work.samples(spp)
     assert samples.shape == (work.places,)
+    assert work.least_spp(samples) == spp
     for tile in range(2):
         taken = []
         for place in range(tile, work.places, 2):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.errors import ClusterError, SceneError
+from renderer.errors import CheckpointWarning, ClusterError, SceneError
 from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
@@ -219,8 +219,8 @@ def _showing(
         ProgressDisplay(sys.stderr, quiet=options.quiet) as display,
         warnings.catch_warnings(),
     ):
-        # of checkpoints, and at once: the render may take hours from then on
-        warnings.simplefilter("always")
+        # at once: the render may take hours from then on
+        warnings.simplefilter("always", CheckpointWarning)
         warnings.showwarning = _show_warning
 
         def progress(now: Progress) -> None:

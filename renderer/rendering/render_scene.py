@@ -91,7 +91,7 @@ def render(
         Go on from the checkpoint, with any number of threads, to the picture that a render
         without a break gives, bit for bit; with the sampler `independent` also to more
         samples. Without it a file that is there is refused. A file that is missing, or
-        damaged while the one before is whole, is a RuntimeWarning.
+        damaged while the one before is whole, is a CheckpointWarning.
     cluster : distributed.Client, optional
         Of a Dask cluster whose workers render, with the same bits; `threads` then only
         develop the picture (docs/cluster.md). When the cluster is lost the picture so far

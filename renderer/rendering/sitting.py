@@ -57,7 +57,7 @@ class Sitting:
         self._goal = None if rendering.plan.spp == 1 else goal
         self._halves = None if self._goal is None else Halves(rendering.film)
         rendering.has_goal = self._goal is not None
-        self._ending = False
+        self._at_work = False  # threads are, or may be
         self._start = self._origin = rendering.begun or time.perf_counter()
         self._resumed = 0  # samples
 
@@ -77,7 +77,7 @@ class Sitting:
                 checkpoint.save(self._state)
             self._show()
         except KeyboardInterrupt:
-            if self._ending:  # one more, while threads are still at work
+            if self._at_work:  # one more, while they end what they are at
                 raise
             return False
         except ClusterError as error:
@@ -115,6 +115,8 @@ class Sitting:
         if not checkpoint.restore(state):
             return
         self._origin -= float(state["seconds"][0])
+        if rendering.samples_of_place.min() < 0:
+            raise SceneError("the checkpoint has places with less than no samples")
         there = rendering.work.least_spp(rendering.samples_of_place)
         if self._halves is not None:
             there = max(there, self._halves.end)
@@ -166,7 +168,7 @@ class Sitting:
                 assert checkpoint is not None
                 checkpoint.take(self._state)
         except (KeyboardInterrupt, ClusterError):
-            if checkpoint is not None and not self._ending:
+            if checkpoint is not None and not self._at_work:
                 checkpoint.save(self._state)
             raise
 
@@ -194,6 +196,7 @@ class Sitting:
             rendering.add_samples(place, int(end), thread)
 
         crew = Crew(rendering.threads, jobs, work, round_length=places)
+        self._at_work = True
         try:
             crew.start()
             while not crew.wait():
@@ -202,9 +205,8 @@ class Sitting:
                     return False
             return True
         finally:
-            self._ending = True
             crew.stop()
-            self._ending = False
+            self._at_work = False
 
     def _trace_by(self, team: Team, wanted: NDArray[np.int64]) -> None:
         """Let a cluster's workers trace all that is missing."""
@@ -219,9 +221,9 @@ class Sitting:
                 team.meanwhile(lambda: checkpoint.take(self._state))
                 kept = done
 
+        self._at_work = True
         try:
             team.trace(rendering, wanted, look)
         finally:
-            self._ending = True
             team.end(rendering)
-            self._ending = False
+            self._at_work = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
+from renderer.errors import CheckpointWarning, SceneError
 from renderer.rendering.checkpoints.file import (
     Arrays,
     Stored,
@@ -36,10 +37,13 @@ def check_checkpoint_path(path: Path, *, resume: bool) -> None:
     Raises
     ------
     SceneError
-        For a folder that is missing, and for a file that is there but is not asked for.
+        For a folder that is missing or not writable, and for a file that is there but is
+        not asked for.
     """
     if not path.parent.is_dir():
         raise SceneError(f"{path}: there is no folder {str(path.parent)!r} to write to")
+    if not os.access(path.parent, os.W_OK):
+        raise SceneError(f"{path}: the folder {str(path.parent)!r} is not writable")
     if path.is_dir():
         raise SceneError(f"{path}: is a folder; a file name is needed for a checkpoint")
     if not resume and is_kept(path):
@@ -63,7 +67,7 @@ class Checkpoint:
         What is rendered.
     resume : bool
         Go on from what is there. If that is nothing, or only the older one of two is
-        whole, this is said (as a RuntimeWarning).
+        whole, this is said (as a CheckpointWarning).
 
     Raises
     ------
@@ -175,4 +179,4 @@ class Checkpoint:
 
 
 def _warn(text: str) -> None:
-    warnings.warn(text, RuntimeWarning, stacklevel=3)
+    warnings.warn(text, CheckpointWarning, stacklevel=3)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.bsdfs.registry import kind_of
 from renderer.scene_file.description import OtherBsdf
 
 # what tells where something comes from, and no kernel sees
@@ -57,7 +57,7 @@ class _Digester:
     def _of_record(self, record: Any) -> bytes:
         parts = [self.digest(type(record).__name__)]
         if isinstance(record, OtherBsdf):  # its kernels may be the user's own
-            parts.append(self.digest(BSDFS[record.plugin].source))
+            parts.append(self.digest(kind_of(record).source))
         for field in dataclasses.fields(record):
             if field.name not in _NO_CONTENT:
                 parts.append(self.digest(getattr(record, field.name)))

@@ -46,7 +46,7 @@ def made_by() -> dict[str, str]:
     processor = llvmlite.binding.get_host_cpu_name()
     return {
         "lightproof": f"{renderer.__version__} ({digest.hexdigest()[:12]})",
-        "Python": platform.python_version(),
+        "Python": " ".join((platform.python_version(), *platform.libc_ver())).strip(),
         "NumPy": np.__version__,
         "Numba": f"{numba.__version__} with llvmlite {llvmlite.__version__}",
         "processor": f"{processor} ({content_digest(features)[:12]})",
