@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import pickle
 import random
 import signal
 import sys
@@ -23,9 +24,11 @@ from renderer.rendering.cluster import connect, worker
 from renderer.rendering.cluster import team as teams
 from renderer.rendering.cluster.content import LEAST, freeze, thaw
 from renderer.rendering.cluster.job import Job
+from renderer.rendering.cluster.plugin_files import PluginFiles
 from renderer.rendering.cluster.team import Team
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
+from renderer.scene_file import plugin_file
 
 BOX = Path(__file__).parent.parent / "scenes" / "cornell-box" / "scene.xml"
 
@@ -345,3 +348,22 @@ def test_what_is_no_cluster(local):
         renderer.render(load(), 1, sampler="mitsuba", cluster=local)
     with pytest.raises(SceneError, match="a checkpoint is of one picture"):
         next(renderer.render_frames([load()], checkpoint="a.ckpt"))
+
+
+def test_a_file_of_plugins_goes_along_by_its_content(monkeypatch, tmp_path):
+    """On the worker it is imported before the scene is read, from a folder of its own."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    (here / "sent_plugin.py").write_text("import beside_it\nVALUE = beside_it.VALUE\n")
+    (here / "beside_it.py").write_text("VALUE = 7\n")
+    monkeypatch.setattr(plugin_file, "imported", [])
+    plugin_file.import_plugin_file(str(here / "sent_plugin.py"))
+    sent = pickle.dumps((PluginFiles(), "a record of its classes"))
+    pickle.loads(sent)
+    assert len(plugin_file.imported) == 1  # whoever sent it has it
+    plugin_file.imported.clear()
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(there))
+    pickle.loads(sent)
+    (found,) = plugin_file.imported
+    assert found.startswith(str(there)) and found.endswith("sent_plugin.py")
+    assert Path(found).with_name("beside_it.py").read_text() == "VALUE = 7\n"

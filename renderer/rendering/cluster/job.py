@@ -12,12 +12,29 @@ from renderer.rendering.cluster.content import Content
 from renderer.rendering.cluster.worker import Portion
 from renderer.rendering.rendering import Rendering
 
-# To hand out a portion and take it in costs some milliseconds of one processor, that of the
-# client and the scheduler (docs/cluster.md), whose share of time must not grow with the
-# number of threads that it feeds.
-MOST_SECONDS, MOST_PER_THREAD = 0.5, 0.04
-LEAST_SECONDS, LEAST_PER_THREAD = 0.02, 0.01
+# To hand out a portion and take it in costs the client and the scheduler some milliseconds
+# (docs/cluster.md). Where many threads are fed, portions are longer in proportion.
+MOST_SECONDS, LEAST_SECONDS = 0.5, 0.02
+MOST_PER_THREAD, LEAST_PER_THREAD = 0.04, 0.01
 MOST_BYTES = 1 << 22  # of the sums that a portion takes along
+
+
+def portion_seconds(work: float, threads: int) -> float:
+    """Return how long a portion shall take.
+
+    Parameters
+    ----------
+    work : float
+        Seconds that all of what is left takes one thread.
+    threads : int
+        That share it. Portions grow small at the end, so that all end at about the same
+        time, but never so small that to deal them out takes longer than they do: n of
+        them, by so many threads that each has one, take n c + work / n, whose least is at
+        portions of sqrt(work c).
+    """
+    least = min(LEAST_PER_THREAD * threads, (LEAST_PER_THREAD * work) ** 0.5)
+    most = max(MOST_SECONDS, MOST_PER_THREAD * threads)
+    return min(max(work / threads / 3.0, least, LEAST_SECONDS), most)
 
 
 class Job:
@@ -89,14 +106,11 @@ class Job:
     def fair_share(self, rate: float, threads: int) -> float:
         """Return how many samples to take for a worker of which `threads` are at work.
 
-        `rate` is what one of them does in a second; 0: not known. Portions grow small at
-        the end, so that all end at about the same time.
+        `rate` is what one of them does in a second; 0: not known.
         """
         if rate == 0.0:
             return 1.0  # a place's first part
-        least = max(LEAST_SECONDS, LEAST_PER_THREAD * threads)
-        most = max(MOST_SECONDS, MOST_PER_THREAD * threads)
-        return rate * min(max(self.missing / (rate * threads) / 3.0, least), most)
+        return rate * portion_seconds(self.missing / rate, threads)
 
     def sample(self, count: int) -> Portion:
         """Return the first samples of some places that lie all over the picture."""

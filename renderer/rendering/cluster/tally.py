@@ -20,7 +20,7 @@ class Tally:
 
     def __str__(self) -> str:
         """Return a line for the user."""
-        words = [f"{self.portions} portions"]
+        words = [f"{self.portions} portion{'' if self.portions == 1 else 's'}"]
         for count, noun, verb in (
             (self.retried, "", "retried"),
             (self.doubled, "", "doubled"),

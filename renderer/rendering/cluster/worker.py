@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from renderer.errors import ClusterError
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
+from renderer.rendering.cluster.plugin_files import PluginFiles
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
@@ -33,6 +34,7 @@ MOST_THREADS = 256  # of one worker
 class Request(NamedTuple):
     """What a worker has to know of a render."""
 
+    plugins: PluginFiles | None  # first, so that it is read first
     description: SceneDescription
     plan: Plan
     accel: str
@@ -53,7 +55,9 @@ def request_of(rendering: Rendering) -> Content:
             "a replay of Mitsuba's random numbers goes on from sample to sample and cannot "
             "be dealt out; render it without a cluster"
         )
-    request = Request(scene.description, rendering.plan, rendering.accel, rendering.seed)
+    request = Request(
+        PluginFiles(), scene.description, rendering.plan, rendering.accel, rendering.seed
+    )
     try:
         return freeze(request)
     except (TypeError, AttributeError, pickle.PicklingError) as error:
