@@ -29,6 +29,7 @@ from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older
 from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import Mesh, OtherBsdf
@@ -55,33 +56,47 @@ def _looking_often(monkeypatch):
 
 
 def in_sittings(scene, path, **settings):
-    """Render with an interrupt in each sitting, after every tenth of the samples or so."""
-    sittings, shown = 0, []
-    while True:
-        shown.clear()
+    """Render with an interrupt in each sitting, after a tenth of the samples or more.
 
-        def progress(now):
-            if now.stage != "render":
-                return
-            shown.append(now)
-            if now.done - now.resumed >= 0.1 * now.total and now.done < now.total:
-                raise KeyboardInterrupt
+    Threads wait for it after each job, so that it comes on the fastest machine too.
+    """
+    add, latest, firsts = Rendering.add_samples, [], []
 
-        image = renderer.render(
-            scene,
-            threads=1 + sittings % 3,
-            progress=progress,
-            checkpoint=path,
-            checkpoint_every=0.01,
-            resume=sittings > 0,
-            **settings,
-        )
-        sittings += 1
-        assert sittings < 100
-        assert shown[0].done == shown[0].resumed
-        assert (shown[0].resumed > 0) == (sittings > 1)
-        if image.complete:
-            return image, sittings
+    def is_enough(now, done):
+        return 0.1 * now.total <= done - now.resumed < now.total - now.resumed
+
+    def add_and_wait(self, place, end, thread):
+        add(self, place, end, thread)
+        for _ in range(50):  # not for ever: it may be stopped for a checkpoint instead
+            if latest and is_enough(latest[-1], self.samples_done):
+                time.sleep(1e-3)
+
+    def progress(now):
+        if now.stage != "render":
+            return
+        latest.append(now)
+        if is_enough(now, now.done):
+            firsts.append(latest[0])
+            latest.clear()
+            raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as context:
+        context.setattr(Rendering, "add_samples", add_and_wait)
+        for sitting in range(100):
+            image = renderer.render(
+                scene,
+                threads=1 + sitting % 3,
+                progress=progress,
+                checkpoint=path,
+                checkpoint_every=0.01,
+                resume=sitting > 0,
+                **settings,
+            )
+            if image.complete:
+                break
+    assert firsts[0].resumed == 0
+    assert all(first.done == first.resumed > 0 for first in firsts[1:])
+    return image, sitting + 1
 
 
 def same(image, whole):
