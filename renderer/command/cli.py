@@ -198,6 +198,8 @@ def _cluster(options: argparse.Namespace) -> Iterator[Team | None]:
         return
     from renderer.rendering.cluster.connect import open_cluster
 
+    if not options.quiet:
+        _complain(f"cluster: waiting for {options.cluster}")
     with open_cluster(options.cluster) as team:
         try:
             yield team

@@ -28,7 +28,7 @@ from reports.speed.measure import scene_file
 
 SCHEMA = 1
 SCENE = "cornell-box"
-WORKERS = (1, 10, 100, 1000)
+WORKERS = (10, 100, 1000)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -174,8 +174,10 @@ class Team:
         again by Dask.
         """
         for name, piece in job.content.pieces.items():
-            known = self._pieces.get(name)
-            if known is None or known.status not in ("pending", "finished"):
+            known = self._pieces.pop(name, None)
+            if known is not None and known.status in ("pending", "finished"):
+                self._pieces[name] = known
+            else:
                 key = f"lightproof-{name}"
                 self._pieces[name] = self.client.submit(bytes, piece, key=key)
                 self.tally.bytes_sent += len(piece)
@@ -215,6 +217,7 @@ class Team:
                 present = await self._present()
                 for address in set(self._slots) - set(present):
                     self.tally.lost += 1
+                    self._known.pop(address, None)
                     await self._dismiss(address)
                 for address in set(present) - set(self._slots) - set(self.tally.refused):
                     slot = asyncio.create_task(self._meet(address, present[address]))
@@ -299,13 +302,16 @@ class Team:
 
     async def _serve(self, worker: Worker) -> None:
         """Give a worker one portion after the other."""
-        while worker.address in self._known:
-            errand = self._choose(worker)
-            if errand is None:
-                async with self._news:
-                    await self._news.wait()
-            else:
-                await self._send(errand, worker)
+        try:
+            while worker.address in self._known:
+                errand = self._choose(worker)
+                if errand is None:
+                    async with self._news:
+                        await self._news.wait()
+                else:
+                    await self._send(errand, worker)
+        except Exception as error:  # of ours: without a word, a render would wait for ever
+            self._error = error
 
     def _choose(self, worker: Worker) -> Errand | None:
         if self._again:
