@@ -21,7 +21,7 @@ ROUND_TRIPS = 100
 
 
 def measure_costs(scene: Scene) -> Costs:
-    """Measure with one worker: processor seconds, which other programs hardly change.
+    """Measure with one worker: processor seconds, which other programs change less.
 
     Client and scheduler are threads of this process, so that its time is that of both.
     """
@@ -38,9 +38,9 @@ def measure_costs(scene: Scene) -> Costs:
     # portion * p + byte * b = seconds, of both
     table = np.array([few[1:], many[1:]], np.float64)
     portion, byte = np.linalg.solve(table, [few[0], many[0]])
-    begin = time.perf_counter()
+    begin = time.process_time()
     image = renderer.render(scene, 64, threads=1)
-    rate = image.width * image.height * 64 / (time.perf_counter() - begin)
+    rate = image.width * image.height * 64 / (time.process_time() - begin)
     return Costs(float(portion), max(float(byte), 0.0), alone, start, first, rate)
 
 

@@ -9,6 +9,7 @@ workers that fail, other users of the network, and tiles that cost more than oth
 from __future__ import annotations
 
 import heapq
+import math
 from typing import NamedTuple
 
 from renderer.rendering.cluster import job
@@ -83,14 +84,15 @@ def simulate(case: Case, costs: Costs, workers: int) -> Simulated:
         share = rate * job.portion_seconds(max(missing, 0) / rate, workers)
         while waiting and samples < share:
             places, spp = waiting[0]
-            if places <= 0 or spp == 0:
+            if places <= 0.0 or spp == 0:
                 waiting.pop(0)
                 continue
-            taken = max(1, min(int(places), int((share - samples) / (spp * pixels))))
-            part = min(1.0, (share - samples) / (spp * pixels)) if taken == 1 else 1.0
-            waiting[0][0] -= taken if part == 1.0 else part
-            samples += taken * part * spp * pixels
-            size_next += taken * case.place_bytes
+            # of a place that is too much for one portion a part, of 16 samples at least
+            wanted = (share - samples) / (spp * pixels)
+            taken = min(places, max(wanted, min(1.0, PART / spp)))
+            waiting[0][0] -= taken
+            samples += taken * spp * pixels
+            size_next += math.ceil(taken) * case.place_bytes
             if size_next > job.MOST_BYTES:
                 break
         cost = (costs.portion if came or samples else 0.0) + size * costs.byte
