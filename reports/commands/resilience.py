@@ -143,7 +143,7 @@ def _resumed(output: Path, spp: int, checkpoint: Path) -> Step:
     for worker in workers[:1]:
         os.kill(worker, signal.SIGKILL)
     status, said, seconds = command.end()
-    tally = re.search(r"cluster: (.*)", said)
+    tally = re.search(r"cluster: (\d+ portion.*)", said)
     good = (
         status == 0 and bool(workers) and re.search(r"\d workers? lost", said) is not None
     )
