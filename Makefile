@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
-.PHONY: help demo proof proof-full limits test test-all lint format bench \
-  bench-accelerators charts needs soak keep history clean
+.PHONY: help demo proof proof-full limits resilience scaling test test-all lint \
+  format bench bench-accelerators charts needs soak keep history clean
 .DEFAULT_GOAL := help
 
 help: ## list these targets
@@ -25,6 +25,9 @@ proof-full: $(INSTALLED) ## the same with the mutation matrix and false alarms (
 
 limits: $(INSTALLED) ## measure where methods fail, both sides, write the page
 	@$(BIN)/python -m reports.limits --out $(OUT)
+
+resilience: $(INSTALLED) ## kill a render, resume it on a cluster, compare the files
+	@$(BIN)/python -m reports.resilience
 
 test: $(INSTALLED) ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
@@ -55,6 +58,9 @@ bench-accelerators: $(INSTALLED) ## measure every accelerator, with Embree besid
 charts: $(INSTALLED) ## measure seconds against error of all contenders, write the page
 	@$(BIN)/python -m reports.speed_accuracy --out $(OUT)
 
+scaling: $(INSTALLED) ## measure clusters against threads, simulate up to 1000 workers
+	@$(BIN)/python -m reports.scaling --out $(OUT)
+
 needs: $(INSTALLED) ## measure what each scene needs, write needs.html (long)
 	@$(BIN)/python -m reports.needs all --out $(OUT)
 
@@ -81,5 +87,5 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@test -x $(BIN)/python || { echo 'Creating $(VENV)'; $(PYTHON) -m venv $(VENV); }
 	@echo 'Installing lightproof and what it needs into $(VENV)'
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --editable '.[harness,dev]' --constraint constraints.txt
+	  --editable '.[harness,cluster,dev]' --constraint constraints.txt
 	@touch $@

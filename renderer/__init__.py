@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from renderer.errors import SceneError
+    from renderer.errors import ClusterError, SceneError
     from renderer.kernels.jit import kernel
     from renderer.kinds.bsdfs.registry import register_bsdf
     from renderer.picture.image import Image
-    from renderer.rendering.render_scene import render
+    from renderer.rendering.render_scene import render, render_frames
     from renderer.rendering.render_to_file import render_to_file
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
+    "ClusterError",
     "Image",
     "Progress",
     "Scene",
@@ -36,6 +37,7 @@ __all__ = [
     "load_string",
     "register_bsdf",
     "render",
+    "render_frames",
     "render_to_file",
     "simplify",
 ]
@@ -43,6 +45,7 @@ __all__ = [
 # Imported when they are first asked for: Numba takes half a second, which whoever wants
 # the version, the command's help or a scene's description need not wait for.
 _MODULES = {
+    "ClusterError": "renderer.errors",
     "Image": "renderer.picture.image",
     "Progress": "renderer.rendering.sitting",
     "Scene": "renderer.scene.scene",
@@ -50,6 +53,7 @@ _MODULES = {
     "kernel": "renderer.kernels.jit",
     "register_bsdf": "renderer.kinds.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
+    "render_frames": "renderer.rendering.render_scene",
     "render_to_file": "renderer.rendering.render_to_file",
 }
 

@@ -30,3 +30,10 @@ class NotAllowed(SceneError):
 
     Nobody else is asked to read it then, such as the renderer that ours is compared with.
     """
+
+
+class ClusterError(RuntimeError):
+    """A cluster cannot be reached, or cannot go on with a render; the message is one line.
+
+    What was rendered before is not lost: `render` returns it as after an interrupt.
+    """

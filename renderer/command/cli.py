@@ -8,33 +8,24 @@ import os
 import shlex
 import sys
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.errors import CheckpointWarning, SceneError
-from renderer.memory import limited_to, parse_size
-from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
+from renderer.command.options import make_parser, read_options
+from renderer.errors import CheckpointWarning, ClusterError, SceneError
+from renderer.memory import limited_to
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.picture.image import Image
+    from renderer.rendering.cluster.team import Team
     from renderer.rendering.render_to_file import PictureFile
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
-
-EPILOG = """examples:
-  lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256
-  lightproof scene.xml -D width=1280 -D height=720     set <default>s of the file
-  lightproof scene.xml --explain                       what would be done, and why
-  lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
-  lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
-
-Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
-Exit status: 0 the picture is written, 1 the scene or a file was refused,
-2 the command line was wrong, 130 interrupted."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name; None: those of the process.
     """
     try:
-        options = _options(arguments)
+        options = read_options(arguments)
     except SystemExit as stop:
         return int(stop.code or 0)
     written: list[Path] = []
@@ -54,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with interrupts, limited_to(options.memory):
             return _run(options, interrupts, written)
-    except SceneError as error:
+    except (SceneError, ClusterError) as error:
         _complain(f"error: {error}")
     except MemoryError:
         _complain("error: there is not enough memory for this picture or scene")
@@ -77,60 +68,122 @@ def _interrupted(written: list[Path]) -> int:
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
     with interrupts.put_off():
-        from renderer.picture.image_files import check_output_path
-        from renderer.scene.scene import build_scene
-        from renderer.scene.simplifications.simplify import simplified
-        from renderer.scene_file import read_file_with
         from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
     path = options.scene / "scene.xml" if options.scene.is_dir() else options.scene
-    outputs = options.output
-    if not outputs and not options.explain:
-        outputs = [default_output(path)]
-    for output in outputs:
+    if not options.output and (options.frames is not None or not options.explain):
+        output = default_output(path)
+        if options.frames is not None:
+            output = output.with_stem(f"{output.stem}_####")
+        options.output = [output]
+    if options.frames is not None:
+        return _run_frames(options, path, interrupts, written)
+    _check_outputs(options)
+    scene = _load(options, path)
+    if options.explain:
+        _explain(scene, options)
+    if not options.output:
+        return 0
+    if _needs_bands(scene, options, interrupts):
+        _render_to_file(scene, options, interrupts)
+        return 0
+    with _cluster(options, interrupts) as team:
+        image = _render(scene, options, interrupts, team)
+    if interrupts.count > 1:
+        raise KeyboardInterrupt
+    _write(image, options.output, written)
+    _report(image, written, options)
+    if interrupts.count:
+        return 130
+    return 0 if image.complete and len(written) == len(options.output) else 1
+
+
+def _run_frames(
+    options: argparse.Namespace, path: Path, interrupts: Interrupts, written: list[Path]
+) -> int:
+    """Render a sweep, and return the exit status."""
+    from renderer.command.sweep import SweepRecord, made_from, of_frame
+
+    frames = [of_frame(options, frame) for frame in options.frames]
+    for each in frames:
+        _check_outputs(each)
+    record = SweepRecord(options.output[0])
+    if options.resume:
+        record.read()
+    asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
+
+    def scenes() -> Iterator[Scene]:
+        for each in frames:
+            scene = _load(each, path)
+            key = made_from(scene, _command(each))
+            if not record.has(each.output, key):
+                asked.append((each, key))
+                yield scene
+
+    with _cluster(options, interrupts) as team, _showing(options, interrupts) as progress:
+        images = renderer.render_frames(
+            scenes(), progress=progress, cluster=team, **_choices(options)
+        )
+        for image in images:
+            each, key = asked.popleft()
+            if interrupts.count > 1:
+                raise KeyboardInterrupt
+            files: list[Path] = []
+            _write(_signed(image, each), each.output, files)
+            written += files
+            _report(image, files, options)
+            if interrupts.count or not image.complete or len(files) < len(each.output):
+                return 130 if interrupts.count else 1
+            record.add(files, key)
+    if len(written) < len(frames) * len(options.output) and not options.quiet:
+        _complain(f"{len(frames) - len(written) // len(options.output)} frames were there")
+    return 0
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    from renderer.picture.image_files import check_output_path
+
+    for output in options.output:
         check_output_path(output)
         if output == options.checkpoint:
             raise SceneError(f"{output}: is named as the picture and as the checkpoint")
+
+
+def _load(options: argparse.Namespace, path: Path) -> Scene:
+    from renderer.scene.scene import build_scene
+    from renderer.scene.simplifications.simplify import simplified
+    from renderer.scene_file import read_file_with
+
     description = read_file_with(path, dict(options.define), options.allow_outside)
     for word in options.simplify:
         description = simplified(description, word)
     scene = build_scene(description)
     for warning in scene.description.warnings:
         _complain(f"warning: {warning}")
-    if options.explain:
-        from renderer.rendering.planning.plan_text import plan_text
+    return scene
 
-        sampler, spp = options.sampler, options.spp
-        if options.target_error is not None or options.time is not None:
-            from renderer.rendering.goal import for_a_goal
 
-            sampler, spp = for_a_goal(scene, sampler, spp)
-        text = plan_text(
-            scene,
-            integrator=options.integrator,
-            sampler=sampler,
-            spp=spp,
-            accel=options.accel,
-            threads=options.threads,
-            goal=options.target_error is not None or options.time is not None,
-        )
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    if not outputs:
-        return 0
-    if _needs_bands(scene, options, outputs, interrupts):
-        _render_to_file(scene, options, outputs[0], interrupts)
-        return 0
-    image = _render(scene, options, interrupts)
-    if interrupts.count > 1:
-        raise KeyboardInterrupt
-    _write(image, outputs, written)
-    _report(image, written, options)
-    if interrupts.count:
-        return 130
-    return 0 if len(written) == len(outputs) else 1
+def _explain(scene: Scene, options: argparse.Namespace) -> None:
+    from renderer.rendering.planning.plan_text import plan_text
+
+    sampler, spp = options.sampler, options.spp
+    if options.target_error is not None or options.time is not None:
+        from renderer.rendering.goal import for_a_goal
+
+        sampler, spp = for_a_goal(scene, sampler, spp)
+    text = plan_text(
+        scene,
+        integrator=options.integrator,
+        sampler=sampler,
+        spp=spp,
+        accel=options.accel,
+        threads=options.threads,
+        goal=options.target_error is not None or options.time is not None,
+    )
+    sys.stdout.write(text)
+    sys.stdout.flush()
 
 
 def default_output(scene: Path) -> Path:
@@ -144,10 +197,31 @@ def default_output(scene: Path) -> Path:
 
 
 @contextmanager
-def _watched(
+def _cluster(options: argparse.Namespace, interrupts: Interrupts) -> Iterator[Team | None]:
+    """Give the workers of `--cluster`, and say at the end what they did; or nobody."""
+    if options.cluster is None:
+        yield None
+        return
+    with interrupts.put_off():
+        from renderer.rendering.cluster.connect import open_cluster
+
+    if not options.quiet:
+        _complain(f"cluster: waiting for {options.cluster}")
+    with open_cluster(options.cluster) as team:
+        try:
+            yield team
+        finally:
+            for address, why in team.tally.refused.items():
+                _complain(f"warning: worker {address} was refused: {why}")
+            if not options.quiet:
+                _complain(f"cluster: {team.tally}")
+
+
+@contextmanager
+def _showing(
     options: argparse.Namespace, interrupts: Interrupts
 ) -> Iterator[Callable[[Progress], None]]:
-    """Give what shows the progress, ends a render at Ctrl-C, and says warnings at once."""
+    """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
         from renderer.command.progress_display import ProgressDisplay
 
@@ -175,33 +249,37 @@ def _how(options: argparse.Namespace) -> dict[str, Any]:
     return {name: getattr(options, name) for name in names}
 
 
-def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -> Image:
-    with _watched(options, interrupts) as progress:
+def _choices(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what `render` and `render_frames` are given beside the scene."""
+    goal = {"target_error": options.target_error, "time_limit": options.time}
+    return _how(options) | goal
+
+
+def _render(
+    scene: Scene, options: argparse.Namespace, interrupts: Interrupts, team: Team | None
+) -> Image:
+    with _showing(options, interrupts) as progress:
         image = renderer.render(
             scene,
-            **_how(options),
+            **_choices(options),
             progress=progress,
-            target_error=options.target_error,
-            time_limit=options.time,
+            cluster=team,
             checkpoint=options.checkpoint,
             checkpoint_every=60.0 if options.every is None else options.every,
             resume=options.resume,
         )
-    if image.error is not None:  # the command that gives this picture again
-        options.spp, options.sampler = image.spp, image.metadata["sampler"]
-    metadata = {**image.metadata, "command": _command(options)}
-    return dataclasses.replace(image, metadata=metadata)
+    return _signed(image, options)
 
 
 def _needs_bands(
     scene: Scene,
     options: argparse.Namespace,
-    outputs: list[Path],
     interrupts: Interrupts,
 ) -> bool:
     """Tell whether the film is larger than memory, and can go into its file in bands."""
-    asked = (options.target_error, options.time, options.checkpoint)
-    if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr" or any(asked):
+    outputs, asked = options.output, (options.checkpoint, options.cluster)
+    goal = (options.target_error, options.time)
+    if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr" or any((*asked, *goal)):
         return False
     with interrupts.put_off():
         from renderer.rendering.render_to_file import fits_in_memory
@@ -212,14 +290,15 @@ def _needs_bands(
 
 
 def _render_to_file(
-    scene: Scene, options: argparse.Namespace, output: Path, interrupts: Interrupts
+    scene: Scene, options: argparse.Namespace, interrupts: Interrupts
 ) -> None:
+    (output,) = options.output
     if not options.quiet:
         _complain(
             f"the film is larger than memory: it is written to {output} in bands, and "
             "nothing is kept of it after an interrupt"
         )
-    with _watched(options, interrupts) as progress:
+    with _showing(options, interrupts) as progress:
         file = renderer.render_to_file(
             scene,
             output,
@@ -241,12 +320,23 @@ def _rate(picture: Image | PictureFile, files: str) -> str:
     )
 
 
+def _signed(image: Image, options: argparse.Namespace) -> Image:
+    """Return the picture with the command that gives it again."""
+    if image.error is not None:
+        sampler = image.metadata["sampler"]
+        options = argparse.Namespace(
+            **vars(options) | {"spp": image.spp, "sampler": sampler}
+        )
+    metadata = {**image.metadata, "command": _command(options)}
+    return dataclasses.replace(image, metadata=metadata)
+
+
 def _command(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
     for name in ("spp", "seed", "integrator", "accel", "sampler", "ray_offset", "plugins"):
         value = getattr(options, name)
-        if value != _parser().get_default(name):
+        if value != make_parser().get_default(name):
             words += [f"--{name.replace('_', '-')}", str(value)]
     for name, value in options.define:
         words += ["-D", f"{name}={value}"]
@@ -308,221 +398,3 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     _complain(f"warning: {message}")
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line, without the usage before it."""
-        self.exit(2, f"{self.prog}: error: {message}; --help lists the options\n")
-
-
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if options.checkpoint is None and (options.resume or options.every is not None):
-        given = "--resume" if options.resume else "--every"
-        parser.error(f"{given} needs --checkpoint FILE")
-    return options
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
-        prog="lightproof",
-        usage="%(prog)s SCENE.xml [-o OUT.exr] [options]",
-        description="Render a Mitsuba 3 scene file.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    add = parser.add_argument
-    add("scene", type=Path, metavar="SCENE.xml", help="or the folder of a scene.xml")
-    add(
-        "-o",
-        "--output",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="OUT.exr",
-        help="the picture, .exr, .png or .npy by its ending; may be given several times "
-        "(default: named after the scene, .exr, in the working directory)",
-    )
-    add(
-        "--spp", type=_positive, metavar="N", help="samples per pixel instead of the file's"
-    )
-    add(
-        "--target-error",
-        type=_error,
-        metavar="2%",
-        help="render until the picture's estimated relative error is no more; --spp is "
-        "then the most samples that it may take",
-    )
-    add(
-        "--time",
-        type=_seconds,
-        metavar="SECONDS",
-        help="render for about so long, and say the error that was reached",
-    )
-    add(
-        "--checkpoint",
-        type=Path,
-        metavar="FILE",
-        help="keep the state of the render there, now and then, and at its end",
-    )
-    add(
-        "--every",
-        type=_seconds,
-        metavar="SECONDS",
-        help="between two writings of the checkpoint (default: 60)",
-    )
-    add(
-        "--resume",
-        action="store_true",
-        help="go on from the checkpoint, to the same picture as without a break; also to "
-        "more --spp than it was made with, if the sampler is independent",
-    )
-    add(
-        "--seed",
-        type=_seed,
-        default=0,
-        metavar="N",
-        help="the same seed gives the same picture, bit for bit (default: 0)",
-    )
-    add("--threads", type=_positive, metavar="N", help="default: one for each processor")
-    add(
-        "--integrator",
-        choices=INTEGRATORS,
-        metavar="NAME",
-        help=f"{', '.join(INTEGRATORS)}; auto, the default, is the least method that gives "
-        "what the file asks for",
-    )
-    add(
-        "--accel",
-        choices=ACCELERATORS,
-        metavar="NAME",
-        help=f"{', '.join(ACCELERATORS)}; the picture is the same; auto, the default, is "
-        "what a cost model expects to be the fastest",
-    )
-    add(
-        "--sampler",
-        choices=(*SAMPLERS, REPLAY),
-        metavar="NAME",
-        help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with "
-        "the random numbers that Mitsuba scalar draws",
-    )
-    add(
-        "--ray-offset",
-        choices=RAY_OFFSETS,
-        metavar="NAME",
-        help="how far off their surface rays start: tight (default) or mitsuba",
-    )
-    add(
-        "--plugins",
-        type=Path,
-        metavar="FILE.py",
-        help="a Python file that registers BSDFs of yours (docs/adding-a-bsdf.md)",
-    )
-    add(
-        "-D",
-        dest="define",
-        action="append",
-        default=[],
-        type=_definition,
-        metavar="name=value",
-        help="replace a <default> of the file",
-    )
-    add(
-        "--simplify",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="render less than the file says, such as depth=3 or textures=mean; may be "
-        "given several times (docs/simplifications.md)",
-    )
-    add(
-        "--memory",
-        type=_memory,
-        metavar="SIZE",
-        help="refuse what would take this process beyond a size such as 4GiB (default: "
-        "what the machine has free)",
-    )
-    add(
-        "--allow-outside",
-        action="append",
-        default=[],
-        type=_folder,
-        metavar="DIR",
-        help="let the scene name files below this folder too; without it, only below its "
-        "own; may be given several times (docs/security.md)",
-    )
-    add(
-        "--explain",
-        action="store_true",
-        help="print what is modelled, what is left out and why; render only with -o",
-    )
-    add("--quiet", action="store_true", help="print warnings and errors only")
-    add("--version", action="version", version=f"%(prog)s {renderer.__version__}")
-    return parser
-
-
-def _whole_number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
-
-
-def _positive(text: str) -> int:
-    value = _whole_number(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is less than 1")
-    return value
-
-
-def _error(text: str) -> float:
-    number = _number(text.removesuffix("%"))
-    if text.endswith("%"):
-        return number / 100
-    if number >= 1:
-        raise argparse.ArgumentTypeError(f"{text} is 100 % or more; is {text}% meant?")
-    return number
-
-
-def _seconds(text: str) -> float:
-    return _number(text.removesuffix("s"))
-
-
-def _memory(text: str) -> int:
-    try:
-        return parse_size(text)
-    except SceneError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _folder(text: str) -> Path:
-    if not Path(text).is_dir():
-        raise argparse.ArgumentTypeError(f"{text} is not a folder")
-    return Path(text)
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not more than 0, and finite")
-    return value
-
-
-def _seed(text: str) -> int:
-    value = _whole_number(text)
-    if not 0 <= value < 2**32:
-        raise argparse.ArgumentTypeError(f"{value} is not in 0 to {2**32 - 1}")
-    return value
-
-
-def _definition(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not (name.strip() and equals):
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
-    return name.strip(), value

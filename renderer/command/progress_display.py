@@ -107,11 +107,12 @@ def _announcement(progress: Progress) -> str:
 
 def _speed(progress: Progress) -> str:
     rate = (progress.done - progress.resumed) / progress.seconds
-    if progress.error == float("inf"):
-        return f"{rate / 1e6:.1f} Msamples/s"
+    others = f"; {progress.cluster}" if progress.cluster else ""
+    if rate == 0.0 or progress.error == float("inf"):
+        return f"{rate / 1e6:.1f} Msamples/s{others}"
     left = (progress.total - progress.done) / rate
     error = "" if progress.error is None else f"error {progress.error:.2%}, "
-    return f"{error}{_duration(left)} left, {rate / 1e6:.1f} Msamples/s"
+    return f"{error}{_duration(left)} left, {rate / 1e6:.1f} Msamples/s{others}"
 
 
 def _duration(seconds: float) -> str:

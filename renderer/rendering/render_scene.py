@@ -3,43 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-import operator
 import os
-import reprlib
 import time
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from renderer.accelerators.build import compile_builders
-from renderer.errors import SceneError
+from renderer.errors import ClusterError, SceneError
 from renderer.integrators.moment import show_moments
-from renderer.memory import limited_to
-from renderer.names import ACCELERATORS
 from renderer.picture.image import Image
-from renderer.rendering.aovs import nested_scene, with_picture
-from renderer.rendering.checkpoints.checkpoint import (
-    Checkpoint,
-    check_checkpoint_path,
-    is_kept,
-)
-from renderer.rendering.checkpoints.identity import identity_of
-from renderer.rendering.compilation import CompilationWatch
-from renderer.rendering.goal import Goal, check_goal, for_a_goal
-from renderer.rendering.memory_estimate import check_room, estimate
-from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
+from renderer.rendering.aovs import with_picture
+from renderer.rendering.cluster.connect import team_of
+from renderer.rendering.preparation import Options, Prepared, prepare
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
-from renderer.threads import default_threads
 
-MOST_THREADS = 1024
-INSTEAD = (
-    "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands; "
-    "fewer threads; --memory SIZE, if there is more"
-)
+AHEAD = 2  # pictures of a sweep that are under way on a cluster beside the first
 
 
 def render(
@@ -58,6 +41,7 @@ def render(
     checkpoint: str | os.PathLike[str] | None = None,
     checkpoint_every: float = 60.0,
     resume: bool = False,
+    cluster: Any = None,
     memory: int | float | str | None = None,
 ) -> Image:
     """Render a scene.
@@ -109,6 +93,10 @@ def render(
         without a break gives, bit for bit; with the sampler `independent` also to more
         samples. Without it a file that is there is refused. A file that is missing, or
         damaged while the one before is whole, is a CheckpointWarning.
+    cluster : distributed.Client, optional
+        Of a Dask cluster whose workers render, with the same bits; `threads` then only
+        develop the picture (docs/cluster.md). When the cluster is lost the picture so far
+        comes back, with `complete` false.
 
     memory : int or str, optional
         The most memory that this process may have meanwhile, in bytes or such as "4GiB";
@@ -126,163 +114,106 @@ def render(
     SceneError
         For a name that does not exist, a number that is out of range, a checkpoint of
         something else, or more memory than there is.
+    ClusterError
+        If a cluster cannot do anything of it.
     TypeError
         For a scene that is none, and for `spp`, `seed` or `threads` that are no whole
         numbers.
     """
-    if not isinstance(scene, Scene):
-        raise TypeError(
-            f"the scene is {_shown(scene)}; possible is what `load_file`, `load_string` or "
-            "`load_dict` returns"
-        )
-    threads = default_threads() if threads is None else threads
-    threads = whole_number("threads", threads, 1, MOST_THREADS)
-    seed = whole_number("seed", seed, 0, 2**32 - 1)
-    spp = None if spp is None else whole_number("spp", spp, 1, MOST_SAMPLES)
-    goal = None
-    if target_error is not None or time_limit is not None:
-        goal = Goal(
-            _positive("target_error", target_error), _positive("time_limit", time_limit)
-        )
-        sampler, spp = for_a_goal(scene, sampler, spp)
-    every = _positive("checkpoint_every", checkpoint_every)
-    if resume and checkpoint is None:
-        raise SceneError("resume is true, and no checkpoint is given to go on from")
-    accel = accel or "auto"
-    if accel not in ACCELERATORS:
-        known = ", ".join(ACCELERATORS)
-        raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
-    plan = make_plan(
-        scene,
-        integrator=integrator,
-        sampler=sampler,
-        spp=spp,
-        accel=accel,
-        ray_offset=ray_offset,
-        threads=threads,
+    options = Options(
+        spp,
+        seed,
+        threads,
+        integrator,
+        accel,
+        sampler,
+        ray_offset,
+        measured_camera,
+        target_error,
+        time_limit,
+        checkpoint,
+        checkpoint_every,
+        resume,
+        cluster,
+        memory,
     )
+    return _finish(prepare(scene, options, progress), progress)
 
-    if goal is not None:
-        check_goal(plan)
-    nested = nested_scene(scene, plan)
-    kept = colors_kept = None
-    if checkpoint is not None and every is not None:
-        path = Path(checkpoint)
-        if nested is not None:
-            colors_kept = path.with_name(f"{path.name}.colors")
-            check_checkpoint_path(colors_kept, resume=resume)
-        of = identity_of(
-            scene, plan, accel=accel, seed=seed, measured_camera=measured_camera
-        )
-        kept = Checkpoint(path, every, of, resume=resume)
 
-    with limited_to(memory):
-        needs = estimate(
-            scene,
-            plan,
-            accel=accel,
-            threads=threads,
-            goal=goal is not None,
-            checkpoint=kept is not None,
-        )
-        check_room(needs, scene.description.source, INSTEAD)
-    rendering, build_seconds, compile_seconds = prepared(
-        scene, plan, progress, accel, seed, threads, measured_camera=measured_camera
-    )
-    complete = rendering.run(progress, goal, kept)
-    seconds = rendering.seconds + build_seconds
-    image = image_of(rendering, seconds, compile_seconds, complete)
-    if nested is None or not complete:
+def render_frames(
+    scenes: Iterable[Scene],
+    *,
+    progress: Callable[[Progress], None] | None = None,
+    cluster: Any = None,
+    **options: Any,
+) -> Iterator[Image]:
+    """Render one scene after the other, such as those of a sweep.
+
+    Parameters
+    ----------
+    scenes : iterable of Scene
+        Taken when they are needed.
+    progress, cluster, **options
+        As of `render`, without a checkpoint. On a cluster the next pictures begin before
+        one ends, so that no worker waits for the last tile.
+
+    Yields
+    ------
+    Image
+        In the order of the scenes; after one that was interrupted there are no more.
+
+    Raises
+    ------
+    SceneError, ClusterError, TypeError
+        As `render`.
+    """
+    if options.get("checkpoint") is not None:
+        raise SceneError("a checkpoint is of one picture, and cannot be kept of several")
+    team = None if cluster is None else team_of(cluster)
+    asked = Options(**options, cluster=team)
+    waiting: deque[Prepared] = deque()
+    following = iter(scenes)
+    try:
+        while True:
+            ahead = 0 if team is None else AHEAD
+            while len(waiting) <= ahead and (scene := next(following, None)) is not None:
+                prepared = prepare(scene, asked, progress)
+                waiting.append(prepared)
+                if team is not None and prepared.goal is None:
+                    rendering = prepared.rendering
+                    wanted = rendering.work.samples(rendering.plan.spp)
+                    rendering.begun = time.perf_counter()
+                    team.begin(rendering, wanted)
+            if not waiting:
+                return
+            image = _finish(waiting.popleft(), progress)
+            yield image
+            if not image.complete:
+                return
+    finally:
+        for prepared in waiting:
+            if team is not None:
+                team.end(prepared.rendering)
+
+
+def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> Image:
+    """Trace, and return the picture."""
+    rendering, options = prepared.rendering, prepared.of_colors
+    complete = rendering.run(progress, prepared.goal, prepared.kept, options.cluster)
+    if rendering.trouble and rendering.samples_done == 0:
+        raise ClusterError(rendering.trouble)
+    seconds = rendering.seconds + prepared.build_seconds
+    image = image_of(rendering, seconds, prepared.compile_seconds, complete)
+    if prepared.nested is None or not complete:
         return image
     try:
-        picture = render(
-            nested,
-            spp,
-            seed,
-            threads,
-            accel=accel,
-            sampler=sampler,
-            progress=progress,
-            ray_offset=ray_offset,
-            measured_camera=measured_camera,
-            checkpoint=colors_kept,
-            checkpoint_every=checkpoint_every,
-            resume=colors_kept is not None and is_kept(colors_kept),
-            memory=memory,
-        )
+        picture = _finish(prepare(prepared.nested, options, progress), progress)
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}
         metadata = {**image.metadata, **interrupted}
         return dataclasses.replace(image, complete=False, metadata=metadata)
     both = with_picture(image, picture)
     return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
-
-
-def prepared(
-    scene: Scene,
-    plan: Plan,
-    progress: Callable[[Progress], None] | None,
-    accel: str,
-    seed: int,
-    threads: int,
-    *,
-    measured_camera: Sequence[float] | None = None,
-    band: int | None = None,
-) -> tuple[Rendering, float, float]:
-    """Return a rendering that can run, and the seconds of building and of compiling."""
-
-    def announce() -> None:
-        if progress is not None:
-            progress(Progress("compile", 0, 1, 0.0))
-
-    watch = CompilationWatch(announce)
-    with watch.installed():
-        compile_seconds = compile_builders(scene, accel, plan.rays)
-        started = time.perf_counter()
-        rendering = Rendering(
-            scene,
-            plan,
-            accel=accel,
-            seed=seed,
-            threads=threads,
-            measured_camera=measured_camera,
-            band=band,
-        )
-        build_seconds = time.perf_counter() - started - rendering.methods_seconds
-        compile_seconds += rendering.methods_seconds + rendering.compile()
-    if progress is not None and watch.compiled:
-        progress(Progress("compile", 1, 1, compile_seconds))
-    return rendering, build_seconds, compile_seconds
-
-
-def whole_number(name: str, value: object, least: int, most: int) -> int:
-    """Return an argument that is an integer, NumPy's included, and in range."""
-    try:
-        number = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        raise TypeError(
-            f"{name} is {_shown(value)}; whole numbers from {least} to {most} are possible"
-        ) from None
-    if not least <= number <= most:
-        raise SceneError(f"{name} is {number}; {least} to {most} are possible")
-    return number
-
-
-def _positive(name: str, value: object) -> float | None:
-    """Return an argument that is a positive number, or None."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-        raise TypeError(f"{name} is {_shown(value)}; positive numbers are possible")
-    if not 0.0 < value < float("inf"):
-        raise SceneError(f"{name} is {value}; positive numbers are possible")
-    return float(value)
-
-
-def _shown(value: object) -> str:
-    """Return a value and its type on one line, cut if it is long."""
-    shown = " ".join(reprlib.repr(value).split())
-    return f"{shown} (of type {type(value).__name__})"
 
 
 def image_of(
@@ -337,4 +268,6 @@ def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
         done, samples = rendering.samples_done, rendering.samples_in_all
         of = "" if rendering.has_goal else f" of {samples}"
         metadata["interrupted"] = f"after {done}{of} samples"
+        if rendering.trouble:
+            metadata["interrupted"] += f": {rendering.trouble}"
     return metadata

@@ -18,7 +18,8 @@ from renderer.rendering.aovs import nested_scene, with_picture
 from renderer.rendering.band import Band
 from renderer.rendering.memory_estimate import check_room, estimate, rows_at_once
 from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
-from renderer.rendering.render_scene import MOST_THREADS, image_of, prepared, whole_number
+from renderer.rendering.preparation import MOST_THREADS, build_rendering, whole_number
+from renderer.rendering.render_scene import image_of
 from renderer.rendering.rendering import Rendering, film_shape
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
@@ -122,7 +123,7 @@ def render_to_file(
     renders = []
     with ExrRows(Path(path), film.crop_width, film.crop_height) as file:
         for of, its_plan in todo:
-            rendering, building, compiling = prepared(
+            rendering, building, compiling = build_rendering(
                 of, its_plan, progress, accel, seed, threads, band=rows
             )
             seconds, compile_seconds = seconds + building, compile_seconds + compiling

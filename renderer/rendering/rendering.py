@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from renderer.rendering.tables.variant import way_of
 from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
 from renderer.stages.film import BOX, Film, FilterTable, filter_border, filter_table
+
+if TYPE_CHECKING:  # needs Dask, an extra
+    from renderer.rendering.cluster.team import Team
 
 # One job of a thread: so many samples of a tile that it takes some 10 ms.
 SAMPLES_PER_JOB = 16
@@ -60,6 +63,7 @@ class Rendering:
         band: int | None = None,
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
+        self.accel, self.seed = accel, seed
         self.variant = way_of(plan, measured_camera)
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
@@ -71,12 +75,13 @@ class Rendering:
         self._packed_filter = pack(self.rfilter)
         shape = film_shape(scene, plan)
         self.channels, self.border = shape.channels, shape.border
-        self.seed = seed
         asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
         self._part = max(1, SAMPLES_PER_JOB // asked)
         self.use_film(Film(*shape) if band is None else Band(shape, band))
         # what a sitting says about itself
         self.has_goal = False
+        self.begun = 0.0  # when, on a cluster whose workers did before the sitting
+        self.trouble = ""  # of a cluster, that ended it
         self.seconds = 0.0  # of tracing; with those before a checkpoint
         self.accuracy: Accuracy | None = None  # known where a goal asks for it
         self._workspaces: list[Packed | None] = [None] * threads
@@ -88,7 +93,7 @@ class Rendering:
         self.samples_of_place = np.zeros(self.work.places, np.int64)
         pixels = [tile.width * tile.height for tile in film.tiles]
         self.pixels = sum(pixels)
-        self._pixels_of_place = np.tile(pixels, film.grid.layers)
+        self.pixels_of_place = np.tile(pixels, film.grid.layers)
         self.samples_in_all = self.pixels * self.plan.spp
 
     @property
@@ -122,13 +127,25 @@ class Rendering:
         Threads may be at different places at the same time, each with its own number.
         """
         begin = int(self.samples_of_place[place])
-        for first_sample, end_sample in self.work.pieces(place, begin, end):
-            self._render(place, first_sample, end_sample, thread)
+        self.add_to(self.film.sums[place], place, begin, end, thread)
         if end > begin:
             self.samples_of_place[place] = end
 
-    def _render(self, place: int, first_sample: int, end_sample: int, thread: int) -> None:
-        """Add samples of the tile at a place to its sums."""
+    def add_to(
+        self, sums: NDArray[np.float64], place: int, begin: int, end: int, thread: int
+    ) -> None:
+        """Add samples begin .. end - 1 of a place to sums, the film's or others."""
+        for first_sample, end_sample in self.work.pieces(place, begin, end):
+            self._render(sums, place, first_sample, end_sample, thread)
+
+    def _render(
+        self,
+        sums: NDArray[np.float64],
+        place: int,
+        first_sample: int,
+        end_sample: int,
+        thread: int,
+    ) -> None:
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
@@ -139,7 +156,7 @@ class Rendering:
             first_sample,
             end_sample,
             work,
-            self.film.sums[place],
+            sums,
             self.border,
         )
 
@@ -151,7 +168,7 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(place=0, first_sample=0, end_sample=0, thread=0)
+        self._render(self.film.sums[0], 0, first_sample=0, end_sample=0, thread=0)
         self.film.compile()
         return time.perf_counter() - start
 
@@ -163,7 +180,7 @@ class Rendering:
     @property
     def samples_done(self) -> int:
         """Samples that are in the film, of all pixels together."""
-        return int(self.samples_of_place @ self._pixels_of_place)
+        return int(self.samples_of_place @ self.pixels_of_place)
 
     @property
     def state(self) -> dict[str, NDArray[Any]]:
@@ -179,8 +196,11 @@ class Rendering:
         progress: Callable[[Progress], None] | None = None,
         goal: Goal | None = None,
         checkpoint: Checkpoint | None = None,
+        team: Team | None = None,
     ) -> bool:
         """Trace all samples, or as many as a goal needs; return whether it went to the end.
+
+        On the workers of a `team`, if there is one. What stopped it is then in `trouble`.
 
         An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
         while these end is raised.
@@ -190,7 +210,7 @@ class Rendering:
         SceneError
             If the checkpoint does not fit.
         """
-        return Sitting(self, progress, goal, checkpoint).run()
+        return Sitting(self, progress, goal, checkpoint, team).run()
 
 
 def workspace_of(

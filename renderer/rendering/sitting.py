@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
+from renderer.errors import ClusterError, SceneError
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.goal import Goal, Halves
 from renderer.threads import Crew
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a team needs Dask, an extra
+    from renderer.rendering.cluster.team import Team
     from renderer.rendering.rendering import Rendering
 
 
@@ -34,6 +35,7 @@ class Progress:
     # of the picture so far, where a goal asks for it: infinite before it is known
     error: float | None = None
     resumed: int = 0  # samples of `done` that were in the checkpoint
+    cluster: str = ""  # a line about its workers and what they did
 
 
 class Sitting:
@@ -48,14 +50,15 @@ class Sitting:
         progress: Callable[[Progress], None] | None,
         goal: Goal | None,
         checkpoint: Checkpoint | None,
+        team: Team | None = None,
     ) -> None:
         self._rendering, self._progress = rendering, progress
-        self._checkpoint = checkpoint
+        self._checkpoint, self._team = checkpoint, team
         self._goal = None if rendering.plan.spp == 1 else goal
         self._halves = None if self._goal is None else Halves(rendering.film)
         rendering.has_goal = self._goal is not None
         self._at_work = False  # threads are, or may be
-        self._start = self._origin = time.perf_counter()
+        self._start = self._origin = rendering.begun or time.perf_counter()
         self._resumed = 0  # samples
 
     def run(self) -> bool:
@@ -63,7 +66,7 @@ class Sitting:
         rendering, checkpoint = self._rendering, self._checkpoint
         if checkpoint is not None:
             self._go_on_from(checkpoint)
-        self._resumed = rendering.samples_done
+            self._resumed = rendering.samples_done
         try:
             self._show()
             if self._goal is None or self._halves is None:
@@ -76,6 +79,9 @@ class Sitting:
         except KeyboardInterrupt:
             if self._at_work:  # one more, while they end what they are at
                 raise
+            return False
+        except ClusterError as error:
+            rendering.trouble = str(error)
             return False
         finally:
             rendering.seconds = self._seconds
@@ -101,7 +107,8 @@ class Sitting:
         if self._goal is not None:
             total, error = self._expected(self._goal)
         done, seconds = rendering.samples_done, time.perf_counter() - self._start
-        self._progress(Progress("render", done, total, seconds, error, self._resumed))
+        note = "" if self._team is None else self._team.note
+        self._progress(Progress("render", done, total, seconds, error, self._resumed, note))
 
     def _go_on_from(self, checkpoint: Checkpoint) -> None:
         rendering, state = self._rendering, self._state
@@ -160,7 +167,7 @@ class Sitting:
             while not self._trace_till_due(end_sample):
                 assert checkpoint is not None
                 checkpoint.take(self._state)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, ClusterError):
             if checkpoint is not None and not self._at_work:
                 checkpoint.save(self._state)
             raise
@@ -173,6 +180,9 @@ class Sitting:
         rendering, checkpoint = self._rendering, self._checkpoint
         places, part = rendering.work.places, rendering.work.part
         wanted = rendering.work.samples(end_sample)
+        if self._team is not None:
+            self._trace_by(self._team, wanted)
+            return True
         begun = rendering.samples_of_place // part
         missing = -(-wanted // part) - begun
         rounds = int(missing.max())
@@ -196,4 +206,24 @@ class Sitting:
             return True
         finally:
             crew.stop()
+            self._at_work = False
+
+    def _trace_by(self, team: Team, wanted: NDArray[np.int64]) -> None:
+        """Let a cluster's workers trace all that is missing."""
+        rendering, checkpoint = self._rendering, self._checkpoint
+        kept = rendering.samples_done  # in the checkpoint
+
+        def look() -> None:
+            nonlocal kept
+            self._show()
+            done = rendering.samples_done
+            if checkpoint is not None and done > kept and checkpoint.due():
+                team.meanwhile(lambda: checkpoint.take(self._state))
+                kept = done
+
+        self._at_work = True
+        try:
+            team.trace(rendering, wanted, look)
+        finally:
+            team.end(rendering)
             self._at_work = False

@@ -128,8 +128,8 @@ class OtherBsdf:
 
     def __getattr__(self, name: str) -> Texture | float:
         """Return a parameter."""
-        try:
-            return self.values[name]
+        try:  # not through `self.values`: copying and unpickling ask before it is there
+            return vars(self)["values"][name]
         except KeyError:
             raise AttributeError(name) from None
 

@@ -15,6 +15,8 @@ from types import ModuleType
 
 from renderer.errors import SceneError
 
+imported: list[str] = []  # the files that were, as absolute paths
+
 
 @contextmanager
 def neighbours_importable(path: str) -> Iterator[None]:
@@ -49,4 +51,5 @@ def import_plugin_file(path: str) -> ModuleType:
     except Exception as error:
         del sys.modules[name]
         raise SceneError(f"{path}: {type(error).__name__}: {error}") from error
+    imported.append(str(file.resolve()))
     return module

@@ -1,0 +1,120 @@
+"""From what a user calls a cluster to its team: a client of Dask's, or an address."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from renderer.errors import ClusterError
+
+if TYPE_CHECKING:
+    from renderer.rendering.cluster.team import Team
+
+MOST_LOCAL = 256  # processes
+CONNECT = 10  # [s]
+MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
+PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
+
+
+def team_of(cluster: Any) -> Team:
+    """Return the team of a `distributed.Client`, or a team as it is.
+
+    Raises
+    ------
+    TypeError
+        If it is something else, or an asynchronous client.
+    ClusterError
+        If Dask is not installed.
+    """
+    _check_dask()
+    from distributed import Client
+
+    from renderer.rendering.cluster.team import Team
+
+    if isinstance(cluster, Team):
+        return cluster
+    if not isinstance(cluster, Client) or cluster.asynchronous:
+        raise TypeError(
+            f"the cluster is of type {type(cluster).__name__}; possible is a "
+            "distributed.Client that is not asynchronous"
+        )
+    return Team(cluster)
+
+
+@contextmanager
+def open_cluster(where: str) -> Iterator[Team]:
+    """Start a cluster, `local:4`, or connect to one, `tcp://host:8786`.
+
+    A local one has so many processes of one thread each, and ends with the context.
+
+    Raises
+    ------
+    ClusterError
+        If there is none at that address, or Dask is not installed.
+    """
+    _check_dask()
+    # what goes wrong is said by us, in one line
+    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+    if where.startswith("local:"):
+        with _local(int(where.removeprefix("local:"))) as team:
+            yield team
+        return
+    from distributed import Client
+
+    from renderer.rendering.cluster.team import Team
+
+    try:
+        client = Client(where, set_as_default=False, timeout=CONNECT)
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise ClusterError(f"no cluster at {where}: {reason}") from None
+    with client:
+        yield Team(client)
+
+
+@contextmanager
+def _local(workers: int) -> Iterator[Team]:
+    from distributed import Client, LocalCluster
+
+    from renderer.rendering.cluster.team import Team
+
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",  # any free port; two clusters meet at one else
+            silence_logs=logging.CRITICAL + 1,
+            preload=["renderer.rendering.cluster.worker"],  # `dask_setup` there
+            memory_limit=0,  # a watch that would end workers; ours keep little
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
+        yield Team(client)
+
+
+def check_where(where: str) -> str:
+    """Return an address of a cluster, if it can be one.
+
+    Raises
+    ------
+    ValueError
+        Saying what is possible.
+    """
+    kind, _, count = where.partition(":")
+    if kind == "local":
+        if not (count.isdecimal() and 1 <= int(count) <= MOST_LOCAL):
+            raise ValueError(f"{where!r}: local:N starts N processes, 1 to {MOST_LOCAL}")
+    elif not where.startswith(PROTOCOLS):
+        raise ValueError(f"{where!r} is neither local:N nor an address tcp://host:8786")
+    return where
+
+
+def _check_dask() -> None:
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise ClusterError(MISSING) from None

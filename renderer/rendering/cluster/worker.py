@@ -1,0 +1,157 @@
+"""What runs on a worker: samples of places, added to the sums that came with them.
+
+A worker keeps nothing that matters. Each piece of work brings the sums that it goes on
+from and takes them back, so that a worker may be lost at any moment.
+"""
+
+from __future__ import annotations
+
+import pickle
+import queue
+import signal
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import ClusterError
+from renderer.rendering.checkpoints.identity import made_by
+from renderer.rendering.cluster.content import Content, Name, freeze, thaw
+from renderer.rendering.cluster.plugin_files import PluginFiles
+from renderer.rendering.planning.plan import Plan
+from renderer.rendering.rendering import Rendering
+from renderer.scene.scene import build_scene
+from renderer.scene_file.description import SceneDescription
+
+KEPT = 3  # scenes that a process keeps ready: those of neighbours in a sweep
+MOST_THREADS = 256  # of one worker
+
+
+class Request(NamedTuple):
+    """What a worker has to know of a render."""
+
+    plugins: PluginFiles | None  # first, so that it is read first
+    description: SceneDescription
+    plan: Plan
+    accel: str
+    seed: int
+
+
+def request_of(rendering: Rendering) -> Content:
+    """Return what a worker has to know of a render, frozen.
+
+    Raises
+    ------
+    ClusterError
+        If something in it cannot be sent.
+    """
+    scene = rendering.scene
+    if rendering.plan.replay:
+        raise ClusterError(
+            "a replay of Mitsuba's random numbers goes on from sample to sample and cannot "
+            "be dealt out; render it without a cluster"
+        )
+    request = Request(
+        PluginFiles(), scene.description, rendering.plan, rendering.accel, rendering.seed
+    )
+    try:
+        return freeze(request)
+    except (TypeError, AttributeError, pickle.PicklingError) as error:
+        raise ClusterError(
+            f"{scene.description.source}: this cannot be sent to workers: {error}"
+        ) from None
+
+
+class Portion(NamedTuple):
+    """A piece of work: samples begins[k] .. ends[k] - 1 that place places[k] counts."""
+
+    places: tuple[int, ...]
+    begins: tuple[int, ...]
+    ends: tuple[int, ...]
+
+
+class _Ready(NamedTuple):
+    rendering: Rendering
+    threads: queue.SimpleQueue[int]  # numbers of workspaces that nobody works in
+
+
+_ready: OrderedDict[str, _Ready] = OrderedDict()
+_one_prepares = threading.Lock()
+
+
+def introduce() -> dict[str, str]:
+    """Return what runs on this worker, and on which processor."""
+    return made_by()
+
+
+def add_samples(
+    key: str,
+    names: Sequence[Name],
+    portion: Portion,
+    sums: NDArray[np.float64] | None,
+    *held: bytes,
+) -> tuple[NDArray[np.float64], float]:
+    """Return the sums of some places with the samples of a portion added, and the seconds.
+
+    Parameters
+    ----------
+    key, names, held
+        The `Request`, see `content`.
+    portion : Portion
+        Which samples.
+    sums : float64 (places, channels + 1, rows, columns), or None
+        What the places hold; None: nothing yet.
+    """
+    rendering, threads = _prepared(key, names, held)
+    start = time.perf_counter()
+    count = len(portion.places)
+    if sums is None:
+        result = np.zeros((count, *rendering.film.sums.shape[1:]))
+    else:
+        result = np.array(sums)  # one's own: what came is only to be read
+    thread = threads.get()
+    try:
+        for k, work in enumerate(zip(*portion, strict=True)):
+            rendering.add_to(result[k], *work, thread)
+    finally:
+        threads.put(thread)
+    return result, time.perf_counter() - start
+
+
+def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
+    """Return a rendering that is ready to trace; the last few are kept."""
+    with _one_prepares:
+        if key not in _ready:
+            request: Request = thaw(names, held)
+            _ready[key] = _make_ready(request)
+            while len(_ready) > KEPT:
+                _ready.popitem(last=False)
+        _ready.move_to_end(key)
+        return _ready[key]
+
+
+def _make_ready(request: Request) -> _Ready:
+    rendering = Rendering(
+        build_scene(request.description),
+        request.plan,
+        accel=request.accel,
+        seed=request.seed,
+        threads=MOST_THREADS,
+    )
+    rendering.compile()
+    threads: queue.SimpleQueue[int] = queue.SimpleQueue()
+    for number in range(MOST_THREADS):
+        threads.put(number)
+    return _Ready(rendering, threads)
+
+
+def dask_setup(process: Any) -> None:
+    """Let Ctrl-C in a terminal, which all processes there get, end the render alone.
+
+    Dask calls it in the workers of `local:N`, which end with their cluster.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,105 @@
+"""Costs of dealing out, and the same picture by threads and by workers, in turn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+import renderer
+from renderer.rendering.cluster import job, worker
+from renderer.rendering.cluster.connect import open_cluster
+from renderer.rendering.cluster.team import Team
+from renderer.scene.scene import Scene
+from reports.cluster_study.record import Costs, Run
+from reports.records.errors import ReportError
+
+ROUND_TRIPS = 100
+
+
+def measure_costs(scene: Scene) -> Costs:
+    """Measure with one worker: processor seconds, which other programs change less.
+
+    Client and scheduler are threads of this process, so that its time is that of both.
+    """
+    begin = time.perf_counter()
+    with open_cluster("local:1") as team:
+        start = time.perf_counter() - begin
+        begin = time.perf_counter()
+        renderer.render(scene, 1, cluster=team)
+        first = time.perf_counter() - begin
+        with mock.patch.object(job, "MOST_BYTES", 1):  # of one place each
+            few = _processor_seconds(scene, team)
+        many = _processor_seconds(scene, team)
+        alone = _round_trip(team)
+    # portion * p + byte * b = seconds, of both
+    table = np.array([few[1:], many[1:]], np.float64)
+    portion, byte = np.linalg.solve(table, [few[0], many[0]])
+    begin = time.process_time()
+    image = renderer.render(scene, 64, threads=1)
+    rate = image.width * image.height * 64 / (time.process_time() - begin)
+    return Costs(float(portion), max(float(byte), 0.0), alone, start, first, rate)
+
+
+def _processor_seconds(scene: Scene, team: Team) -> tuple[float, int, int]:
+    """Return seconds, portions and bytes of one picture with few samples."""
+    tally = team.tally
+    before = (tally.portions, tally.bytes_sent + tally.bytes_received)
+    begin = time.process_time()
+    renderer.render(scene, 48, cluster=team)
+    seconds = time.process_time() - begin
+    sent = tally.bytes_sent + tally.bytes_received
+    return seconds, tally.portions - before[0], sent - before[1]
+
+
+def _round_trip(team: Team) -> float:
+    """Return the median seconds of the smallest task there is."""
+    seconds = []
+    for _ in range(ROUND_TRIPS):
+        begin = time.perf_counter()
+        team.client.submit(worker.introduce, pure=False).result()
+        seconds.append(time.perf_counter() - begin)
+    return float(np.median(seconds))
+
+
+def measure_runs(
+    scene: Scene, spp: int, counts: list[int], repeats: int, say: Callable[[str], None]
+) -> list[Run]:
+    """Render the same picture by threads and by workers of one thread, in turn.
+
+    Raises
+    ------
+    ReportError
+        If a picture differs: then no time is worth anything.
+    """
+    truth = np.asarray(renderer.render(scene, spp))
+    runs = []
+    for count in counts:
+        with open_cluster(f"local:{count}") as team:
+            renderer.render(scene, 8, cluster=team)  # workers are awake, kernels loaded
+            before = (team.tally.portions, _megabytes(team))
+            found: dict[str, list[float]] = {"threads": [], "workers": []}
+            for turn in range(repeats):
+                say(f"{count} threads, {count} workers: turn {turn + 1} of {repeats}")
+                ways: dict[str, dict[str, Any]] = {
+                    "threads": {"threads": count},
+                    "workers": {"cluster": team},
+                }
+                for way, options in ways.items():
+                    begin = time.perf_counter()
+                    picture = np.asarray(renderer.render(scene, spp, **options))
+                    found[way].append(time.perf_counter() - begin)
+                    if not np.array_equal(picture, truth):
+                        raise ReportError(f"{count} {way} render another picture")
+            portions = (team.tally.portions - before[0]) // repeats
+            megabytes = (_megabytes(team) - before[1]) / repeats
+        runs.append(Run("threads", count, found["threads"]))
+        runs.append(Run("workers", count, found["workers"], portions, megabytes))
+    return runs
+
+
+def _megabytes(team: Team) -> float:
+    return (team.tally.bytes_sent + team.tally.bytes_received) / 1e6
