@@ -203,6 +203,7 @@ def test_a_second_interrupt_is_raised(box, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Crew, "stop", interrupted_stop)
+    monkeypatch.setattr(Crew, "wait", lambda crew: False)  # however fast they are
 
     def progress(now):
         if now.seconds > 0.0:

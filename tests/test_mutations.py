@@ -161,7 +161,7 @@ def request() -> RenderRequest:
     return RenderRequest(str(scene_file("grey-furnace")), parameters=size, threads=1)
 
 
-PLACE = "    threads = default_threads() if threads is None else threads\n"
+PLACE = "    return _finish(prepare(scene, options, progress), progress)\n"
 
 
 @pytest.mark.parametrize(

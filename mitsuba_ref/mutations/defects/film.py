@@ -240,8 +240,8 @@ DEFECTS = (
         (
             Edit(
                 "picture/image_files.py",
-                'for c, channel in enumerate("RGB"):',
-                'for c, channel in enumerate("BGR"):',
+                'for c, name in enumerate("RGB")',
+                'for c, name in enumerate("BGR")',
             ),
         ),
         scene="grey-furnace",

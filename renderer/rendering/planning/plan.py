@@ -29,7 +29,7 @@ from renderer.rendering.planning.explanation import (
 )
 from renderer.rendering.planning.restriction import restrict
 from renderer.replay.refusals import check_replay
-from renderer.scene.light_order import has_extended_lights
+from renderer.scene.light_properties import has_extended_lights
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,

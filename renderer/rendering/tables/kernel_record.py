@@ -38,7 +38,8 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.variant import Variant
-from renderer.scene.light_order import has_textured_lamps, light_order
+from renderer.scene.light_order import light_order
+from renderer.scene.light_properties import has_textured_lamps
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sensor

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable
 
 from renderer.errors import SceneError
-from renderer.scene.light_order import has_extended_lights
+from renderer.scene.light_properties import has_extended_lights
 from renderer.scene.materials import kind_of, sides
 from renderer.scene_file.description import Integrator, SceneDescription
 

@@ -1,0 +1,25 @@
+"""What kinds of light a scene has, as plans and simplifications ask for it."""
+
+from __future__ import annotations
+
+from renderer.kinds.lights.registry import plugin_of
+from renderer.scene_file.description import SceneDescription, SpotLight
+
+
+def has_extended_lights(description: SceneDescription) -> bool:
+    """Return whether there are lights that a ray can meet: shapes, environments."""
+    return any(shape.radiance is not None for shape in description.shapes) or any(
+        plugin_of(emitter).environment for emitter in description.emitters
+    )
+
+
+def has_textured_lamps(description: SceneDescription) -> bool:
+    """Return whether the radiance of a shape depends on where it is met."""
+    lit = (shape.radiance for shape in description.shapes)
+    return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
+
+
+def has_textured_lights(description: SceneDescription) -> bool:
+    """Return whether a texture is looked up in any light; environments have images."""
+    spots = (e for e in description.emitters if isinstance(e, SpotLight))
+    return has_textured_lamps(description) or any(spot.texture for spot in spots)
