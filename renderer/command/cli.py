@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, NoReturn
 import renderer
 from renderer.command.interrupts import Interrupts
 from renderer.errors import SceneError
-from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
+from renderer.names import (
+    ACCELERATORS,
+    INTEGRATORS,
+    LIGHT_CHOICES,
+    RAY_OFFSETS,
+    REPLAY,
+    SAMPLERS,
+)
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.picture.image import Image
@@ -96,6 +103,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
             spp=spp,
             accel=options.accel,
             threads=options.threads,
+            light_choice=options.light_choice,
         )
         sys.stdout.write(text)
         sys.stdout.flush()
@@ -142,6 +150,7 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
             accel=options.accel,
             sampler=options.sampler,
             ray_offset=options.ray_offset,
+            light_choice=options.light_choice,
             progress=progress,
             target_error=options.target_error,
             time_limit=options.time,
@@ -155,7 +164,16 @@ def _render(scene: Scene, options: argparse.Namespace, interrupts: Interrupts) -
 def _command(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
-    for name in ("spp", "seed", "integrator", "accel", "sampler", "ray_offset", "plugins"):
+    for name in (
+        "spp",
+        "seed",
+        "integrator",
+        "accel",
+        "sampler",
+        "light_choice",
+        "ray_offset",
+        "plugins",
+    ):
         value = getattr(options, name)
         if value != _parser().get_default(name):
             words += [f"--{name.replace('_', '-')}", str(value)]
@@ -282,6 +300,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with "
         "the random numbers that Mitsuba scalar draws",
+    )
+    add(
+        "--light-choice",
+        choices=LIGHT_CHOICES,
+        metavar="NAME",
+        help="where one of several lights is asked: importance (default), by what it can "
+        "give at the point, or uniform, each as often as any other, as in Mitsuba",
     )
     add(
         "--ray-offset",

@@ -40,6 +40,7 @@ def render(
     measured_camera: Sequence[float] | None = None,
     target_error: float | None = None,
     time_limit: float | None = None,
+    light_choice: str | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -79,6 +80,9 @@ def render(
         Render for about so many seconds, compilation not included; the same applies. With
         a goal a file's sampler whose points depend on their number gives way to
         `independent`.
+    light_choice : str, optional
+        Where a method asks one of several lights at each point: `importance` (the default)
+        takes it by what it can give there, `uniform` each as often as any other.
 
     Returns
     -------
@@ -121,6 +125,7 @@ def render(
         accel=accel,
         ray_offset=ray_offset,
         threads=threads,
+        light_choice=light_choice,
     )
 
     if goal is not None:
@@ -164,6 +169,7 @@ def render(
             progress=progress,
             ray_offset=ray_offset,
             measured_camera=measured_camera,
+            light_choice=light_choice,
         )
     except KeyboardInterrupt:  # before its first sample
         interrupted = {"interrupted": "before the first sample of the colours"}

@@ -22,6 +22,7 @@ def plan_text(
     spp: int | None = None,
     accel: str | None = None,
     threads: int | None = None,
+    light_choice: str | None = None,
 ) -> str:
     """Return what `render` would do with the same arguments, and why, as lines of text.
 
@@ -31,7 +32,13 @@ def plan_text(
         As `make_plan`.
     """
     plan = make_plan(
-        scene, integrator=integrator, sampler=sampler, spp=spp, accel=accel, threads=threads
+        scene,
+        integrator=integrator,
+        sampler=sampler,
+        spp=spp,
+        accel=accel,
+        threads=threads,
+        light_choice=light_choice,
     )
     film = scene.description.camera.film
     size = f"{film.crop_width} x {film.crop_height} pixels"
@@ -44,7 +51,9 @@ def plan_text(
     page += _sections(plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
-        plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
+        plan = make_plan(
+            nested, sampler=sampler, spp=spp, accel=accel, light_choice=light_choice
+        )
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
     page += _known_to_fail(nested or scene, plan)
     return "\n".join(page) + "\n"
