@@ -51,8 +51,8 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
     """Render `request` with our renderer.
 
     Lights are chosen as Mitsuba does it (None: by the renderer's own way): the tests of one
-    picture take it for one more of Mitsuba's with another seed, and ours of `instances` has
-    half its variance on the whole and more in the shadow of the sun.
+    picture take it for one more of Mitsuba's with another seed, and by importance ours of
+    `instances` has 0.4 times its variance in red, 2 times in blue.
 
     Raises
     ------
