@@ -8,6 +8,7 @@ from __future__ import annotations
 INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler", "sobol")
 REPLAY = "mitsuba"  # the file's sampler, number by number as Mitsuba's scalar variants draw
+LIGHT_CHOICES = ("importance", "uniform")
 RAY_OFFSETS = ("tight", "mitsuba")
 ACCELERATORS = (
     "auto",

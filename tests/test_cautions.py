@@ -51,10 +51,12 @@ _RED = '<bsdf type="diffuse"><rgb name="reflectance" value="0.9,0.1,0.1"/></bsdf
 _GLASS = '<bsdf type="dielectric"/>'
 
 
-def rows_of(body, *, eye="9,3,4", target="0,0,0", depth=8, integrator=None):
+def rows_of(
+    body, *, eye="9,3,4", target="0,0,0", depth=8, integrator=None, light_choice=None
+):
     text = _FRAME.format(body=body, eye=eye, target=target, depth=depth)
     scene = renderer.load_string(text, allow_outside="/")
-    plan = make_plan(scene, integrator=integrator)
+    plan = make_plan(scene, integrator=integrator, light_choice=light_choice)
     return [caution.row for caution in cautions_of(scene, plan)]
 
 
@@ -257,17 +259,23 @@ def test_lamp_in_glass(shape, said):
 
 
 @pytest.mark.parametrize(
-    ("lamps", "integrator", "said"),
-    [(9, "path", False), (201, "path", True), (201, "direct", False)],
+    ("lamps", "integrator", "choice", "said"),
+    [
+        (9, "path", "uniform", False),
+        (201, "path", "uniform", True),
+        (201, "path", "importance", False),
+        (201, "direct", "uniform", False),
+    ],
 )
-def test_starved_lamps(lamps, integrator, said):
+def test_starved_lamps(lamps, integrator, choice, said):
     floor = """<shape type="rectangle"><bsdf type="diffuse"/></shape>"""
     street = "".join(
         f'<emitter type="point"><point name="position" x="{k - lamps // 2}" y="0" z="1"/>'
         "</emitter>"
         for k in range(lamps)
     )
-    assert rows_of(floor + street, integrator=integrator) == ["lamps-starved"] * said
+    found = rows_of(floor + street, integrator=integrator, light_choice=choice)
+    assert found == ["lamps-starved"] * said
 
 
 def test_lamps_beside_small_balls():

@@ -12,6 +12,7 @@ import pytest
 
 from reports.limits.light_transport.depth import furnace_error, rays_of_a_tree
 from reports.limits.light_transport.many_lamps import (
+    hidden_lamp,
     one_lamp_that_counts,
     street_of_lamps,
 )
@@ -26,7 +27,16 @@ from reports.limits.light_transport.random_numbers import error_at_stripes
 
 def test_starved_lamp_as_on_paper():
     """All light with probability 1 / (n + 1), n + 1 times: a spread of the root of n."""
-    assert one_lamp_that_counts(15, integrator="path") == pytest.approx(15**0.5, rel=0.1)
+    spread = one_lamp_that_counts(15, light_choice="uniform")
+    assert spread == pytest.approx(15**0.5, rel=0.1)
+
+
+def test_hidden_lamp_as_on_paper():
+    """The lamp that counts is one of two, beside one that would give 8 times as much."""
+    share = 15 / 16 / 9 + 1 / 32
+    paper = ((1 - share) / share) ** 0.5
+    spread = hidden_lamp(8.0, light_choice="importance")
+    assert spread == pytest.approx(paper, rel=0.05)
 
 
 def test_tree_of_rays_as_on_paper():
@@ -51,7 +61,8 @@ def test_street_of_lamps_as_on_paper():
     place = np.arange(-40.0, 41.0)
     given = (1.0 + place**2) ** -1.5
     paper = float(np.std(given) / np.mean(given))
-    assert street_of_lamps(81, integrator="path") == pytest.approx(paper, rel=0.05)
+    spread = street_of_lamps(81, light_choice="uniform")
+    assert spread == pytest.approx(paper, rel=0.05)
 
 
 STRATEGIES_BODY = """<shape type="rectangle"><bsdf type="roughconductor">

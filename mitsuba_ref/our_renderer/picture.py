@@ -47,8 +47,12 @@ METHOD_TOPICS = ("method", "accelerator", "samples")
 RenderOurs = Callable[[RenderRequest], OurPicture]
 
 
-def render_ours(request: RenderRequest) -> OurPicture:
+def render_ours(request: RenderRequest, light_choice: str | None = "uniform") -> OurPicture:
     """Render `request` with our renderer.
+
+    Lights are chosen as Mitsuba does it (None: by the renderer's own way): the tests of one
+    picture take it for one more of Mitsuba's with another seed, and by importance ours of
+    `instances` has 0.4 times its variance in red, 2 times in blue.
 
     Raises
     ------
@@ -75,6 +79,7 @@ def render_ours(request: RenderRequest) -> OurPicture:
         measured_camera=request.camera,
         # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
         ray_offset="mitsuba",
+        light_choice=light_choice,
     )
     return OurPicture(
         arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},

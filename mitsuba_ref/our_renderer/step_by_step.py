@@ -127,11 +127,12 @@ class StepByStep:
         throughput, before = _column(work.rays.throughput), _column(work.radiance)
         hit = int(work.hits.prim[0]) >= 0
         shape, face = self._what_was_hit() if hit else (0, None)
+        # first of all: what is found is weighed by the lights asked at the point before
+        stages.arrive_step(scene, bounce, packed, 1)
         stages.locate_step(scene, packed, 1)
         position = _column(work.points.position) if hit else None
         normal = _column(work.points.shading_normal) if hit else None
         t = float(work.points.t[0]) if hit else math.inf
-        stages.arrive_step(scene, bounce, packed, 1)
         emitted = _difference(_column(work.radiance), before)
         lights: tuple[LightAsked, ...] = ()
         scattered = None
@@ -188,8 +189,8 @@ class StepByStep:
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
         light = int(samples.light[0])
         far = self._light_names[light].startswith("far ")
-        # one of all lights was chosen with the same probability
-        every = self._record.settings.every_light
+        # 1 if all were asked, or if what they gave was divided by theirs already
+        every = self._record.settings.every_light or len(self._record.lights.choice)
         probability = np.float32(1.0 if every else 1.0 / self._record.lights.count)
         weight = samples.radiance[:, :1] * (np.float32(1.0) / probability)
         return LightAsked(

@@ -27,6 +27,17 @@ if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is 
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
+# options that change the picture, and that all renders take
+_OF_THE_PICTURE = (
+    "spp",
+    "seed",
+    "integrator",
+    "accel",
+    "sampler",
+    "light_choice",
+    "ray_offset",
+)
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Render a scene file and write the picture; return the exit status.
@@ -180,6 +191,7 @@ def _explain(scene: Scene, options: argparse.Namespace) -> None:
         spp=spp,
         accel=options.accel,
         threads=options.threads,
+        light_choice=options.light_choice,
         goal=options.target_error is not None or options.time is not None,
     )
     sys.stdout.write(text)
@@ -245,8 +257,7 @@ def _showing(
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """Return the arguments that all renders have."""
-    names = ("spp", "seed", "threads", "integrator", "accel", "sampler", "ray_offset")
-    return {name: getattr(options, name) for name in names}
+    return {name: getattr(options, name) for name in ("threads", *_OF_THE_PICTURE)}
 
 
 def _choices(options: argparse.Namespace) -> dict[str, Any]:
@@ -334,7 +345,7 @@ def _signed(image: Image, options: argparse.Namespace) -> Image:
 def _command(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
-    for name in ("spp", "seed", "integrator", "accel", "sampler", "ray_offset", "plugins"):
+    for name in (*_OF_THE_PICTURE, "plugins"):
         value = getattr(options, name)
         if value != make_parser().get_default(name):
             words += [f"--{name.replace('_', '-')}", str(value)]

@@ -10,7 +10,14 @@ from typing import NoReturn
 import renderer
 from renderer.errors import SceneError
 from renderer.memory import parse_size
-from renderer.names import ACCELERATORS, INTEGRATORS, RAY_OFFSETS, REPLAY, SAMPLERS
+from renderer.names import (
+    ACCELERATORS,
+    INTEGRATORS,
+    LIGHT_CHOICES,
+    RAY_OFFSETS,
+    REPLAY,
+    SAMPLERS,
+)
 
 EPILOG = """examples:
   lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256
@@ -150,6 +157,13 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with "
         "the random numbers that Mitsuba scalar draws",
+    )
+    add(
+        "--light-choice",
+        choices=LIGHT_CHOICES,
+        metavar="NAME",
+        help="where one of several lights is asked: importance (default), by what it can "
+        "give at the point, or uniform, each as often as any other, as in Mitsuba",
     )
     add(
         "--ray-offset",

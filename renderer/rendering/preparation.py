@@ -58,6 +58,7 @@ class Options(NamedTuple):
     resume: bool = False
     cluster: Any = None
     memory: int | float | str | None = None
+    light_choice: str | None = None
 
 
 class Prepared(NamedTuple):
@@ -109,6 +110,7 @@ def prepare(
         accel=accel,
         ray_offset=options.ray_offset,
         threads=threads,
+        light_choice=options.light_choice,
     )
     if goal is not None:
         check_goal(plan)

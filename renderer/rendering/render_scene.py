@@ -43,6 +43,7 @@ def render(
     resume: bool = False,
     cluster: Any = None,
     memory: int | float | str | None = None,
+    light_choice: str | None = None,
 ) -> Image:
     """Render a scene.
 
@@ -102,6 +103,9 @@ def render(
         The most memory that this process may have meanwhile, in bytes or such as "4GiB";
         None: what the machine has free. A render that would take more is refused, with what
         it needs; one of a large film alone can go into a file (`render_to_file`).
+    light_choice : str, optional
+        Where a method asks one of several lights at each point: `importance` (the default)
+        takes it by what it can give there, `uniform` each as often as any other.
 
     Returns
     -------
@@ -136,6 +140,7 @@ def render(
         resume,
         cluster,
         memory,
+        light_choice,
     )
     return _finish(prepare(scene, options, progress), progress)
 

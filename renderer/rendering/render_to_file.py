@@ -51,6 +51,7 @@ def render_to_file(
     sampler: str | None = None,
     progress: Callable[[Progress], None] | None = None,
     ray_offset: str | None = None,
+    light_choice: str | None = None,
     memory: int | float | str | None = None,
     metadata: Mapping[str, str] | None = None,
 ) -> PictureFile:
@@ -62,6 +63,8 @@ def render_to_file(
     Parameters
     ----------
     scene, spp, seed, threads, integrator, accel, sampler, progress, ray_offset, memory
+        As for `render`.
+    light_choice
         As for `render`.
     path
         A file name that ends in .exr.
@@ -99,6 +102,7 @@ def render_to_file(
             accel=accel,
             ray_offset=ray_offset,
             threads=threads,
+            light_choice=light_choice,
         )
         if plan.kind.counts_work or plan.replay:
             what = f"sampler {REPLAY!r}" if plan.replay else f"integrator {plan.method!r}"
@@ -159,6 +163,7 @@ def fits_in_memory(
     accel: str | None,
     sampler: str | None,
     ray_offset: str | None,
+    light_choice: str | None,
 ) -> bool | None:
     """Tell whether `render` has room for the film; None if bands are of no help.
 
@@ -176,6 +181,7 @@ def fits_in_memory(
         accel=accel,
         ray_offset=ray_offset,
         threads=threads,
+        light_choice=light_choice,
     )
     if plan.kind.counts_work or plan.replay:
         return None

@@ -77,7 +77,12 @@ class Replayed:
             shutter if camera.shutter_time > 0.0 else 0,
         )
         return Sampling(
-            pack(record), draw_film, draw, choose_light, draw_aperture, begin_bounce
+            pack(record),
+            draw_film,
+            draw,
+            choose_light,
+            draw_aperture,
+            begin_bounce=begin_bounce,
         )
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:

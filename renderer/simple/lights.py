@@ -69,7 +69,8 @@ def _sample_surface(light: Surface, p: Vector, x: float, y: float, z: float) -> 
     """Choose a point of an area light by its area; on a sphere, a direction instead."""
     hit: Hit | None
     if cone := _cone(light, p):
-        hit = light.hit(p, _in_cone(*cone, x, y), 0.0, math.inf)
+        # a point on the lamp itself does not see it where it is
+        hit = light.hit(p, _in_cone(*cone, x, y), 1e-12, math.inf)
     else:
         hit = light.at(np.array(light.unit.point(x, y)), choose_face(light, z), p)
     if hit is None or hit.light is None:  # past the silhouette by rounding, or behind

@@ -63,11 +63,12 @@ def path_radiance(scene: Scene, ray: Ray, draw: Callable[[int], Sequence[float]]
     radiance = np.zeros(3)
     throughput = np.ones(3)  # product of f cos / pdf along the path
     pdf = 0.0  # [1/sr] of d; 0: the camera, a mirror or glass chose it, with certainty
+    before: Hit | None = None  # the surface point that the ray comes from
     eta = 1.0  # product of the relative indices of refraction
     for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
         block = 1 + BLOCKS_PER_BOUNCE * bounce
         hit = closest_hit(scene, p, d, near, far)
-        radiance += throughput * emission(scene, p, hit, pdf)
+        radiance += throughput * emission(scene, p, hit, pdf, before)
         if hit is None or bounce + 1 == scene.max_depth:
             break
         radiance += throughput * direct_light(scene, hit, draw(block + 1))
@@ -87,35 +88,55 @@ def path_radiance(scene: Scene, ray: Ray, draw: Callable[[int], Sequence[float]]
             throughput = throughput / survival
         if not throughput.any():
             break
-        p, d, pdf = hit.x, scattered.wi, scattered.pdf
+        p, d, pdf, before = hit.x, scattered.wi, scattered.pdf, hit
         near, far = 0.0, np.inf
     return radiance
 
 
-def emission(scene: Scene, p: Vector, hit: Hit | None, pdf: float) -> Vector:
-    """Return L_e of what a ray from p has met, as far as it counts for this way to it."""
+def emission(
+    scene: Scene, p: Vector, hit: Hit | None, pdf: float, before: Hit | None
+) -> Vector:
+    """Return L_e of what a ray from p has met, as far as it counts for this way to it.
+
+    `pdf` is that of the ray, 0 where no light was asked instead, at the point `before`.
+    """
     light = scene.environment if hit is None else hit.light
     if light is None:
         return np.zeros(3)
-    other_pdf = pdf_light(light, p, hit) / len(scene.lights)
-    weight = power_heuristic(pdf, other_pdf) if pdf > 0 else 1.0
+    weight = 1.0
+    if pdf > 0 and before is not None:
+        chosen = scene.choice.probability(
+            before.x, before.normal, scene.lights.index(light)
+        )
+        weight = power_heuristic(pdf, pdf_light(light, p, hit) * chosen)
     return weight * np.array(light.radiance)
 
 
 def direct_light(scene: Scene, hit: Hit, numbers: Sequence[float]) -> Vector:
-    """Return the reflected light of one light, chosen at random: f L / pdf V cos.
-
-    A mirror reflects a light only if the path meets it by itself.
-    """
-    if not isinstance(hit.bsdf, Diffuse) or not scene.lights:
+    """Return the reflected light of one light, chosen by what it can give."""
+    if not scene.lights:
         return np.zeros(3)
-    x, y, z, choice = numbers
-    light = scene.lights[int(choice * len(scene.lights))]
-    sample = sample_light(light, hit.x, x, y, z)
+    *place, choice = numbers
+    chosen = scene.choice.choose(hit.x, hit.normal, choice)
+    probability = scene.choice.probability(hit.x, hit.normal, chosen)
+    return light_of(scene, hit, chosen, place, probability) / probability
+
+
+def light_of(
+    scene: Scene, hit: Hit, light: int, place: Sequence[float], probability: float = 1.0
+) -> Vector:
+    """Return the reflected light of a place on a light, given by number: f L / pdf V cos.
+
+    The light is asked with this probability, which the weight beside BSDF sampling needs. A
+    mirror reflects a light only if the path meets it by itself.
+    """
+    if not isinstance(hit.bsdf, Diffuse):
+        return np.zeros(3)
+    sample = sample_light(scene.lights[light], hit.x, *place)
     cosine = float(sample.wi @ hit.normal)
     if cosine <= 0 or not visible(scene, hit.x, sample.wi, sample.distance):
         return np.zeros(3)
     f = albedo(hit.bsdf, hit) / np.pi  # Lambert [Lambert1760]
-    pdf = sample.pdf / len(scene.lights)
+    pdf = sample.pdf * probability
     weight = power_heuristic(pdf, cosine / np.pi) if pdf > 0 else 1.0
-    return f * cosine * sample.radiance * weight * len(scene.lights)
+    return f * cosine * sample.radiance * weight

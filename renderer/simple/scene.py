@@ -13,6 +13,7 @@ from renderer.scene_file.description import (
     SceneDescription,
     TwoSided,
 )
+from renderer.simple.light_choice import LightChoice
 from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.unit_shapes import UNIT_SHAPES
@@ -44,6 +45,7 @@ class Scene:
         )
         numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
         self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
+        self.choice = LightChoice(self.lights)
         skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
         self.environment = skies[0] if skies else None
 

@@ -13,12 +13,15 @@ from renderer.kernels.lanes.functions import first_lanes, mask_bits, popcount
 from renderer.kernels.lanes.memory import append_row, load_row
 from renderer.kernels.lanes.vectors import append3, length, load3
 from renderer.kernels.records.kernel_scene import (
+    CHOOSE_BY_IMPORTANCE,
     CHOOSE_LIGHT,
+    DRAW,
     RECORD,
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
 )
 from renderer.kinds.bsdfs.kind import eval_pdf_bsdf, parameters_at
+from renderer.kinds.lights.choice.choose import divide_by_probability
 from renderer.kinds.lights.weights import light_probability, light_sample_weight
 from renderer.kinds.sampling.arithmetic import to_local
 from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
@@ -39,34 +42,48 @@ def lights_asked(lights, settings):
 
 @kernel
 def sample_lights(scene, turn, tile, sample, bounce, work, count):
-    """Sample one light from each of the first `count` points; BSDFs have no say in it.
+    """Sample one light from each of the first `count` points.
 
     The same light for all, number `turn`, or one of all for each, as the settings say.
     """
     lights, points, samples = scene.lights, work.points, work.light_samples
     block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
-    every = scene.settings.every_light
-    call(
-        scene.sampler[0, CHOOSE_LIGHT],
-        scene.sampler[0, RECORD],
-        (
-            tile,
-            sample,
-            block,
-            turn if every != 0 else np.int64(-1),
-            lights.count,
-            points.slot,
-            count,
-            work.numbers,
-            samples.light,
-        ),
-    )
+    by_importance = lights.choice.shape[0] != 0
+    if by_importance:
+        call(
+            scene.sampler[0, DRAW],
+            scene.sampler[0, RECORD],
+            (tile, sample, block, points.slot, count, work.numbers),
+        )
+        call(
+            lights.choice[0, CHOOSE_BY_IMPORTANCE],
+            lights.choice[0, RECORD],
+            (points, count, work.numbers, samples.light),
+        )
+    else:
+        call(
+            scene.sampler[0, CHOOSE_LIGHT],
+            scene.sampler[0, RECORD],
+            (
+                tile,
+                sample,
+                block,
+                turn if scene.settings.every_light != 0 else np.int64(-1),
+                lights.count,
+                points.slot,
+                count,
+                work.numbers,
+                samples.light,
+            ),
+        )
     for kind in range(lights.methods.shape[0]):
         call(
             lights.methods[kind, SAMPLE_LIGHT],
             lights.methods[kind, RECORD],
             (points, work.numbers, samples, count),
         )
+    if by_importance:
+        divide_by_probability(samples, work.numbers, count)
 
 
 @method_kernel

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from renderer.kernels.jit import call, kernel
-from renderer.kernels.records.kernel_scene import EMISSION, EMIT, ENVIRONMENT, RECORD
+from renderer.kernels.records.kernel_scene import (
+    EMISSION,
+    EMIT,
+    ENVIRONMENT,
+    RECORD,
+    WEIGH_FOUND,
+)
 from renderer.stages.intersect import collect
 from renderer.stages.surface import surface_points
 
@@ -15,6 +21,12 @@ def arrive(scene, work, first, count, see_environment):
     if lights.count == 0:
         return
     hits, points = work.hits, work.points
+    if lights.choice.shape[0] != 0 and lights.choice[0, WEIGH_FOUND] != 0:
+        call(
+            lights.choice[0, WEIGH_FOUND],
+            lights.choice[0, RECORD],
+            (scene.shapes, scene.primitives.shape, points, work.rays, hits, first, count),
+        )
     found = collect(scene.primitives.stages, hits, first, count, EMIT, work.order, 0)
     if found > 0:
         surface_points(scene, work.rays, hits, work.order, found, points)

@@ -23,7 +23,7 @@ from renderer.scene_file.description import (
 )
 from renderer.simple.bsdfs import fresnel, sample_bsdf
 from renderer.simple.camera import Ray, camera_ray
-from renderer.simple.path_tracer import direct_light, emission
+from renderer.simple.path_tracer import emission, light_of
 from renderer.simple.scene import Scene, closest_hit
 from renderer.simple.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector
@@ -77,7 +77,7 @@ def tree_radiance(scene: Scene, ray: Ray, cutoff: float) -> Vector:
     while waiting:
         (p, d, near, far), weight, depth = waiting.pop()
         hit = closest_hit(scene, p, d, near, far)
-        radiance += weight * emission(scene, p, hit, 0.0)
+        radiance += weight * emission(scene, p, hit, 0.0, None)
         if hit is None or depth >= scene.max_depth:
             continue
         radiance += weight * light_of_all(scene, hit)
@@ -89,12 +89,8 @@ def tree_radiance(scene: Scene, ray: Ray, cutoff: float) -> Vector:
 
 def light_of_all(scene: Scene, hit: Hit) -> Vector:
     """Return what a point reflects of every light."""
-    count = len(scene.lights)
-    each = [
-        direct_light(scene, hit, (0.5, 0.5, 0.5, (index + 0.5) / count)) / count
-        for index in range(count)
-    ]
-    return np.sum(each, axis=0) if each else np.zeros(3)
+    lights = range(len(scene.lights))
+    return sum((light_of(scene, hit, k, (0.5, 0.5, 0.5)) for k in lights), np.zeros(3))
 
 
 def branches(hit: Hit) -> Iterator[tuple[Vector, Vector]]:

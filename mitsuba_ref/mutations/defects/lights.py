@@ -31,6 +31,36 @@ DEFECTS = (
         tests=("test_lights.py::test_lights_are_chosen_evenly",),
     ),
     Mutation(
+        "found-light-weighed-as-if-uniform",
+        "a light that a path finds is weighed as if all were chosen equally often",
+        (
+            Edit(
+                "kinds/lights/choice/choose.py",
+                "store_where(rays.pdf, 0, i, density / chosen.probability, found)",
+                "store_where(rays.pdf, 0, i, density * np.float32(choice.count), found)",
+            ),
+        ),
+        scene="analytic-shapes",
+        tests=(
+            "test_light_choice.py::test_a_light_that_is_found_has_the_same_probability",
+        ),
+        remark="a replay chooses as Mitsuba does",
+    ),
+    Mutation(
+        "probability-without-uniform-share",
+        "the density of a chosen light leaves out that it may have been chosen uniformly",
+        (
+            Edit(
+                "kinds/lights/choice/choose.py",
+                "probability = one_of_all + (1.0 - uniform)",
+                "probability = (1.0 - uniform)",
+            ),
+        ),
+        scene="analytic-shapes",
+        tests=("test_light_choice.py::test_lights_are_chosen_as_often_as_is_said",),
+        remark="a replay chooses as Mitsuba does",
+    ),
+    Mutation(
         "area-density-not-by-solid-angle",
         "the density of a point on a light is 1 / A, without r^2 / cos",
         (

@@ -82,7 +82,9 @@ class LightSamples(NamedTuple):
     wi: NDArray[np.float32]  # (3, n) unit, towards the light
     distance: NDArray[np.float32]  # (n,)
     radiance: NDArray[np.float32]  # (3, n) arriving, over the density
-    pdf: NDArray[np.float32]  # (n,) [1/sr] given the light; 0: a point or a direction
+    # (n,) [1/sr] given the light, or with its probability if that differs by light; 0: a
+    # point or a direction
+    pdf: NDArray[np.float32]
 
 
 class Workspace(NamedTuple):

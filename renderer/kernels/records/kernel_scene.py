@@ -36,6 +36,8 @@ LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
 DERIVE = 1
 # kinds of lights
 SAMPLE_LIGHT, EMISSION, ENVIRONMENT = 1, 2, 3
+# the choice of one of several lights
+CHOOSE_BY_IMPORTANCE, WEIGH_FOUND = 1, 2
 # the sensor
 FILL_RAYS = 1
 # the sampler
@@ -99,6 +101,9 @@ class Lights(NamedTuple):
     count: int
     kind: NDArray[np.int32]  # (n,) row of `methods`
     methods: Methods
+    # One row where one of several is chosen at a point by what it can give there. None: all
+    # are asked, or one that the sampler chooses, each as often as any other.
+    choice: Methods
 
 
 class Settings(NamedTuple):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import column
+from renderer.kinds.lights.choice.bounds import LightBounds, from_everywhere
 from renderer.kinds.lights.columns import vector_columns
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -41,6 +42,11 @@ def table(count: int, lights: dict[int, ConstantLight], beyond: float) -> Consta
     return ConstantLights(vector_columns(1, {0: sky.radiance}), beyond)
 
 
+def bounds(light: ConstantLight) -> LightBounds:
+    """Return what it gives: the same anywhere."""
+    return from_everywhere(float(np.mean(light.radiance)))
+
+
 @sample_light.by(ConstantLights)
 @kernel
 def sample_constant(constants, kind, light, mask, position, x, y, z):
@@ -60,5 +66,5 @@ def _constant_light(constants, direction, mask):
 
 
 CONSTANT = LightPlugin(
-    "constant", ConstantLight, read, table, at_infinity=True, environment=True
+    "constant", ConstantLight, read, table, bounds, at_infinity=True, environment=True
 )

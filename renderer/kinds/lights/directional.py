@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import gather3
+from renderer.kinds.lights.choice.bounds import LightBounds, from_direction
 from renderer.kinds.lights.columns import vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH, one_of
@@ -58,6 +59,11 @@ def table(
     )
 
 
+def bounds(light: DirectionalLight) -> LightBounds:
+    """Return what it gives, and from where."""
+    return from_direction(float(np.mean(light.irradiance)), -np.array(light.direction))
+
+
 @sample_light.by(DirectionalLights)
 @kernel
 def sample_directional(directionals, kind, light, mask, position, x, y, z):
@@ -68,4 +74,6 @@ def sample_directional(directionals, kind, light, mask, position, x, y, z):
     return LightSample(wi, distance, irradiance, splat_f32(0.0))
 
 
-DIRECTIONAL = LightPlugin("directional", DirectionalLight, read, table, at_infinity=True)
+DIRECTIONAL = LightPlugin(
+    "directional", DirectionalLight, read, table, bounds, at_infinity=True
+)

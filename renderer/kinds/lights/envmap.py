@@ -25,6 +25,7 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
 from renderer.kernels.lanes.vectors import column, dot, gather3, select3, vec3
+from renderer.kinds.lights.choice.bounds import LightBounds, from_everywhere
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH
@@ -129,6 +130,13 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
     )
 
 
+def bounds(sky: EnvironmentMap) -> LightBounds:
+    """Return what it gives on average over all directions."""
+    rows = sky.pixels.mean(axis=(1, 2), dtype=np.float64)
+    sine = np.sin(np.linspace(0.0, np.pi, len(rows)))
+    return from_everywhere(sky.scale * float(rows @ sine / sine.sum()))
+
+
 @kernel
 def _radiance(sky, u, v, mask):
     """Return the radiance at points of the image; it repeats in u and ends in v."""
@@ -186,5 +194,5 @@ def _envmap_light(sky, direction, mask):
 
 
 ENVMAP = LightPlugin(
-    "envmap", EnvironmentMap, read, table, at_infinity=True, environment=True
+    "envmap", EnvironmentMap, read, table, bounds, at_infinity=True, environment=True
 )

@@ -13,6 +13,7 @@ from renderer.kernels.jit import interface, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits
 from renderer.kernels.lanes.memory import gather_row, load_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3_where
+from renderer.kinds.lights.choice.bounds import LightBounds
 
 
 class LightSample(NamedTuple):
@@ -51,6 +52,8 @@ class LightPlugin:
     at_infinity
         Whether it is infinitely far away.
         With textures a further argument are the `LightTextures`, or None.
+    bounds
+        description -> where it is and what it can give, by which it is chosen among others.
     texture
         The attribute of the description that may be a texture, "" for none. Lights whose
         textures are of different kinds, or without, are in tables of their own.
@@ -65,6 +68,8 @@ class LightPlugin:
     description: type
     read: Callable[[Any], Any]
     table: Callable[..., Any] | None = None  # None: by `light_tables`, with its shapes
+    # None: by `light_bounds`, with its shape
+    bounds: Callable[[Any], LightBounds] | None = None
     texture: str = ""
     on_shapes: bool = False
     at_infinity: bool = False

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import dot, gather3, length
+from renderer.kinds.lights.choice.bounds import LightBounds, all_around
 from renderer.kinds.lights.columns import vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import one_of
@@ -43,6 +44,11 @@ def table(count: int, lights: dict[int, PointLight], beyond: float) -> PointLigh
     )
 
 
+def bounds(light: PointLight) -> LightBounds:
+    """Return what it can give, and where."""
+    return all_around(light.position, float(np.mean(light.intensity)))
+
+
 @sample_light.by(PointLights)
 @kernel
 def sample_point(points, kind, light, mask, position, x, y, z):
@@ -53,4 +59,4 @@ def sample_point(points, kind, light, mask, position, x, y, z):
     return LightSample(to_light / r, r, radiance, splat_f32(0.0))
 
 
-POINT = LightPlugin("point", PointLight, read, table)
+POINT = LightPlugin("point", PointLight, read, table, bounds)

@@ -15,10 +15,12 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather3, length
+from renderer.kinds.lights.choice.bounds import LightBounds, in_cone
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH
 from renderer.kinds.lights.textures import LightTextures, light_color, refuse_nested
+from renderer.kinds.textures.registry import mean_of
 from renderer.scene_file import transforms
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture, Projector
@@ -70,6 +72,14 @@ def table(
     )
 
 
+def bounds(light: Projector) -> LightBounds:
+    """Return what it can give on its axis, and up to the corners of its slide."""
+    width = 2.0 * np.tan(np.radians(0.5 * light.fov_x))
+    corner = float(np.arctan(0.5 * np.hypot(width, width / light.aspect)))
+    intensity = float(np.pi) * light.scale * mean_of(light.irradiance)
+    return in_cone(light.to_world[:3, 3], intensity, light.to_world[:3, 2], corner, 0.0)
+
+
 @sample_light.by(Projectors)
 @kernel
 def sample_projector(projectors, kind, light, mask, position, x, y, z):
@@ -90,4 +100,4 @@ def sample_projector(projectors, kind, light, mask, position, x, y, z):
     return LightSample(to_light / r, r, radiance, splat_f32(0.0))
 
 
-PROJECTOR = LightPlugin("projector", Projector, read, table, texture="irradiance")
+PROJECTOR = LightPlugin("projector", Projector, read, table, bounds, texture="irradiance")

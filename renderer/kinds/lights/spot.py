@@ -12,10 +12,12 @@ from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.mathematics import arccos
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather3, length
+from renderer.kinds.lights.choice.bounds import LightBounds, in_cone
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.placing import STRETCH
 from renderer.kinds.lights.textures import LightTextures, light_color, refuse_nested
+from renderer.kinds.textures.registry import mean_of
 from renderer.scene_file import transforms
 from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import ConstantTexture, SpotLight
@@ -106,6 +108,15 @@ def _squares(
     return SpotSquares(textures, sides[0], sides[1])
 
 
+def bounds(light: SpotLight) -> LightBounds:
+    """Return what it can give, and where: in full up to the beam width."""
+    slide = 1.0 if light.texture is None else mean_of(light.texture)
+    beam, cutoff = np.radians([light.beam_width, light.cutoff_angle])
+    intensity = float(np.mean(light.intensity)) * slide
+    place, axis = light.to_world[:3, 3], light.to_world[:3, 2]
+    return in_cone(place, intensity, axis, beam, cutoff - beam)
+
+
 @kernel
 def _through_slide(radiance, square, light, wi, cosine, mask):
     """Return what the textures leave of a radiance in the direction -wi of the lights."""
@@ -137,4 +148,4 @@ def sample_spot(spots, kind, light, mask, position, x, y, z):
     return LightSample(wi, r, radiance, splat_f32(0.0))
 
 
-SPOT = LightPlugin("spot", SpotLight, read, table, texture="texture")
+SPOT = LightPlugin("spot", SpotLight, read, table, bounds, texture="texture")

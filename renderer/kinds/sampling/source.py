@@ -17,4 +17,5 @@ class Sampling:
     draw: Any
     choose_light: Any
     aperture: Any
+    by_pair: bool = False  # the first number of a draw is better spread than the fourth
     begin_bounce: Any = None  # None: numbers need not be drawn in order

@@ -141,6 +141,16 @@ def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
         _leave_out(["lights of any kind"], "the scene has none", why)
 
 
+def explain_light_choice(plan: Plan, count: int, why: Explanation) -> None:
+    """Say how one of `count` lights is chosen at a point, where it is."""
+    if plan.every_light or not plan.asks_lights or count < 2:
+        return
+    how = "all equally often, as in Mitsuba"
+    if plan.by_importance:
+        how = "by what it can give there: power, distance, orientation"
+    why.say("choice", f"one of {count} lights at each point, {how}")
+
+
 def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) -> None:
     """Say whether two ways to find the same light are weighed, or why not.
 

@@ -15,13 +15,14 @@ from renderer.errors import SceneError
 from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.registry import INTEGRATORS
 from renderer.kinds.lights.registry import plugin_of
-from renderer.names import REPLAY, SAMPLERS
+from renderer.names import LIGHT_CHOICES, REPLAY, SAMPLERS
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
     describe_integrator,
     explain_accelerators,
     explain_geometry,
+    explain_light_choice,
     explain_materials_and_lights,
     explain_roulette,
     explain_samples,
@@ -62,6 +63,7 @@ class Plan(Decision):
     spp: int
     sampler: Sampler
     ray_offset: str = "tight"
+    light_choice: str = "importance"  # of one of several lights; or "uniform"
     replay: bool = False  # draw the random numbers that Mitsuba draws, in its order
     moments: Moments | None = None  # second moments stand beside the picture
     strategy: str = "both"  # or "lights", "bsdfs": the one way to find light
@@ -96,6 +98,12 @@ class Plan(Decision):
         if self.strategy == "lights":
             return LIGHTS_ALONE
         return self.light_samples / self.bsdf_samples if self.weigh else 1.0
+
+    @property
+    def by_importance(self) -> bool:
+        """Whether a point chooses among lights by what each can give there."""
+        one_of_them = self.asks_lights and not self.every_light
+        return one_of_them and self.light_choice == "importance"
 
     @property
     def sampler_name(self) -> str:
@@ -151,6 +159,7 @@ def make_plan(
     accel: str | None = None,
     ray_offset: str | None = None,
     threads: int | None = None,
+    light_choice: str | None = None,
 ) -> Plan:
     """Decide how to render.
 
@@ -174,6 +183,10 @@ def make_plan(
         a replay of Mitsuba its own.
     threads : int, optional
         That will trace; None is one for each core.
+    light_choice : str, optional
+        Where one of several lights is asked at a point: `importance`, by what each can give
+        there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
+        paths or their second moments are asked for.
 
     Raises
     ------
@@ -181,10 +194,13 @@ def make_plan(
         For a name that does not exist or a number of samples that is out of range.
     """
     plan = _decide(scene, integrator, sampler, spp)
+    choice = _known_light_choice(light_choice, plan)
+    plan = dataclasses.replace(plan, light_choice=choice)
     why = Explanation(list(plan.lines))
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
     lights = emitting + len(scene.description.emitters) if plan.every_light else 1
     camera = scene.description.camera
+    explain_light_choice(plan, emitting + len(scene.description.emitters), why)
     rays = expected_rays(
         camera, plan.spp, plan.max_depth, lights, threads or default_threads()
     )
@@ -204,6 +220,16 @@ def _known_ray_offset(name: str | None, replay: bool) -> str:
         known = ", ".join(RAY_OFFSETS)
         raise SceneError(f"ray offset {name!r} is unknown; there are: {known}")
     return name
+
+
+def _known_light_choice(name: str | None, plan: Plan) -> str:
+    if name not in (None, *LIGHT_CHOICES):
+        known = ", ".join(LIGHT_CHOICES)
+        raise SceneError(f"light choice {name!r} is unknown; there are: {known}")
+    if plan.replay and name == "importance":
+        raise SceneError("light choice 'importance': a replay takes Mitsuba's, 'uniform'")
+    as_mitsuba = plan.replay or plan.moments is not None
+    return name or ("uniform" if as_mitsuba else "importance")
 
 
 def _decide(

@@ -27,6 +27,7 @@ def plan_text(
     accel: str | None = None,
     threads: int | None = None,
     goal: bool = False,
+    light_choice: str | None = None,
 ) -> str:
     """Return what `render` would do with the same arguments, and why, as lines of text.
 
@@ -36,7 +37,13 @@ def plan_text(
         As `make_plan`.
     """
     plan = make_plan(
-        scene, integrator=integrator, sampler=sampler, spp=spp, accel=accel, threads=threads
+        scene,
+        integrator=integrator,
+        sampler=sampler,
+        spp=spp,
+        accel=accel,
+        threads=threads,
+        light_choice=light_choice,
     )
     film = scene.description.camera.film
     size = f"{film.crop_width} x {film.crop_height} pixels"
@@ -53,7 +60,9 @@ def plan_text(
     needs = takes(scene, plan)
     nested = nested_scene(scene, plan)
     if nested is not None:
-        plan = make_plan(nested, sampler=sampler, spp=spp, accel=accel)
+        plan = make_plan(
+            nested, sampler=sampler, spp=spp, accel=accel, light_choice=light_choice
+        )
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
         needs = max(needs, takes(nested, plan), key=lambda each: each.total)
     page += _known_to_fail(nested or scene, plan)

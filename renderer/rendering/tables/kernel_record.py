@@ -27,7 +27,7 @@ from renderer.rendering.tables.geometry import (
     group_methods,
     surface_methods,
 )
-from renderer.rendering.tables.lights import NO_LIGHTS, light_methods
+from renderer.rendering.tables.lights import NO_LIGHTS, choice_of_light, light_methods
 from renderer.rendering.tables.methods import (
     COLUMN,
     INT,
@@ -82,7 +82,12 @@ class KernelInputs:
         sampling = variant.sampling(scene, plan, seed)
         self.sampler: Packed = sampling.record
 
-        lights = NO_LIGHTS
+        lights, choice = NO_LIGHTS, None
+        if lit and plan.by_importance:
+            by_pair = sampling.by_pair
+            choice = scene.once(
+                ("choice of lights", by_pair), choice_of_light, scene, by_pair
+            )
         if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             lights = light_methods(
@@ -92,6 +97,7 @@ class KernelInputs:
                 scene.shapes,
                 variant.arithmetic,
                 lit,
+                choice,
                 plan.caustics,
             )
         hooks = variant.hooks(scene, surfaces)
@@ -117,7 +123,7 @@ class KernelInputs:
             ),
             lights,
             _sensor_methods(tables, scene.description.camera),
-            _sampler_methods(tables, sampling, scene, plan, lit),
+            _sampler_methods(tables, sampling, scene, plan, lit and choice is None),
             _hooks(tables, hooks, settings, placements),
             settings,
         )
@@ -181,9 +187,9 @@ def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:
 
 
 def _sampler_methods(
-    tables: MethodTables, sampling: Sampling, scene: Scene, plan: Plan, lit: bool
+    tables: MethodTables, sampling: Sampling, scene: Scene, plan: Plan, chooses: bool
 ) -> NDArray[np.int64]:
-    """Return the one row of methods of the sampler."""
+    """Return the one row of methods of the sampler; `chooses`: lights, uniformly."""
     work = work_types()
     begin = (COLUMN, TILE, INT, work.rays, work.hits, INT)
     draws = (TILE, INT, INT, COLUMN, INT, ROWS)
@@ -195,7 +201,7 @@ def _sampler_methods(
         (sampling.film, (TILE, INT, ROWS), NOTHING),
         (sampling.begin_bounce, begin, NOTHING) if in_order else None,
         (sampling.draw, draws, NOTHING) if shades else None,
-        (sampling.choose_light, choice, NOTHING) if lit else None,
+        (sampling.choose_light, choice, NOTHING) if chooses else None,
         (sampling.aperture, (TILE, INT, ROWS), NOTHING) if has_aperture else None,
     ]
     return tables.table([(sampling.record, methods)], 5)

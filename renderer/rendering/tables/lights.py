@@ -8,18 +8,38 @@ import numpy as np
 
 import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
 from renderer.kernels.jit import record_type
-from renderer.kernels.records.kernel_scene import Lights, Settings, Shapes
+from renderer.kernels.records.kernel_scene import Lights, Methods, Settings, Shapes
 from renderer.kinds.lights.area import add_emission, emitted_light
+from renderer.kinds.lights.choice.choose import (
+    LightChoice,
+    choose_by_importance,
+    weigh_found_lights,
+)
+from renderer.kinds.lights.choice.tree import light_choice
 from renderer.kinds.lights.environment import add_environment, environment_light
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
-from renderer.rendering.tables.methods import INT, NOTHING, ROWS, MethodTables, work_types
+from renderer.kinds.lights.registry import plugin_of
+from renderer.rendering.tables.methods import (
+    COLUMN,
+    INT,
+    NOTHING,
+    ROWS,
+    MethodSpec,
+    MethodTables,
+    work_types,
+)
+from renderer.scene.light_bounds import light_bounds, lit_sides
+from renderer.scene.light_order import light_order
 from renderer.scene.light_tables import LightTables
+from renderer.scene.materials import kind_of
+from renderer.scene.scene import Scene
 from renderer.stages.caustics import (
     add_emission_but_caustics,
     add_environment_but_caustics,
 )
 
-NO_LIGHTS = Lights(0, np.zeros(1, np.int32), np.zeros((0, 4), np.int64))
+_NO_CHOICE = np.zeros((0, 3), np.int64)
+NO_LIGHTS = Lights(0, np.zeros(1, np.int32), np.zeros((0, 4), np.int64), _NO_CHOICE)
 
 
 def light_methods(
@@ -29,12 +49,14 @@ def light_methods(
     shapes: Shapes,
     arithmetic: Any,
     lit: bool,
+    choice: LightChoice | None,
     caustics: bool,
 ) -> Lights:
     """Return the tables of all lights.
 
-    `lit`: they are sampled; else they shine only on those who look at them. `caustics`:
-    on those paths too.
+    `lit`: they are sampled; else they shine only on those who look at them. `choice` is
+    that of one of several at a point, None for all of them or one at random. `caustics`:
+    they shine on those paths too.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -51,4 +73,36 @@ def light_methods(
             sky if environment_light.has(type(table)) else None,
         ]
         rows.append((tables.pack(LightKind(table, k, lights.kind, arithmetic)), methods))
-    return Lights(lights.count, lights.kind, tables.table(rows, 3))
+    chosen = (
+        _NO_CHOICE if choice is None else _choice_methods(tables, choice, shapes, settings)
+    )
+    return Lights(lights.count, lights.kind, tables.table(rows, 3), chosen)
+
+
+def _choice_methods(
+    tables: MethodTables, choice: LightChoice, shapes: Shapes, settings: Settings
+) -> Methods:
+    """Return the one row of methods that choose a light; weights ask for the second."""
+    work = work_types()
+    points, rays = work.points, work.rays
+    found = (record_type(shapes), COLUMN, points, rays, work.hits, INT, INT)
+    methods: list[MethodSpec | None] = [
+        (choose_by_importance, (points, INT, ROWS, COLUMN), NOTHING),
+        (weigh_found_lights, found, NOTHING) if settings.weigh else None,
+    ]
+    return tables.table([(tables.pack(choice), methods)], 2)
+
+
+def choice_of_light(scene: Scene, by_pair: bool) -> LightChoice | None:
+    """Return how one of several lights is chosen; None for uniformly.
+
+    `by_pair`: the first number of a draw is better spread than the fourth.
+    """
+    sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
+    bounds = light_bounds(scene)
+    if len(bounds) < 2:
+        return None
+    order, emitters = light_order(scene.description), scene.description.emitters
+    skies = [plugin_of(emitter).environment for emitter in emitters]
+    environment = order.of_emitters[skies.index(True)] if any(skies) else -1
+    return light_choice(bounds, sides, environment, by_pair=by_pair)

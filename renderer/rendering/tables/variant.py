@@ -14,7 +14,7 @@ import numpy as np
 from renderer.kernels.jit import pack
 from renderer.kinds.sampling.arithmetic import Plain
 from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
-from renderer.kinds.sampling.sobol import make_sobol
+from renderer.kinds.sampling.sobol import Sobol, make_sobol
 from renderer.kinds.sampling.source import Sampling
 from renderer.rendering.planning.plan import Plan, stratified_cells
 from renderer.scene.light_tables import alias_tables
@@ -51,8 +51,9 @@ class OwnWay:
 
     def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
         """Hash pixel, sample and dimension."""
-        record = pack(kernel_sampler(plan, seed))
-        return Sampling(record, draw_film, draw, choose_light, draw_aperture)
+        record = kernel_sampler(plan, seed)
+        by_pair = isinstance(record, Sobol) or getattr(record, "multi", None) is not None
+        return Sampling(pack(record), draw_film, draw, choose_light, draw_aperture, by_pair)
 
     def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
         """Return them as they are."""

@@ -47,10 +47,17 @@ def scene_at(
 
 
 def estimates(
-    scene: renderer.Scene, spp: int, *, seed: int = 0, integrator: str | None = None
+    scene: renderer.Scene,
+    spp: int,
+    *,
+    seed: int = 0,
+    integrator: str | None = None,
+    light_choice: str | None = None,
 ) -> NDArray[np.float64]:
     """Return independent estimates of one number, one a pixel, flat."""
-    image = renderer.render(scene, spp=spp, seed=seed, integrator=integrator)
+    image = renderer.render(
+        scene, spp=spp, seed=seed, integrator=integrator, light_choice=light_choice
+    )
     return image.pixels[..., 0].astype(np.float64).ravel()
 
 

@@ -39,7 +39,8 @@ def starved_lamps(scene: Scene, plan: Plan) -> Iterator[str]:
     """Find scenes nearly all of whose area gets its light from few of many lamps.
 
     With n lamps that give f each, a uniform choice has a standard deviation of
-    sqrt(n sum f^2 / (sum f)^2 - 1) of the mean. Shadows are not looked at, nor what of the
+    sqrt(n sum f^2 / (sum f)^2 - 1) of the mean. A choice by what lamps can give has nearly
+    none: it is not looked at. Shadows are not looked at, nor what of the
     area is in view: where a shadow falls the value is another, larger or smaller. Of
     extended lamps and of other shapes than flat ones and spheres nothing is known here:
     a scene that has any gets no caution.
@@ -47,7 +48,8 @@ def starved_lamps(scene: Scene, plan: Plan) -> Iterator[str]:
     emitters = scene.description.emitters
     lamps = [e for e in emitters if isinstance(e, PointLight | SpotLight)]
     count = len(emitters) + sum(s.radiance is not None for s in scene.description.shapes)
-    if plan.every_light or not plan.asks_lights or count < 2 or len(lamps) < count:
+    uniform = plan.asks_lights and not plan.every_light and not plan.by_importance
+    if not uniform or count < 2 or len(lamps) < count:
         return
     shapes = tuple(s for s in scene.description.every_shape if _asks_lamps(s))
     if scene.description.groups or not all(isinstance(s, _KNOWN) for s in shapes):

@@ -1,0 +1,1 @@
+"""Choosing one of several lights at a point, by what each can give there."""

@@ -1,0 +1,73 @@
+"""What is known of each light of a scene before any point asks it, by light id."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.lights.choice.bounds import LightBounds, on_surface
+from renderer.kinds.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
+from renderer.kinds.lights.registry import plugin_of
+from renderer.kinds.shapes.registry import SHAPES, kind_of_shape
+from renderer.kinds.textures.registry import mean_of
+from renderer.scene.light_order import light_order
+from renderer.scene.materials import Kind
+from renderer.scene.scene import Scene
+from renderer.scene_file.description import Rectangle
+
+
+def light_bounds(scene: Scene) -> list[LightBounds]:
+    """Return the bounds of all lights."""
+    order = light_order(scene.description)
+    found: dict[int, LightBounds] = {}
+    for light, emitter in zip(order.of_emitters, scene.description.emitters, strict=True):
+        describe = plugin_of(emitter).bounds
+        assert describe is not None
+        found[light] = describe(emitter)
+    by_shape = np.argsort(scene.shape, kind="stable")
+    ends = np.searchsorted(
+        scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
+    )
+    for shape, light in enumerate(order.of_shapes):
+        if light >= 0:
+            primitives = by_shape[ends[shape] : ends[shape + 1]]
+            found[light] = _of_shape(scene, shape, primitives)
+    return [found[light] for light in sorted(found)]
+
+
+def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int64]) -> LightBounds:
+    shape = scene.description.shapes[number]
+    kind = kind_of_shape(shape)
+    surfaces = scene.surfaces[kind.name]
+    columns = primitives - surfaces.first
+    points, margin, normals = SHAPES[kind.name].hull(surfaces, columns)
+    radiance = shape.radiance
+    mean = float(np.mean(radiance)) if isinstance(radiance, tuple) else mean_of(radiance)
+    side = float(scene.shapes.orientation[number])
+    if (
+        isinstance(shape, Rectangle)
+        and shape.flip_normals
+        and not isinstance(radiance, tuple)
+    ):
+        side = 0.0  # a texture there is sampled on the other side, see `light_tables`
+    return on_surface(
+        np.asarray(points, np.float64),
+        np.asarray(margin, np.float64),
+        np.asarray(normals, np.float64) * side,
+        kind.areas(surfaces, columns),
+        mean,
+    )
+
+
+def lit_sides(kind: Kind) -> int:
+    """Return on which side of a surface lights can matter, see `LightChoice.sides`."""
+    if _turns_normals(kind):
+        return ANY_NORMAL
+    return BOTH_SIDES if kind.transmits else IN_FRONT
+
+
+def _turns_normals(kind: Kind) -> bool:
+    return isinstance(kind, Structure) and (
+        kind.wrapper.normal is not None or any(map(_turns_normals, kind.inside))
+    )
