@@ -224,8 +224,8 @@ def test_the_command_is_within_the_tolerance(path, found, tmp_path, capsys):
     """Its picture beside that of the file, both of 4096 samples of other seeds."""
     needs, _ = found
     assert needs.least is not None and needs.least.error_high <= 0.03
-    assert needs.least.words == ["depth=3", "sampling=lights"]
-    assert needs.least.time == pytest.approx(0.81)
+    assert needs.least.words == ["no-light=far", "depth=3", "sampling=lights"]
+    assert needs.least.time == pytest.approx(0.729)
     words = shlex.split(needs.command)
     assert words[:3] == ["python", "-m", "renderer"]
     pictures = []
