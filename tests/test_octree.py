@@ -102,6 +102,7 @@ def test_equal_centroids():
     assert_same_hits(tree, "spheres", concentric(500), origin, directions(RAYS, rng))
 
 
+@pytest.mark.slow
 def test_a_line_of_a_hundred_thousand():
     """Each level halves it: 2^14 cells along it would hold six, were they not grown.
 
