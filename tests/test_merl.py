@@ -25,8 +25,8 @@ CELLS = (90, 90, 180)  # as in the database
 
 
 def known(theta_h, theta_d, phi_d):
-    """A lobe and a base that depend on all angles, periodic in phi_d with pi [1/sr]."""
-    lobe = 3 * np.exp(-((theta_h / 0.15) ** 2)) * (1 + 0.4 * np.cos(2 * phi_d))
+    """A lobe and a base that depend on all angles, with a period of pi in phi_d [1/sr]."""
+    lobe = 3 * np.exp(-((theta_h / 0.15) ** 2)) * (1 + 0.4 * np.cos(2 * phi_d - 0.7))
     return np.stack(
         np.broadcast_arrays(
             0.1 + lobe, 0.2 + 0.1 * theta_d + 0 * phi_d, 0.05 + lobe * np.sin(theta_d)

@@ -47,20 +47,9 @@ def test_a_plugin_takes_mitsubas_paths(scene, spp, references):
     assert result.passed, result.sentence
 
 
-MEANS = (
-    "rmse",
-    "trimmed_rmse",
-    "tile_bias",
-    "worst_tile",
-    "mean_difference",
-    "rung pixels",
-)
 KNOWN_TO_DIFFER = {
     # Mitsuba 3.9.1 gives the normals of bump maps in the surface's frame, ours in the world
     "bumpmap": ("AOV sh_normal", "rung aovs"),
-    # the lamp is a mesh with vertex normals, by which Mitsuba takes its density: its means
-    # differ by 6 % (docs/mutations.md, `smooth-lamp`), and only a replay does the same
-    "serialized": MEANS,
 }
 
 
