@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import os
 import pickle
 import random
@@ -312,6 +313,31 @@ def test_a_sweep_resumes_frame_by_frame(local, monkeypatch, tmp_path, capsys):
     size[3] = "width=50"
     assert cli.main([str(BOX), *size, "-o", str(single)]) == 0
     assert single.read_bytes() == made["b_010.exr"]
+
+
+def test_a_frame_of_a_sweep_that_was_not_finished_counts_as_none(tmp_path, monkeypatch):
+    """Nor one that was, then written anew and interrupted, nor one with another goal."""
+    sweep = [str(BOX), "-D", "height=24", "-D", "width={30+frame*2}", "--spp", "8"]
+    sweep += ["--frames", "0:2", "--quiet", "-o", str(tmp_path / "b_#.exr")]
+    assert cli.main(sweep) == 0
+    made = [(tmp_path / f"b_{k}.exr").read_bytes() for k in range(2)]
+    render_frames = renderer.render_frames
+
+    def interrupted(*arguments, **options):
+        image = next(render_frames(*arguments, **options))
+        metadata = {**image.metadata, "interrupted": "after 3 samples"}
+        yield dataclasses.replace(image, complete=False, metadata=metadata)
+
+    with monkeypatch.context() as context:
+        context.setattr(renderer, "render_frames", interrupted)
+        assert cli.main(sweep) == 1
+    assert (tmp_path / "b_0.exr").read_bytes() != made[0]
+    (tmp_path / "b_1.exr").write_bytes(b"still there")
+    assert cli.main([*sweep, "--resume"]) == 0
+    assert (tmp_path / "b_0.exr").read_bytes() == made[0]
+    assert (tmp_path / "b_1.exr").read_bytes() == b"still there"
+    assert cli.main([*sweep, "--resume", "--target-error", "90%"]) == 0
+    assert (tmp_path / "b_1.exr").read_bytes() != b"still there"
 
 
 @pytest.mark.parametrize(
