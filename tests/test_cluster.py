@@ -16,7 +16,7 @@ from pathlib import Path
 import dask
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, get_worker
 
 import renderer
 from renderer.command import cli
@@ -178,6 +178,18 @@ def test_frames_of_a_sweep_are_begun_ahead(local):
         )
 
 
+def test_frames_under_way_are_kept_when_a_later_one_cannot_be_read(local):
+    def scenes():
+        yield load(width=40)
+        yield load(width=41)
+        raise SceneError("the third is damaged")
+
+    images = renderer.render_frames(scenes(), spp=2, cluster=local)
+    assert [next(images).width for _ in range(2)] == [40, 41]
+    with pytest.raises(SceneError, match="the third is damaged"):
+        next(images)
+
+
 @pytest.mark.parametrize(
     ("changed", "sums", "said"),
     [
@@ -238,6 +250,41 @@ def test_a_portion_that_always_fails_ends_the_render_in_one_line(local, monkeypa
     monkeypatch.setattr(worker, "add_samples", broken)
     with pytest.raises(ClusterError, match=r"worker \S+: RuntimeError: the disk is gone$"):
         renderer.render(load(), 40, cluster=local)
+
+
+def test_a_worker_that_cannot_read_the_scene_is_refused(local, alone, monkeypatch):
+    """One of two: the other one does all. Both: one line, and the picture if there is."""
+    add_samples, everybody = worker.add_samples, list(local.scheduler_info()["workers"])
+    broken = {everybody[0]}
+
+    def reading(*arguments):
+        if get_worker().address in broken:
+            raise SceneError("plugin.py: no such module")
+        return add_samples(*arguments)
+
+    monkeypatch.setattr(worker, "add_samples", reading)
+    team = Team(local)
+    image = renderer.render(load(), 40, seed=3, cluster=team)
+    assert image.complete and np.array_equal(np.asarray(image), alone)
+    assert team.tally.refused == dict.fromkeys(broken, "plugin.py: no such module")
+    broken.update(everybody)
+    with pytest.raises(ClusterError, match=r"may work: \S+: plugin\.py: no such module$"):
+        renderer.render(load(), 40, cluster=Team(local))
+
+
+def test_an_error_of_ours_keeps_the_picture(local, monkeypatch):
+    add, added = Job.add, []
+
+    def failing(self, portion, sums):
+        if added:
+            raise ValueError("a bug")
+        added.append(portion)
+        add(self, portion, sums)
+
+    monkeypatch.setattr(Job, "add", failing)
+    image = renderer.render(load(), 40, cluster=local)
+    assert not image.complete
+    assert image.metadata["interrupted"].endswith("samples: ValueError: a bug")
 
 
 def test_a_scheduler_that_goes_away_costs_nothing(alone, tmp_path):
