@@ -25,7 +25,7 @@ from renderer.rendering.cluster import connect, worker
 from renderer.rendering.cluster import team as teams
 from renderer.rendering.cluster.content import LEAST, freeze, thaw
 from renderer.rendering.cluster.job import Job
-from renderer.rendering.cluster.plugin_files import PluginFiles
+from renderer.rendering.cluster.plugin_files import PluginFiles, import_sent
 from renderer.rendering.cluster.team import Team
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
@@ -440,3 +440,18 @@ def test_a_file_of_plugins_goes_along_by_its_content(monkeypatch, tmp_path):
     (found,) = plugin_file.imported
     assert found.startswith(str(there)) and found.endswith("sent_plugin.py")
     assert Path(found).with_name("beside_it.py").read_text() == "VALUE = 7\n"
+
+
+@pytest.mark.parametrize("edited", ["edited_plugin.py", "beside_edited.py"])
+def test_plugins_that_were_edited_need_new_workers(monkeypatch, tmp_path, edited):
+    """A worker has the modules of before, which Python would take instead."""
+    for module in ("lightproof_plugins_edited_plugin", "beside_edited"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    monkeypatch.setattr(plugin_file, "imported", [])
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path))
+    files = {"edited_plugin.py": b"import beside_edited\n", "beside_edited.py": b"A = 1\n"}
+    import_sent((tuple(files.items()),))
+    import_sent((tuple(files.items()),))  # it has these
+    again = tuple((files | {edited: files[edited] + b"B = 2\n"}).items())
+    with pytest.raises(SceneError, match=f"^{edited} is not what .*; restart the workers$"):
+        import_sent((again,))
