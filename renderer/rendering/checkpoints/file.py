@@ -93,7 +93,7 @@ def write_checkpoint(
 def remove_parts(path: Path) -> None:
     """Remove what processes that were killed have not written to the end."""
     of_this = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.part")
-    for part in path.parent.iterdir():
+    for part in path.parent.glob(".*.part"):
         match = of_this.fullmatch(part.name)
         if match is not None and not _is_another_alive(int(match[1])):
             with contextlib.suppress(OSError):
