@@ -63,14 +63,17 @@ def shown(size: float) -> str:
 
 @contextmanager
 def limited_to(limit: int | float | str | None) -> Iterator[None]:
-    """Let nothing inside take the process beyond a limit; None: the one that holds already.
+    """Let nothing inside take the process beyond a limit, nor beyond what holds already.
 
     Raises
     ------
     SceneError
         As `parse_size`.
     """
-    token = _limit.set(_limit.get() if limit is None else parse_size(limit))
+    limits = [] if limit is None else [parse_size(limit)]
+    if (outer := _limit.get()) is not None:
+        limits.append(outer)
+    token = _limit.set(min(limits, default=None))
     try:
         yield
     finally:

@@ -126,6 +126,9 @@ def test_a_pipe_in_its_place_is_not_waited_for(tmp_path):
         '{"of": {}, "arrays": [["sums", "<f8", [-1]]]}',
         '{"of": {}, "arrays": [["sums", "no type", [1]]]}',
         '{"of": {}, "arrays": [["sums", "O", [1]]]}',
+        '{"of": {}, "arrays": [["sums", "f8,(", [1]]]}',
+        '{"of": {}, "arrays": [["sums", "<f8", [Infinity]]]}',
+        '{"of": {}, "arrays": [["more", "<f8", [-1]], ["sums", "<f8", [1]]]}',
         '{"of": {}, "arrays": [["sums"]]}',
     ],
 )
@@ -180,6 +183,16 @@ def test_a_power_cut_between_any_two_steps(path, monkeypatch, step, left):
     assert not list(path.parent.glob(".*"))
     write(path, 4)
     assert value_in(find_checkpoint(path)[0]) == 4
+
+
+def test_parts_of_others_stay(tmp_path):
+    """Of a picture whose name begins so, and of a process that lives: our parent."""
+    names = [".night.exr.77.part", ".night.77.png.part", f".night.{os.getppid()}.part"]
+    gone = [f".night.{number}.part" for number in (os.getpid(), 2**22 + 1, 10**30)]
+    for name in names + gone:
+        (tmp_path / name).touch()
+    remove_parts(tmp_path / "night")
+    assert sorted(os.listdir(tmp_path)) == sorted(names)
 
 
 def test_a_full_disk_leaves_what_was_there(path, monkeypatch):

@@ -286,10 +286,35 @@ def test_a_checkpoint_that_is_there_is_not_written_over(box, path):
 
 
 def test_what_an_unfinished_writing_left_is_removed(box, path):
-    part = path.with_name(".a.ckpt.12345.part")
+    part = path.with_name(f".a.ckpt.{2**22 + 1}.part")  # more than Linux gives
     part.write_bytes(b"lightproof")
     renderer.render(box, 4, checkpoint=path)
     assert os.listdir(path.parent) == ["a.ckpt"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("samples", 2**62, "the checkpoint has samples up to"),
+        ("samples", -1, "less than no samples"),
+        ("seconds", float("nan"), "is of nan seconds"),
+        ("seconds", -1.0, "is of -1.0 seconds"),
+        ("looks", [4, 2, 0], "next look, at 2 samples, is before the last, at 4"),
+        ("looks", [-4, -2, 0], "next look"),
+        ("looks", [2, 2**62, 0], "has samples up to 4611686018427387904"),
+    ],
+)
+def test_a_checkpoint_that_somebody_made_is_refused(box, path, name, value, message):
+    """All sizes are right, and so is the checksum."""
+    goal = {"target_error": 0.9} if name == "looks" else {}
+    renderer.render(box, 16, checkpoint=path, **goal)
+    stored = checkpoint_file.read_checkpoint(path)
+    arrays = {n: np.empty(a.shape, a.dtype) for n, a in stored.arrays.items()}
+    stored.read_into(arrays)
+    arrays[name][:] = value
+    checkpoint_file.write_checkpoint(path, stored.of, arrays, keep=False)
+    with pytest.raises(SceneError, match=message):
+        renderer.render(box, 16, checkpoint=path, resume=True, **goal)
 
 
 # --------------------------------------------------------------------- what must fit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import os
 import pickle
 import random
@@ -15,7 +16,7 @@ from pathlib import Path
 import dask
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, get_worker
 
 import renderer
 from renderer.command import cli
@@ -24,7 +25,7 @@ from renderer.rendering.cluster import connect, worker
 from renderer.rendering.cluster import team as teams
 from renderer.rendering.cluster.content import LEAST, freeze, thaw
 from renderer.rendering.cluster.job import Job
-from renderer.rendering.cluster.plugin_files import PluginFiles
+from renderer.rendering.cluster.plugin_files import PluginFiles, import_sent
 from renderer.rendering.cluster.team import Team
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
@@ -177,6 +178,18 @@ def test_frames_of_a_sweep_are_begun_ahead(local):
         )
 
 
+def test_frames_under_way_are_kept_when_a_later_one_cannot_be_read(local):
+    def scenes():
+        yield load(width=40)
+        yield load(width=41)
+        raise SceneError("the third is damaged")
+
+    images = renderer.render_frames(scenes(), spp=2, cluster=local)
+    assert [next(images).width for _ in range(2)] == [40, 41]
+    with pytest.raises(SceneError, match="the third is damaged"):
+        next(images)
+
+
 @pytest.mark.parametrize(
     ("changed", "sums", "said"),
     [
@@ -237,6 +250,41 @@ def test_a_portion_that_always_fails_ends_the_render_in_one_line(local, monkeypa
     monkeypatch.setattr(worker, "add_samples", broken)
     with pytest.raises(ClusterError, match=r"worker \S+: RuntimeError: the disk is gone$"):
         renderer.render(load(), 40, cluster=local)
+
+
+def test_a_worker_that_cannot_read_the_scene_is_refused(local, alone, monkeypatch):
+    """One of two: the other one does all. Both: one line, and the picture if there is."""
+    add_samples, everybody = worker.add_samples, list(local.scheduler_info()["workers"])
+    broken = {everybody[0]}
+
+    def reading(*arguments):
+        if get_worker().address in broken:
+            raise SceneError("plugin.py: no such module")
+        return add_samples(*arguments)
+
+    monkeypatch.setattr(worker, "add_samples", reading)
+    team = Team(local)
+    image = renderer.render(load(), 40, seed=3, cluster=team)
+    assert image.complete and np.array_equal(np.asarray(image), alone)
+    assert team.tally.refused == dict.fromkeys(broken, "plugin.py: no such module")
+    broken.update(everybody)
+    with pytest.raises(ClusterError, match=r"may work: \S+: plugin\.py: no such module$"):
+        renderer.render(load(), 40, cluster=Team(local))
+
+
+def test_an_error_of_ours_keeps_the_picture(local, monkeypatch):
+    add, added = Job.add, []
+
+    def failing(self, portion, sums):
+        if added:
+            raise ValueError("a bug")
+        added.append(portion)
+        add(self, portion, sums)
+
+    monkeypatch.setattr(Job, "add", failing)
+    image = renderer.render(load(), 40, cluster=local)
+    assert not image.complete
+    assert image.metadata["interrupted"].endswith("samples: ValueError: a bug")
 
 
 def test_a_scheduler_that_goes_away_costs_nothing(alone, tmp_path):
@@ -314,6 +362,31 @@ def test_a_sweep_resumes_frame_by_frame(local, monkeypatch, tmp_path, capsys):
     assert single.read_bytes() == made["b_010.exr"]
 
 
+def test_a_frame_of_a_sweep_that_was_not_finished_counts_as_none(tmp_path, monkeypatch):
+    """Nor one that was, then written anew and interrupted, nor one with another goal."""
+    sweep = [str(BOX), "-D", "height=24", "-D", "width={30+frame*2}", "--spp", "8"]
+    sweep += ["--frames", "0:2", "--quiet", "-o", str(tmp_path / "b_#.exr")]
+    assert cli.main(sweep) == 0
+    made = [(tmp_path / f"b_{k}.exr").read_bytes() for k in range(2)]
+    render_frames = renderer.render_frames
+
+    def interrupted(*arguments, **options):
+        image = next(render_frames(*arguments, **options))
+        metadata = {**image.metadata, "interrupted": "after 3 samples"}
+        yield dataclasses.replace(image, complete=False, metadata=metadata)
+
+    with monkeypatch.context() as context:
+        context.setattr(renderer, "render_frames", interrupted)
+        assert cli.main(sweep) == 1
+    assert (tmp_path / "b_0.exr").read_bytes() != made[0]
+    (tmp_path / "b_1.exr").write_bytes(b"still there")
+    assert cli.main([*sweep, "--resume"]) == 0
+    assert (tmp_path / "b_0.exr").read_bytes() == made[0]
+    assert (tmp_path / "b_1.exr").read_bytes() == b"still there"
+    assert cli.main([*sweep, "--resume", "--target-error", "90%"]) == 0
+    assert (tmp_path / "b_1.exr").read_bytes() != b"still there"
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -367,3 +440,18 @@ def test_a_file_of_plugins_goes_along_by_its_content(monkeypatch, tmp_path):
     (found,) = plugin_file.imported
     assert found.startswith(str(there)) and found.endswith("sent_plugin.py")
     assert Path(found).with_name("beside_it.py").read_text() == "VALUE = 7\n"
+
+
+@pytest.mark.parametrize("edited", ["edited_plugin.py", "beside_edited.py"])
+def test_plugins_that_were_edited_need_new_workers(monkeypatch, tmp_path, edited):
+    """A worker has the modules of before, which Python would take instead."""
+    for module in ("lightproof_plugins_edited_plugin", "beside_edited"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    monkeypatch.setattr(plugin_file, "imported", [])
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path))
+    files = {"edited_plugin.py": b"import beside_edited\n", "beside_edited.py": b"A = 1\n"}
+    import_sent((tuple(files.items()),))
+    import_sent((tuple(files.items()),))  # it has these
+    again = tuple((files | {edited: files[edited] + b"B = 2\n"}).items())
+    with pytest.raises(SceneError, match=f"^{edited} is not what .*; restart the workers$"):
+        import_sent((again,))

@@ -20,6 +20,7 @@ from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
 from renderer.memory import parse_size, shown
 from renderer.rendering import memory_estimate
+from renderer.rendering.aovs import nested_scene
 from renderer.rendering.memory_estimate import estimate
 from renderer.rendering.planning.plan import make_plan
 from tests.serialized_files import Mesh, ball, file_of, serialized, stream
@@ -332,6 +333,38 @@ def test_a_render_that_does_not_fit_is_refused_with_what_needs_how_much(
         renderer.render(scene, memory="much")
     with pytest.raises(SceneError, match="sizes from 1 byte"):
         renderer.render(scene, memory=0)
+
+
+def test_aovs_and_colours_are_refused_together_before_the_first_sample(
+    files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where each of them alone would fit."""
+    monkeypatch.setattr(memory, "resident", lambda: 0)
+    xml = BOX.format(integrator=AOVS, side=512)
+    scene = renderer.load_string(xml, base_dir=files)
+    plan = make_plan(scene, spp=2, threads=2)
+    inside = nested_scene(scene, plan)
+    assert inside is not None
+    aovs = estimate(scene, plan, accel="auto", threads=2)
+    colours = estimate(inside, make_plan(inside, spp=2), accel="auto", threads=2)
+    both = aovs.beside(colours)
+    assert both.total == aovs.total + colours.total - colours.parts["the kernels"]
+    room = both.total - 1
+    assert max(aovs.total, colours.total) < room
+    with pytest.raises(
+        NotAllowed, match=r"\(not with --frames, --cluster, --checkpoint or"
+    ):
+        renderer.render(scene, spp=2, threads=2, memory=room)
+
+
+def test_a_limit_inside_of_another_can_only_be_smaller(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(memory, "resident", lambda: 0)
+    with memory.limited_to(5 * MIB):
+        for inner, least in ((9 * MIB, 5), (2 * MIB, 2), (None, 5)):
+            with memory.limited_to(inner):
+                assert memory.room() == least * MIB
 
 
 def test_without_a_limit_the_machine_and_its_control_groups_say_what_is_free(

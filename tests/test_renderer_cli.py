@@ -20,8 +20,10 @@ import renderer
 from renderer.command import cli
 from renderer.command.cli import main
 from renderer.command.progress_display import ProgressDisplay
+from renderer.errors import ClusterError, NotAllowed
 from renderer.picture import image_files
 from renderer.picture.image import Image
+from renderer.rendering import render_scene
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
 from renderer.rendering.sitting import Progress
@@ -621,3 +623,26 @@ def test_ctrl_c_before_the_colours_of_an_aov_keeps_the_aovs(monkeypatch):
     assert not image.complete
     assert (image.aovs["depth"] == 1.0).all()
     assert image.metadata["interrupted"] == "after 0 of 768 samples"
+
+
+@pytest.mark.parametrize(
+    "error", [NotAllowed("no memory"), ClusterError("no worker"), KeyboardInterrupt()]
+)
+def test_colours_that_cannot_start_leave_the_aovs(monkeypatch, error):
+    without_kernels(monkeypatch, lambda first: 1.0)
+    scene = renderer.load_file(
+        SCENES / "depth-and-normals" / "scene.xml", width=32, height=24
+    )
+    prepare = render_scene.prepare
+
+    def refusing(of, *arguments):
+        if of is not scene:
+            raise error
+        return prepare(of, *arguments)
+
+    monkeypatch.setattr(render_scene, "prepare", refusing)
+    image = renderer.render(scene)
+    assert not image.complete and (image.aovs["depth"] == 1.0).all()
+    said = image.metadata["interrupted"]
+    assert said.startswith("before the first sample of the colours")
+    assert said.endswith(str(error))

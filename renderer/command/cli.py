@@ -121,15 +121,14 @@ def _run_frames(
     for each in frames:
         _check_outputs(each)
     record = SweepRecord(options.output[0])
-    if options.resume:
-        record.read()
+    record.read()  # without --resume too: what it says of frames written anew must go
     asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
 
     def scenes() -> Iterator[Scene]:
         for each in frames:
             scene = _load(each, path)
-            key = made_from(scene, _command(each))
-            if not record.has(each.output, key):
+            key = made_from(scene, f"{_command(each)} {each.target_error} {each.time}")
+            if not (options.resume and record.has(each.output, key)):
                 asked.append((each, key))
                 yield scene
 
@@ -142,6 +141,7 @@ def _run_frames(
             if interrupts.count > 1:
                 raise KeyboardInterrupt
             files: list[Path] = []
+            record.remove(each.output)
             _write(_signed(image, each), each.output, files)
             written += files
             _report(image, files, options)

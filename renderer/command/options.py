@@ -199,7 +199,8 @@ def make_parser() -> argparse.ArgumentParser:
         type=_memory,
         metavar="SIZE",
         help="refuse what would take this process beyond a size such as 4GiB (default: "
-        "what the machine has free)",
+        "what the machine has free); does not cover the workers of --cluster, nor the "
+        "frames that begin ahead there",
     )
     add(
         "--allow-outside",

@@ -154,6 +154,23 @@ class SweepRecord:
             If the record cannot be written.
         """
         self._made_from.update({path.name: key for path in outputs})
+        self._save()
+
+    def remove(self, outputs: list[Path]) -> None:
+        """Forget pictures that are about to be written anew, perhaps not to the end.
+
+        Raises
+        ------
+        SceneError
+            As `add`.
+        """
+        names = [path.name for path in outputs if path.name in self._made_from]
+        for name in names:
+            del self._made_from[name]
+        if names:
+            self._save()
+
+    def _save(self) -> None:
         text = json.dumps({"frames": self._made_from}, indent=1)
         temporary = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         try:

@@ -42,6 +42,7 @@ _STREAM = 24  # for a pixel of a replay: the state of its random numbers
 _PARAMETERS = 64  # rows for a BSDF; the largest have 30
 # The machine code of the kernels, with the compiler that makes it the first time [bytes].
 _KERNELS = 150 << 20
+_OF_KERNELS = "the kernels"
 
 _loaded = False  # whether a render of this process has them
 
@@ -55,6 +56,15 @@ class Estimate(NamedTuple):
     def total(self) -> int:
         """The sum."""
         return sum(self.parts.values())
+
+    def beside(self, other: Estimate) -> Estimate:
+        """Return what this render and another one take that is there with it."""
+        parts = {
+            what: self.parts.get(what, 0) + other.parts.get(what, 0)
+            for what in self.parts | other.parts
+        }
+        kernels = (each.parts.get(_OF_KERNELS, 0) for each in (self, other))
+        return Estimate(parts | {_OF_KERNELS: max(kernels)})  # of a process
 
     def __str__(self) -> str:
         """Return the parts that matter, the largest first."""
@@ -98,7 +108,7 @@ def estimate(
     if band is not None:
         film += shape.carried * shape.bytes_of_row
     parts = {
-        "the kernels": 0 if _loaded else _KERNELS,
+        _OF_KERNELS: 0 if _loaded else _KERNELS,
         "the film's sums": film,
         # developed, as what is shown of it, and one channel after the other for a file
         "the picture": (2 if band is None else 4) * picture,

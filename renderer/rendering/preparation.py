@@ -35,8 +35,9 @@ from renderer.threads import default_threads
 
 MOST_THREADS = 1024
 INSTEAD = (
-    "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands; "
-    "fewer threads; --memory SIZE, if there is more"
+    "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
+    "(not with --frames, --cluster, --checkpoint or a goal); fewer threads; --memory SIZE, "
+    "if there is more"
 )
 
 
@@ -134,6 +135,19 @@ def prepare(
             goal=goal is not None,
             checkpoint=kept is not None,
         )
+        if nested is not None:  # both are there while the colours are rendered
+            its_plan = make_plan(
+                nested,
+                sampler=sampler,
+                spp=spp,
+                accel=accel,
+                ray_offset=options.ray_offset,
+                threads=threads,
+            )
+            colors = estimate(
+                nested, its_plan, accel=accel, threads=threads, checkpoint=kept is not None
+            )
+            needs = needs.beside(colors)
         check_room(needs, scene.description.source, INSTEAD)
     rendering, build_seconds, compile_seconds = build_rendering(
         scene,

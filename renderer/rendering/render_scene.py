@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.errors import ClusterError, SceneError
+from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.integrators.moment import show_moments
 from renderer.picture.image import Image
 from renderer.rendering.aovs import with_picture
@@ -170,7 +170,7 @@ def render_frames(
     Raises
     ------
     SceneError, ClusterError, TypeError
-        As `render`.
+        As `render`; after the pictures that were under way already.
     """
     if options.get("checkpoint") is not None:
         raise SceneError("a checkpoint is of one picture, and cannot be kept of several")
@@ -178,17 +178,28 @@ def render_frames(
     asked = Options(**options, cluster=team)
     waiting: deque[Prepared] = deque()
     following = iter(scenes)
+    ahead = 0 if team is None else AHEAD
+    failure: Exception | None = None
+
+    def fill() -> None:
+        while len(waiting) <= ahead and (scene := next(following, None)) is not None:
+            prepared = prepare(scene, asked, progress)
+            waiting.append(prepared)
+            if team is not None and prepared.goal is None:
+                rendering = prepared.rendering
+                wanted = rendering.work.samples(rendering.plan.spp)
+                rendering.begun = time.perf_counter()
+                team.begin(rendering, wanted)
+
     try:
         while True:
-            ahead = 0 if team is None else AHEAD
-            while len(waiting) <= ahead and (scene := next(following, None)) is not None:
-                prepared = prepare(scene, asked, progress)
-                waiting.append(prepared)
-                if team is not None and prepared.goal is None:
-                    rendering = prepared.rendering
-                    wanted = rendering.work.samples(rendering.plan.spp)
-                    rendering.begun = time.perf_counter()
-                    team.begin(rendering, wanted)
+            if failure is None:
+                try:
+                    fill()
+                except Exception as error:  # those before it are whole, and half rendered
+                    failure = error
+            if not waiting and failure is not None:
+                raise failure
             if not waiting:
                 return
             image = _finish(waiting.popleft(), progress)
@@ -213,8 +224,9 @@ def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> 
         return image
     try:
         picture = _finish(prepare(prepared.nested, options, progress), progress)
-    except KeyboardInterrupt:  # before its first sample
-        interrupted = {"interrupted": "before the first sample of the colours"}
+    except (KeyboardInterrupt, ClusterError, NotAllowed) as error:
+        why = f": {error}" if str(error) else ""
+        interrupted = {"interrupted": f"before the first sample of the colours{why}"}
         metadata = {**image.metadata, **interrupted}
         return dataclasses.replace(image, complete=False, metadata=metadata)
     both = with_picture(image, picture)

@@ -6,7 +6,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 
 from renderer import memory as room_of_memory
@@ -16,7 +16,12 @@ from renderer.picture.exr_rows import ExrRows
 from renderer.picture.image import Image
 from renderer.rendering.aovs import nested_scene, with_picture
 from renderer.rendering.band import Band
-from renderer.rendering.memory_estimate import check_room, estimate, rows_at_once
+from renderer.rendering.memory_estimate import (
+    Estimate,
+    check_room,
+    estimate,
+    rows_at_once,
+)
 from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
 from renderer.rendering.preparation import MOST_THREADS, build_rendering, whole_number
 from renderer.rendering.render_scene import image_of
@@ -118,10 +123,12 @@ def render_to_file(
             rows_at_once(film_shape(*each), room_of_memory.room() // len(todo))
             for each in todo
         )
-        for of, its_plan in todo:
-            needs = estimate(of, its_plan, accel=accel, threads=threads, band=rows)
-            possible = "a film of fewer columns; fewer threads; --memory SIZE"
-            check_room(needs, scene.description.source, possible)
+        needs = reduce(
+            Estimate.beside,
+            (estimate(*each, accel=accel, threads=threads, band=rows) for each in todo),
+        )
+        possible = "a film of fewer columns; fewer threads; --memory SIZE"
+        check_room(needs, scene.description.source, possible)
     film = scene.description.camera.film
     seconds = compile_seconds = 0.0
     renders = []
@@ -185,7 +192,18 @@ def fits_in_memory(
     )
     if plan.kind.counts_work or plan.replay:
         return None
-    needs = estimate(scene, plan, accel=accel or "auto", threads=threads)
+    takes = partial(estimate, accel=accel or "auto", threads=threads)
+    needs = takes(scene, plan)
+    if (nested := nested_scene(scene, plan)) is not None:
+        its_plan = make_plan(
+            nested,
+            sampler=sampler,
+            spp=spp,
+            accel=accel,
+            ray_offset=ray_offset,
+            threads=threads,
+        )
+        needs = needs.beside(takes(nested, its_plan))
     return needs.total <= room_of_memory.room()
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from renderer.errors import ClusterError, SceneError
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.goal import Goal, Halves
+from renderer.rendering.planning.plan import MOST_SAMPLES
 from renderer.threads import Crew
 
 if TYPE_CHECKING:  # a team needs Dask, an extra
@@ -114,18 +115,29 @@ class Sitting:
         rendering, state = self._rendering, self._state
         if not checkpoint.restore(state):
             return
-        self._origin -= float(state["seconds"][0])
-        if rendering.samples_of_place.min() < 0:
+        seconds, samples = float(state["seconds"][0]), rendering.samples_of_place
+        halves, spp = self._halves, rendering.plan.spp
+        if not 0.0 <= seconds < float("inf"):
+            raise SceneError(f"the checkpoint is of {seconds} seconds")
+        if samples.min() < 0:
             raise SceneError("the checkpoint has places with less than no samples")
-        there = rendering.work.least_spp(rendering.samples_of_place)
-        if self._halves is not None:
-            there = max(there, self._halves.end)
-            rendering.accuracy = self._halves.last_look(rendering.threads)
-        if there > rendering.plan.spp:
+        if halves is not None and not 0 <= halves.done <= halves.end:
             raise SceneError(
-                f"spp is {rendering.plan.spp}, and the checkpoint has samples up to "
-                f"{there}; so many or more are possible"
+                f"the checkpoint's next look, at {halves.end} samples, is before the last, "
+                f"at {halves.done}"
             )
+        end = 0 if halves is None else halves.end
+        if end > spp or (samples > rendering.work.samples(spp)).any():
+            # no larger ones, whose product would not be a number of 64 bits
+            plausible = np.minimum(samples, MOST_SAMPLES + 1)
+            raise SceneError(
+                f"spp is {spp}, and the checkpoint has samples up to "
+                f"{max(end, rendering.work.least_spp(plausible))}; so many or more are "
+                "possible"
+            )
+        self._origin -= seconds
+        if halves is not None:
+            rendering.accuracy = halves.last_look(rendering.threads)
 
     def _trace_until(self, goal: Goal, halves: Halves) -> None:
         rendering = self._rendering

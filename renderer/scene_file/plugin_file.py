@@ -29,6 +29,11 @@ def neighbours_importable(path: str) -> Iterator[None]:
         sys.path.remove(folder)
 
 
+def module_name(file: Path) -> str:
+    """Return the name in `sys.modules` of a plugin file."""
+    return f"lightproof_plugins_{file.stem}"
+
+
 @functools.cache
 def import_plugin_file(path: str) -> ModuleType:
     """Return the module of a plugin file, run once in each process.
@@ -39,7 +44,7 @@ def import_plugin_file(path: str) -> ModuleType:
         If it cannot be read, or raises; one line that names it.
     """
     file = Path(path)
-    name = f"lightproof_plugins_{file.stem}"
+    name = module_name(file)
     specification = importlib.util.spec_from_file_location(name, file)
     if specification is None or specification.loader is None:
         raise SceneError(f"{path}: expected a Python file of plugins, NAME.py")

@@ -8,10 +8,10 @@ changed is known by its checksum. docs/checkpoints.md has the format.
 from __future__ import annotations
 
 import contextlib
-import glob
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -92,9 +92,26 @@ def write_checkpoint(
 
 def remove_parts(path: Path) -> None:
     """Remove what processes that were killed have not written to the end."""
-    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
-        with contextlib.suppress(OSError):
-            part.unlink()
+    of_this = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.part")
+    for part in path.parent.glob(".*.part"):
+        match = of_this.fullmatch(part.name)
+        if match is not None and not _is_another_alive(int(match[1])):
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+
+def _is_another_alive(process: int) -> bool:
+    """Return whether another process has this number now."""
+    # elsewhere signal 0 is Ctrl-C, and what is open there cannot be removed
+    if process == os.getpid() or os.name != "posix":
+        return False
+    try:
+        os.kill(process, 0)
+    except PermissionError:
+        return True
+    except (ProcessLookupError, OverflowError):
+        return False
+    return True
 
 
 def find_checkpoint(path: Path) -> tuple[Stored | None, list[str]]:
@@ -145,9 +162,19 @@ def read_checkpoint(path: Path) -> Stored:
         of = {group: dict(items) for group, items in header["of"].items()}
         offset, arrays = len(MAGIC) + LENGTH + length, {}
         for name, dtype, shape in header["arrays"]:
+            if min(shape, default=0) < 0:
+                raise ValueError
             arrays[name] = Layout(dtype, tuple(shape), offset)
             offset += np.dtype(dtype).itemsize * int(np.prod(shape, dtype=object))
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        RecursionError,
+        SyntaxError,  # NumPy's, of text that is no type
+        OverflowError,
+    ):
         raise Damaged("is damaged: its header makes no sense") from None
     if offset + CHECKSUM != size:
         raise Damaged("is damaged: its arrays do not fill it")

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from renderer.errors import SceneError
 from renderer.kernels.jit.cache import cache_root, with_neighbours
 from renderer.scene_file import plugin_file
 
@@ -38,12 +40,14 @@ def import_sent(plugins: tuple[Files, ...]) -> None:
     Raises
     ------
     SceneError
-        If one cannot be imported here.
+        If one cannot be imported here, or if this process has imported another content
+        under a name of theirs: Python would go on with that.
     """
     have = {_contents(path) for path in plugin_file.imported}
     for files in plugins:
         if files in have:  # this process sent them, or has had them
             continue
+        _refuse_stale(files)
         digest = hashlib.sha256(repr(files).encode()).hexdigest()[:16]
         folder = cache_root() / "plugins" / digest
         for name, content in files:
@@ -53,3 +57,24 @@ def import_sent(plugins: tuple[Files, ...]) -> None:
             part.write_bytes(content)
             os.replace(part, path)  # other workers of the machine write the same
         plugin_file.import_plugin_file(str(folder / Path(files[0][0])))
+
+
+def _refuse_stale(files: Files) -> None:
+    """Refuse files in the place of which modules with another content are loaded."""
+    plugin = Path(files[0][0])
+    sent = cache_root() / "plugins"
+    for name, content in files:
+        parts = Path(os.path.relpath(name, plugin.parent)).with_suffix("").parts
+        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        if name == files[0][0]:
+            module = plugin_file.module_name(plugin)
+        loaded = getattr(sys.modules.get(module), "__file__", None)
+        if loaded is None:
+            continue
+        # beside a plugin, what has the name of a library's module is not what is imported
+        ours = name == files[0][0] or Path(loaded).is_relative_to(sent)
+        if ours and (not os.path.isfile(loaded) or Path(loaded).read_bytes() != content):
+            raise SceneError(
+                f"{Path(name).name} is not what this worker has imported under that name; "
+                "restart the workers"
+            )

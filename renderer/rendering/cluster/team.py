@@ -125,7 +125,7 @@ class Team:
             job = self._job_of(rendering)
         while job is not None and not job.finished:
             if self._error is not None:
-                raise self._error
+                raise _as_ours(self._error)
             look()
             try:
                 job.news.get(timeout=WAKE)
@@ -360,9 +360,12 @@ class Team:
             raise
         except Exception as error:
             if not errand.over:
-                errand.failures += self.client.status == "running"
-                if errand.failures > MOST_FAILURES or isinstance(error, SceneError):
-                    self._error = _as_ours(worker, error)
+                if isinstance(error, SceneError):  # we could read it: it is the worker's
+                    self._refuse(worker, str(error))
+                else:
+                    errand.failures += self.client.status == "running"
+                if errand.failures > MOST_FAILURES:
+                    self._error = _as_ours(error, f"worker {worker.address}: ")
                 await self._leave(errand, worker)
                 await asyncio.sleep(WAKE)
             return
@@ -430,8 +433,11 @@ class Team:
         worker.shown.add(job.key)
 
 
-def _as_ours(worker: Worker, error: Exception) -> Exception:
-    if isinstance(error, SceneError):
+def _as_ours(error: BaseException, where: str = "") -> ClusterError:
+    """Return an error as one after which a render keeps what it has."""
+    if isinstance(error, ClusterError):
         return error
     message = " ".join(str(error).split())
-    return ClusterError(f"worker {worker.address}: {type(error).__name__}: {message}")
+    ours = ClusterError(f"{where}{type(error).__name__}: {message}")
+    ours.__cause__ = error
+    return ours

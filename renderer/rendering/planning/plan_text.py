@@ -64,7 +64,7 @@ def plan_text(
             nested, sampler=sampler, spp=spp, accel=accel, light_choice=light_choice
         )
         page += ["", "The colours, by the integrator inside", *_sections(plan)]
-        needs = max(needs, takes(nested, plan), key=lambda each: each.total)
+        needs = needs.beside(takes(nested, plan))
     page += _known_to_fail(nested or scene, plan)
     page += ["", "Memory, beside the scene", *_row("at most", _memory_text(needs))]
     return "\n".join(page) + "\n"
