@@ -124,6 +124,8 @@ def refuse_code(path: Path, parameters: Mapping[str, object]) -> None:
     RuntimeError
         As Mitsuba's own refusals are.
     """
+    if not path.exists():
+        return  # Mitsuba's own words
     try:
         check_named_files(path, parameters, ["/"])
     except SceneError as error:
