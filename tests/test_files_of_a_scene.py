@@ -11,6 +11,7 @@ import pytest
 import renderer
 from mitsuba_ref.command.verdict_of_error import NotCompared, with_the_other_side
 from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.reference.edited_scene import load_edited_scene
 from renderer import scene_file
 from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
@@ -220,6 +221,37 @@ def test_what_we_refuse_to_open_mitsuba_does_not_see(folders, name: str) -> None
         assert found.verdict == "refused-by-us"
         assert "Mitsuba was not asked: " in found.other_side
         assert f"{path}:2: the file" in found.other_side
+
+
+@pytest.mark.parametrize("place", ["beside", "path", "include", "type"])
+def test_mitsuba_is_given_no_scene_that_brings_code(folders, place: str) -> None:
+    """A library beside the scene would be run, even in the place of a built-in plugin."""
+    inside, _ = folders
+    path = write(
+        inside,
+        {
+            "path": '<default name="n" value="more"/><path value="$n"/>',
+            "include": '<include filename="more/part.xml"/>',
+            "type": '<default name="n" value="../x"/><bsdf type="$n"/>',
+        }.get(place, ""),
+    )
+    (inside / "more").mkdir()
+    (inside / "more/part.xml").write_text('<scene version="3.0.0"/>')
+    libraries = (inside if place == "beside" else inside / "more") / "plugins"
+    if place != "type":
+        libraries.mkdir()
+        (libraries / "notes.txt").touch()
+        check_named_files(path, {})
+        (libraries / "diffuse.so").touch()
+    said = "is a path" if place == "type" else r"diffuse\.so is a library"
+    with pytest.raises(NotAllowed, match=said):
+        check_named_files(path, {}, ["/"])
+    with pytest.raises(RuntimeError, match=said):
+        load_edited_scene(path, {})
+    ours = NotCompared("refused-by-us", ("our renderer: no velvet",))
+    request = RenderRequest(str(path))
+    found = with_the_other_side(ours, request, NobodyIsAsked())  # type: ignore[arg-type]
+    assert "Mitsuba was not asked: " in found.other_side
 
 
 def test_every_scene_here_stays_in_its_folder() -> None:

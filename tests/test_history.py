@@ -75,6 +75,17 @@ def test_the_newer_of_two_records_is_read(tmp_path: Path, monkeypatch) -> None:
         ("accelerators.json", record(1), "it was measured without --full"),
         ("accelerators.json", record(1, "--full --out a"), ""),
         ("needs.json", record(1, "cornell"), "it was measured without all"),
+        ("needs.json", record(1, "all -Dwidth=8"), "it was measured with -Dwidth=8"),
+        ("needs.json", record(1, "all", whole=True), ""),
+        (
+            "needs.json",
+            record(1, "all", whole=False),
+            "it is not whole: something was refused, or the command was interrupted",
+        ),
+        *(
+            ("speed_accuracy.json", record(1, word), f"it was measured with {word}")
+            for word in ("--reference=64", "--threads=2", "--full")
+        ),
         ("calibration.json", record(1, "cornell-box"), "it was measured on some scenes"),
         ("calibration.json", record(1, "--out reports/out"), ""),
         (
@@ -87,6 +98,32 @@ def test_the_newer_of_two_records_is_read(tmp_path: Path, monkeypatch) -> None:
 )
 def test_parts_and_changed_sources_are_not_kept(name, content, reason) -> None:
     assert partial(name, content) == reason
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        "mitsuba_ref/mutations/__main__.py",
+        "mitsuba_ref/false_alarms/__main__.py",
+        "mitsuba_ref/expected_failures/__main__.py",
+        *(
+            f"reports/commands/{name}.py"
+            for name in (
+                "accelerators",
+                "benchmark",
+                "calibration",
+                "limits",
+                "speed_accuracy",
+            )
+        ),
+        "reports/needs/command.py",
+        "reports/soak/command.py",
+    ],
+)
+def test_options_of_kept_records_have_no_short_forms(file: str) -> None:
+    """`--qui` would be `--quick` to the command, and unknown to `partial`."""
+    text = (REPOSITORY.parents[1] / file).read_text()
+    assert text.count("ArgumentParser(") == text.count("allow_abbrev=False") == 1
 
 
 def test_whole_and_newer_records_are_kept(tmp_path: Path) -> None:
@@ -221,7 +258,9 @@ def test_needs_are_drawn_without_their_pictures(tmp_path: Path, monkeypatch) -> 
     needs = {field.name: 8 for field in dataclasses.fields(SceneNeeds)}
     needs |= {"scene": "box", "size": [8, 6], "losses": [loss], "least": loss}
     needs |= {"absent": [], "claims": [], "command": "c"}
-    kept = record(1, scenes=[needs], machine={}, versions={}) | {"schema": NEEDS_SCHEMA}
+    kept = record(1, scenes=[needs], whole=True, machine={}, versions={}) | {
+        "schema": NEEDS_SCHEMA
+    }
     write(tmp_path / "needs.json", kept)
     monkeypatch.setattr(measured, "MEASURED", tmp_path)
     pages._needs(tmp_path / "out")

@@ -11,7 +11,10 @@ import pytest
 
 import renderer
 from renderer.command.cli import main as render_command
+from renderer.errors import SceneError
 from renderer.rendering.accuracy import relative_squares
+from renderer.scene.simplifications.simplify import words_of
+from reports.needs import command
 from reports.needs.claims import claims_of
 from reports.needs.command import main
 from reports.needs.losses import loss_between
@@ -264,6 +267,20 @@ def test_a_step_stays_where_it_saves_time_within_the_tolerance(
     assert least_model(study, [replace(first, noise=2.0)]) is None  # 0.6 x 2 = 1.2
 
 
+def test_a_word_whose_thing_is_gone_is_passed_over(path, found):
+    """Without the specular lobes of all, the BSDF of one has none that has a name."""
+    needs, study = found
+    text = path.read_text().replace('type="diffuse"', 'type="plastic"')
+    text = text.replace("reflectance", "diffuse_reflectance")
+    study = replace(study, scene=renderer.load_string(text))
+    blank = replace(needs.losses[0], time=0.5, error_high=0.0, noise=1.0)
+    name = next(w for w in words_of(study.scene.description) if "no-specular=" in w)
+    losses = [replace(blank, words=["specular=off"])]
+    losses += [replace(blank, words=[name], time=0.6)]
+    least = least_model(study, losses)
+    assert least is not None and least.words == ["specular=off"]
+
+
 def test_the_page_and_the_record(path, tmp_path, capsys):
     arguments = [
         str(path),
@@ -284,6 +301,25 @@ def test_the_page_and_the_record(path, tmp_path, capsys):
     assert needs["command"] in page and page.count("<img") > len(needs["losses"])
     output = capsys.readouterr().out
     assert needs["command"] in output and "the least model" in output
+
+
+@pytest.mark.parametrize(
+    ("end", "status"), [(None, 0), (KeyboardInterrupt(), 130), (SceneError("x"), 1)]
+)
+def test_a_record_says_whether_it_is_whole(found, tmp_path, monkeypatch, end, status):
+    measured = iter([found, found if end is None else None])
+
+    def next_one(*_):
+        one = next(measured)
+        if one is None:
+            raise end
+        return one
+
+    monkeypatch.setattr(command, "_measured", next_one)
+    assert main(["a.xml", "b.xml", "--out", str(tmp_path)]) == status
+    record = json.loads((tmp_path / "data" / "needs.json").read_text())
+    assert record["whole"] == (end is None)
+    assert len(record["scenes"]) == (2 if end is None else 1)
 
 
 def test_refusals(path, tmp_path, capsys):

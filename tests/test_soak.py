@@ -48,6 +48,14 @@ def test_no_ray_leaks_from_a_closed_mesh() -> None:
     assert all(one.counts.get(lost) == other.counts.get(lost) for one, other in both)
 
 
+@pytest.mark.parametrize("count", range(1, 6))
+def test_every_kind_of_ray_meets_every_mesh(count: int) -> None:
+    usable = rays.meshes()[:count]
+    turns = 6 * count
+    found = {rays._combination(turn, usable) for turn in range(turns)}
+    assert len(found) == turns == len(usable) * len(rays.KINDS) * 2
+
+
 def test_every_mesh_is_closed() -> None:
     """Each edge has two faces."""
     for mesh in rays.meshes():

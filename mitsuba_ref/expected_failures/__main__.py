@@ -91,6 +91,7 @@ def _table(measured: Measured) -> Table:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m mitsuba_ref.expected_failures",
+        allow_abbrev=False,
         description="Measure everything that is known to disagree. Exit status: 0 each "
         "entry still disagrees by its own number, 1 one agrees now or has another number.",
     )

@@ -83,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m mitsuba_ref.false_alarms",
+        allow_abbrev=False,
         description="Climb the ladder of tests on pairs of an unchanged scene and count "
         "how often it alarms. Exit status 1 if more often than it claims.",
     )

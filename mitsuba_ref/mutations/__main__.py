@@ -113,6 +113,7 @@ def listed(names: Sequence[str]) -> str:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m mitsuba_ref.mutations",
+        allow_abbrev=False,
         description="Build known defects into copies of our renderer and say which rung of "
         "which check sees them. Exit status: 0 every harmful one is seen and no neutral "
         "one, 1 not so, 2 the command line was wrong.",

@@ -20,7 +20,9 @@ from mitsuba_ref.reference.known_faults import (
 )
 from mitsuba_ref.reference.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
+from renderer.errors import SceneError
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
+from renderer.scene_file.document.named_files import check_named_files
 
 BOX_INSTEAD = "reconstruction filter replaced by box"
 OURS_ALONE = ("implicit",)  # shapes that Mitsuba lacks
@@ -68,6 +70,7 @@ def load_edited_scene(
     plugins
         A Python file that registers plugins of the user's (`user_plugins`).
     """
+    refuse_code(path, parameters)
     mi = load_mitsuba()
     if plugins is not None:
         register_user_plugins(plugins)
@@ -109,6 +112,24 @@ def load_edited_scene(
     if divided := divide_lights_without_extent(mi, scene):
         changes.append(divided)
     return EditedScene(scene, integrator, tuple(changes))
+
+
+def refuse_code(path: Path, parameters: Mapping[str, object]) -> None:
+    """Refuse a scene that Mitsuba would take code from; before each of its readings.
+
+    Which files it may read our reader has decided, or `with_the_other_side`.
+
+    Raises
+    ------
+    RuntimeError
+        As Mitsuba's own refusals are.
+    """
+    if not path.exists():
+        return  # Mitsuba's own words
+    try:
+        check_named_files(path, parameters, ["/"])
+    except SceneError as error:
+        raise RuntimeError(f"was not asked: {error}") from None
 
 
 class SceneNodes:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mitsuba_ref.reference.edited_scene import refuse_code
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant import load_mitsuba
 
@@ -48,6 +49,7 @@ def mean_rays_per_path(
     """
     mi = load_mitsuba()
     try:
+        refuse_code(path, parameters)
         scene = mi.load_file(str(path), **{k: str(v) for k, v in parameters.items()})
     except RuntimeError as error:
         raise MitsubaError("Mitsuba: " + " ".join(str(error).split())) from None

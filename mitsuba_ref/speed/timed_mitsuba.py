@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_ref.records.request import MIN_THREADS
-from mitsuba_ref.reference.edited_scene import SceneNodes, files_beside
+from mitsuba_ref.reference.edited_scene import SceneNodes, files_beside, refuse_code
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant import load_mitsuba
 from mitsuba_ref.reference.variant_process import Answerer, VariantProcess, answer_requests
@@ -122,6 +122,7 @@ def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
 
 def _load(mi: Any, path: Path, parameters: dict[str, str], sampler: str | None) -> Any:
     """Return the scene as the file says, but for the sampler if one is given."""
+    refuse_code(path, parameters)
     if sampler is None:
         return mi.load_file(str(path), **parameters)
     config = mi.parser.ParserConfig(mi.variant())

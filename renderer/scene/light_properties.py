@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from renderer.kinds.lights.registry import plugin_of
-from renderer.scene_file.description import SceneDescription, SpotLight
+from renderer.scene_file.description import (
+    EnvironmentMap,
+    SceneDescription,
+    SpotLight,
+)
 
 
 def has_extended_lights(description: SceneDescription) -> bool:
@@ -17,6 +21,18 @@ def has_textured_lamps(description: SceneDescription) -> bool:
     """Return whether the radiance of a shape depends on where it is met."""
     lit = (shape.radiance for shape in description.shapes)
     return any(radiance is not None and not isinstance(radiance, tuple) for radiance in lit)
+
+
+def has_lights_beside_their_samples(description: SceneDescription) -> bool:
+    """Return whether a light may shine where none of its samples goes.
+
+    Samples of a compensated environment leave out what is below its mean, and those of a
+    textured lamp follow its texture, not what stands before it in uv.
+    """
+    return has_textured_lamps(description) or any(
+        isinstance(emitter, EnvironmentMap) and emitter.mis_compensation
+        for emitter in description.emitters
+    )
 
 
 def has_textured_lights(description: SceneDescription) -> bool:

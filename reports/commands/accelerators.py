@@ -60,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports.accelerators",
+        allow_abbrev=False,
         description="Build, check, count and time every accelerator on the study scenes, "
         "with Embree beside them, and draw the page.",
         epilog=f"Exit status: 0, {FAULTY} a structure found wrong hits or was not built, "

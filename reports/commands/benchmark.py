@@ -86,6 +86,7 @@ def _measure(given: argparse.Namespace, data: Path, command: str, show: Show) ->
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports.benchmark",
+        allow_abbrev=False,
         description="Time lightproof and Mitsuba in turn on one scene, and what nine "
         "scenes take to compile; print the tables and draw the page.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,

@@ -139,6 +139,7 @@ def _table(record: Calibration) -> Table:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports.calibration",
+        allow_abbrev=False,
         description="Hold the errors that renders claim against their true errors.",
     )
     add = parser.add_argument

@@ -111,6 +111,7 @@ def _chosen(names: Sequence[str] | None) -> Sequence[Row]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports.limits",
+        allow_abbrev=False,
         description="Measure where methods fail, both sides of every boundary, and draw "
         "the page.",
         epilog=f"Exit status: 0 every row is as the atlas says, {ALARM} one is not or "

@@ -216,6 +216,7 @@ def _parser() -> argparse.ArgumentParser:
     usual = Settings()
     parser = argparse.ArgumentParser(
         prog="python -m reports.speed_accuracy",
+        allow_abbrev=False,
         description="Seconds against error of all that can draw a scene: our methods, "
         "samplers and structures, and Mitsuba's variants, in turn.",
         epilog=f"Exit status: 0 all scenes were measured, {FAILED} some could not be, "

@@ -24,7 +24,10 @@ PARTIAL = {
     "false_alarms.json": ("--pairs", "--scene", "--size", "--spp", "--seeds"),
     "register.json": ("--quick", "--only"),
     "calibration.json": ("--error", "--seeds"),
-    "speed_accuracy.json": ("--quick", "--scene", "--spp", "--seeds", "--samplers"),
+    "speed_accuracy.json": (
+        *("--quick", "--scene", "--spp", "--seeds", "--samplers"),
+        *("--reference", "--threads", "--full"),
+    ),
     "benchmark.json": ("--size", "--spp", "--rounds", "--threads", "--no-cold", "--scene"),
     "compile_times.json": (),
     "accelerators.json": ("--quick",),
@@ -69,8 +72,11 @@ def partial(name: str, content: Content) -> str:
     """Return why a record is not kept, or ""."""
     words = shlex.split(str(content.get("command", "")))[3:]  # after python -m module
     for word in words:
-        if word.split("=")[0] in PARTIAL[name]:
+        short = word[:2] if word[:2] == "-D" else word  # -Dwidth=8 is one word
+        if short.split("=")[0] in PARTIAL[name]:
             return f"it was measured with {word}"
+    if not content.get("whole", True):
+        return "it is not whole: something was refused, or the command was interrupted"
     if (needed := NEEDED.get(name)) and needed not in words:
         return f"it was measured without {needed}"
     if name == "calibration.json" and _names(words):

@@ -57,7 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not found:
         return status
     record = NeedsRecord(
-        **circumstances("reports.needs", words), scenes=[needs for needs, _ in found]
+        **circumstances("reports.needs", words),
+        whole=status == 0,
+        scenes=[needs for needs, _ in found],
     )
     write_json(given.out / "data" / "needs.json", record, SCHEMA)
     page = given.out / "needs.html"
@@ -94,6 +96,7 @@ def _paths(scenes: Sequence[Path]) -> list[Path]:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports.needs",
+        allow_abbrev=False,
         description="Measure what a scene loses and saves when one thing is left out, and "
         "find the least model within a tolerance.",
     )

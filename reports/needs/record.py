@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from reports.records.circumstances import Circumstances
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +72,7 @@ class SceneNeeds:
 
 @dataclass(frozen=True, kw_only=True)
 class NeedsRecord(Circumstances):
-    """A whole needs.json."""
+    """What needs.json holds."""
 
+    whole: bool  # no scene was refused, nobody interrupted
     scenes: list[SceneNeeds]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
+from renderer.errors import SceneError
 from renderer.picture.image import Image
 from renderer.rendering.planning.plan import MOST_SAMPLES
 from renderer.scene.scene import Scene
@@ -207,7 +208,10 @@ def least_model(study: Study, losses: Sequence[Loss]) -> Loss | None:
         trial = one
         if least is not None:
             shorter = renderer.simplify(study.scene, *least.words).description
-            if not differs(shorter, simplified(shorter, one.words[0])):
+            try:
+                if not differs(shorter, simplified(shorter, one.words[0])):
+                    continue
+            except SceneError:  # no-specular=X, after specular=off: no such name is left
                 continue
             trial = study.loss([*least.words, *one.words])
         time, cost = (1.0, 1.0) if least is None else (least.time, least.cost)

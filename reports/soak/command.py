@@ -103,6 +103,7 @@ def _read_again(record: Path, otherwise: Soak) -> Soak:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports.soak",
+        allow_abbrev=False,
         description="Look for what is rare: rays that leak or meet their own surface, "
         "damaged files that crash, interrupts that leave half a file, memory that grows. "
         "Each trial goes on where the record says it was; Ctrl-C keeps what was done.",

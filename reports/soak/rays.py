@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -125,8 +125,7 @@ def _traced(structure: str, turn: int, count: int) -> Step:
         for mesh in meshes()
         if structure != "brute" or len(mesh.faces) <= BRUTE_TRIANGLES
     ]
-    mesh, aimed = usable[turn // 2 % len(usable)], turn % 2 == 1
-    kind = KINDS[turn % len(KINDS)]
+    mesh, kind, aimed = _combination(turn, usable)
     rng = np.random.default_rng([15, turn])
     origin = mesh.inside(rng, count)
     edge = rng.integers(0, len(mesh.edges[0]), count)
@@ -154,6 +153,17 @@ def _traced(structure: str, turn: int, count: int) -> Step:
         else {},
         leaks,
     )
+
+
+def _combination(turn: int, usable: Sequence[ClosedMesh]) -> tuple[ClosedMesh, str, bool]:
+    """Return mesh, kind of rays and whether they are aimed at edges.
+
+    Each meets each within six turns for every mesh; the kinds move on by one from mesh to
+    mesh, so that a short run has them all.
+    """
+    turn, aimed = divmod(turn, 2)
+    rounds, mesh = divmod(turn, len(usable))
+    return usable[mesh], KINDS[(rounds + mesh) % len(KINDS)], aimed == 1
 
 
 @functools.lru_cache(maxsize=4)

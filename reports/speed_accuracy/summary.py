@@ -42,10 +42,24 @@ def mean_interval(values: Sequence[float]) -> Interval:
     return around(mean, error, len(values) - 1)
 
 
-def around(value: float, log_error: float, degrees: int) -> Interval:
+def around(value: float, log_error: float, degrees: float) -> Interval:
     """Return the interval of a value whose logarithm has this standard error."""
     factor = math.exp(min(float(critical_t(ALPHA, 1, degrees)) * log_error, 700.0))
     return value / factor, value * factor
+
+
+def degrees_of_sum(errors: Sequence[float], degrees: Sequence[int]) -> float:
+    """Return the degrees of freedom of the sum of independent numbers.
+
+    By Welch and Satterthwaite [Welch1947]: those of the number with the largest
+    standard error if it is much larger than the others, all together if they are alike.
+    """
+    largest = max(errors)
+    if not 0.0 < largest < math.inf:
+        return min(degrees)
+    squares = [(error / largest) ** 2 for error in errors]  # relative: none overflows
+    each = zip(squares, degrees, strict=True)
+    return sum(squares) ** 2 / sum(square**2 / own for square, own in each)
 
 
 def pareto_front(places: Sequence[tuple[float, float]]) -> list[int]:
@@ -95,14 +109,14 @@ def efficiencies(record: SpeedAccuracy) -> list[Efficiency]:
 
 
 def _over_scenes(name: str, pairs: Iterable[tuple[NoisyScene, Curve]]) -> Efficiency:
-    ratios, errors, degrees, names = [], [], 0, []
+    ratios, errors, degrees, names = [], [], [], []
     for scene, curve in pairs:
         beside = scene.beside_best_peer(curve)
         if beside is None:
             continue
         ratios.append(beside[0])
         errors.append(beside[1])
-        degrees += len(curve.last.errors) - 1
+        degrees.append(len(curve.last.errors) - 1)
         names.append(scene.scene)
     mean = geometric_mean(ratios)
     worst = int(np.argmin(ratios))
@@ -110,7 +124,7 @@ def _over_scenes(name: str, pairs: Iterable[tuple[NoisyScene, Curve]]) -> Effici
         name,
         len(ratios),
         mean,
-        around(mean, math.hypot(*errors) / len(errors), degrees),
+        around(mean, math.hypot(*errors) / len(errors), degrees_of_sum(errors, degrees)),
         ratios[worst],
         names[worst],
         sum(ratio > 1.0 for ratio in ratios),

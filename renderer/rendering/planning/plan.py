@@ -30,7 +30,10 @@ from renderer.rendering.planning.explanation import (
 )
 from renderer.rendering.planning.restriction import restrict
 from renderer.replay.refusals import check_replay
-from renderer.scene.light_properties import has_extended_lights
+from renderer.scene.light_properties import (
+    has_extended_lights,
+    has_lights_beside_their_samples,
+)
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
     Integrator,
@@ -262,7 +265,8 @@ def _decide(
         _is_transparent(scene, asked),
     )
     decision = INTEGRATORS[asked.name].decide(case, why.say)
-    restriction = restrict(decision, case)
+    sampled_whole = not has_lights_beside_their_samples(scene.description)
+    restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
     if replay:
         check_replay(asked, decision.method, extended)

@@ -20,8 +20,16 @@ class Restriction(NamedTuple):
     caustics: bool
 
 
-def restrict(decision: Decision, case: Case) -> Restriction:
-    """Return what is left of an integrator's decision."""
+def restrict(decision: Decision, case: Case, *, sampled_whole: bool) -> Restriction:
+    """Return what is left of an integrator's decision.
+
+    Parameters
+    ----------
+    decision, case
+        The integrator's, and what it had to decide from.
+    sampled_whole
+        Light samples go wherever a light shines.
+    """
     sampled = case.lights and case.smooth and decision.max_depth > 1
     weighed = sampled and case.extended and decision.follow
     strategy = case.asked.strategy
@@ -30,7 +38,8 @@ def restrict(decision: Decision, case: Case) -> Restriction:
     # camera, rough surface, mirror or glass, lamp: three segments
     possible = weighed and case.delta and decision.max_depth > 2
     caustics = case.asked.caustics or not possible
-    if strategy == "lights" and decision.max_depth == 2 and not case.delta:
+    last = decision.max_depth == 2 and not case.delta
+    if strategy == "lights" and last and sampled_whole:
         # the second segment would look for lamps, in vain
         decision = dataclasses.replace(decision, follow=False)
     return Restriction(decision, strategy, caustics)

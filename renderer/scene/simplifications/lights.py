@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Collection
 
 from renderer.kinds.lights.registry import plugin_of
-from renderer.scene_file.description import SceneDescription, Shape
+from renderer.scene_file.description import SceneDescription
 
 Light = tuple[str, int]  # the field of the description, and the index in it
 
@@ -19,12 +19,13 @@ def lights_by_name(description: SceneDescription) -> dict[str, Light]:
     how many of the kind there were so far: `point-1`.
     """
     lights: dict[str, Light] = {}
+    shapes = shape_names(description)
     for index, shape in enumerate(description.shapes):
         if shape.radiance is not None:
-            lights[unused(shape_name(shape, index), lights)] = "shapes", index
+            lights[shapes[index]] = "shapes", index
     names = description.emitter_names or _counted(description)
     for index, name in enumerate(names):
-        lights[unused(name, lights)] = "emitters", index
+        lights[_unused(name, {*shapes, *lights})] = "emitters", index
     return lights
 
 
@@ -38,13 +39,23 @@ def _counted(description: SceneDescription) -> tuple[str, ...]:
     return tuple(names)
 
 
-def shape_name(shape: Shape, index: int) -> str:
-    """Return a shape's id, or its class and line."""
-    place = shape.location.line or index + 1  # a dictionary has no lines
-    return shape.id or f"{type(shape).__name__.lower()}:{place}"
+def shape_names(description: SceneDescription) -> list[str]:
+    """Return the names of every shape: its id, or its class and line.
+
+    All have one, whether they shine or not, so that to leave out a thing of one shape
+    renames no other.
+    """
+    names: dict[str, None] = {}
+    met: Counter[str] = Counter()  # a thousand shapes may stand on one line
+    for index, shape in enumerate(description.every_shape):
+        place = shape.location.line or index + 1  # a dictionary has no lines
+        name = shape.id or f"{type(shape).__name__.lower()}:{place}"
+        names[_unused(name + met[name] * "'", names)] = None
+        met[name] += 1
+    return list(names)
 
 
-def unused(name: str, taken: Collection[str]) -> str:
+def _unused(name: str, taken: Collection[str]) -> str:
     """Return the name, longer if it is taken: two shapes may stand on one line."""
     while name in taken:
         name += "'"

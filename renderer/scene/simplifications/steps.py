@@ -15,8 +15,7 @@ from renderer.scene.simplifications import materials, paths
 from renderer.scene.simplifications.instances import with_copies
 from renderer.scene.simplifications.lights import (
     lights_by_name,
-    shape_name,
-    unused,
+    shape_names,
     without_light,
 )
 from renderer.scene.simplifications.paths import Step, on_integrator
@@ -87,12 +86,12 @@ def _each_bsdf(change: materials.Change, description: SceneDescription) -> dict[
     changed = materials.everywhere(change)
     steps: dict[str, Step] = {}
     met: set[int] = set()
-    for index, shape in enumerate(description.every_shape):
+    shapes = zip(shape_names(description), description.every_shape, strict=True)
+    for name, shape in shapes:
         if id(shape.bsdf) in met:
             continue
         met.add(id(shape.bsdf))
         if changed(shape.bsdf) is not shape.bsdf:
-            name = unused(shape_name(shape, index), steps)
             steps[name] = _on_bsdfs(change, only=shape.bsdf)
     return steps
 

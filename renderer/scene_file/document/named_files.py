@@ -1,7 +1,8 @@
 """The files that a scene names, all of them, before anybody else is asked to read it.
 
 Our reader stops at what it refuses first; another renderer may read on, and open what
-stands on the next line.
+stands on the next line. Mitsuba also looks for the library of a plugin, `plugins/TYPE.so`,
+where it looks for the scene's files, and before its own: such a library would be run.
 """
 
 from __future__ import annotations
@@ -9,18 +10,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from renderer.errors import SceneError
+from renderer.errors import NotAllowed, SceneError
 from renderer.scene_file.document.parameters import Parameters
 from renderer.scene_file.document.xml_elements import XmlElement, parse_xml
 from renderer.scene_file.document.xml_tree import DEEPEST_INCLUDE, read_text_file
 from renderer.scene_file.files import Bounds
+from renderer.scene_file.numbers import quoted
 from renderer.scene_file.reading import Reading
+
+LIBRARIES = (".so", ".dylib", ".dll")
 
 
 def check_named_files(
     path: Path, parameters: Mapping[str, object], allow_outside: Iterable[str] = ()
 ) -> None:
-    """Refuse a scene that names, anywhere, a file that may not be read.
+    """Refuse a scene that names, anywhere, a file that may not be read, or brings code.
 
     Every string and every `filename` counts that is the path of something, whatever it is
     in: what it means is up to plugins that ours may not know.
@@ -28,7 +32,8 @@ def check_named_files(
     Raises
     ------
     NotAllowed
-        Naming the first.
+        Naming the first; or a library where Mitsuba looks for plugins; or the type of a
+        plugin that is a path.
     SceneError
         If that cannot be known, because the XML cannot be read or includes itself.
     """
@@ -42,6 +47,8 @@ def _check_document(
 ) -> None:
     if depth > DEEPEST_INCLUDE:
         raise SceneError(f"{path}: more than {DEEPEST_INCLUDE} files include each other")
+    for folder in reading.folders:
+        _check_no_library(folder, str(path))
     waiting = [parse_xml(read_text_file(path), str(path))]
     while waiting:  # in the order of the file: a <default> counts from its line on
         element = waiting.pop()
@@ -49,6 +56,11 @@ def _check_document(
         found = element.attributes
         for name, value in found.items():
             found[name] = parameters.substitute(value, element.location)
+        if any(part in found.get("type", "") for part in ("/", "\\", "..")):
+            raise NotAllowed(
+                f"{element.location}: the type {quoted(found['type'])} is a path; possible "
+                "is the name of a plugin"
+            )
         if element.tag == "default":
             parameters.add_default(found.get("name", ""), found.get("value", ""))
         elif element.tag == "path":
@@ -79,5 +91,19 @@ def _add_folder(element: XmlElement, reading: Reading) -> None:
     for folder in reading.folders:
         if (folder / name).is_dir():
             reading.bounds.check(folder / name, f"{element.location}: the folder")
+            _check_no_library(folder / name, str(element.location))
             reading.folders.insert(0, folder / name)
             return
+
+
+def _check_no_library(folder: Path, where: str) -> None:
+    try:
+        beside = sorted((folder / "plugins").iterdir())
+    except OSError:  # none, or not for us to read, nor for who runs with our rights
+        return
+    for file in beside:
+        if file.suffix.lower() in LIBRARIES:
+            raise NotAllowed(
+                f"{where}: {file} is a library, which Mitsuba would run as a plugin; "
+                "possible is the scene in a folder without it"
+            )
