@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 import sys
 import time
 import weakref
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from renderer.command import cli
 from renderer.command.interrupts import Interrupts
+
+ROOT = Path(__file__).parent.parent
 
 
 @pytest.fixture(autouse=True)
@@ -90,3 +94,40 @@ def test_an_import_that_fails_by_itself_is_shown(monkeypatch) -> None:
     monkeypatch.setattr(cli, "_run", run)
     with pytest.raises(ImportError, match="no such module"):
         cli.main(["scene.xml"])
+
+
+WATCHED = """
+import sys
+from renderer.command import cli
+
+bare, made = [], []
+
+class Noted(cli.Interrupts):
+    def __init__(self):
+        super().__init__()
+        made.append(self)
+
+class Finder:
+    def find_spec(self, name, path, target=None):
+        if name in ("numpy", "numba", "llvmlite.binding", "OpenEXR") and not made[0].held:
+            bare.append(name)
+
+cli.Interrupts = Noted
+sys.meta_path.insert(0, Finder())
+assert cli.main(sys.argv[1:]) == 0
+print("bare:", *bare)
+"""
+
+
+def test_what_has_c_code_is_imported_while_interrupts_are_put_off(tmp_path) -> None:
+    scene = ROOT / "scenes" / "grey-furnace" / "scene.xml"
+    size = ("-D", "width=8", "-D", "height=6", "--spp", "1", "--quiet")
+    finished = subprocess.run(
+        [sys.executable, "-c", WATCHED, scene, *size, "-o", tmp_path / "ball.exr"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.split("bare:")[1].split() == []

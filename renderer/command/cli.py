@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib
 import os
 import shlex
 import sys
@@ -27,6 +28,8 @@ if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is 
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
+# what imports C code, in which no interrupt must fall, before a scene is read
+_WITH_C_CODE = ("renderer.picture.image_files", "renderer.scene.scene")
 # options that change the picture, and that all renders take
 _OF_THE_PICTURE = (
     "spp",
@@ -78,7 +81,9 @@ def _interrupted(written: list[Path]) -> int:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
-    with interrupts.put_off():
+    with interrupts.put_off():  # they are there when the functions below import them
+        for module in _WITH_C_CODE:
+            importlib.import_module(module)
         from renderer.scene_file.plugin_file import import_plugin_file
 
     if options.plugins is not None:
@@ -235,6 +240,7 @@ def _showing(
 ) -> Iterator[Callable[[Progress], None]]:
     """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
+        importlib.import_module("renderer.rendering.render_scene")
         from renderer.command.progress_display import ProgressDisplay
 
     with (
@@ -295,9 +301,7 @@ def _needs_bands(
     with interrupts.put_off():
         from renderer.rendering.render_to_file import fits_in_memory
 
-    how = _how(options)
-    del how["seed"]
-    return fits_in_memory(scene, **how) is False
+    return fits_in_memory(scene, **_how(options)) is False
 
 
 def _render_to_file(
