@@ -182,7 +182,7 @@ def make_parser() -> argparse.ArgumentParser:
         dest="define",
         action="append",
         default=[],
-        type=_definition,
+        type=definition,
         metavar="name=value",
         help="replace a <default> of the file",
     )
@@ -296,7 +296,8 @@ def _seed(text: str) -> int:
     return value
 
 
-def _definition(text: str) -> tuple[str, str]:
+def definition(text: str) -> tuple[str, str]:
+    """Read name=value of `-D`."""
     name, equals, value = text.partition("=")
     if not (name.strip() and equals):
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")

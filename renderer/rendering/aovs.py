@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from renderer.picture.image import Image
-from renderer.rendering.planning.plan import Plan
+from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.scene.scene import Scene
 
 
@@ -20,6 +21,28 @@ def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
         return None
     description = dataclasses.replace(scene.description, integrator=nested)
     return dataclasses.replace(scene, description=description)
+
+
+def plans_of(
+    scene: Scene, integrator: str | None = None, **choices: Any
+) -> list[tuple[Scene, Plan]]:
+    """Return what is rendered: the scene, and that of the colours beside AOVs.
+
+    Parameters
+    ----------
+    scene, integrator, **choices
+        As `make_plan` takes them; the colours have an integrator of their own.
+
+    Raises
+    ------
+    SceneError
+        As `make_plan`.
+    """
+    plan = make_plan(scene, integrator=integrator, **choices)
+    nested = nested_scene(scene, plan)
+    if nested is None:
+        return [(scene, plan)]
+    return [(scene, plan), (nested, make_plan(nested, **choices))]
 
 
 def with_picture(image: Image, picture: Image) -> Image:

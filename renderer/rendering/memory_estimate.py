@@ -6,6 +6,8 @@ test compares the sum with what is really allocated.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,6 +126,11 @@ def estimate(
     if plan.replay:
         parts["streams of random numbers"] = _STREAM * shape.width * shape.height
     return Estimate(parts)
+
+
+def estimate_all(renders: Iterable[tuple[Scene, Plan]], **how: Any) -> Estimate:
+    """Return what renders take that are there at the same time; `how` as for `estimate`."""
+    return reduce(Estimate.beside, (estimate(*each, **how) for each in renders))
 
 
 def check_room(found: Estimate, source: str, possible: str) -> None:

@@ -16,7 +16,7 @@ from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
 from renderer.memory import limited_to
 from renderer.names import ACCELERATORS
-from renderer.rendering.aovs import nested_scene
+from renderer.rendering.aovs import plans_of
 from renderer.rendering.checkpoints.checkpoint import (
     Checkpoint,
     check_checkpoint_path,
@@ -26,8 +26,8 @@ from renderer.rendering.checkpoints.identity import identity_of
 from renderer.rendering.cluster.connect import team_of
 from renderer.rendering.compilation import CompilationWatch
 from renderer.rendering.goal import Goal, check_goal, for_a_goal
-from renderer.rendering.memory_estimate import check_room, estimate
-from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
+from renderer.rendering.memory_estimate import check_room, estimate_all
+from renderer.rendering.planning.plan import MOST_SAMPLES, Plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
@@ -61,6 +61,27 @@ class Options(NamedTuple):
     memory: int | float | str | None = None
     light_choice: str | None = None
 
+    @property
+    def of_plan(self) -> dict[str, Any]:
+        """What `make_plan` takes of it."""
+        return {
+            "integrator": self.integrator,
+            "sampler": self.sampler,
+            "spp": self.spp,
+            "accel": self.accel,
+            "ray_offset": self.ray_offset,
+            "threads": self.threads,
+            "light_choice": self.light_choice,
+        }
+
+
+class CheckedOptions(Options):
+    """Options whose numbers are in range, and in which no default is left open."""
+
+    seed: int
+    threads: int
+    accel: str
+
 
 class Prepared(NamedTuple):
     """A render that can be traced, and what comes after it."""
@@ -85,37 +106,21 @@ def prepare(
         )
     if options.cluster is not None:
         options = options._replace(cluster=team_of(options.cluster))
-    threads = default_threads() if options.threads is None else options.threads
-    threads = whole_number("threads", threads, 1, MOST_THREADS)
-    seed = whole_number("seed", options.seed, 0, 2**32 - 1)
-    spp = options.spp
-    spp = None if spp is None else whole_number("spp", spp, 1, MOST_SAMPLES)
-    sampler, goal = options.sampler, None
+    options = checked(options)
+    goal = None
     target_error = _positive("target_error", options.target_error)
     time_limit = _positive("time_limit", options.time_limit)
     if target_error is not None or time_limit is not None:
         goal = Goal(target_error, time_limit)
-        sampler, spp = for_a_goal(scene, sampler, spp)
+        sampler, spp = for_a_goal(scene, options.sampler, options.spp)
+        options = options._replace(sampler=sampler, spp=spp)
     every = _positive("checkpoint_every", options.checkpoint_every)
     if options.resume and options.checkpoint is None:
         raise SceneError("resume is true, and no checkpoint is given to go on from")
-    accel = options.accel or "auto"
-    if accel not in ACCELERATORS:
-        known = ", ".join(ACCELERATORS)
-        raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
-    plan = make_plan(
-        scene,
-        integrator=options.integrator,
-        sampler=sampler,
-        spp=spp,
-        accel=accel,
-        ray_offset=options.ray_offset,
-        threads=threads,
-        light_choice=options.light_choice,
-    )
+    (_, plan), *nested_plan = renders = plans_of(scene, **options.of_plan)
     if goal is not None:
         check_goal(plan)
-    nested = nested_scene(scene, plan)
+    nested = nested_plan[0][0] if nested_plan else None
     kept = colors_kept = None
     if options.checkpoint is not None and every is not None:
         path = Path(options.checkpoint)
@@ -123,49 +128,60 @@ def prepare(
             colors_kept = path.with_name(f"{path.name}.colors")
             check_checkpoint_path(colors_kept, resume=options.resume)
         camera = options.measured_camera
-        of = identity_of(scene, plan, accel=accel, seed=seed, measured_camera=camera)
+        of = identity_of(
+            scene, plan, accel=options.accel, seed=options.seed, measured_camera=camera
+        )
         kept = Checkpoint(path, every, of, resume=options.resume)
 
     with limited_to(options.memory):
-        needs = estimate(
-            scene,
-            plan,
-            accel=accel,
-            threads=threads,
+        # both are there while the colours are rendered
+        needs = estimate_all(
+            renders,
+            accel=options.accel,
+            threads=options.threads,
             goal=goal is not None,
             checkpoint=kept is not None,
         )
-        if nested is not None:  # both are there while the colours are rendered
-            its_plan = make_plan(
-                nested,
-                sampler=sampler,
-                spp=spp,
-                accel=accel,
-                ray_offset=options.ray_offset,
-                threads=threads,
-            )
-            colors = estimate(
-                nested, its_plan, accel=accel, threads=threads, checkpoint=kept is not None
-            )
-            needs = needs.beside(colors)
         check_room(needs, scene.description.source, INSTEAD)
     rendering, build_seconds, compile_seconds = build_rendering(
         scene,
         plan,
         progress,
-        accel,
-        seed,
-        threads,
+        options.accel,
+        options.seed,
+        options.threads,
         measured_camera=options.measured_camera,
     )
     options = options._replace(
-        spp=spp,
         integrator=None,
-        sampler=sampler,
         checkpoint=colors_kept,
         resume=colors_kept is not None and is_kept(colors_kept),
     )
     return Prepared(rendering, goal, kept, nested, options, build_seconds, compile_seconds)
+
+
+def checked(options: Options) -> CheckedOptions:
+    """Return options with defaults filled in.
+
+    Raises
+    ------
+    SceneError, TypeError
+        For a number that is none or out of range, and an accelerator that does not exist.
+    """
+    accel = options.accel or "auto"
+    if accel not in ACCELERATORS:
+        known = ", ".join(ACCELERATORS)
+        raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
+    threads, spp = options.threads, options.spp
+    threads = default_threads() if threads is None else threads
+    return CheckedOptions(
+        *options._replace(
+            threads=_whole_number("threads", threads, 1, MOST_THREADS),
+            seed=_whole_number("seed", options.seed, 0, 2**32 - 1),
+            spp=None if spp is None else _whole_number("spp", spp, 1, MOST_SAMPLES),
+            accel=accel,
+        )
+    )
 
 
 def build_rendering(
@@ -205,7 +221,7 @@ def build_rendering(
     return rendering, build_seconds, compile_seconds
 
 
-def whole_number(name: str, value: object, least: int, most: int) -> int:
+def _whole_number(name: str, value: object, least: int, most: int) -> int:
     """Return an argument that is an integer, NumPy's included, and in range."""
     try:
         number = operator.index(value)  # type: ignore[arg-type]

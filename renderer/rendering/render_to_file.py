@@ -6,29 +6,24 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from renderer import memory as room_of_memory
 from renderer.errors import SceneError
-from renderer.names import ACCELERATORS, REPLAY
+from renderer.names import REPLAY
 from renderer.picture.exr_rows import ExrRows
 from renderer.picture.image import Image
-from renderer.rendering.aovs import nested_scene, with_picture
+from renderer.rendering.aovs import plans_of, with_picture
 from renderer.rendering.band import Band
-from renderer.rendering.memory_estimate import (
-    Estimate,
-    check_room,
-    estimate,
-    rows_at_once,
-)
-from renderer.rendering.planning.plan import MOST_SAMPLES, Plan, make_plan
-from renderer.rendering.preparation import MOST_THREADS, build_rendering, whole_number
+from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
+from renderer.rendering.planning.plan import Plan
+from renderer.rendering.preparation import Options, build_rendering, checked
 from renderer.rendering.render_scene import image_of
 from renderer.rendering.rendering import Rendering, film_shape
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
-from renderer.threads import default_threads
 
 
 @dataclass(frozen=True)
@@ -89,44 +84,30 @@ def render_to_file(
         As `render`; if the file cannot be written; for the integrator `work`, whose colours
         are relative to the whole picture, and for replays of Mitsuba.
     """
-    threads = default_threads() if threads is None else threads
-    threads = whole_number("threads", threads, 1, MOST_THREADS)
-    seed = whole_number("seed", seed, 0, 2**32 - 1)
-    spp = None if spp is None else whole_number("spp", spp, 1, MOST_SAMPLES)
-    accel = accel or "auto"
-    if accel not in ACCELERATORS:
-        known = ", ".join(ACCELERATORS)
-        raise SceneError(f"accelerator {accel!r} is unknown; there are: {known}")
-
-    def planned(of: Scene, method: str | None) -> Plan:
-        plan = make_plan(
-            of,
-            integrator=method,
-            sampler=sampler,
+    options = checked(
+        Options(
             spp=spp,
-            accel=accel,
-            ray_offset=ray_offset,
+            seed=seed,
             threads=threads,
+            integrator=integrator,
+            accel=accel,
+            sampler=sampler,
+            ray_offset=ray_offset,
             light_choice=light_choice,
         )
-        if plan.kind.counts_work or plan.replay:
+    )
+    todo = plans_of(scene, **options.of_plan)
+    for _, plan in todo:
+        if needs_whole_film(plan):
             what = f"sampler {REPLAY!r}" if plan.replay else f"integrator {plan.method!r}"
             raise SceneError(f"{what} needs the whole film in memory; possible is `render`")
-        return plan
-
-    plan = planned(scene, integrator)
-    todo = [(scene, plan)]
-    if (nested := nested_scene(scene, plan)) is not None:
-        todo.append((nested, planned(nested, None)))
     with room_of_memory.limited_to(memory):
         rows = min(
             rows_at_once(film_shape(*each), room_of_memory.room() // len(todo))
             for each in todo
         )
-        needs = reduce(
-            Estimate.beside,
-            (estimate(*each, accel=accel, threads=threads, band=rows) for each in todo),
-        )
+        accel, threads = options.accel, options.threads
+        needs = estimate_all(todo, accel=accel, threads=threads, band=rows)
         possible = "a film of fewer columns; fewer threads; --memory SIZE"
         check_room(needs, scene.description.source, possible)
     film = scene.description.camera.film
@@ -135,7 +116,7 @@ def render_to_file(
     with ExrRows(Path(path), film.crop_width, film.crop_height) as file:
         for of, its_plan in todo:
             rendering, building, compiling = build_rendering(
-                of, its_plan, progress, accel, seed, threads, band=rows
+                of, its_plan, progress, accel, options.seed, threads, band=rows
             )
             seconds, compile_seconds = seconds + building, compile_seconds + compiling
             renders.append(rendering)
@@ -161,49 +142,29 @@ def render_to_file(
     )
 
 
-def fits_in_memory(
-    scene: Scene,
-    *,
-    spp: int | None,
-    threads: int | None,
-    integrator: str | None,
-    accel: str | None,
-    sampler: str | None,
-    ray_offset: str | None,
-    light_choice: str | None,
-) -> bool | None:
+def needs_whole_film(plan: Plan) -> bool:
+    """Return whether a picture cannot be made in bands."""
+    return plan.kind.counts_work or plan.replay
+
+
+def fits_in_memory(scene: Scene, **choices: Any) -> bool | None:
     """Tell whether `render` has room for the film; None if bands are of no help.
+
+    Parameters
+    ----------
+    scene, **choices
+        As `render` takes them.
 
     Raises
     ------
     SceneError
-        As `make_plan`.
+        As `render`.
     """
-    threads = threads or default_threads()
-    plan = make_plan(
-        scene,
-        integrator=integrator,
-        sampler=sampler,
-        spp=spp,
-        accel=accel,
-        ray_offset=ray_offset,
-        threads=threads,
-        light_choice=light_choice,
-    )
-    if plan.kind.counts_work or plan.replay:
+    options = checked(Options(**choices))
+    renders = plans_of(scene, **options.of_plan)
+    if needs_whole_film(renders[0][1]):
         return None
-    takes = partial(estimate, accel=accel or "auto", threads=threads)
-    needs = takes(scene, plan)
-    if (nested := nested_scene(scene, plan)) is not None:
-        its_plan = make_plan(
-            nested,
-            sampler=sampler,
-            spp=spp,
-            accel=accel,
-            ray_offset=ray_offset,
-            threads=threads,
-        )
-        needs = needs.beside(takes(nested, its_plan))
+    needs = estimate_all(renders, accel=options.accel, threads=options.threads)
     return needs.total <= room_of_memory.room()
 
 

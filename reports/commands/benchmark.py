@@ -14,6 +14,7 @@ from mitsuba_ref.command.stages import Show, shown_stages
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.errors import SceneError
+from reports.argument_types import at_least
 from reports.commands.pages import (
     BENCHMARK,
     COMPILE_TIMES,
@@ -96,10 +97,15 @@ def _parser() -> argparse.ArgumentParser:
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
     add("--scene", default=sizes.scene, help="name of one of scenes/, or a path")
     add("--from", dest="source", type=Path, metavar="BENCHMARK.json", help="draw only")
-    add("--size", type=_positive, default=sizes.size, help="pixels a side")
-    add("--spp", type=_positive, default=sizes.spp, help="samples per pixel")
-    add("--threads", type=_positive, default=sizes.threads, help="workers of each renderer")
-    add("--rounds", type=_positive, default=sizes.rounds, help="turns of each renderer")
+    add("--size", type=at_least(1), default=sizes.size, help="pixels a side")
+    add("--spp", type=at_least(1), default=sizes.spp, help="samples per pixel")
+    add(
+        "--threads",
+        type=at_least(1),
+        default=sizes.threads,
+        help="workers of each renderer",
+    )
+    add("--rounds", type=at_least(1), default=sizes.rounds, help="turns of each renderer")
     add(
         "--cold",
         action=argparse.BooleanOptionalAction,
@@ -113,10 +119,3 @@ def _parser() -> argparse.ArgumentParser:
         help="time nothing but what compiles",
     )
     return parser
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value}: must be 1 or more")
-    return value

@@ -13,6 +13,7 @@ from rich.console import Console
 from mitsuba_ref.ladder.climb import FEWEST_SEEDS
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
+from reports.argument_types import at_least
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
@@ -108,7 +109,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--size", choices=("test", "demo"), help="of the pictures (default: demo)")
     add(
         "--seeds",
-        type=_seeds,
+        type=at_least(FEWEST_SEEDS),
         metavar="K",
         help=f"pictures of each renderer, {FEWEST_SEEDS} or more (default: {FEWEST_SEEDS})",
     )
@@ -116,10 +117,3 @@ def _parser() -> argparse.ArgumentParser:
     add("--mutations", action="store_true", help="make the mutation matrix too (long)")
     add("--false-alarms", action="store_true", help="count the false alarms too (long)")
     return parser
-
-
-def _seeds(text: str) -> int:
-    value = int(text)
-    if value < FEWEST_SEEDS:
-        raise argparse.ArgumentTypeError(f"{value}: must be {FEWEST_SEEDS} or more")
-    return value

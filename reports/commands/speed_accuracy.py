@@ -22,6 +22,7 @@ from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.errors import SceneError
 from renderer.names import SAMPLERS
+from reports.argument_types import at_least
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, PART, WRONG_USE, draw
 from reports.page.formatting import number, seconds
 from reports.records.errors import ReportError
@@ -235,22 +236,22 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--spp",
         nargs="+",
-        type=_at_least(1),
+        type=at_least(1),
         help=f"samples per pixel (default: {' '.join(map(str, usual.spp))})",
     )
     add(
         "--seeds",
-        type=_at_least(2),
+        type=at_least(2),
         help=f"pictures of each contender (default: {usual.seeds})",
     )
     add(
         "--reference",
-        type=_at_least(1),
+        type=at_least(1),
         help=f"samples of the reference, or a few more (default: {usual.reference})",
     )
     add(
         "--threads",
-        type=_at_least(2),
+        type=at_least(2),
         help=f"workers of each renderer (default: {usual.threads})",
     )
     add(
@@ -261,16 +262,3 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
     return parser
-
-
-def _at_least(least: int) -> Callable[[str], int]:
-    def whole(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
-        if value < least:
-            raise argparse.ArgumentTypeError(f"{value}: must be {least} or more")
-        return value
-
-    return whole

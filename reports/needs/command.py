@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -12,7 +12,9 @@ from rich.console import Console
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
+from renderer.command.options import definition
 from renderer.errors import SceneError
+from reports.argument_types import at_least
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA, NeedsRecord, SceneNeeds
 from reports.needs.study import TIMED, Study, measure
@@ -116,8 +118,8 @@ def _parser() -> argparse.ArgumentParser:
         help="the largest loss of the least model: root mean relative squared difference, "
         "upper end of the interval (default: 1%%)",
     )
-    add("--spp", type=_at_least(1), default=32, help="samples per picture (default: 32)")
-    add("--seeds", type=_at_least(3), default=6, help="pictures of each (default: 6)")
+    add("--spp", type=at_least(1), default=32, help="samples per picture (default: 32)")
+    add("--seeds", type=at_least(3), default=6, help="pictures of each (default: 6)")
     add(
         "--timed",
         type=_seconds,
@@ -130,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         dest="define",
         action="append",
         default=[],
-        type=_definition,
+        type=definition,
         metavar="name=value",
         help="replace a <default> of the file (default: the test size of its proof.toml)",
     )
@@ -151,23 +153,3 @@ def _seconds(text: str) -> float:
     if not 0.0 <= value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is less than 0, or no number")
     return value
-
-
-def _at_least(least: int) -> Callable[[str], int]:
-    def whole(text: str) -> int:
-        try:
-            value = int(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
-        if value < least:
-            raise argparse.ArgumentTypeError(f"{value} is less than {least}")
-        return value
-
-    return whole
-
-
-def _definition(text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not (name.strip() and equals):
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
-    return name.strip(), value

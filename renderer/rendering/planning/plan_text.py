@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from functools import partial
 from itertools import chain
 
 from renderer import memory
-from renderer.rendering.aovs import nested_scene
-from renderer.rendering.memory_estimate import Estimate, estimate
+from renderer.rendering.aovs import plans_of
+from renderer.rendering.memory_estimate import Estimate, estimate_all
 from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
-from renderer.rendering.planning.plan import Plan, make_plan
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 from renderer.threads import default_threads
 
@@ -36,9 +35,9 @@ def plan_text(
     SceneError
         As `make_plan`.
     """
-    plan = make_plan(
+    (_, plan), *colors = renders = plans_of(
         scene,
-        integrator=integrator,
+        integrator,
         sampler=sampler,
         spp=spp,
         accel=accel,
@@ -54,18 +53,12 @@ def plan_text(
         page += ["", "What is simplified, as asked"]
         page += [line for told in scene.description.simplified for line in _row("-", told)]
     page += _sections(plan)
-    takes = partial(
-        estimate, accel=accel or "auto", threads=threads or default_threads(), goal=goal
+    for _, its_plan in colors:
+        page += ["", "The colours, by the integrator inside", *_sections(its_plan)]
+    page += _known_to_fail(*renders[-1])
+    needs = estimate_all(
+        renders, accel=accel or "auto", threads=threads or default_threads(), goal=goal
     )
-    needs = takes(scene, plan)
-    nested = nested_scene(scene, plan)
-    if nested is not None:
-        plan = make_plan(
-            nested, sampler=sampler, spp=spp, accel=accel, light_choice=light_choice
-        )
-        page += ["", "The colours, by the integrator inside", *_sections(plan)]
-        needs = needs.beside(takes(nested, plan))
-    page += _known_to_fail(nested or scene, plan)
     page += ["", "Memory, beside the scene", *_row("at most", _memory_text(needs))]
     return "\n".join(page) + "\n"
 
