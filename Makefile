@@ -6,6 +6,9 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.lightproof-installed
 OUT := reports/out
 
+# Set in many containers; here some hundred processes would compile 400 files each.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help demo proof proof-full limits resilience scaling test test-all lint \
   format bench bench-accelerators charts needs soak keep history clean
 .DEFAULT_GOAL := help

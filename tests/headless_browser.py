@@ -168,8 +168,9 @@ class Page:
             mobile=width < 600,
         )
 
-    def prefer_dark(self) -> None:
-        scheme = {"name": "prefers-color-scheme", "value": "dark"}
+    def prefer(self, colours: str) -> None:
+        """Say that the reader wants "light" or "dark" colours."""
+        scheme = {"name": "prefers-color-scheme", "value": colours}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
 
     def box(self, selector: str) -> tuple[float, float, float, float]:

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from compiled_kernels import compiled_by
 from kernel_probes import Inputs
 from light_probes import light_kinds
 from metamorphic_scenes import unseen
@@ -31,7 +30,6 @@ from small_scenes import (
 
 import renderer
 from renderer.integrators.kind import NO_LIMIT
-from renderer.kernels.jit.linking import SEPARATE
 from renderer.kernels.records.kernel_scene import (
     ANY_COHERENT,
     ANY_SINGLE,
@@ -169,49 +167,6 @@ def test_without_lights_or_materials_asked_for_there_are_none():
     assert rows(direct.bsdfs.methods) == [columns(REFLECT_LIGHT)]
     assert direct.settings.weigh == 0
     assert direct.settings.roulette_depth == NO_LIMIT
-
-
-# ----------------------------------------------------------------------- compilations
-
-
-BSDFS = {"diffuse": diffuse(0.2), "conductor": mirror(), "dielectric": glass()}
-
-
-def render_box_with(kind: str) -> None:
-    """Render a box with a lamp and, in it, a ball of a kind of BSDF: a few pixels."""
-    view = sensor((0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(4, 4))
-    ball = sphere(BSDFS[kind], radius=0.1)
-    content = scene(view, "path", *box(0.7), LAMP, ball, max_depth=5)
-    renderer.render(renderer.load_dict(content), accel="brute", threads=1)
-
-
-def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(tmp_path):
-    """Where the box has been rendered before; each time by a new process.
-
-    What is compiled belongs to the folder of BSDFs, or is made for the record of the kind:
-    no stage, light, shape or accelerator. The path tracer around it is found in the cache.
-    Functions without a module are the loaders of parameters, written by a program.
-    """
-    around = compiled_by('test_absent_kinds.render_box_with("diffuse")', tmp_path)
-    assert {"render_paths", "reflect_light", "scatter_kind"} <= {k.name for k in around}
-    for name in ("conductor", "dielectric"):
-        statement = f'test_absent_kinds.render_box_with("{name}")'
-        added = compiled_by(statement, tmp_path)
-        assert f"renderer.kinds.bsdfs.{name}" in {kernel.module for kernel in added}
-        record = name.capitalize()
-        own = (f"Record.{record}.", f"{record}(", "Record.BsdfMethods.")
-        others = [
-            kernel
-            for kernel in added
-            if kernel.module is not None
-            and not kernel.module.startswith("renderer.kinds.bsdfs.")
-            and not kernel.arguments[0].startswith(own)
-        ]
-        assert others == []
-        # the only one that becomes machine code
-        methods = [kernel.name for kernel in added if kernel.name in SEPARATE]
-        assert methods == ["scatter_kind"]
-        assert len(added) <= 20
 
 
 # -------------------------------------------------------------------------- pictures

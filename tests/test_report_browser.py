@@ -9,7 +9,7 @@ from pathlib import Path
 
 import proof_samples
 import pytest
-from accelerators_sample import record
+from accelerators_sample import record as accelerators_record
 from headless_browser import Browser, Page, find_browser
 from markupsafe import Markup
 from report_samples import scene, stopped_scene, write_results
@@ -49,13 +49,35 @@ def opened(browser: Browser, file: Path, width: int = 1000) -> Page:
     return page
 
 
-@pytest.fixture
-def page(browser: Browser, tmp_path: Path) -> Page:
+# What tests of the same page change: sliders in the middle, all folded up, nothing focused.
+AS_OPENED = """
+document.querySelectorAll(".stage input").forEach(slider => {
+  slider.value = 50;
+  slider.dispatchEvent(new Event("input"));
+});
+document.querySelectorAll("details").forEach(part => { part.open = false; });
+document.activeElement.blur();
+scrollTo({top: 0, behavior: "instant"});
+"""
+
+
+@pytest.fixture(scope="module")
+def results(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    """Return a page of results, which takes 2 s to draw its charts: once for all tests."""
+    folder = tmp_path_factory.mktemp("results")
     scenes = [scene("sound", "pass"), scene("shifted", "fail"), stopped_scene("broken")]
-    results = read_results(write_results(tmp_path, scenes))
-    index = tmp_path / "index.html"
-    index.write_text(results_page(results, tmp_path), encoding="utf-8")
+    record = read_results(write_results(folder, scenes))
+    index = folder / "index.html"
+    index.write_text(results_page(record, folder), encoding="utf-8")
     return opened(browser, index)
+
+
+@pytest.fixture
+def page(results: Page) -> Page:
+    results.resize(1000, 900)
+    results.prefer("light")
+    results.evaluate(AS_OPENED)
+    return results
 
 
 def shown_share_of_ours(page: Page) -> float:
@@ -147,7 +169,7 @@ def test_page_fits_the_window(page: Page, width: int) -> None:
 def test_dark_mode_turns_the_page_dark(page: Page) -> None:
     colour = "getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)"
     assert min(page.evaluate(colour)) > 200
-    page.prefer_dark()
+    page.prefer("dark")
     assert max(page.evaluate(colour)) < 60
 
 
@@ -218,7 +240,7 @@ def test_accelerators_fit_the_window_and_load_nothing(
 ) -> None:
     """The page of the accelerators, too, is one file that never scrolls sideways."""
     file = tmp_path / "accelerators.html"
-    file.write_text(accelerators_page(record(tmp_path)), encoding="utf-8")
+    file.write_text(accelerators_page(accelerators_record(tmp_path)), encoding="utf-8")
     page = opened(browser, file, width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     sizes = page.evaluate("[...document.images].map(i => i.naturalWidth)")

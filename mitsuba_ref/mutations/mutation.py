@@ -108,11 +108,15 @@ def mutant_folder(mutation: Mutation, root: Path | None = None) -> Path:
     root.mkdir(parents=True, exist_ok=True)
     _delete(root.glob(f"{mutation.name}-{'[0-9a-f]' * 16}"))
     made = Path(tempfile.mkdtemp(dir=root, prefix=".new-"))
-    shutil.copytree(
-        PACKAGE, made / "renderer", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    # With the bytecode of what stays the same, or its process would compile 400 files;
+    # without what another process is writing just now, as `x.cpython-311.pyc.140352`.
+    half_written = shutil.ignore_patterns("*.pyc.*")
+    shutil.copytree(PACKAGE, made / "renderer", ignore=half_written)
     for name, text in texts.items():
-        (made / "renderer" / name).write_text(text, encoding="utf-8")
+        changed = made / "renderer" / name
+        changed.write_text(text, encoding="utf-8")
+        # equal size and second of the clock would make it that of the new text
+        _delete(changed.parent.glob("__pycache__"))
     with suppress(OSError):  # another process was first
         os.rename(made, folder)
     _delete([made])

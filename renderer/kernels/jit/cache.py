@@ -18,7 +18,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import llvmlite
 import numba
@@ -87,10 +87,10 @@ def with_neighbours(path: str | Path) -> list[Path]:
     waiting = [Path(path).resolve()]
     while waiting:
         file = waiting.pop()
-        if file in found or (found and file.is_relative_to(_PACKAGE)):
+        if file in found or (found and _PACKAGE in file.parents):
             continue
         found[file] = None
-        for module in _imported_by(file):
+        for module in _imported_by(file, file.stat().st_mtime_ns):
             if module not in asked:
                 asked.add(module)
                 beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
@@ -98,42 +98,64 @@ def with_neighbours(path: str | Path) -> list[Path]:
     return list(found)
 
 
-def _imported_by(file: Path) -> Iterator[Path]:
-    """Yield where modules may lie that a file imports, inside functions too.
+@functools.cache  # forty files of this repository meet each other's imports
+def _imported_by(file: Path, written: int) -> tuple[Path, ...]:
+    """Return where modules may lie that a file imports, inside functions too.
 
     The first name counts: of a package all files are taken.
     """
     try:
         tree = ast.parse(file.read_bytes())
     except SyntaxError:
-        return  # whoever imports it will say so
+        return ()  # whoever imports it will say so
     around = file.parent  # of a package: the folder in which its name is looked up
     while (around / "__init__.py").is_file():
         around = around.parent
-    for node in ast.walk(tree):
+    modules: dict[Path, None] = {}
+    for statement in _statements_of(tree):
         names: list[str] = []
-        folders = {file.parent, around}
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        folders: tuple[Path, ...] = (file.parent, around)
+        if isinstance(statement, ast.Import):
+            names = [alias.name for alias in statement.names]
+        elif isinstance(statement, ast.ImportFrom):
             # `from . import a`: a file, or a name in the package's own
-            own = [alias.name for alias in node.names] + ["__init__"]
-            names = [node.module] if node.module else own
-            if node.level:
-                folders = {file.parents[node.level - 1]}
+            own = [alias.name for alias in statement.names] + ["__init__"]
+            names = [statement.module] if statement.module else own
+            if statement.level:
+                folders = (file.parents[statement.level - 1],)
         for name in names:
-            yield from (folder / name.partition(".")[0] for folder in folders)
+            first = name.partition(".")[0]
+            modules.update(dict.fromkeys(folder / first for folder in folders))
+    return tuple(modules)
+
+
+def _statements_of(block: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements in a module, function, branch, ..., and those within them.
+
+    `ast.walk` would visit all expressions as well, ten times as many.
+    """
+    for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+        for statement in getattr(block, part, ()):
+            yield statement
+            yield from _statements_of(statement)
+
+
+@functools.cache
+def _is_kernel_source(source: str) -> bool:
+    """Return whether the hash of all sources covers a file."""
+    return any(_PACKAGE / folder in Path(source).parents for folder in KERNEL_FOLDERS)
 
 
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
     """The folder of one module's kernels, named by what it is and not by where it lies."""
 
+    _writable: ClassVar[set[str]] = set()  # folders
+
     def __init__(self, function: Any, source: str) -> None:
         self._py_file = source
         self._line = function.__code__.co_firstlineno
         module = function.__module__.replace(".", "_")
-        folders = (_PACKAGE / folder for folder in KERNEL_FOLDERS)
-        if not any(Path(source).is_relative_to(folder) for folder in folders):
+        if not _is_kernel_source(source):
             # a user's or a test's own kernels, or one that no other file has a part in
             module = f"{module}-{file_digest(source)}"
         self._folder = KERNEL_CACHE / module
@@ -144,10 +166,13 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
         if not Path(source).is_file():
             return None
         locator = cls(function, source)
-        try:
-            locator.ensure_cache_path()
-        except OSError:
-            return None
+        folder = locator.get_cache_path()
+        if folder not in cls._writable:  # asked once a module: asking makes a file
+            try:
+                locator.ensure_cache_path()
+            except OSError:
+                return None
+            cls._writable.add(folder)
         return locator
 
     def get_cache_path(self) -> str:

@@ -20,6 +20,8 @@ from numba.core import base, errors, event, ir, targetconfig, utils
 from numba.core.target_extension import get_local_target
 from numba.core.types import functions as function_types
 from numba.core.typing import context as typing_context
+from numba.extending import overload
+from numba.np import arrayobj
 
 from renderer.kernels.jit.versions import IS_TRIED
 
@@ -175,6 +177,20 @@ def _ask_each_meaning_once() -> None:
     function_types.BaseFunction.get_call_type = get_call_type
 
 
+def _name_no_shapes_in_errors() -> None:
+    """Say of arrays that do not fit each other that they do not, and not their shapes.
+
+    `a[:n] = b` compiles what writes the shapes into the message: strings and their `repr`,
+    a third of the time of a builder. Numba has the short message for other targets.
+    """
+
+    def raise_without_shapes(src_shapes: Any, index_shape: Any) -> None:
+        raise NotImplementedError
+
+    overload(raise_without_shapes)(arrayobj.ol_raise_with_shape_context_generic)
+    arrayobj.raise_with_shape_context = raise_without_shapes
+
+
 def _replace_parts_of_numba() -> None:
     _list_variables_fast()
     _compare_options_fast()
@@ -182,6 +198,7 @@ def _replace_parts_of_numba() -> None:
     _refresh_what_is_new(base.BaseContext)
     _refresh_what_is_new(typing_context.BaseContext)
     _ask_each_meaning_once()
+    _name_no_shapes_in_errors()
     # whether a function takes `loc`: asked of `inspect` each time that one is looked up
     base._has_loc = functools.lru_cache(maxsize=4096)(base._has_loc)
 
