@@ -152,7 +152,9 @@ class _Parts:
             columns = np.concatenate(parts)
             surfaces = self.scene.surfaces[kind]
 
-            def group(chosen: NDArray[np.int64], kind: str = kind, s: Any = surfaces) -> Any:
+            def group(
+                chosen: NDArray[np.int64], kind: str = kind, s: Any = surfaces
+            ) -> Any:
                 return make_group(kind, s, chosen)
 
             if SHAPES[kind].wide:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import MARGIN
+from renderer.accelerators.bvh.bvh import MARGIN as BOX_MARGIN
 from renderer.accelerators.bvh.octants import ROW
 from renderer.accelerators.bvh.ray_packets import safe_reciprocal
 from renderer.accelerators.bvh.stream_leaves import ENDED
@@ -27,7 +27,7 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.local import local_rows_f32, local_rows_i32
 from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
@@ -35,59 +35,37 @@ from renderer.kernels.lanes.memory import (
     scatter_row,
     store_row,
 )
-from renderer.kernels.lanes.vectors import gather3, load3, vec3
+from renderer.kernels.lanes.vectors import gather3, gather_rows3, load3
 
 OBJECT = ROW
-ROWS = 2 * ROW
+PLACES = 2 * ROW
+
+
+# rows of floats
+T = 0  # where a ray ends; `ENDED`: it is done
+INVERSE = 1  # 3 rows: 1 / direction
+START = 4  # 3 rows: origin / direction
+MARGIN = 7  # that boxes are larger by for this ray
+ORIGIN = 8  # 3 rows
+DIRECTION = 11  # 3 rows
+U = 14  # of the nearest hit in the instance
+V = 15
+# rows of integers
+NUMBER = 0  # in the world: of the batch; in an instance: the ray's place in the world
+PRIM = 1  # primitive id of the nearest hit in the instance, -1: none
 
 
 class Rows(NamedTuple):
-    """Rays by their place; what they met is of the instance's places alone."""
+    """Rays by their place."""
 
-    # (ROWS,) int32 in the world: of the batch; in an instance: the ray's place in the world
-    number: Any
-    t: Any  # (ROWS,) float32 where they end; `ENDED`: they are done
-    inverse_x: Any  # 1 / direction
-    inverse_y: Any
-    inverse_z: Any
-    start_x: Any  # origin / direction
-    start_y: Any
-    start_z: Any
-    margin: Any  # that boxes are larger by for this ray
-    origin_x: Any
-    origin_y: Any
-    origin_z: Any
-    direction_x: Any
-    direction_y: Any
-    direction_z: Any
-    prim: Any  # (ROWS,) int32 primitive id of the nearest hit in the instance, -1: none
-    u: Any
-    v: Any
+    floats: Any  # (16, PLACES) float32
+    integers: Any  # (2, PLACES) int32
 
 
 @kernel
 def empty_rows():
     """Return room for the rays of one batch."""
-    return Rows(
-        local_i32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-        local_i32(ROWS),
-        local_f32(ROWS),
-        local_f32(ROWS),
-    )
+    return Rows(local_rows_f32(16, PLACES), local_rows_i32(2, PLACES))
 
 
 @kernel
@@ -105,11 +83,11 @@ def lay_out(query, begin, end, reach, beyond, rows):
         mine &= first_lanes(end - i)
         if query.any_will_do != 0:
             mine &= load_row(query.prim, 0, i) == 0
-        append_row(rows.number, 0, n, lane_index() + np.int32(i), mine)
+        append_row(rows.integers, NUMBER, n, lane_index() + np.int32(i), mine)
         n += popcount(mask_bits(mine))
     for i in range(0, n, 16):
         live = first_lanes(n - i)
-        number = load_row(rows.number, 0, i)
+        number = load_row(rows.integers, NUMBER, i)
         origin = gather3(query.origin, number, live)
         direction = gather3(query.direction, number, live)
         t = gather_row(query.ends, 0, number, live)
@@ -121,37 +99,20 @@ def lay_out(query, begin, end, reach, beyond, rows):
 def _write(rows, i, origin, direction, t):
     """Write 16 rays, and what their box tests need."""
     inverse = safe_reciprocal(direction)
-    store_row(rows.t, 0, i, t)
-    store_row(rows.inverse_x, 0, i, inverse.x)
-    store_row(rows.inverse_y, 0, i, inverse.y)
-    store_row(rows.inverse_z, 0, i, inverse.z)
-    store_row(rows.start_x, 0, i, origin.x * inverse.x)
-    store_row(rows.start_y, 0, i, origin.y * inverse.y)
-    store_row(rows.start_z, 0, i, origin.z * inverse.z)
     far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
-    store_row(rows.margin, 0, i, far * MARGIN)
-    store_row(rows.origin_x, 0, i, origin.x)
-    store_row(rows.origin_y, 0, i, origin.y)
-    store_row(rows.origin_z, 0, i, origin.z)
-    store_row(rows.direction_x, 0, i, direction.x)
-    store_row(rows.direction_y, 0, i, direction.y)
-    store_row(rows.direction_z, 0, i, direction.z)
+    store_row(rows.floats, T, i, t)
+    _store3(rows.floats, INVERSE, i, inverse)
+    _store3(rows.floats, START, i, origin * inverse)
+    store_row(rows.floats, MARGIN, i, far * BOX_MARGIN)
+    _store3(rows.floats, ORIGIN, i, origin)
+    _store3(rows.floats, DIRECTION, i, direction)
 
 
 @kernel
-def rays_at(rows, ray, live):
-    """Return origins and directions of the rays at 16 places."""
-    origin = vec3(
-        gather_row(rows.origin_x, 0, ray, live),
-        gather_row(rows.origin_y, 0, ray, live),
-        gather_row(rows.origin_z, 0, ray, live),
-    )
-    direction = vec3(
-        gather_row(rows.direction_x, 0, ray, live),
-        gather_row(rows.direction_y, 0, ray, live),
-        gather_row(rows.direction_z, 0, ray, live),
-    )
-    return origin, direction
+def _store3(floats, row, i, a):
+    store_row(floats, row, i, a.x)
+    store_row(floats, row + 1, i, a.y)
+    store_row(floats, row + 2, i, a.z)
 
 
 @kernel
@@ -161,19 +122,20 @@ def enter_instance(placements, k, rows, lists, place, m):
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(lists, 0, place + i)
-        live &= gather_row(rows.t, 0, ray, live) >= 0.0
-        append_row(rows.number, 0, OBJECT + n, ray, live)
+        live &= gather_row(rows.floats, T, ray, live) >= 0.0
+        append_row(rows.integers, NUMBER, OBJECT + n, ray, live)
         n += popcount(mask_bits(live))
     matrix = affine_at(placements.to_object, k)
     for i in range(0, n, 16):
         live = first_lanes(n - i)
-        ray = load_row(rows.number, 0, OBJECT + i)
-        origin, direction = rays_at(rows, ray, live)
-        t = gather_row(rows.t, 0, ray, live)
+        ray = load_row(rows.integers, NUMBER, OBJECT + i)
+        origin = gather_rows3(rows.floats, ORIGIN, ray, live)
+        direction = gather_rows3(rows.floats, DIRECTION, ray, live)
+        t = gather_row(rows.floats, T, ray, live)
         origin, direction = times(matrix, origin - matrix.at), times(matrix, direction)
         _write(rows, OBJECT + i, origin, direction, t)
         # none yet, so that equal hits in two instances both come back
-        store_row(rows.prim, 0, OBJECT + i, splat_i32(-1))
+        store_row(rows.integers, PRIM, OBJECT + i, splat_i32(-1))
     return n
 
 
@@ -185,27 +147,27 @@ def leave_instance(query, instance, k, rows, n):
     """
     for i in range(OBJECT, OBJECT + n, 16):
         live = first_lanes(OBJECT + n - i)
-        ray = load_row(rows.number, 0, i)
-        t = load_row(rows.t, 0, i)
-        number = gather_row(rows.number, 0, ray, live)
+        ray = load_row(rows.integers, NUMBER, i)
+        t = load_row(rows.floats, T, i)
+        number = gather_row(rows.integers, NUMBER, ray, live)
         if query.any_will_do != 0:
             met = live & (t < 0.0)
-            scatter_row(rows.t, 0, ray, splat_f32(ENDED), met)
+            scatter_row(rows.floats, T, ray, splat_f32(ENDED), met)
             scatter_row(query.prim, 0, number, splat_i32(1), met)
             continue
-        prim = load_row(rows.prim, 0, i)
+        prim = load_row(rows.integers, PRIM, i)
         found = live & (prim >= 0)
         if mask_bits(found) == 0:
             continue
-        t_before = gather_row(rows.t, 0, ray, found)
+        t_before = gather_row(rows.floats, T, ray, found)
         prim_before = gather_row(query.prim, 0, number, found)
         instance_before = gather_row(instance, 0, number, found)
         wins = (t < t_before) | (prim_before < 0) | (prim < prim_before)
         wins |= (prim == prim_before) & (instance_before > np.int32(k))
         wins &= found
-        scatter_row(rows.t, 0, ray, t, wins)
+        scatter_row(rows.floats, T, ray, t, wins)
         scatter_row(query.ends, 0, number, t, wins)
         scatter_row(query.prim, 0, number, prim, wins)
-        scatter_row(query.u, 0, number, load_row(rows.u, 0, i), wins)
-        scatter_row(query.v, 0, number, load_row(rows.v, 0, i), wins)
+        scatter_row(query.u, 0, number, load_row(rows.floats, U, i), wins)
+        scatter_row(query.v, 0, number, load_row(rows.floats, V, i), wins)
         scatter_row(instance, 0, number, splat_i32(k), wins)

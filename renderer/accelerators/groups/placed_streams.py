@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.accelerators.bvh import wide_bvh_build
 from renderer.accelerators.bvh.bvh import STRETCH
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
 from renderer.accelerators.bvh.octants import ROW, STREAM
@@ -26,39 +27,53 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
     CHILD,
-    ORIGIN,
     SCALE,
     WIDE_BYTES,
     WIDE_WORDS,
 )
 from renderer.accelerators.groups.placed_rays import (
+    DIRECTION,
+    INVERSE,
+    MARGIN,
+    NUMBER,
     OBJECT,
+    ORIGIN,
+    PRIM,
+    START,
     Rows,
+    T,
+    U,
+    V,
     empty_rows,
     enter_instance,
     lay_out,
     leave_instance,
-    rays_at,
 )
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.affine import absolute
 from renderer.kernels.lanes.functions import (
+    as_f32,
+    as_i32,
     fabs,
     first_lanes,
+    lane,
     lane_index,
     lane_index_8,
     lower_half,
+    lowest_bit,
     mask_bits,
     mask_of,
     maximum,
     minimum,
     popcount,
     select,
+    smallest,
     splat_f32,
     splat_i32,
     upper_half,
 )
-from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.local import local_i32, local_rows_f32
 from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
@@ -70,11 +85,14 @@ from renderer.kernels.lanes.memory import (
     store_one,
     store_row,
 )
+from renderer.kernels.lanes.vectors import column3, gather_rows3
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
-from renderer.kinds.shapes.blocks import WIDTH
+from renderer.kinds.shapes.blocks import WIDTH, primitives_in
+from renderer.kinds.shapes.primitives import hit_primitive
 
 # Lists of no more rays than this are tested ray by ray, eight children at a time.
 SHORT = 6
+NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
 # Levels of both trees; three more than one tree has, where a group's kinds are joined.
 _LEVELS = 2 * (MAX_DEPTH + 4)
 # A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
@@ -101,7 +119,7 @@ class _Stream(NamedTuple):
     rows: Rows
     lists: Any  # (_LISTS,) int32 of places in the rows, and masks
     stack: Any  # (_STACK,) int32 children that wait
-    planes: Any  # (48,) float32 for each axis 8 middles of boxes and 8 times half their size
+    planes: Any  # (3, 16) float32 for each axis 8 middles of boxes, 8 times half their size
     entered: Any  # (16,) int32 whether any ray entered the child
 
 
@@ -109,7 +127,11 @@ class _Stream(NamedTuple):
 def trace_placed(instances, query, instance, first, count, tally):
     """Answer what is asked of rays first to first + count - 1."""
     stream = _Stream(
-        empty_rows(), local_i32(_LISTS), local_i32(_STACK), local_f32(48), local_i32(16)
+        empty_rows(),
+        local_i32(_LISTS),
+        local_i32(_STACK),
+        local_rows_f32(3, 16),
+        local_i32(16),
     )
     size = instances.placements.group.shape[0]
     for begin in range(first, first + count, STREAM):
@@ -219,9 +241,9 @@ def _write_planes(nodes, node, axis, planes):
     half = np.float32(0.5) * load_one(nodes.floats, 0, word + SCALE)
     plane = load_bytes(nodes.octets, 0, octet)
     lower, upper = lower_half(plane), upper_half(plane)
-    origin = load_one(nodes.floats, 0, word + ORIGIN)
-    store_row(planes, 0, 16 * axis, (lower + upper) * half + origin)
-    store_row(planes, 0, 16 * axis + 8, (upper - lower) * half)
+    origin = load_one(nodes.floats, 0, word + wide_bvh_build.ORIGIN)
+    store_row(planes, axis, 0, (lower + upper) * half + origin)
+    store_row(planes, axis, 8, (upper - lower) * half)
 
 
 @kernel
@@ -234,26 +256,21 @@ def _enter_children(stream, place, left, masks, size):
 
     Return how many of the rays go down the x, y and z axis.
     """
-    rows, planes = stream.rows, stream.planes
+    floats, planes = stream.rows.floats, stream.planes
     live = first_lanes(left)
     ray = load_row(stream.lists, 0, place)
-    inverse_x = gather_row(rows.inverse_x, 0, ray, live)
-    inverse_y = gather_row(rows.inverse_y, 0, ray, live)
-    inverse_z = gather_row(rows.inverse_z, 0, ray, live)
-    start_x = gather_row(rows.start_x, 0, ray, live)
-    start_y = gather_row(rows.start_y, 0, ray, live)
-    start_z = gather_row(rows.start_z, 0, ray, live)
-    t = select(live, gather_row(rows.t, 0, ray, live), ENDED)
-    margin = gather_row(rows.margin, 0, ray, live)
-    along_x, along_y, along_z = fabs(inverse_x), fabs(inverse_y), fabs(inverse_z)
-    more_x, more_y, more_z = along_x * margin, along_y * margin, along_z * margin
+    inverse = gather_rows3(floats, INVERSE, ray, live)
+    start = gather_rows3(floats, START, ray, live)
+    t = select(live, gather_row(floats, T, ray, live), ENDED)
+    along = absolute(inverse)
+    more = along * gather_row(floats, MARGIN, ray, live)
     for k in range(size):
-        x = inverse_x * load_one(planes, 0, k) - start_x
-        y = inverse_y * load_one(planes, 0, k + 16) - start_y
-        z = inverse_z * load_one(planes, 0, k + 32) - start_z
-        half_x = along_x * load_one(planes, 0, k + 8) + more_x
-        half_y = along_y * load_one(planes, 0, k + 24) + more_y
-        half_z = along_z * load_one(planes, 0, k + 40) + more_z
+        x = inverse.x * load_one(planes, 0, k) - start.x
+        y = inverse.y * load_one(planes, 1, k) - start.y
+        z = inverse.z * load_one(planes, 2, k) - start.z
+        half_x = along.x * load_one(planes, 0, k + 8) + more.x
+        half_y = along.y * load_one(planes, 1, k + 8) + more.y
+        half_z = along.z * load_one(planes, 2, k + 8) + more.z
         enter = maximum(
             maximum(x - half_x, y - half_y), maximum(z - half_z, splat_f32(0.0))
         )
@@ -262,41 +279,36 @@ def _enter_children(stream, place, left, masks, size):
         store_one(stream.lists, 0, masks + k, bits)
         store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
     return (
-        popcount(mask_bits(inverse_x < 0.0)),
-        popcount(mask_bits(inverse_y < 0.0)),
-        popcount(mask_bits(inverse_z < 0.0)),
+        popcount(mask_bits(inverse.x < 0.0)),
+        popcount(mask_bits(inverse.y < 0.0)),
+        popcount(mask_bits(inverse.z < 0.0)),
     )
 
 
 @kernel
 def _enter_ray_by_ray(stream, place, m, masks):
-    """Test each ray of a short list against eight children; return the first one's octant."""
-    rows, planes = stream.rows, stream.planes
+    """Test the rays of a short list against eight children; return the first's octant."""
+    floats, planes = stream.rows.floats, stream.planes
     entered = lane_index_8() & 0
     octant = np.int64(0)
-    for j in range(m):
+    for j in range(m - 1, -1, -1):
         ray = np.int64(load_one(stream.lists, 0, place + j))
-        margin = load_one(rows.margin, 0, ray)
-        inverse_x = load_one(rows.inverse_x, 0, ray)
-        inverse_y = load_one(rows.inverse_y, 0, ray)
-        inverse_z = load_one(rows.inverse_z, 0, ray)
-        x = load_eight(planes, 0, 0) * inverse_x - load_one(rows.start_x, 0, ray)
-        y = load_eight(planes, 0, 16) * inverse_y - load_one(rows.start_y, 0, ray)
-        z = load_eight(planes, 0, 32) * inverse_z - load_one(rows.start_z, 0, ray)
-        half_x = (load_eight(planes, 0, 8) + margin) * fabs(inverse_x)
-        half_y = (load_eight(planes, 0, 24) + margin) * fabs(inverse_y)
-        half_z = (load_eight(planes, 0, 40) + margin) * fabs(inverse_z)
-        enter = maximum(maximum(x - half_x, y - half_y), z - half_z)
-        leave = minimum(minimum(x + half_x, y + half_y), z + half_z)
-        t = load_one(rows.t, 0, ray)
-        enters = maximum(enter, np.float32(0.0)) <= minimum(leave * STRETCH, t)
-        entered = select(enters, entered | np.int32(1 << j), entered)
-        if j == 0:
-            octant = (
-                (np.int64(1) if inverse_x < 0.0 else np.int64(0))
-                | (np.int64(2) if inverse_y < 0.0 else np.int64(0))
-                | (np.int64(4) if inverse_z < 0.0 else np.int64(0))
-            )
+        t = load_one(floats, T, ray)
+        enter = splat_f32(0.0)
+        leave = splat_f32(0.0)
+        octant = np.int64(0)
+        enter = lower_half(enter)
+        leave = lower_half(leave) + t
+        for axis in range(3):
+            inverse = load_one(floats, INVERSE + axis, ray)
+            middle = load_eight(planes, axis, 0) * inverse
+            middle = middle - load_one(floats, START + axis, ray)
+            half = load_eight(planes, axis, 8) + load_one(floats, MARGIN, ray)
+            half = half * fabs(inverse)
+            enter = maximum(enter, middle - half)
+            leave = minimum(leave, (middle + half) * STRETCH)
+            octant |= np.int64(1 if inverse < 0.0 else 0) << axis
+        entered = select(enter <= leave, entered | np.int32(1 << j), entered)
     store_row(stream.lists, 0, masks, entered)
     store_row(stream.entered, 0, 0, entered)
     return octant
@@ -339,23 +351,66 @@ def _meet_leaf(instances, leaf, any_will_do, rows, lists, place, m):
     elif kind == 4:
         _meet(instances.cylinders, first, end, any_will_do, rows, lists, place, m)
     elif kind == 5:
-        _meet(instances.implicits, first, end, any_will_do, rows, lists, place, m)
+        _meet_together(instances.implicits, first, end, any_will_do, rows, lists, place, m)
     else:
-        _meet(instances.sdf_cells, first, end, any_will_do, rows, lists, place, m)
+        _meet_together(instances.sdf_cells, first, end, any_will_do, rows, lists, place, m)
 
 
 @kernel
 def _meet(primitives, first, end, any_will_do, rows, lists, place, m):
+    """Test the rays of a list against primitives in blocks of eight."""
+    if primitives is None:
+        return
+    if m > SHORT:
+        _meet_together(primitives, first, end, any_will_do, rows, lists, place, m)
+        return
+    for j in range(m):
+        ray = np.int64(load_one(lists, 0, place + j))
+        for block in range(first >> 3, (end + 7) >> 3):
+            _meet_block(primitives, block, any_will_do, rows, ray)
+
+
+@kernel
+def _meet_block(blocks, block, any_will_do, rows, ray):
+    """Test one ray against eight primitives."""
+    floats, integers = rows.floats, rows.integers
+    t_before = load_one(floats, T, ray)
+    origin, direction = column3(floats, ORIGIN, ray), column3(floats, DIRECTION, ray)
+    x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_before)
+    if mask_bits(x.hit) == 0:
+        return
+    if any_will_do != 0:
+        store_one(floats, T, ray, ENDED)
+        return
+    # the least t, then the least id among those
+    bits = select(x.hit, as_i32(x.t), NEVER)
+    t_bits = smallest(bits)
+    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), NEVER)
+    prim = smallest(ids)
+    t = as_f32(t_bits)
+    prim_before = load_one(integers, PRIM, ray)
+    if t < t_before or prim_before < 0 or prim < prim_before:
+        k = lowest_bit(mask_bits(ids == prim))
+        store_one(floats, T, ray, t)
+        store_one(integers, PRIM, ray, prim)
+        store_one(floats, U, ray, lane(x.u, k))
+        store_one(floats, V, ray, lane(x.v, k))
+
+
+@kernel
+def _meet_together(primitives, first, end, any_will_do, rows, lists, place, m):
     """Test each 16 rays against one primitive after the other."""
     if primitives is None:
         return
+    floats, integers = rows.floats, rows.integers
     zero = np.int64(0)
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(lists, 0, place + i)
-        origin, direction = rays_at(rows, ray, live)
-        t = select(live, gather_row(rows.t, 0, ray, live), ENDED)
-        prim = gather_row(rows.prim, 0, ray, live)
+        origin = gather_rows3(floats, ORIGIN, ray, live)
+        direction = gather_rows3(floats, DIRECTION, ray, live)
+        t = select(live, gather_row(floats, T, ray, live), ENDED)
+        prim = gather_row(integers, PRIM, ray, live)
         before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
         near = nearest_of(
             primitives, first, end, origin, direction, before, None, zero, zero
@@ -364,12 +419,12 @@ def _meet(primitives, first, end, any_will_do, rows, lists, place, m):
         if mask_bits(found) == 0:
             continue
         if any_will_do != 0:
-            scatter_row(rows.t, 0, ray, splat_f32(ENDED), found)
+            scatter_row(floats, T, ray, splat_f32(ENDED), found)
             continue
-        scatter_row(rows.t, 0, ray, near.t, found)
-        scatter_row(rows.prim, 0, ray, near.prim, found)
-        scatter_row(rows.u, 0, ray, near.u, found)
-        scatter_row(rows.v, 0, ray, near.v, found)
+        scatter_row(floats, T, ray, near.t, found)
+        scatter_row(integers, PRIM, ray, near.prim, found)
+        scatter_row(floats, U, ray, near.u, found)
+        scatter_row(floats, V, ray, near.v, found)
 
 
 # ---------------------------------------------------------------------- counting
@@ -380,8 +435,8 @@ def _number(stream, place, inside):
     """Return which ray of the batch it is that a place of a list names."""
     ray = stream.lists[place]
     if inside:
-        ray = stream.rows.number[ray]
-    return stream.rows.number[ray]
+        ray = stream.rows.integers[NUMBER, ray]
+    return stream.rows.integers[NUMBER, ray]
 
 
 @kernel
