@@ -25,7 +25,7 @@ from test_surface_points import write_meshes
 import renderer
 from renderer.accelerators.build import build_accelerators
 from renderer.accelerators.groups.instances import Instances
-from renderer.accelerators.groups.instances_build import validate_instances
+from renderer.accelerators.groups.instances_checks import validate_instances
 from renderer.errors import SceneError
 from renderer.kernels.jit import pack
 from renderer.rendering.planning.plan import make_plan

@@ -36,7 +36,7 @@ def validate_wide(accel: Any, extents: Extents) -> None:
         If not; the message says which tree, node and block or primitive.
     """
     lower, upper = _block_boxes(accel.blocks, extents)
-    _validate_wide_nodes(accel.octets, lower, upper)
+    validate_wide_nodes(accel.octets, lower, upper)
     _validate_orders(accel.integers, accel.order)
     _validate_pairs(accel.pairs, accel.blocks, lower, upper)
 
@@ -55,7 +55,21 @@ def _block_boxes(blocks: Any, extents: Extents) -> tuple[Any, Any]:
     return lower, upper
 
 
-def _validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
+def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
+    """Check that nodes of eight reach every leaf once, in boxes that hold it.
+
+    Parameters
+    ----------
+    octets
+        The nodes, as bytes; the root is the first.
+    lower, upper
+        (n, 3) corners of the leaves.
+
+    Raises
+    ------
+    ValueError
+        If not; the message says which node or leaf.
+    """
     nodes = octets.reshape(-1, WIDE_BYTES)
     floats, integers = nodes.view(np.float32), nodes.view(np.int32)
     origin, unit = floats[:, ORIGIN : ORIGIN + 3, None], floats[:, SCALE : SCALE + 3, None]

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
+from renderer.accelerators.bvh.bvh_tree import BvhTree
+from renderer.accelerators.bvh.wide_bvh_build import (
+    CHILD,
+    WIDE_WORDS,
+    collapse,
+    far_to_near,
+)
 from renderer.accelerators.extents import ROUNDING
-from renderer.accelerators.groups.instances import Forest, Instances
-from renderer.scene.placed_groups import distortion, linear_part, translation
+from renderer.accelerators.groups.instances import Instances
+from renderer.kinds.shapes.blocks import WIDTH, aligned_bytes, blocks_of
+from renderer.kinds.shapes.registry import SHAPES
+from renderer.scene.placed_groups import distortion, translation
 from renderer.scene.scene import KINDS, Scene, primitive_bounds
 
 # Seen from the world, an object's point is off by the rounding of the ray's way into the
 # object's space (4 units in the last place of the origin, 3 of the direction, which goes up
 # to twice as far) and of the hit test there (ROUNDING, 32 units); 2 are for the box itself.
 _PAD = 44.0 / 32.0 * float(ROUNDING)
+
+# A group of no more primitives has no tree: an instance's box says enough of it.
+FEW = 8
 
 # kind, record, columns -> the group of those primitives, in that order
 MakeGroup = Callable[[str, Any, NDArray[np.int64]], Any]
@@ -46,25 +55,138 @@ def build_instances(
     if scene.placements is None:
         return None
     reach = float(np.float32(1.01 * reach))
-    lower, upper = padded_boxes(scene, reach)
-    tree = _one_leaf(lower.shape[1]) if brute else build_tree(lower, upper, leaf_size=1)
-    # a leaf of one instance can name it itself
-    leaf = tree.count > 0
-    child = np.where(leaf, tree.order[np.where(leaf, tree.child, 0)], tree.child)
-    every = _one_leaf(lower.shape[1])
-    forests = {
-        kind: _forest(scene, kind, make_group, brute) if kind in scene.surfaces else None
-        for kind in KINDS
-    }
+    parts = _Parts(scene)
+    if not brute:
+        lower, upper = padded_boxes(scene, reach)
+        tree = build_tree(lower, upper, leaf_size=1)
+        leaf = tree.count > 0
+        child = tree.child.copy()
+        child[leaf] = WIDTH * tree.order[child[leaf]]
+        parts.add_nodes(tree._replace(child=child))
+    groups = len(next(iter(scene.starts.values()))) - 1
+    root = np.array([parts.add_group(k, brute) for k in range(groups)], np.int32)
+    octets = parts.octets()
+    floats, integers = octets.view(np.float32), octets.view(np.int32)
     return Instances(
-        np.concatenate((tree.bounds, every.bounds)),
-        np.concatenate((child, every.child)).astype(np.int32),
-        np.concatenate((tree.count, every.count)),
+        floats,
+        integers,
+        octets,
+        far_to_near(floats, integers, octets),
+        root[scene.placements.group],
+        np.array(parts.leaves, np.int32).ravel(),
         -1.0 if brute else reach,
-        len(tree.child),
         scene.placements,
-        **forests,
+        **parts.primitives(make_group),
     )
+
+
+class _Parts:
+    """Nodes, leaves and primitives of all groups, one after the other."""
+
+    def __init__(self, scene: Scene) -> None:
+        assert scene.placements is not None
+        self.scene = scene
+        self.instances = len(scene.placements.group)
+        self.nodes: list[NDArray[np.int32]] = []  # (n, 32) each
+        self.leaves: list[tuple[int, int, int, int]] = []
+        self.columns: dict[str, list[NDArray[np.int64]]] = {kind: [] for kind in KINDS}
+        self.bounds = {k: primitive_bounds(k, s) for k, s in scene.surfaces.items()}
+
+    def add_nodes(self, tree: BvhTree) -> int:
+        """Add a binary tree whose leaves name, as `child`, 8 times what ~ is stored of."""
+        nodes = collapse(tree.bounds, tree.child, tree.count).view(np.int32)
+        nodes = nodes.reshape(-1, WIDE_WORDS).copy()
+        first = sum(map(len, self.nodes))
+        child = nodes[:, CHILD : CHILD + 8]
+        child[child > 0] += first
+        self.nodes.append(nodes)
+        return first
+
+    def add_group(self, group: int, brute: bool) -> int:
+        """Add the primitives of a group; return its root, a node or ~leaf."""
+        trees = []
+        spans = {k: s[group : group + 2] for k, s in self.scene.starts.items()}
+        few = brute or sum(end - first for first, end in spans.values()) <= FEW
+        begin = len(self.leaves)
+        for kind, (first, end) in spans.items():
+            if first < end:
+                lower, upper = (side[:, first:end] for side in self.bounds[kind])
+                tree = one_leaf(end - first) if few else build_tree(lower, upper)
+                trees.append(self._with_leaves(kind, int(first), tree))
+        if few:
+            together = len(self.leaves) - begin
+            self.leaves[begin] = (*self.leaves[begin][:3], together)
+            return ~(self.instances + begin)
+        while len(trees) > 1:
+            trees.append(_joined(trees.pop(0), trees.pop(0)))
+        return self.add_nodes(trees[0])
+
+    def _with_leaves(self, kind: str, first: int, tree: BvhTree) -> BvhTree:
+        """Add the leaves of a tree of one kind; return it with their numbers."""
+        child = tree.child.copy()
+        columns = self.columns[kind]
+        start = sum(map(len, columns))
+        for node in np.flatnonzero(tree.count):
+            count = int(tree.count[node])
+            mine = np.full(-(-count // WIDTH) * WIDTH, -1, np.int64)
+            mine[:count] = first + tree.order[tree.child[node] : tree.child[node] + count]
+            columns.append(mine)
+            child[node] = WIDTH * (self.instances + len(self.leaves))
+            self.leaves.append((start, start + count, KINDS.index(kind), 1))
+            start += len(mine)
+        return tree._replace(child=child)
+
+    def octets(self) -> NDArray[np.uint8]:
+        """Return all nodes in memory that begins with a pair of cache lines."""
+        nodes = np.concatenate([np.zeros((0, WIDE_WORDS), np.int32), *self.nodes])
+        memory = aligned_bytes(max(nodes.nbytes, 4 * WIDE_WORDS))
+        memory[: nodes.nbytes] = nodes.view(np.uint8).ravel()
+        return memory
+
+    def primitives(self, make_group: MakeGroup) -> dict[str, Any]:
+        """Return the primitives of each kind in the order of the leaves."""
+        found: dict[str, Any] = dict.fromkeys(KINDS)
+        for kind, parts in self.columns.items():
+            if not parts:
+                continue
+            columns = np.concatenate(parts)
+            surfaces = self.scene.surfaces[kind]
+
+            def group(
+                chosen: NDArray[np.int64], kind: str = kind, s: Any = surfaces
+            ) -> Any:
+                return make_group(kind, s, chosen)
+
+            if SHAPES[kind].wide:
+                found[kind] = blocks_of(group, columns)
+            else:
+                found[kind] = group(np.maximum(columns, 0))
+        return found
+
+
+def _joined(a: BvhTree, b: BvhTree) -> BvhTree:
+    """Return one tree of two, whose roots become the first siblings."""
+    bounds = np.concatenate((a.bounds[:1], a.bounds[:1], b.bounds[:1], a.bounds[1:]))
+    bounds = np.concatenate((bounds, b.bounds[1:]))
+    bounds[0, :3] = np.minimum(a.bounds[0, :3], b.bounds[0, :3])
+    bounds[0, 3:] = np.maximum(a.bounds[0, 3:], b.bounds[0, 3:])
+    moved = [
+        np.where(tree.count == 0, tree.child + shift, tree.child)
+        for tree, shift in ((a, 2), (b, len(a.child) + 1))
+    ]
+
+    def laid(root: int, first: Any, second: Any) -> NDArray[np.int32]:
+        parts = ([root], first[:1], second[:1], first[1:], second[1:])
+        return np.concatenate(parts).astype(np.int32)
+
+    return BvhTree(bounds, laid(1, *moved), laid(0, a.count, b.count), a.order)
+
+
+def one_leaf(count: int) -> BvhTree:
+    """Return the tree that is a leaf without bounds."""
+    bounds = np.array([[-np.inf] * 3 + [np.inf] * 3], np.float32)
+    numbers = np.array([count], np.int32)
+    return BvhTree(bounds, numbers * 0, numbers, np.arange(count, dtype=np.int32))
 
 
 def padded_boxes(
@@ -85,121 +207,3 @@ def padded_boxes(
         np.nextafter((lower - pad).astype(np.float32), down),
         np.nextafter((upper + pad).astype(np.float32), up),
     )
-
-
-def _one_leaf(count: int) -> BvhTree:
-    """Return the tree that is a leaf without bounds."""
-    bounds = np.array([[-np.inf] * 3 + [np.inf] * 3], np.float32)
-    numbers = np.array([count], np.int32)
-    return BvhTree(bounds, numbers * 0, numbers, np.arange(count, dtype=np.int32))
-
-
-def _forest(scene: Scene, kind: str, make_group: MakeGroup, brute: bool) -> Forest | None:
-    """Return one tree for each group that has primitives of a kind; None if none has."""
-    surfaces, starts = scene.surfaces[kind], scene.starts[kind]
-    if starts[0] == starts[-1]:
-        return None
-    lower, upper = primitive_bounds(kind, surfaces)
-    root = np.full(len(starts) - 1, -1, np.int32)
-    bounds, children, counts, orders = [], [], [], []
-    nodes = 0
-    for group, (first, end) in enumerate(pairwise(starts)):
-        if first == end:
-            continue
-        size = int(end - first)
-        tree = (
-            _one_leaf(size)
-            if brute
-            else build_tree(lower[:, first:end], upper[:, first:end])
-        )
-        root[group] = nodes
-        shift = np.where(tree.count > 0, first - starts[0], nodes)
-        bounds.append(tree.bounds)
-        children.append(tree.child + shift)
-        counts.append(tree.count)
-        orders.append(tree.order + first)
-        nodes += len(tree.child)
-    columns = np.concatenate(orders).astype(np.int64)
-    trees = Bvh(
-        np.concatenate(bounds),
-        np.concatenate(children).astype(np.int32),
-        np.concatenate(counts),
-        make_group(kind, surfaces, columns),
-    )
-    return Forest(trees, root)
-
-
-# -------------------------------------------------------------------------- validation
-
-
-def validate_instances(instances: Instances, scene: Scene) -> None:
-    """Check that each group's trees hold its primitives, and the upper tree the instances.
-
-    Raises
-    ------
-    ValueError
-        If not; the message says which group, node or primitive.
-    """
-    assert scene.placements is not None
-    for kind, surfaces in scene.surfaces.items():
-        forest, starts = getattr(instances, kind), scene.starts[kind]
-        lower, upper = primitive_bounds(kind, surfaces)
-        for group, (first, end) in enumerate(pairwise(starts)):
-            root = -1 if forest is None else int(forest.root[group])
-            if (root < 0) != (first == end):
-                raise ValueError(
-                    f"group {group} has {end - first} {kind}, but its root is {root}"
-                )
-            if root >= 0:
-                try:
-                    tree = _tree_at(forest, root, int(first), surfaces.first)
-                    validate_bvh(tree, lower[:, first:end], upper[:, first:end])
-                except ValueError as error:
-                    raise ValueError(f"{kind} of group {group}: {error}") from None
-    _validate_upper(instances, scene)
-
-
-def _tree_at(forest: Forest, root: int, first: int, first_id: int) -> BvhTree:
-    """Return a group's tree by itself, its primitives counted from 0."""
-    trees = forest.trees
-    later = forest.root[forest.root > root]
-    nodes = slice(root, int(later.min()) if later.size else len(trees.child))
-    count, child = trees.count[nodes], trees.child[nodes]
-    leaf = count > 0
-    begin = int(child[leaf].min())
-    ids = trees.primitives.id[begin : begin + int(count.sum())] - first_id - first
-    return BvhTree(
-        trees.bounds[nodes], np.where(leaf, child - begin, child - root), count, ids
-    )
-
-
-def _validate_upper(instances: Instances, scene: Scene) -> None:
-    """Check that boxes hold every placed primitive, and that all instances are there."""
-    placements = scene.placements
-    assert placements is not None
-    size = len(placements.group)
-    if instances.every == 1 and instances.count[0] == size:
-        return  # one leaf without bounds
-    lower, upper = np.full((2, 3, size), np.inf)
-    upper *= -1.0
-    every = zip(
-        linear_part(placements.to_world), translation(placements.to_world), strict=True
-    )
-    kinds = [(primitive_bounds(k, s), scene.starts[k]) for k, s in scene.surfaces.items()]
-    for number, (linear, at) in enumerate(every):
-        group = placements.group[number]
-        for (low, high), starts in kinds:
-            mine = slice(starts[group], starts[group + 1])
-            if mine.start < mine.stop:
-                middle = linear @ (0.5 * (low[:, mine] + high[:, mine])) + at[:, None]
-                half = np.abs(linear) @ (0.5 * (high[:, mine] - low[:, mine]))
-                lower[:, number] = np.minimum(lower[:, number], (middle - half).min(axis=1))
-                upper[:, number] = np.maximum(upper[:, number], (middle + half).max(axis=1))
-    nodes = slice(0, instances.every)
-    tree = BvhTree(
-        instances.bounds[nodes],
-        instances.child[nodes],
-        instances.count[nodes],
-        np.arange(size, dtype=np.int32),
-    )
-    validate_bvh(tree, lower.astype(np.float32), upper.astype(np.float32))

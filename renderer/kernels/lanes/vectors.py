@@ -24,6 +24,7 @@ from renderer.kernels.lanes.functions import as_i32, select, sqrt
 from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
+    load_one,
     load_row,
     store_row,
     store_where,
@@ -198,6 +199,14 @@ def orthonormal_basis(n):
 def column(array, k):
     """Return the vector in column k of a (3, n) array."""
     return vec3(array[0, k], array[1, k], array[2, k])
+
+
+@kernel
+def column3(array, row, k):
+    """Return rows row to row + 2 of column k as scalars."""
+    return vec3(
+        load_one(array, row, k), load_one(array, row + 1, k), load_one(array, row + 2, k)
+    )
 
 
 @kernel
