@@ -120,7 +120,7 @@ def _one_point() -> Extents:
 def _points(columns: NDArray[np.int64]) -> Triangles:
     zeros = np.zeros((3, len(columns) + 16), np.float32)
     ids = np.zeros(len(columns) + 16, np.int32)
-    return Triangles(zeros, zeros, zeros, zeros, ids, len(columns))
+    return Triangles(zeros, zeros, zeros, zeros, zeros[0], ids, len(columns))
 
 
 def build_accelerators(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import mask_bits, select, splat_i32
+from renderer.kernels.lanes.functions import as_u32, mask_bits, select, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at
@@ -53,7 +55,8 @@ def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, cou
             primitives, primitive_at(primitives, k), origin, direction, nearest.t
         )
         prim = primitives.id[k]
-        tie = (x.t == nearest.t) & ((nearest.prim < 0) | (nearest.prim > prim))
+        # without a sign -1, no hit yet, is the largest id
+        tie = (x.t == nearest.t) & (as_u32(nearest.prim) > np.uint32(prim))
         wins = x.hit & ((x.t < nearest.t) | tie)
         nearest = Nearest(
             select(wins, x.t, nearest.t),

@@ -265,6 +265,27 @@ upper_half = _half(8, "Return lanes 8 to 15 of 16.")
 
 
 @intrinsic
+def negate_by_sign(typingctx: Any, x: Any, sign: Any) -> Any:
+    """Return float32 x, negated where `sign` is negative by its bit, as -0 is.
+
+    One instruction, where comparing with 0 and choosing between x and -x takes three.
+    """
+    _require(x == sign, f"{x} and {sign} differ")
+    whole = Lanes(types.int32, x.width) if isinstance(x, Lanes) else types.int32
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        bits = context.get_value_type(whole)
+        value, other = (builder.bitcast(a, bits) for a in args)
+        highest = ir.IntType(32)(-(2**31))
+        if isinstance(whole, Lanes):
+            highest = splat_value(builder, highest, whole)
+        flipped = builder.xor(value, builder.and_(other, highest))
+        return builder.bitcast(flipped, args[0].type)
+
+    return signature(x, x, sign), codegen
+
+
+@intrinsic
 def mask_bits(typingctx: Any, mask: Any) -> Any:
     """Return the mask as an integer, lane 0 in the lowest bit; 0 means no lane is set."""
     _require(isinstance(mask, Mask), f"mask_bits needs a mask, not {mask}")
