@@ -19,7 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import bit_reverse, select, splat_u32
+from renderer.kernels.lanes.functions import (
+    bit_reverse,
+    joined,
+    lower_half,
+    select,
+    upper_half,
+)
 from renderer.kernels.lanes.memory import load_one
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
@@ -27,6 +33,7 @@ from renderer.kinds.sampling.numbers_and_warps import (
     choose_by_pair,
     choose_from_draw,
     draw4,
+    draw4_twice,
     hash4,
     unit_float,
 )
@@ -115,7 +122,7 @@ def _group_of(block):
 @kernel
 def _flip(sampler, index, first, second):
     """Return the digits of two pairs that lie together in a row each."""
-    p, q = splat_u32(0), splat_u32(0)
+    p, q = index ^ index, index ^ index
     for bit in range(sampler.bits):
         is_set = (index & np.uint32(1 << bit)) != 0
         p = select(is_set, p ^ load_one(sampler.pairs, first, bit), p)
@@ -130,28 +137,37 @@ def _digits(sampler, index, first, second):
     a, b, c, d = p & 0xFFFF, p >> 16, q & 0xFFFF, q >> 16
     if sampler.bits > 16:
         p, q = _flip(sampler, index, first + 4, second + 4)
-        a, b, c, d = (
-            a | (p << 16),
-            b | (p & 0xFFFF0000),
-            c | (q << 16),
-            d | (q & 0xFFFF0000),
-        )
+        a, b = a | (p << 16), b | (p & 0xFFFF0000)
+        c, d = c | (q << 16), d | (q & 0xFFFF0000)
     return a, b, c, d
 
 
 @draw4.by(Sobol)
 @kernel
 def _draw_sobol(sampler, pixel, sample, block):
+    """Draw for any number of pixels at once."""
     group, first, second = _group_of(block)
-    seed, group = splat_u32(np.uint32(sampler.seed)), splat_u32(np.uint32(group))
-    order, _, _, _ = hash4(pixel, group, splat_u32(0), seed)
-    index = splat_u32(np.uint32(sample))
+    zero = pixel ^ pixel
+    seed, group = zero + np.uint32(sampler.seed), zero + np.uint32(group)
+    order, _, _, _ = hash4(pixel, group, zero, seed)
+    index = zero + np.uint32(sample)
     index ^= (index ^ scramble(index, order >> 3)) & np.uint32(sampler.shuffled)
     index = bit_reverse(scramble(bit_reverse(index), order))
     a, b, c, d = _digits(sampler, index, first, second)
-    x, y, z, w = hash4(pixel, group, splat_u32(np.uint32(2 * first + 1)), seed)
-    plain = splat_u32(np.uint32(sampler.plain))
+    x, y, z, w = hash4(pixel, group, zero + np.uint32(2 * first + 1), seed)
+    plain = zero + np.uint32(sampler.plain)
     return _unit(a, x, plain), _unit(b, y, plain), _unit(c, z, plain), _unit(d, w, plain)
+
+
+@draw4_twice.by(Sobol)
+@kernel
+def _draw_sobol_twice(sampler, pixel, other, sample, block):
+    """Draw for both together: a number is a chain of 20 multiplications of 10 cycles."""
+    x, y, z, w = _draw_sobol(sampler, joined(pixel, other), sample, block)
+    return (
+        (lower_half(x), lower_half(y), lower_half(z), lower_half(w)),
+        (upper_half(x), upper_half(y), upper_half(z), upper_half(w)),
+    )
 
 
 choose_from_draw.by(Sobol)(choose_by_pair)
