@@ -11,24 +11,16 @@ import numpy as np
 
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.packets import (
-    Nearest,
     blocked_by,
     load_nearest,
+    nearest_in_order,
     store_nearest,
 )
-from renderer.kernels.jit import kernel, method_kernel
-from renderer.kernels.lanes.functions import (
-    as_f32,
-    as_i32,
-    as_u32,
-    first_lanes,
-    select,
-    splat_i32,
-)
+from renderer.kernels.jit import method_kernel
+from renderer.kernels.lanes.functions import first_lanes, select, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
-from renderer.kinds.shapes.primitives import hit_primitive, primitive_at
 
 
 class BruteForce(NamedTuple):
@@ -42,28 +34,6 @@ def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
     return BruteForce(group(np.arange(extents.lower.shape[1])))
 
 
-@kernel
-def _nearest(primitives, origin, direction, before):
-    """Return the nearest hits after all primitives were tested, as `nearest_of` does.
-
-    Ids grow and no other group's lie between them. So at equal t no primitive wins over
-    another of its group, and all of them win or lose against the hit from before: where
-    they win, the ray ends at the next larger t, and a hit must be nearer than its end.
-    """
-    wins_ties = as_u32(before.prim) > np.uint32(primitives.id[0])
-    wins_ties &= before.t < np.float32(np.inf)
-    t = select(wins_ties, as_f32(as_i32(before.t) + 1), before.t)
-    prim, u, v = before.prim, before.u, before.v
-    for k in range(primitives.count):
-        x = hit_primitive(primitives, primitive_at(primitives, k), origin, direction, t)
-        wins = x.hit & (x.t < t)
-        t = select(wins, x.t, t)
-        prim = select(wins, splat_i32(primitives.id[k]), prim)
-        u = select(wins, x.u, u)
-        v = select(wins, x.v, v)
-    return Nearest(select(prim == before.prim, before.t, t), prim, u, v)
-
-
 @method_kernel
 def closest_hit_brute_force(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1 with nearer hits."""
@@ -73,7 +43,10 @@ def closest_hit_brute_force(accel, rays, hits, first, count, tally):
         direction = load3(rays.direction, i)
         before = load_nearest(hits, i)
         add_to_packet(tally, PRIMITIVES, i, first + count - i, primitives.count)
-        store_nearest(hits, i, _nearest(primitives, origin, direction, before))
+        nearest = nearest_in_order(
+            primitives, 0, primitives.count, origin, direction, before
+        )
+        store_nearest(hits, i, nearest)
 
 
 @method_kernel
