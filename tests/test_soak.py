@@ -192,16 +192,47 @@ def test_a_process_that_dies_or_hangs_is_a_fault(
     monkeypatch.setattr("reports.soak.damaged_files.SECONDS", 0.3)
     monkeypatch.setattr("reports.soak.damaged_files.WAITING", 2.0)
     with Reader() as reader:
-        found = reader.answer(0)
+        (found,) = reader.answers([0])
     assert found.fault and found.outcome == outcome.replace("10", "0.3")
     assert len(started) == (2 if "more" in outcome else 1)  # too slow: tried once more
 
 
-def test_a_failing_file_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def answer(self: Reader, number: int) -> Answer:
-        return Answer("died", "died" if number == 7 else "", 0.0)
+def test_others_are_asked_again_where_a_file_ends_the_process(monkeypatch) -> None:
+    """Each number has one answer; several are in the pipe when 3 and 4 end a process."""
+    program = """if True:
+        import os, sys
+        print("ready", flush=True)
+        for line in sys.stdin:
+            if line.strip() in "34":
+                os.abort()
+            seconds = 5.0 if line.strip() == "6" and os.path.exists(sys.argv[1]) else 0.0
+            if seconds:
+                os.remove(sys.argv[1])
+            print(f'["{line.strip()}", "", {seconds}]', flush=True)
+        """
+    start, started = subprocess.Popen, []
 
-    monkeypatch.setattr(Reader, "answer", answer)
+    def popen(words, **given):
+        started.append(words)
+        return start([sys.executable, "-c", program, str(slow)], **given)
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    monkeypatch.setattr("reports.soak.damaged_files.SECONDS", 4.0)
+    with Reader() as reader:
+        slow = Path(reader._folder.name) / "slow"
+        slow.touch()  # number 6 is slow the first time
+        found = list(reader.answers(range(9)))
+    died = "the process died"
+    assert [one.outcome for one in found] == [*"012", died, died, *"5678"]
+    assert [one.fault for one in found if one.fault] == [f"{died}: status -6"] * 2
+    assert len(started) == 4
+
+
+def test_a_failing_file_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def answers(self: Reader, numbers: range) -> Iterator[Answer]:
+        return (Answer("died", "died" if k == 7 else "", 0.0) for k in numbers)
+
+    monkeypatch.setattr(Reader, "answers", answers)
     (step,) = first(damaged_file_steps(5, FOREVER, tmp_path, 4), 1)
     sound, content = process.damaged(7)
     assert step.faults == (f"case 7, {sound.name}: died",)
