@@ -52,6 +52,22 @@ def test_an_interrupt_in_a_weak_references_callback_comes_again(capfd) -> None:
     assert sys.unraisablehook is not interrupts._on_lost
 
 
+def test_what_an_interrupt_leaves_half_made_goes_in_silence(capfd) -> None:
+    """llvmlite's objects fail when they go without having been made."""
+
+    class HalfMade:
+        def __init__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            self.part = 1
+
+        def __del__(self) -> None:
+            del self.part
+
+    with pytest.raises(KeyboardInterrupt), Interrupts():
+        HalfMade()
+    assert capfd.readouterr().err == ""
+
+
 def test_other_errors_that_are_lost_are_still_shown(monkeypatch) -> None:
     shown = []
     monkeypatch.setattr(sys, "unraisablehook", shown.append)
@@ -207,3 +223,12 @@ def test_an_ignored_interrupt_stays_ignored() -> None:
     with put_off_interrupts():
         signal.raise_signal(signal.SIGINT)
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_an_interrupt_while_the_command_line_is_read(monkeypatch, capsys) -> None:
+    def interrupted(arguments: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(cli, "read_options", interrupted)
+    assert cli.main([]) == 130
+    assert capsys.readouterr().err == "interrupted; wrote nothing\n"
