@@ -19,6 +19,9 @@ from renderer.errors import NotAllowed, SceneError
 # takes 50 microseconds.
 SMALL = 1 << 20  # [bytes]
 
+# What version 1 of control groups says where there is no limit is near 2^63.
+_NO_LIMIT = 1 << 60  # [bytes]
+
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12} | {
     "ki": 2**10,
     "mi": 2**20,
@@ -180,7 +183,7 @@ def _free_of_groups(root: Path = Path("/sys/fs/cgroup")) -> list[int]:
 def _free_of_group(folder: Path, limit: str, usage: str, inactive: str) -> list[int]:
     try:
         text = (folder / limit).read_text().strip()
-        if text == "max":
+        if text == "max" or int(text) >= _NO_LIMIT:
             return []
         used = int((folder / usage).read_text())
         counts = dict(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from renderer.command import cli
 from renderer.command.interrupts import Interrupts
+from renderer.signals import put_off_interrupts
 
 ROOT = Path(__file__).parent.parent
 
@@ -48,6 +50,22 @@ def test_an_interrupt_in_a_weak_references_callback_comes_again(capfd) -> None:
     assert interrupts.count == 1
     assert capfd.readouterr().err == ""
     assert sys.unraisablehook is not interrupts._on_lost
+
+
+def test_what_an_interrupt_leaves_half_made_goes_in_silence(capfd) -> None:
+    """llvmlite's objects fail when they go without having been made."""
+
+    class HalfMade:
+        def __init__(self) -> None:
+            signal.raise_signal(signal.SIGINT)
+            self.part = 1
+
+        def __del__(self) -> None:
+            del self.part
+
+    with pytest.raises(KeyboardInterrupt), Interrupts():
+        HalfMade()
+    assert capfd.readouterr().err == ""
 
 
 def test_other_errors_that_are_lost_are_still_shown(monkeypatch) -> None:
@@ -131,3 +149,86 @@ def test_what_has_c_code_is_imported_while_interrupts_are_put_off(tmp_path) -> N
     )
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.split("bare:")[1].split() == []
+
+
+# ------------------------------------------------- where LLVM calls back into Python
+
+_DISTURBED = """
+import signal, sys
+from numba.core import codegen
+from numba.core.registry import cpu_target
+from renderer.kernels.jit import entry_kernel
+from twice import twice
+
+library = codegen.JITCodeLibrary
+engine = cpu_target.target_context.codegen()._engine
+notify, get = library._object_compiled_hook, library._object_getbuffer_hook
+disturbed, calls = False, []
+
+def around(hook):
+    def called(*given):
+        calls.append(hook.__name__)
+        if disturbed:
+            signal.raise_signal(signal.SIGINT)
+        return hook(*given)
+    return called
+
+engine.set_object_cache(around(notify), around(get))
+signal.signal(signal.SIGINT, signal.default_int_handler)
+for way in ("compiled", "from the cache"):
+    for disturbed in (True, False):
+        try:
+            print(way, entry_kernel(twice)(21), flush=True)
+        except KeyboardInterrupt:
+            print(way, "interrupted", flush=True)
+print(len(set(calls)))
+"""
+
+
+def test_an_interrupt_while_llvm_calls_back_is_raised_after_it(tmp_path: Path) -> None:
+    """Lost in the callback, it left a kernel without code: a segmentation fault.
+
+    One kernel is compiled, then read from the cache, with an interrupt in each callback,
+    then without. In a process of its own, because that is what the fault ended.
+    """
+    (tmp_path / "twice.py").write_text("def twice(x):\n    return 2 * x\n")
+    paths = [str(ROOT), str(tmp_path)]
+    given = {"PYTHONPATH": os.pathsep.join(paths), "LIGHTPROOF_CACHE": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", _DISTURBED],
+        env={**os.environ, **given},
+        capture_output=True,
+        text=True,
+    )
+    ways = ("compiled", "from the cache")
+    lines = [f"{way} {found}" for way in ways for found in ("interrupted", 42)]
+    assert (done.stdout.splitlines(), done.stderr) == ([*lines, "2"], "")
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("times", [0, 1, 2])
+def test_put_off_interrupts_come_after_the_block(times: int) -> None:
+    seen = []
+    signal.signal(signal.SIGINT, lambda number, frame: seen.append(number))
+    with put_off_interrupts():
+        with put_off_interrupts():
+            for _ in range(times):
+                signal.raise_signal(signal.SIGINT)
+        assert seen == []
+    assert seen == [signal.SIGINT] * times
+
+
+def test_an_ignored_interrupt_stays_ignored() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with put_off_interrupts():
+        signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_an_interrupt_while_the_command_line_is_read(monkeypatch, capsys) -> None:
+    def interrupted(arguments: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(cli, "read_options", interrupted)
+    assert cli.main([]) == 130
+    assert capsys.readouterr().err == "interrupted; wrote nothing\n"

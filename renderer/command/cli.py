@@ -50,15 +50,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Without the program's name; None: those of the process.
     """
-    try:
-        options = read_options(arguments)
-    except SystemExit as stop:
-        return int(stop.code or 0)
     written: list[Path] = []
     interrupts = Interrupts()
     try:
-        with interrupts, limited_to(options.memory):
-            return _run(options, interrupts, written)
+        with interrupts:
+            options = read_options(arguments)
+            with limited_to(options.memory):
+                return _run(options, interrupts, written)
+    except SystemExit as stop:
+        return int(stop.code or 0)
     except (SceneError, ClusterError) as error:
         _complain(f"error: {error}")
     except MemoryError:

@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _soaked(soak: Soak, study: Study, given: argparse.Namespace, show: Show) -> Soak:
     """Run one trial for its budget, and write the record while it goes on."""
     part = soak.parts.get(study.name, Part())
-    if part.done >= study.wanted:
+    if study.complete(part):
         return soak
     cpu = str(soak.machine.get("cpu", "unknown"))
     part = part.begun(Session(soak.created, soak.commit, cpu))
@@ -82,7 +82,7 @@ def _soaked(soak: Soak, study: Study, given: argparse.Namespace, show: Show) -> 
             if now - written > WRITTEN_EVERY:
                 write_soak(given.record, _with(soak, study, part))
                 written = now
-            if part.done >= study.wanted:
+            if study.complete(part):
                 break
     finally:
         steps.close()  # type: ignore[attr-defined]

@@ -13,10 +13,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 from reports.records.errors import ReportError
 from reports.soak.damage.process import LARGE, PICTURE, REFUSED, damaged
@@ -43,7 +43,8 @@ class Reader:
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory()
-        self._process: subprocess.Popen[str] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._said = b""  # read of its answers, and not yet looked at
 
     def __enter__(self) -> Reader:
         """Return itself; the process starts with the first question."""
@@ -54,32 +55,49 @@ class Reader:
         self.close()
         self._folder.cleanup()
 
-    def answer(self, number: int) -> Answer:
-        """Return what the file of this number leads to; a process that dies is an answer.
+    def answers(self, numbers: Sequence[int]) -> Iterator[Answer]:
+        """Yield what the file of each number leads to; a process that dies is an answer.
 
         A file may be the first of all that asks for a kernel, and compiling takes seconds:
         what took too long is tried again, with kernels from the cache.
         """
-        first = self._asked(number)
-        return first if first.seconds <= SECONDS else self._asked(number)
+        left = list(numbers)
+        while left:
+            for found in self._asked(left):
+                first = left.pop(0)
+                yield found if found.seconds <= SECONDS else next(self._asked([first]))
+                if found.fault or found.seconds > SECONDS:
+                    break  # the process that was asked for the others is gone
 
-    def _asked(self, number: int) -> Answer:
+    def _asked(self, numbers: Sequence[int]) -> Iterator[Answer]:
+        """Yield answers up to the first one that ends the process.
+
+        All is asked at once: a process that waited for each question would wait for its
+        turn on a busy machine each time, which took twice as long as the answers.
+        """
         process = self._process or self._start()
         assert process.stdin is not None
-        before = _processor_seconds(process.pid)
-        try:
-            process.stdin.write(f"{number}\n")
+        words = "".join(f"{number}\n" for number in numbers)
+        with suppress(BrokenPipeError):
+            process.stdin.write(words.encode())
             process.stdin.flush()
-            line = _line(process, SECONDS + before, WAITING)
-        except BrokenPipeError:
-            line = ""
-        if line:
-            found = Answer(*json.loads(line))
+        before = _processor_seconds(process.pid)
+        for _ in numbers:
+            line = self._line(SECONDS + before, WAITING)
+            found = self._died(before) if not line else Answer(*json.loads(line))
             if found.fault or found.seconds > SECONDS:
                 self.close()  # the next file finds a process that nothing has harmed
-            if found.seconds > SECONDS:
-                return found._replace(fault=f"{found.seconds:.0f} s of processor time")
-            return found
+            if found.seconds > SECONDS and not found.fault:
+                found = found._replace(fault=f"{found.seconds:.0f} s of processor time")
+            yield found
+            if found.fault or found.seconds > SECONDS:
+                return
+            before += found.seconds
+
+    def _died(self, before: float) -> Answer:
+        """Return what is said of a process that gave no answer."""
+        assert self._process is not None
+        process = self._process
         took = _processor_seconds(process.pid) - before
         self.close()
         if took > SECONDS:
@@ -89,28 +107,58 @@ class Reader:
         what = "hangs" if status == -9 else "the process died"
         return Answer(what, f"{what}: status {status}", took)
 
-    def _start(self) -> subprocess.Popen[str]:
+    def _start(self) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
             [sys.executable, "-m", "reports.soak.damage.process", self._folder.name],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            text=True,
             start_new_session=True,  # Ctrl-C is for us
         )
         self._process = process
         assert process.stderr is not None
         os.set_blocking(process.stderr.fileno(), False)
-        if _line(process, WARMING, WARMING) != "ready\n":
+        if self._line(WARMING, WARMING) != "ready":
             process.kill()
-            said = (process.stderr.read() or "").strip().splitlines()
+            text = (process.stderr.read() or b"").decode(errors="replace")
+            said = text.strip().splitlines()
             raise ReportError(f"damaged files: {said[-1] if said else 'no process'}")
         # nobody reads what libraries say of damaged files; a full pipe would hold them up
         process.stderr.close()
         return process
 
+    def _line(self, until: float, waiting: float) -> str:
+        """Return the next line, or "" if the process ends or takes too long.
+
+        Parameters
+        ----------
+        until
+            Seconds of its processor time, from its start.
+        waiting
+            Seconds on a clock, from now.
+        """
+        process = self._process
+        assert process is not None and process.stdout is not None
+        give_up = time.monotonic() + waiting
+        with selectors.DefaultSelector() as selector:
+            selector.register(process.stdout, selectors.EVENT_READ)
+            while b"\n" not in self._said:
+                if selector.select(LOOK_EVERY):
+                    more = os.read(process.stdout.fileno(), 1 << 16)
+                    if not more:
+                        return ""
+                    self._said += more
+                    continue
+                late = time.monotonic() > give_up
+                if late or _processor_seconds(process.pid) > until:
+                    process.kill()
+                    return ""
+        line, _, self._said = self._said.partition(b"\n")
+        return line.decode()
+
     def close(self) -> None:
         """End the process; the next question starts another."""
+        self._said = b""
         if self._process is not None:
             self._process.kill()
             with suppress(BrokenPipeError), self._process:  # closes its pipes, and waits
@@ -136,9 +184,9 @@ def damaged_file_steps(
         while time.monotonic() < deadline:
             counts: dict[str, int] = {}
             faults, slowest = [], 0.0
-            for number in range(done, done + at_a_time):
+            numbers = range(done, done + at_a_time)
+            for number, found in zip(numbers, reader.answers(numbers), strict=True):
                 sound, content = damaged(number)
-                found = reader.answer(number)
                 end = Path(sound.name).suffix
                 for name in (f"files: {end}", found.outcome):
                     counts[name] = counts.get(name, 0) + 1
@@ -149,31 +197,6 @@ def damaged_file_steps(
                     (kept / f"{number}-{sound.name}").write_bytes(content)
             yield Step(at_a_time, counts, {"processor seconds": slowest}, tuple(faults))
             done += at_a_time
-
-
-def _line(process: subprocess.Popen[str], until: float, waiting: float) -> str:
-    """Return the next line, or "" if the process ends or takes too long.
-
-    Parameters
-    ----------
-    process
-        What is asked.
-    until
-        Seconds of its processor time, from its start.
-    waiting
-        Seconds on a clock, from now.
-    """
-    stream: IO[str] | None = process.stdout
-    assert stream is not None
-    give_up = time.monotonic() + waiting
-    with selectors.DefaultSelector() as selector:
-        selector.register(stream, selectors.EVENT_READ)
-        while not selector.select(LOOK_EVERY):
-            late = time.monotonic() > give_up
-            if late or _processor_seconds(process.pid) > until:
-                process.kill()
-                return ""
-    return stream.readline()
 
 
 def _processor_seconds(pid: int) -> float:

@@ -47,7 +47,7 @@ SHAPES = (
 OPEN = ("cylinder", "triangle tube for bsplinecurve", "implicit tube for linearcurve")
 CASES = tuple((shape, *place) for shape in SHAPES for place in PLACES)
 RAYS = 1 << 14  # of a case in a turn
-WANTED = len(CASES) * RAYS * 100
+WANTED = len(CASES) * RAYS * 100  # of a case: the rays that are sent at it
 NEAR = 1e-3  # of the shape: a hit nearer than this is the ray's own surface
 
 Floats = NDArray[np.float64]
@@ -89,50 +89,58 @@ def _tried(shape: str, offset: float, size: float, turn: int, rays: int) -> tupl
     going = center + inner - start
     going /= np.linalg.norm(going, axis=1, keepdims=True)
     outgoing = _directions(rng, rays)
+    trial = _Trial(inputs)
     left = near = 0
     for first in range(0, rays, CAPACITY):
         part = slice(first, first + CAPACITY)
-        more = _batch(inputs, start[part], going[part], outgoing[part], shape in OPEN)
+        more = trial.distances(start[part], going[part], outgoing[part], shape in OPEN)
         left += len(more)
         near += int((more < NEAR * size).sum())
     return left, near
 
 
-def _batch(
-    inputs: KernelInputs, start: Floats, going: Floats, outgoing: Floats, front: bool
-) -> NDArray[np.float32]:
-    """Return how far the rays get that leave where rays hit; infinity is no hit."""
-    packed, bsdfs = pack(inputs.record), inputs.record.bsdfs
-    work = make_workspace(
-        ray_capacity=CAPACITY,
-        capacity=CAPACITY,
-        kinds=len(bsdfs.methods),
-        parameters=len(bsdfs.values),
-        previous_points=False,
-    )
-    n = _aim(work, start, going)
-    next_hit_step(packed, pack(work), n)
-    hit = work.hits.prim[:n] >= 0
-    n = _aim(work, start[hit], going[hit])
-    next_hit_step(packed, pack(work), n)
-    locate_step(packed, pack(work), n)
-    points = work.points
-    normal = points.normal[:, :n].T.astype(float)
-    seen = (normal * points.wo[:, :n].T).sum(axis=1)
-    away = outgoing[hit] * np.sign((outgoing[hit] * normal).sum(axis=1) * seen)[:, None]
-    direction, origin = np.zeros_like(points.wo), np.zeros_like(points.wo)
-    direction[:, :n] = away.T
-    leave_step(pack(points), n, direction, origin)
-    keep = seen > 0 if front else np.ones(n, bool)
-    count = _aim(work, origin[:, :n].T[keep], away[keep])
-    next_hit_step(packed, pack(work), count)
-    return np.where(work.hits.prim[:count] >= 0, work.hits.t[:count], np.inf)
+class _Trial:
+    """Room for a batch of rays; made and packed once, which costs as much as a batch."""
 
+    def __init__(self, inputs: KernelInputs) -> None:
+        bsdfs = inputs.record.bsdfs
+        self._record = pack(inputs.record)
+        self._work = make_workspace(
+            ray_capacity=CAPACITY,
+            capacity=CAPACITY,
+            kinds=len(bsdfs.methods),
+            parameters=len(bsdfs.values),
+            previous_points=False,
+        )
+        self._packed = pack(self._work)
+        self._packed_points = pack(self._work.points)
 
-def _aim(work: Any, origin: Any, direction: Any) -> int:
-    work.rays.origin[:, : len(origin)] = np.asarray(origin, np.float32).T
-    work.rays.direction[:, : len(origin)] = np.asarray(direction, np.float32).T
-    return len(origin)
+    def distances(
+        self, start: Floats, going: Floats, outgoing: Floats, front: bool
+    ) -> NDArray[np.float32]:
+        """Return how far the rays get that leave where rays hit; infinity is no hit."""
+        hits, points = self._work.hits, self._work.points
+        hit = hits.prim[: self._traced(start, going)] >= 0
+        n = self._traced(start[hit], going[hit])
+        locate_step(self._record, self._packed, n)
+        normal = points.normal[:, :n].T.astype(float)
+        seen = (normal * points.wo[:, :n].T).sum(axis=1)
+        above = (outgoing[hit] * normal).sum(axis=1) * seen
+        away = outgoing[hit] * np.sign(above)[:, None]
+        direction, origin = np.zeros_like(points.wo), np.zeros_like(points.wo)
+        direction[:, :n] = away.T
+        leave_step(self._packed_points, n, direction, origin)
+        keep = seen > 0 if front else np.ones(n, bool)
+        count = self._traced(origin[:, :n].T[keep], away[keep])
+        return np.where(hits.prim[:count] >= 0, hits.t[:count], np.inf)
+
+    def _traced(self, origin: Any, direction: Any) -> int:
+        """Find the nearest hits of rays; return how many rays these are."""
+        rays = self._work.rays
+        rays.origin[:, : len(origin)] = np.asarray(origin, np.float32).T
+        rays.direction[:, : len(origin)] = np.asarray(direction, np.float32).T
+        next_hit_step(self._record, self._packed, len(origin))
+        return len(origin)
 
 
 @functools.cache

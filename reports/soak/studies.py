@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 
+from reports.soak import rays, self_hits
 from reports.soak.damaged_files import damaged_file_steps
 from reports.soak.growth import growth_steps
 from reports.soak.interrupts import interrupt_steps
-from reports.soak.rays import BOUND, EACH, STRUCTURES, ray_steps
-from reports.soak.record import Step
-from reports.soak.self_hits import WANTED, self_hit_steps
+from reports.soak.record import Part, Step
 
 
 @dataclass(frozen=True)
@@ -23,6 +22,14 @@ class Study:
     wanted: int  # of the unit, over all sessions
     about: str
     steps: Callable[[int, float], Iterator[Step]]  # (done so far, deadline)
+    # of some of its counts, by name: sums hide that one of them is behind
+    wanted_of: Mapping[str, int] = field(default_factory=dict)
+
+    def complete(self, part: Part) -> bool:
+        """Return whether a trial has done all that is wanted."""
+        return part.done >= self.wanted and all(
+            part.counts.get(name, 0) >= wanted for name, wanted in self.wanted_of.items()
+        )
 
 
 STUDIES = (
@@ -30,26 +37,29 @@ STUDIES = (
         "rays",
         "Rays in closed meshes",
         "rays",
-        EACH * len(STRUCTURES),
-        f"Rays from inside of five closed meshes, the same for each of {len(STRUCTURES)} "
-        "structures, asked for the nearest hit one by one and in packets, and for any hit. "
+        sum(rays.WANTED.values()),
+        "Rays from inside of five closed meshes, half of them in one of 80 triangles, "
+        f"the same for each of {len(rays.STRUCTURES)} structures (but that brute force has "
+        "smaller meshes in the place of large ones), asked for the nearest hit one by one "
+        "and in packets, and for any hit. "
         "Half go anywhere, half are aimed to pass edges and vertices at 10^-8 to 10^-2 "
         "of an edge. A leak is a ray that meets nothing although its line, in double "
-        f"precision, keeps {BOUND:g} of the largest coordinate away from every edge. "
+        f"precision, keeps {rays.BOUND:g} of the largest coordinate away from every edge. "
         "Nearer rays may be lost, because neighbouring triangles do not share their edge "
         "exactly; they are counted beside it.",
-        ray_steps,
+        rays.ray_steps,
+        rays.WANTED,
     ),
     Study(
         "self-hits",
         "Rays that leave a surface",
         "rays",
-        WANTED,
+        self_hits.WANTED,
         "Mitsuba's 44 cases: eleven shapes at four places and sizes are hit from four "
         "sizes away, rays leave into the hemisphere above each hit, and none may meet "
         "anything within a thousandth of the shape. Four shapes that this renderer lacks "
         "have their nearest kin.",
-        self_hit_steps,
+        self_hits.self_hit_steps,
     ),
     Study(
         "damaged-files",

@@ -7,8 +7,8 @@ what is called from outside (entries, and methods, which are called by address) 
 machine code. Cornell box: 12.5 s of processor time without, 10 s with it; and a method is
 compiled once instead of once for each caller (docs/decisions/compile-time.md).
 
-This replaces private parts of Numba's code generator, on the versions of
-`renderer.kernels.jit.versions`.
+And no interrupt falls into LLVM's work. This replaces private parts of Numba's code
+generator, on the versions of `renderer.kernels.jit.versions`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import llvmlite.binding as llvm
 from numba.core import codegen, cpu, targetconfig
 
 from renderer.kernels.jit.versions import IS_TRIED
+from renderer.signals import put_off_interrupts
 
 SEPARATE: set[str] = set()  # names of functions that become machine code by themselves
 
@@ -52,6 +53,17 @@ def _replace_parts_of_numba() -> None:
         codegen.JITCPUCodegen.set_env,
     )
     post_lowering = cpu.CPUContext.post_lowering
+    finalize_module = _Library._finalize_final_module
+
+    def finalize_undisturbed(self: Any) -> None:
+        """Let no interrupt fall where LLVM asks for code in the cache, or hands some over.
+
+        ctypes prints and forgets a KeyboardInterrupt there, LLVM goes on without the code,
+        and `set_env` writes to the address of nothing: a segmentation fault in one of 800
+        interrupts. LLVM works for long, and Python's handler runs as soon as it calls back.
+        """
+        with put_off_interrupts():
+            finalize_module(self)
 
     def finalize_or_link(self: Any) -> None:
         if not _is_linked_only(self):
@@ -112,6 +124,7 @@ def _replace_parts_of_numba() -> None:
         return library
 
     _Library.finalize = finalize_or_link
+    _Library._finalize_final_module = finalize_undisturbed
     _Library._optimize_functions = optimize_functions
     _Library._optimize_final_module = optimize_once
     _Library.serialize_using_object_code = serialize_by_use

@@ -7,6 +7,7 @@ two-sided surface the frame is turned); a transmitting one has wo.z < 0 inside.
 
 from __future__ import annotations
 
+import functools
 import typing
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ from renderer.kernels.lanes.vectors import dot, load3, select3, vec3
 from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
 from renderer.kinds.sampling.arithmetic import to_world
+
+# annotations by name; a scene asks for those of each BSDF a dozen times, 20 us each
+hints_of = functools.cache(typing.get_type_hints)
 
 
 class Color:
@@ -180,7 +184,7 @@ class BsdfKind:
     def layout(self) -> list[tuple[str, int, int]]:
         """Return (name, first row, rows) of the parameters that each point has."""
         rows, at = [], 0
-        for name, kind in typing.get_type_hints(self.parameters).items():
+        for name, kind in hints_of(self.parameters).items():
             count = ROWS[kind]
             if count:
                 rows.append((name, at, count))
@@ -190,7 +194,7 @@ class BsdfKind:
     @property
     def tables(self) -> list[str]:
         """The names of the parameters that are tables."""
-        hints = typing.get_type_hints(self.parameters)
+        hints = hints_of(self.parameters)
         return [name for name, kind in hints.items() if kind is Table]
 
     @property
@@ -365,7 +369,7 @@ def entry_of(table, i):
 def make_loader(parameters: type) -> tuple[Any, Any]:
     """Return `parameters_from` and `rows_of`, made from the annotations."""
     parts, rows, nested = [], 0, ""
-    for name, kind in typing.get_type_hints(parameters).items():
+    for name, kind in hints_of(parameters).items():
         if kind is Nested:
             parts.append(f"parameters_from(form.{name}, points, first + {rows}{nested}, i)")
             nested += f" + rows_of(form.{name})"

@@ -12,7 +12,6 @@ says with what probability it chose a delta lobe, and whether that is a hole.
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -28,6 +27,7 @@ from renderer.kinds.bsdfs.kind import (
     Nested,
     albedo_of,
     eval_pdf_bsdf,
+    hints_of,
     is_possible,
     make_loader,
     normal_of,
@@ -353,7 +353,7 @@ class Structure:
 
     @property
     def _fields(self) -> list[str]:
-        hints = typing.get_type_hints(self.wrapper.parameters)
+        hints = hints_of(self.wrapper.parameters)
         return [name for name, hint in hints.items() if hint is Nested]
 
     def form(self, tables: dict[str, Any] | None = None) -> Any:
@@ -371,7 +371,7 @@ class Structure:
         """Return (name, first row, rows), of what the surface gives too."""
         rows: list[tuple[str, int, int]] = []
         at, inside = 0, iter(self.inside)
-        for name, annotation in typing.get_type_hints(self.wrapper.parameters).items():
+        for name, annotation in hints_of(self.wrapper.parameters).items():
             if annotation is Nested:
                 kind = next(inside)
                 nested = kind._rows() if isinstance(kind, Structure) else kind.layout()

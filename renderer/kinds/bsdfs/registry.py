@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import typing
 import uuid
 from collections import ChainMap
 from collections.abc import Callable
@@ -16,7 +15,14 @@ from renderer.kinds.bsdfs.bumpmap import BUMP_MAP
 from renderer.kinds.bsdfs.conductor import CONDUCTOR
 from renderer.kinds.bsdfs.dielectric import DIELECTRIC
 from renderer.kinds.bsdfs.diffuse import DIFFUSE
-from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, Nested, make_known
+from renderer.kinds.bsdfs.kind import (
+    BsdfKind,
+    Color,
+    Float,
+    Nested,
+    hints_of,
+    make_known,
+)
 from renderer.kinds.bsdfs.mask import MASK
 from renderer.kinds.bsdfs.merl import MERL
 from renderer.kinds.bsdfs.nesting import (
@@ -199,7 +205,7 @@ def nested_names(bsdf: Any) -> tuple[str, ...]:
 
 
 def _nested_in(wrapper: Wrapper) -> tuple[str, ...]:
-    hints = typing.get_type_hints(wrapper.parameters)
+    hints = hints_of(wrapper.parameters)
     return tuple(name for name, hint in hints.items() if hint is Nested)
 
 
@@ -220,7 +226,7 @@ def _checked_parameters(name: str, parameters: type) -> dict[str, type]:
     """Return the annotations of the parameters, in their order."""
     if not (isinstance(parameters, type) and hasattr(parameters, "_fields")):
         raise ValueError(f"BSDF {name!r}: the parameters are no NamedTuple class")
-    hints = typing.get_type_hints(parameters)
+    hints = hints_of(parameters)
     for key, kind in hints.items():
         if kind not in (Color, Float):
             raise ValueError(f"BSDF {name!r}: {key} is annotated neither Color nor Float")

@@ -5,8 +5,11 @@ What a file is, its content says and not its name, but for TGA, which has no sig
 
 from __future__ import annotations
 
+import struct
 import warnings
+import zlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +19,17 @@ from renderer.errors import SceneError
 from renderer.scene_file.images.exr_image import is_exr, read_exr
 from renderer.scene_file.images.image import Image, checked
 from renderer.scene_file.images.png_16_bit import is_16_bit_png, read_16_bit_png
+from renderer.scene_file.images.png_chunks import (
+    DEFLATE_RATIO,
+    HEAD,
+    bytes_held,
+    bytes_of_rows,
+    size_of,
+)
 from renderer.scene_file.images.rgbe_image import is_rgbe, read_rgbe
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
 
 READ_FROM = "PNG, JPEG, BMP, TGA, EXR or HDR"
 _LARGEST = 2**28  # pixels; beyond it a header is more likely broken than honest
@@ -75,14 +88,11 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
                         f"expected at most {_LARGEST}"
                     )
                 pixels = image.width * image.height
-                # A coder spends a bit on 64 pixels at least; missing ones are made up.
-                if image.format == "JPEG" and pixels > 1024 * path.stat().st_size:
-                    raise SceneError(
-                        f"{path}: damaged image: {path.stat().st_size} bytes cannot hold "
-                        f"{image.width} x {image.height} pixels"
-                    )
+                _require_content(path, image)
                 grey = image.mode in ("1", "L", "LA")
                 memory.require((6 if grey else 16) * pixels, f"{path}: the image")
+                if image.format == "PNG":
+                    _require_rows(path, image)
                 if grey:
                     return np.asarray(image.convert("L"))[:, :, None]
                 if image.mode in ("RGB", "RGBA", "P"):
@@ -105,8 +115,44 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
         SyntaxError,
         EOFError,
         IndexError,
+        struct.error,
+        zlib.error,
         MemoryError,  # a chunk of a PNG may claim 4 GB
         Pillow.DecompressionBombError,
     ) as error:
         shown = str(error) or "it claims more than fits into memory"
         raise SceneError(f"{path}: damaged image: {shown}") from None
+
+
+def _require_content(path: Path, image: PillowImage) -> None:
+    """Refuse a file that is too small for what its header promises."""
+    size, pixels = path.stat().st_size, image.width * image.height
+    # A coder spends a bit on 64 pixels at least; missing ones are made up.
+    too_small = image.format == "JPEG" and pixels > 1024 * size
+    if image.format == "PNG":
+        with path.open("rb") as file:
+            head = file.read(HEAD)
+        if head[12:16] != b"IHDR" or size_of(head) != image.size:
+            raise SceneError(f"{path}: damaged image: its first chunk is not its header")
+        too_small = bytes_of_rows(head) > DEFLATE_RATIO * size
+    if too_small:
+        raise SceneError(
+            f"{path}: damaged image: {size} bytes cannot hold "
+            f"{image.width} x {image.height} pixels"
+        )
+
+
+def _require_rows(path: Path, image: PillowImage) -> None:
+    """Refuse a PNG that holds less than all rows; those that lack are black.
+
+    Counting takes as long as reading, and is needed only where the last row is black.
+    """
+    image.load()
+    last = image.crop((0, image.height - 1, image.width, image.height))
+    if image.info.get("interlace") or last.getbbox(alpha_only=False) is None:
+        content = path.read_bytes()
+        wanted = bytes_of_rows(content)
+        if (held := bytes_held(content, wanted)) < wanted:
+            raise SceneError(
+                f"{path}: damaged image: {held} bytes of pixels; expected {wanted}"
+            )

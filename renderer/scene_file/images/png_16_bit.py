@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 
 from renderer import memory
 from renderer.errors import SceneError
+from renderer.scene_file.images.png_chunks import CHANNELS, HEAD, SIGNATURE, image_data
 
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}  # by colour type: grey, RGB, grey + A, RGB + A
 _LARGEST = 2**28  # pixels
 
 
 def is_16_bit_png(path: Path) -> bool:
     """Tell whether a file is a PNG with a bit depth of 16."""
     with path.open("rb") as file:
-        head = file.read(29)  # the signature and the whole first chunk
-    return len(head) == 29 and head[:8] == _SIGNATURE and head[24] == 16
+        head = file.read(HEAD)
+    return len(head) == HEAD and head[:8] == SIGNATURE and head[24] == 16
 
 
 def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
@@ -44,8 +43,8 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
     width, height, _, color_type, _, _, interlace = struct.unpack(
         ">IIBBBBB", content[16:29]
     )
-    channels = _CHANNELS.get(color_type)
-    if channels is None or not 0 < width * height <= _LARGEST:
+    channels = CHANNELS.get(color_type)
+    if channels is None or color_type == 3 or not 0 < width * height <= _LARGEST:
         raise SceneError(f"{path}: damaged PNG: its header makes no sense")
     if interlace:
         raise SceneError(f"{path}: interlaced 16-bit PNG is not supported; save it without")
@@ -55,7 +54,7 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
     expected = height * (row_bytes + 1)  # each row starts with the number of its filter
     try:
         inflater = zlib.decompressobj()
-        packed = inflater.decompress(_image_data(content), expected + 1)
+        packed = inflater.decompress(image_data(content), expected + 1)
     except (zlib.error, struct.error) as error:
         raise SceneError(f"{path}: damaged PNG: {error}") from None
     if len(packed) != expected:
@@ -70,15 +69,3 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
     pixels = np.ascontiguousarray(values[1:, channels * 2 :]).view(">u2")
     pixels = pixels.reshape(height, width, channels).astype(np.uint16)
     return pixels[:, :, : 1 if channels < 3 else 3]
-
-
-def _image_data(content: bytes) -> bytes:
-    """Join the IDAT chunks."""
-    parts = []
-    position = len(_SIGNATURE)
-    while position + 8 <= len(content):
-        length, kind = struct.unpack_from(">I4s", content, position)
-        if kind == b"IDAT":
-            parts.append(content[position + 8 : position + 8 + length])
-        position += length + 12  # length, kind, checksum
-    return b"".join(parts)

@@ -42,6 +42,7 @@ def damaged(number: int) -> tuple[SoundFile, bytes]:
 def outcome(folder: Path, sound: SoundFile, content: bytes) -> tuple[str, str]:
     """Return what a file led to, and the sentence of a fault or ""."""
     path = place(folder, sound)
+    path.unlink(missing_ok=True)  # ext4 waits for the disk if a file is cut to be rewritten
     path.write_bytes(content)
     try:
         with warnings.catch_warnings():
