@@ -42,6 +42,13 @@ def choose_structures(
     rays
         That will be traced.
     """
+    found: dict[str, Choice] = scene.recently(
+        "structures", (asked, rays), _choose_structures, scene, asked, rays
+    )
+    return found
+
+
+def _choose_structures(scene: Scene, asked: str, rays: RayCounts) -> dict[str, Choice]:
     chosen = {}
     for kind, surfaces in scene.surfaces.items():
         count = int(scene.starts[kind][0])

@@ -8,6 +8,7 @@ from typing import Any
 from renderer.picture.image import Image
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.scene.scene import Scene
+from renderer.scene_file.description import Integrator
 
 
 def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
@@ -19,7 +20,12 @@ def nested_scene(scene: Scene, plan: Plan) -> Scene | None:
     nested = scene.description.integrator.nested
     if plan.method != "aov" or nested is None:
         return None
-    description = dataclasses.replace(scene.description, integrator=nested)
+    found: Scene = scene.once("colours beside AOVs", _under, scene, nested)
+    return found
+
+
+def _under(scene: Scene, integrator: Integrator) -> Scene:
+    description = dataclasses.replace(scene.description, integrator=integrator)
     return dataclasses.replace(scene, description=description)
 
 

@@ -41,6 +41,8 @@ from renderer.scene_file.description import (
 from renderer.scene_file.reach import FARTHEST
 
 KINDS = tuple(SHAPES)
+# tables may hold copies of textures, or more for each triangle
+RECENT = {"plan": 32, "structures": 32, "tables": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,10 @@ class Scene:
     def _built(self) -> dict[Any, Any]:
         return {}
 
+    @functools.cached_property
+    def _recent(self) -> dict[str, dict[Any, Any]]:
+        return {}
+
     def once(self, key: Any, build: Callable[..., Any], *arguments: Any) -> Any:
         """Return what `build` gives for a key, built at the first call and then kept.
 
@@ -71,6 +77,21 @@ class Scene:
         if key not in self._built:
             self._built[key] = build(*arguments)
         return self._built[key]
+
+    def recently(
+        self, what: str, key: Any, build: Callable[..., Any], *arguments: Any
+    ) -> Any:
+        """Return the same as `once`, but keep what was asked for last alone.
+
+        For what depends on how the scene is rendered, of which there are any number of
+        ways: `RECENT[what]` of them are kept.
+        """
+        kept = self._recent.setdefault(what, {})
+        found = kept.pop(key) if key in kept else build(*arguments)
+        kept[key] = found  # at the end
+        while len(kept) > RECENT[what]:
+            kept.pop(next(iter(kept)), None)
+        return found
 
     @functools.cached_property
     def bounds(self) -> NDArray[np.float64]:

@@ -145,36 +145,72 @@ class TileGrid(NamedTuple):
 
 
 @entry_kernel
-def develop_rows(tile_sums, grid, picture, first, end):
+def _develop_rows(lines, grid, picture, totals, first, end):
     """Write rows first .. end - 1 of sum(w v) / sum(w); 0 where there is no weight.
+
+    A row of the picture is added up line by line of the tiles, as they lie in memory: pixel
+    by pixel it took seven times as long.
+
+    Parameters
+    ----------
+    lines
+        (places * (channels + 1) * rows, columns) of all sums.
+    grid
+        How the tiles lie.
+    picture
+        (height, width * channels).
+    totals
+        (channels + 1, width) to work in.
+    first, end
+        Rows of the picture.
+    """
+    channels, width, size = totals.shape[0] - 1, totals.shape[1], lines.shape[1]
+    for y in range(first, end):
+        for c in range(channels + 1):
+            for x in range(width):
+                store_one(totals, c, x, 0.0)
+        row = y + grid.beyond
+        below = min((row + grid.border) // TILE_SIZE, grid.rows - 1)
+        above = max((row - grid.border) // TILE_SIZE, 0)  # its border ends here
+        for layer in range(grid.layers):
+            for j in range(above, below + 1):
+                for i in range(grid.columns):
+                    place = (layer * grid.rows + j) * grid.columns + i
+                    inside_y = row - j * TILE_SIZE + grid.border
+                    start = i * TILE_SIZE - grid.border - grid.beyond
+                    left, right = max(start, 0), min(start + size, width)
+                    for c in range(channels + 1):
+                        line = (place * (channels + 1) + c) * size + inside_y
+                        for x in range(left, right):
+                            more = load_one(lines, line, x - start)
+                            store_one(totals, c, x, load_one(totals, c, x) + more)
+        for x in range(width):
+            weight = load_one(totals, channels, x)
+            inverse = 1.0 / weight if weight != 0.0 else 0.0
+            for c in range(channels):
+                store_one(picture, y, x * channels + c, load_one(totals, c, x) * inverse)
+
+
+def develop_rows(
+    sums: NDArray[np.float64],
+    grid: TileGrid,
+    picture: NDArray[np.float32],
+    first: int,
+    end: int,
+) -> None:
+    """Write rows first .. end - 1 of a picture (height, width, channels).
 
     Layers are added in their order, and where borders overlap, so are tiles.
     """
-    channels = picture.shape[2]
-    border = grid.border
-    for y in range(first, end):
-        row = y + grid.beyond
-        below = min((row + border) // TILE_SIZE, grid.rows - 1)
-        above = max((row - border) // TILE_SIZE, 0)  # its last row and its border end here
-        for x in range(picture.shape[1]):
-            column = x + grid.beyond
-            right = min((column + border) // TILE_SIZE, grid.columns - 1)
-            left = max((column - border) // TILE_SIZE, 0)
-            inverse = 0.0
-            for k in range(channels + 1):
-                c = channels if k == 0 else k - 1  # the weight first
-                total = 0.0
-                for layer in range(grid.layers):
-                    for j in range(above, below + 1):
-                        for i in range(left, right + 1):
-                            place = (layer * grid.rows + j) * grid.columns + i
-                            inside_y = row - j * TILE_SIZE + border
-                            inside_x = column - i * TILE_SIZE + border
-                            total += tile_sums[place, c, inside_y, inside_x]
-                if k > 0:
-                    picture[y, x, c] = total * inverse
-                elif total != 0.0:
-                    inverse = 1.0 / total
+    height, width, channels = picture.shape
+    _develop_rows(
+        sums.reshape(-1, sums.shape[-1]),
+        grid,
+        picture.reshape(height, width * channels),
+        np.empty((channels + 1, width)),
+        first,
+        end,
+    )
 
 
 class Film:

@@ -48,6 +48,7 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
 
     def __init__(self, record: Any, source: str = "") -> None:
         self.record, self.source = record, source
+        self.words = _words(record)
         cls = record.instance_class
         exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source}"
         digest = hashlib.sha256(exact.encode()).hexdigest()[:12]
@@ -81,7 +82,7 @@ class Packed:
     def __init__(self, record: Any, source: str = "") -> None:
         self.record = record
         self.numba_type = record_type(record, source)
-        self._memory = np.zeros(_words(self.numba_type.record) + 1, np.uint64)
+        self._memory = np.zeros(self.numba_type.words + 1, np.uint64)
         _fill(self._memory, 0, record, self.numba_type.record)
         self.address = int(self._memory.ctypes.data)
 

@@ -196,6 +196,29 @@ def make_plan(
     SceneError
         For a name that does not exist or a number of samples that is out of range.
     """
+    choices = (
+        integrator,
+        sampler,
+        spp,
+        accel or "auto",
+        ray_offset,
+        threads or default_threads(),
+        light_choice,
+    )
+    plan: Plan = scene.recently("plan", choices, _make_plan, scene, *choices)
+    return plan
+
+
+def _make_plan(
+    scene: Scene,
+    integrator: str | None,
+    sampler: str | None,
+    spp: int | None,
+    accel: str,
+    ray_offset: str | None,
+    threads: int,
+    light_choice: str | None,
+) -> Plan:
     plan = _decide(scene, integrator, sampler, spp)
     choice = _known_light_choice(light_choice, plan)
     plan = dataclasses.replace(plan, light_choice=choice)
@@ -204,10 +227,8 @@ def make_plan(
     lights = emitting + len(scene.description.emitters) if plan.every_light else 1
     camera = scene.description.camera
     explain_light_choice(plan, emitting + len(scene.description.emitters), why)
-    rays = expected_rays(
-        camera, plan.spp, plan.max_depth, lights, threads or default_threads()
-    )
-    explain_accelerators(scene, accel or "auto", rays, why)
+    rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
+    explain_accelerators(scene, accel, rays, why)
     return dataclasses.replace(
         plan,
         ray_offset=_known_ray_offset(ray_offset, plan.replay),

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerators
+from renderer.accelerators.choice import choose_structures
+from renderer.accelerators.cost_model import USUAL_RAYS
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
@@ -42,10 +46,11 @@ from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import has_textured_lamps
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import Sensor
+from renderer.scene_file.description import Sampler, Sensor
 from renderer.stages.camera_rays import fill_rays
 from renderer.stages.caustics import CausticMarks, mark_caustics
 
+_NO_METHODS = np.zeros((1, 1), np.int64)
 _NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))
 
 
@@ -65,7 +70,63 @@ class KernelInputs:
     def __init__(
         self, scene: Scene, plan: Plan, accel: str, seed: int, variant: Variant
     ) -> None:
-        self._tables = tables = MethodTables()
+        sampling = variant.sampling(scene, plan, seed)
+        self.sampler: Packed = sampling.record
+        what = (scene, plan, accel, variant, sampling.by_pair)
+        begun = time.perf_counter()
+        if variant.in_order:  # a replay, whose tables know more than the plan
+            self._tables = _SceneTables(*what)
+        else:
+            key = _what_decides(scene, plan, accel), sampling.by_pair
+            self._tables = scene.recently("tables", key, _SceneTables, *what)
+        made = self._tables.begun >= begun
+        self._own = MethodTables()
+        self.surfaces = self._tables.surfaces
+        chooses = self._tables.chooses
+        methods = _sampler_methods(self._own, sampling, scene, plan, chooses)
+        self.record = self._tables.record._replace(sampler=methods)
+        # the time that compiling the methods has taken
+        self.compile_seconds = self._own.compile_seconds
+        if made:
+            self.compile_seconds += self._tables.methods.compile_seconds
+
+    @property
+    def kept(self) -> list[Packed]:
+        """The records that the methods work on."""
+        return self._tables.methods.kept + self._own.kept
+
+
+def _what_decides(scene: Scene, plan: Plan, accel: str) -> tuple[Any, ...]:
+    """Return what the tables depend on: not how many samples there are, nor whose."""
+    chosen = choose_structures(scene, accel, plan.rays)
+    structures = tuple((kind, choice.name) for kind, choice in chosen.items())
+    sampler = Sampler("independent", 1)
+    same = dataclasses.replace(plan, spp=1, sampler=sampler, rays=USUAL_RAYS, lines=())
+    return accel, structures, same
+
+
+class _SceneTables:
+    """All but the random numbers: what a render with another seed finds made.
+
+    Attributes
+    ----------
+    record : KernelScene
+        Without methods of the sampler.
+    methods : MethodTables
+        Keep alive what its addresses point to.
+    surfaces : dict
+        Kind of shape -> its record.
+    chooses : bool
+        Whether the sampler chooses lights, uniformly.
+    begun : float
+        When these were made.
+    """
+
+    def __init__(
+        self, scene: Scene, plan: Plan, accel: str, variant: Variant, by_pair: bool
+    ) -> None:
+        self.begun = time.perf_counter()
+        self.methods = tables = MethodTables()
         settings = _settings(scene, plan, variant)
         self.surfaces = surfaces = _surfaces(scene, settings, variant)
         placements = scene.placements or _NO_PLACEMENTS
@@ -79,12 +140,9 @@ class KernelInputs:
                 scene, accel, plan.rays, without_emitters_of=accelerators
             )
             camera_groups = group_methods(tables, seen, plan, lit)
-        sampling = variant.sampling(scene, plan, seed)
-        self.sampler: Packed = sampling.record
 
         lights, choice = NO_LIGHTS, None
         if lit and plan.by_importance:
-            by_pair = sampling.by_pair
             choice = scene.once(
                 ("choice of lights", by_pair), choice_of_light, scene, by_pair
             )
@@ -100,6 +158,7 @@ class KernelInputs:
                 choice,
                 plan.caustics,
             )
+        self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)
         if not plan.caustics:  # a plan for a replay has them
             hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks(-1.0))
@@ -121,20 +180,10 @@ class KernelInputs:
             ),
             lights,
             _sensor_methods(tables, scene.description.camera),
-            _sampler_methods(tables, sampling, scene, plan, lit and choice is None),
+            _NO_METHODS,
             _hooks(tables, hooks, settings, placements),
             settings,
         )
-
-    @property
-    def compile_seconds(self) -> float:
-        """The time that compiling the methods has taken."""
-        return self._tables.compile_seconds
-
-    @property
-    def kept(self) -> list[Packed]:
-        """The records that the methods work on."""
-        return self._tables.kept
 
 
 def has_lights(scene: Scene) -> bool:
