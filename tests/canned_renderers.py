@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_ref.ladder.pictures_by_seed import FIRST_REFERENCE_SEED, SEED_STEP
 from mitsuba_ref.our_renderer.picture import OurPicture
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import write_entry
@@ -80,6 +79,9 @@ def behaviour(request: RenderRequest, side: str) -> str:
     if how.startswith("own filter "):
         return "" if request.box_filter else how.removeprefix("own filter ")
     if how.startswith("later "):  # than the pictures that are compared without a ladder
+        # here, as the process that stands for Mitsuba's would import SciPy with it
+        from mitsuba_ref.ladder.pictures_by_seed import FIRST_REFERENCE_SEED, SEED_STEP
+
         seed, theirs = request.seed, request.seed - FIRST_REFERENCE_SEED
         late = (seed if theirs < 0 else theirs // SEED_STEP) >= 5
         return how.removeprefix("later ") if late else ""

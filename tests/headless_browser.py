@@ -168,9 +168,8 @@ class Page:
             mobile=width < 600,
         )
 
-    def prefer(self, colours: str) -> None:
-        """Say that the reader wants "light" or "dark" colours."""
-        scheme = {"name": "prefers-color-scheme", "value": colours}
+    def prefer_dark(self) -> None:
+        scheme = {"name": "prefers-color-scheme", "value": "dark"}
         self.call("Emulation.setEmulatedMedia", features=[scheme])
 
     def box(self, selector: str) -> tuple[float, float, float, float]:

@@ -13,6 +13,7 @@ import pytest
 from agreement import (
     assert_agrees,
     assert_same_hits,
+    brute_force,
     every_name,
     every_name_of_cylinders,
     every_pair,
@@ -62,13 +63,12 @@ def test_made_soups(name, made):
         rng = np.random.default_rng(made.seed)
         origin, direction = awkward_rays(extents, 32, rng)
         accel = proved(name, "triangles", surfaces, reach_of(origin[::2]))
-        brute = accelerator("triangles", surfaces, "brute")
-        truth = closest(brute, origin, direction)
+        truth = brute_force("triangles", surfaces, origin, direction)
         label = f"{name}, {family}"
         assert_agrees(accel, truth, origin, direction, np.inf, label)
         hit = truth.prim >= 0
         for end, t_max in ends_of(truth.t[hit]).items():
-            ended = closest(brute, origin[hit], direction[hit], t_max=t_max)
+            ended = brute_force("triangles", surfaces, origin[hit], direction[hit], t_max)
             kept = np.full(hit.sum(), -1) if end == "before" else truth.prim[hit]
             np.testing.assert_array_equal(ended.prim, kept, f"{label}, ends {end} it")
             assert_agrees(accel, ended, origin[hit], direction[hit], t_max, label)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,14 @@ import pytest
 from agreement import (
     NAMES,
     assert_agrees,
+    brute_force,
     every_name,
     extents_for,
     one_of_each_family,
     proved,
     reach_of,
 )
-from kernel_probes import accelerator, closest, directions, float32, unit
+from kernel_probes import directions, float32, unit
 from small_scenes import diffuse, placed, rgb, sensor
 from soups import awkward_rays
 
@@ -75,15 +77,20 @@ def scenes():
     ]
 
 
+@functools.cache
+def loaded(path: Path) -> renderer.Scene:
+    return renderer.load_file(path)
+
+
 @every_name
 @pytest.mark.parametrize("path", scenes())
 def test_every_scene(name, path):
     """Each kind of primitive that a scene has, as the renderer builds over it."""
-    scene = renderer.load_file(path)
+    scene = loaded(path)
     found = 0
     for kind, surfaces in scene.surfaces.items():
         origin, direction = rays_of(scene, kind)
-        truth = closest(accelerator(kind, surfaces, "brute"), origin, direction)
+        truth = brute_force(kind, surfaces, origin, direction)
         start = scene.description.camera.to_world[:3, 3]
         reach = reach_of(np.array([*scene.bounds, start]))
         accel = proved(name, kind, surfaces, reach)

@@ -63,6 +63,15 @@ def test_reading_scenes_needs_no_numba():
     assert not imported(finished) & SLOW
 
 
+@pytest.mark.parametrize("name", ["reference.picture_process", "replay.mitsuba_trace"])
+def test_mitsubas_processes_need_no_kernels(name):
+    """They wait for Mitsuba alone, which comes with their first request."""
+    finished = run("-c", f"import mitsuba_ref.{name}")
+    assert finished.returncode == 0, finished.stderr
+    assert "numpy" in imported(finished)
+    assert not imported(finished) & SLOW
+
+
 def test_a_picture_imports_what_it_is_made_with(tmp_path):
     """Numba, but not SciPy, which Numba takes along where it is installed."""
     scene = ROOT / "scenes" / "grey-furnace" / "scene.xml"

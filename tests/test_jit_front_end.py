@@ -137,6 +137,22 @@ def test_a_builder_may_compute_with_whole_arrays() -> None:
     assert polynomial(np.arange(4.0)).tolist() == [0.0, 3.0, 10.0, 21.0]
 
 
+def test_an_array_that_does_not_fit_into_another_is_an_error() -> None:
+    """Without the text of the error, that is without strings in the kernel."""
+
+    @builder_kernel
+    def copied(target, source):
+        target[:] = source
+        return target
+
+    with event.install_recorder("numba:compile") as heard:
+        assert copied(np.zeros(2), np.ones(2)).tolist() == [1.0, 1.0]
+    compiled = {e.data["dispatcher"].py_func.__module__ for _, e in heard.buffer}
+    assert "numba.cpython.unicode" not in compiled
+    with pytest.raises(ValueError, match="cannot assign slice"):
+        copied(np.zeros(2), np.ones(3))
+
+
 def test_a_branch_for_none_is_not_compiled() -> None:
     """The pruning of dead branches stays: absent tables are None."""
 

@@ -62,22 +62,31 @@ scrollTo({top: 0, behavior: "instant"});
 
 
 @pytest.fixture(scope="module")
-def results(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    """Return a page of results, which takes 2 s to draw its charts: once for all tests."""
+def index(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     scenes = [scene("sound", "pass"), scene("shifted", "fail"), stopped_scene("broken")]
     record = read_results(write_results(folder, scenes))
-    index = folder / "index.html"
-    index.write_text(results_page(record, folder), encoding="utf-8")
+    file = folder / "index.html"
+    file.write_text(results_page(record, folder), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
+def shared(browser: Browser, index: Path) -> Page:
+    """Return the page, opened once: its charts take 2 s to draw."""
     return opened(browser, index)
 
 
 @pytest.fixture
-def page(results: Page) -> Page:
-    results.resize(1000, 900)
-    results.prefer("light")
-    results.evaluate(AS_OPENED)
-    return results
+def page(shared: Page) -> Page:
+    shared.evaluate(AS_OPENED)
+    return shared
+
+
+@pytest.fixture
+def own_page(browser: Browser, index: Path) -> Page:
+    """Return a page whose window a test may change: its charts draw themselves anew."""
+    return opened(browser, index)
 
 
 def shown_share_of_ours(page: Page) -> float:
@@ -160,17 +169,17 @@ def test_browser_reports_no_error_and_fetches_nothing(page: Page) -> None:
 
 
 @pytest.mark.parametrize("width", [360, 768, 1280])
-def test_page_fits_the_window(page: Page, width: int) -> None:
+def test_page_fits_the_window(own_page: Page, width: int) -> None:
     """Wide tables scroll in their own box; the page itself never scrolls sideways."""
-    page.resize(width, 800)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    own_page.resize(width, 800)
+    assert own_page.evaluate("document.documentElement.scrollWidth") <= width
 
 
-def test_dark_mode_turns_the_page_dark(page: Page) -> None:
+def test_dark_mode_turns_the_page_dark(own_page: Page) -> None:
     colour = "getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)"
-    assert min(page.evaluate(colour)) > 200
-    page.prefer("dark")
-    assert max(page.evaluate(colour)) < 60
+    assert min(own_page.evaluate(colour)) > 200
+    own_page.prefer_dark()
+    assert max(own_page.evaluate(colour)) < 60
 
 
 def test_points_of_a_chart_lie_on_the_grid_lines_of_their_values(

@@ -19,13 +19,12 @@ from typing import Any
 
 import numpy as np
 
+# Mitsuba's process imports this too, so Numba is left to the functions that it never calls.
 from mitsuba_ref.records.json_files import from_json, to_json
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
-from renderer.kernels.jit import cache_root, with_neighbours
-from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
@@ -56,6 +55,8 @@ class ReferenceCache:
 
     def __init__(self, render: RenderFunction, folder: Path | None = None) -> None:
         self._render = render
+        from renderer.kernels.jit import cache_root
+
         self.folder = folder or cache_root() / "references"
 
     def get(self, request: RenderRequest, files: Sequence[str | Path]) -> Reference:
@@ -99,6 +100,9 @@ class ReferenceCache:
 
 def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     """Return the hash that names the entry of `request`; threads change no picture."""
+    from renderer.kernels.jit import with_neighbours
+    from renderer.replay.rounding.camera import ENTRIES
+
     digest = hashlib.sha256()
     # Of the paths only the file names count: a clone elsewhere finds the same entry.
     wanted = {**asdict(request), "path": Path(request.path).name}

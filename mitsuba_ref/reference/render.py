@@ -14,7 +14,6 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
-from renderer.replay.rounding.camera import ENTRIES
 from renderer.scene_file.description import AOV_KINDS
 
 Array = NDArray[np.float32]
@@ -92,6 +91,9 @@ def render_reference(request: RenderRequest) -> Reference:
 
 def camera_entries(mi: Any, sensor: Any) -> Array:
     """Return what of the matrix from the crop window to the camera a replay rounds by."""
+    # with it comes Numba: 0.4 s, for which no other picture of Mitsuba's has to wait
+    from renderer.replay.rounding.camera import ENTRIES
+
     film = sensor.film()
     window = (film.size(), film.crop_size(), film.crop_offset())
     planes = (sensor.near_clip(), sensor.far_clip())

@@ -90,7 +90,8 @@ def with_neighbours(path: str | Path) -> list[Path]:
         if file in found or (found and _PACKAGE in file.parents):
             continue
         found[file] = None
-        for module in _imported_by(file, file.stat().st_mtime_ns):
+        state = file.stat()
+        for module in _imported_by(file, state.st_mtime_ns, state.st_size):
             if module not in asked:
                 asked.add(module)
                 beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
@@ -99,7 +100,7 @@ def with_neighbours(path: str | Path) -> list[Path]:
 
 
 @functools.cache  # forty files of this repository meet each other's imports
-def _imported_by(file: Path, written: int) -> tuple[Path, ...]:
+def _imported_by(file: Path, written: int, size: int) -> tuple[Path, ...]:
     """Return where modules may lie that a file imports, inside functions too.
 
     The first name counts: of a package all files are taken.

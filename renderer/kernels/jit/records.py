@@ -53,6 +53,7 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
         exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source}"
         digest = hashlib.sha256(exact.encode()).hexdigest()[:12]
         super().__init__(name=f"Record.{cls.__name__}.{digest}")
+        self.words = _words(record)
 
     def __reduce__(self) -> Any:
         """Keep the class apart: whoever reads the index of kernels may not have it."""
@@ -158,29 +159,47 @@ def _type_of(value: Any) -> Any:
     raise TypeError(f"a kernel's record cannot hold a {type(value).__name__}")
 
 
+_CLASSES = (types.NoneType, types.Array, types.BaseTuple, RecordType)
+_CLASS_OF: dict[type, type | None] = {}
+
+
+def _class_of(numba_type: Any) -> type | None:
+    """Return which of these classes a type is of, None for numbers.
+
+    Kept by its own class: `isinstance` asks the abstract base classes of all Numba's types,
+    which was half of the time of packing a record.
+    """
+    cls = type(numba_type)
+    if cls not in _CLASS_OF:
+        _CLASS_OF[cls] = next((c for c in _CLASSES if issubclass(cls, c)), None)
+    return _CLASS_OF[cls]
+
+
 def _words(numba_type: Any) -> int:
-    if isinstance(numba_type, types.NoneType):
+    cls = _class_of(numba_type)
+    if cls is types.NoneType:
         return 0
-    if isinstance(numba_type, types.Array):
-        return 1 + numba_type.ndim
-    if isinstance(numba_type, types.BaseTuple):
+    if cls is types.Array:
+        return 1 + int(numba_type.ndim)
+    if cls is types.BaseTuple:
         return sum(_words(part) for part in numba_type.types)
     return 1
 
 
 def _fill(memory: Any, at: int, value: Any, numba_type: Any) -> int:
     """Write a value from word `at` on; return the next free word."""
-    if isinstance(numba_type, types.NoneType):
+    cls = _class_of(numba_type)
+    if cls is types.NoneType:
         return at
-    if isinstance(numba_type, types.Array):
+    if cls is types.Array:
         memory[at] = value.ctypes.data
         memory[at + 1 : at + 1 + value.ndim] = value.shape
-        return at + 1 + value.ndim
-    if isinstance(numba_type, types.BaseTuple):
+        return at + 1 + int(value.ndim)
+    if cls is types.BaseTuple:
         for part, part_type in zip(value, numba_type.types, strict=True):
             at = _fill(memory, at, part, part_type)
         return at
-    if isinstance(numba_type, RecordType):
+    if cls is RecordType:
         memory[at] = value.address
     else:
         memory[at : at + 1].view(as_dtype(numba_type))[0] = value
