@@ -28,7 +28,7 @@ from renderer.accelerators.grids.uniform_grid import (
     build_uniform_grid_without_mailboxes,
 )
 from renderer.accelerators.groups.accelerators import Accelerators
-from renderer.accelerators.groups.instances_build import build_instances
+from renderer.accelerators.groups.instances_build import build_instances, build_nodes
 from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_median,
     build_kd_middle,
@@ -108,7 +108,7 @@ def _compile_builder(name: str) -> None:
 
 @functools.cache
 def _compile_builder_of_instances() -> None:
-    build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
+    build_nodes(build_tree(np.zeros((3, 1)), np.zeros((3, 1))))
 
 
 def _one_point() -> Extents:

@@ -1,4 +1,4 @@
-"""The proof of the trees over instances and of groups: they reach all, in boxes that hold."""
+"""The proof of the trees over instances and of groups: they reach all that they hold."""
 
 from __future__ import annotations
 

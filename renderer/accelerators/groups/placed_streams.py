@@ -91,7 +91,7 @@ from renderer.kinds.shapes.blocks import WIDTH, primitives_in
 from renderer.kinds.shapes.primitives import hit_primitive
 
 # Lists of no more rays than this are tested ray by ray, eight children at a time.
-SHORT = 6
+SHORT = 8
 NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
 # Levels of both trees; three more than one tree has, where a group's kinds are joined.
 _LEVELS = 2 * (MAX_DEPTH + 4)
