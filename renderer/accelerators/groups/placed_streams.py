@@ -291,14 +291,11 @@ def _enter_ray_by_ray(stream, place, m, masks):
     floats, planes = stream.rows.floats, stream.planes
     entered = lane_index_8() & 0
     octant = np.int64(0)
-    for j in range(m - 1, -1, -1):
+    for j in range(m - 1, -1, -1):  # so that the first one's octant stays
         ray = np.int64(load_one(stream.lists, 0, place + j))
-        t = load_one(floats, T, ray)
-        enter = splat_f32(0.0)
-        leave = splat_f32(0.0)
+        enter = lower_half(splat_f32(0.0))
+        leave = enter + load_one(floats, T, ray)
         octant = np.int64(0)
-        enter = lower_half(enter)
-        leave = lower_half(leave) + t
         for axis in range(3):
             inverse = load_one(floats, INVERSE + axis, ray)
             middle = load_eight(planes, axis, 0) * inverse
