@@ -27,7 +27,7 @@ from renderer.accelerators.build import build_accelerators
 from renderer.accelerators.bvh.wide_bvh_build import BOX_BYTES
 from renderer.accelerators.groups.instances import Instances
 from renderer.accelerators.groups.instances_checks import validate_instances
-from renderer.accelerators.groups.placed_streams import END, KIND, LEAF_WORDS
+from renderer.accelerators.groups.placed_leaves import END, KIND, LEAF_WORDS
 from renderer.errors import SceneError
 from renderer.kernels.jit import pack
 from renderer.rendering.planning.plan import make_plan
