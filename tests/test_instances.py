@@ -24,8 +24,10 @@ from test_surface_points import write_meshes
 
 import renderer
 from renderer.accelerators.build import build_accelerators
+from renderer.accelerators.bvh.wide_bvh_build import BOX_BYTES
 from renderer.accelerators.groups.instances import Instances
 from renderer.accelerators.groups.instances_checks import validate_instances
+from renderer.accelerators.groups.placed_leaves import END, KIND, LEAF_WORDS
 from renderer.errors import SceneError
 from renderer.kernels.jit import pack
 from renderer.rendering.planning.plan import make_plan
@@ -249,14 +251,19 @@ def test_trees_are_sound(scene):
     assert isinstance(instances, Instances)
     validate_instances(instances, scene)
     validate_instances(accelerators_of(scene, "brute").instances, scene)
-    bounds = instances.bounds.copy()
-    bounds[0, 3] -= 1.0
-    with pytest.raises(ValueError, match=r"node 0 .* does not hold"):
-        validate_instances(instances._replace(bounds=bounds), scene)
-    forest = instances.triangles
-    root = forest.root[::-1].copy()
+    octets = instances.octets.copy()
+    octets[BOX_BYTES + 8] -= 1  # where the first child's box ends along x
+    with pytest.raises(ValueError, match=r"node 0.* does not hold"):
+        validate_instances(instances._replace(octets=octets), scene)
+    leaves = instances.leaves.copy()
+    of_triangles = np.flatnonzero(leaves[KIND::LEAF_WORDS] == 0)[0]
+    leaves[LEAF_WORDS * of_triangles + END] -= 1
     with pytest.raises(ValueError, match="triangles of group 0"):
-        validate_instances(instances._replace(triangles=forest._replace(root=root)), scene)
+        validate_instances(instances._replace(leaves=leaves), scene)
+    other = instances.root.copy()
+    other[0] = other[-1]
+    with pytest.raises(ValueError, match="group 0 has 2 roots"):
+        validate_instances(instances._replace(root=other), scene)
 
 
 def test_rays_that_are_not_finite_miss(scene):
@@ -498,12 +505,12 @@ def copies_of_a_mesh(folder, count):
 
 
 def bytes_of(inputs):
-    """The bytes of all arrays in the records that kernels see, each counted once."""
+    """The bytes of all arrays in the records that kernels see, views of one memory once."""
     arrays, records = {}, [inputs.record, *(packed.record for packed in inputs.tables.kept)]
     while records:
         for field in records.pop():
             if isinstance(field, np.ndarray):
-                arrays[id(field)] = field.nbytes
+                arrays[field.ctypes.data] = field.nbytes
             elif isinstance(field, tuple):
                 records.append(field)
     return sum(arrays.values())

@@ -28,7 +28,7 @@ from renderer.accelerators.grids.uniform_grid import (
     build_uniform_grid_without_mailboxes,
 )
 from renderer.accelerators.groups.accelerators import Accelerators
-from renderer.accelerators.groups.instances_build import build_instances
+from renderer.accelerators.groups.instances_build import build_instances, build_nodes
 from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_median,
     build_kd_middle,
@@ -110,7 +110,7 @@ def _compile_builder(name: str) -> None:
 
 @functools.cache
 def _compile_builder_of_instances() -> None:
-    build_tree(np.zeros((3, 1)), np.zeros((3, 1)))
+    build_nodes(build_tree(np.zeros((3, 1)), np.zeros((3, 1))))
 
 
 def _one_point() -> Extents:
@@ -142,8 +142,8 @@ def build_accelerators(
         The primitives.
     name : str
         One of `renderer.names.ACCELERATORS`; `auto` takes what the cost model expects to
-        be the fastest. Instances and the groups that they show always have BVHs, but under
-        `brute`.
+        be the fastest. Instances and the groups that they show always have trees of
+        eight, but under `brute`.
     rays : RayCounts
         That will be traced; for `auto`.
     without_emitters_of : Accelerators, optional

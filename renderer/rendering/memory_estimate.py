@@ -176,7 +176,7 @@ def _accelerators(scene: Scene, plan: Plan, accel: str) -> int:
     if plan.hide_emitters:
         total *= 2
     if scene.placements is not None:
-        total += _OF_STRUCTURE["bvh"] * len(scene.description.instances)
+        total += _OF_STRUCTURE["wide"] * len(scene.description.instances)
     return total
 
 

@@ -29,7 +29,7 @@ class Instances(NamedTuple):
     octets: NDArray[np.uint8]  # the same memory
     order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
     root: NDArray[np.int32]  # (instances,) the node or ~leaf that an instance's group is
-    leaves: NDArray[np.int32]  # (4 * leaves,) see `placed_streams`
+    leaves: NDArray[np.int32]  # (4 * leaves,) see `placed_leaves`
     # Boxes are padded for rays that start with |x| + |y| + |z| <= reach. Others meet all
     # instances.
     reach: float

@@ -66,18 +66,23 @@ def build_instances(
     groups = len(next(iter(scene.starts.values()))) - 1
     root = np.array([parts.add_group(k, brute) for k in range(groups)], np.int32)
     octets = parts.octets()
-    floats, integers = octets.view(np.float32), octets.view(np.int32)
     return Instances(
-        floats,
-        integers,
+        octets.view(np.float32),
+        octets.view(np.int32),
         octets,
-        far_to_near(floats, integers, octets),
+        np.concatenate(parts.orders),
         root[scene.placements.group],
         np.array(parts.leaves, np.int32).ravel(),
         -1.0 if brute else reach,
         scene.placements,
         **parts.primitives(make_group),
     )
+
+
+def build_nodes(tree: BvhTree) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    """Return nodes of eight, and the order of their children."""
+    octets = collapse(tree.bounds, tree.child, tree.count)
+    return octets, far_to_near(octets.view(np.float32), octets.view(np.int32), octets)
 
 
 class _Parts:
@@ -88,18 +93,20 @@ class _Parts:
         self.scene = scene
         self.instances = len(scene.placements.group)
         self.nodes: list[NDArray[np.int32]] = []  # (n, 32) each
+        self.orders: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]  # (8 n,) each
         self.leaves: list[tuple[int, int, int, int]] = []
         self.columns: dict[str, list[NDArray[np.int64]]] = {kind: [] for kind in KINDS}
         self.bounds = {k: primitive_bounds(k, s) for k, s in scene.surfaces.items()}
 
     def add_nodes(self, tree: BvhTree) -> int:
         """Add a binary tree whose leaves name, as `child`, 8 times what ~ is stored of."""
-        nodes = collapse(tree.bounds, tree.child, tree.count).view(np.int32)
-        nodes = nodes.reshape(-1, WIDE_WORDS).copy()
+        octets, order = build_nodes(tree)
+        nodes = octets.view(np.int32).reshape(-1, WIDE_WORDS)
         first = sum(map(len, self.nodes))
         child = nodes[:, CHILD : CHILD + 8]
         child[child > 0] += first
         self.nodes.append(nodes)
+        self.orders.append(order)
         return first
 
     def add_group(self, group: int, brute: bool) -> int:

@@ -1,4 +1,4 @@
-"""The proof of the trees over instances and of groups: they reach all, in boxes that hold."""
+"""The proof of the trees over instances and of groups: they reach all that they hold."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.bvh.wide_bvh_build import CHILD, WIDE_BYTES, WIDE_WORDS
 from renderer.accelerators.bvh.wide_bvh_checks import validate_wide_nodes
 from renderer.accelerators.groups.instances import Instances
-from renderer.accelerators.groups.placed_streams import (
+from renderer.accelerators.groups.placed_leaves import (
     END,
     FIRST,
     KIND,

@@ -37,10 +37,11 @@ from renderer.kernels.lanes.memory import (
 )
 from renderer.kernels.lanes.vectors import gather3, gather_rows3, load3
 
-OBJECT = ROW
+# Lists of no more rays than this are tested ray by ray, eight children or eight primitives
+# at a time.
+SHORT = 8
+OBJECT = ROW  # the first place of an instance's rays
 PLACES = 2 * ROW
-
-
 # rows of floats
 T = 0  # where a ray ends; `ENDED`: it is done
 INVERSE = 1  # 3 rows: 1 / direction
