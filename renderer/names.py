@@ -13,6 +13,7 @@ RAY_OFFSETS = ("tight", "mitsuba")
 ACCELERATORS = (
     "auto",
     "brute",
+    "boxes",
     "bvh",
     "bvh-median",
     "bvh-middle",

@@ -10,7 +10,7 @@ from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
-from renderer.kinds.shapes.patch import Patch
+from renderer.kinds.shapes.patch import patch_of
 from renderer.kinds.shapes.triangle import hit_triangle, hit_triangle_moeller_trumbore
 
 N = 16_384
@@ -20,7 +20,9 @@ N = 16_384
 def run_both(corner, edge1, edge2, normal, origin, direction, t_max, out):
     """Lane k is triangle k against ray k; out[method] has rows hit, t, u, v."""
     for i in range(0, t_max.size, 16):
-        patch = Patch(load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i))
+        patch = patch_of(
+            load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i)
+        )
         o, d, end = load3(origin, i), load3(direction, i), load_row(t_max, 0, i)
         method = 0
         for x in (

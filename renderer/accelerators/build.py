@@ -36,6 +36,7 @@ from renderer.accelerators.kd_tree.kd_tree import (
 )
 from renderer.accelerators.octree_and_bsp.bsp import build_bsp
 from renderer.accelerators.octree_and_bsp.octree import build_octree
+from renderer.accelerators.rays.boxes import build_boxes
 from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
 from renderer.kernels.records.kernel_scene import EMIT
@@ -47,6 +48,7 @@ from renderer.scene.scene import KINDS, Scene, emits
 # name -> how it is built
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "brute": build_brute_force,
+    "boxes": build_boxes,
     "bvh": build_bvh,
     "bvh-median": functools.partial(build_bvh, rule="median"),
     "bvh-middle": functools.partial(build_bvh, rule="middle"),
@@ -120,7 +122,7 @@ def _one_point() -> Extents:
 def _points(columns: NDArray[np.int64]) -> Triangles:
     zeros = np.zeros((3, len(columns) + 16), np.float32)
     ids = np.zeros(len(columns) + 16, np.int32)
-    return Triangles(zeros, zeros, zeros, zeros, ids, len(columns))
+    return Triangles(zeros, zeros, zeros, zeros, zeros[0], ids, len(columns))
 
 
 def build_accelerators(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.accelerators.cost_model import (
     SAMPLE,
@@ -13,8 +14,11 @@ from renderer.accelerators.cost_model import (
     box_dimension,
     estimate_all,
 )
+from renderer.accelerators.rays.boxes import expected_cost
 from renderer.kinds.shapes.registry import SHAPES
 from renderer.scene.scene import Scene, primitive_bounds
+
+_TO_BUILD_BOXES = 2e-3  # seconds that they must save, five times what they take
 
 
 class Choice(NamedTuple):
@@ -42,22 +46,41 @@ def choose_structures(
     for kind, surfaces in scene.surfaces.items():
         count = int(scene.starts[kind][0])
         if count:
-            chosen[kind] = choose_structure(kind, surfaces, count, asked, rays)
+            chosen[kind] = choose_structure(
+                kind, surfaces, count, asked, rays, scene.bounds
+            )
     return chosen
 
 
 def choose_structure(
-    kind: str, surfaces: Any, count: int, asked: str, rays: RayCounts = USUAL_RAYS
+    kind: str,
+    surfaces: Any,
+    count: int,
+    asked: str,
+    rays: RayCounts = USUAL_RAYS,
+    room: NDArray[np.float64] | None = None,
 ) -> Choice:
-    """Return what to build for the first `count` primitives of one kind."""
+    """Return what to build for the first `count` primitives of one kind.
+
+    `room` are the corners, (2, 3), of the box that rays fill; None: that of the primitives.
+    """
     if not SHAPES[kind].wide and asked in ("auto", "wide"):
         return Choice("bvh", "the tree for primitives that are tested one at a time")
     if asked != "auto":
         return Choice(asked, "as asked for")
-    dimension = box_dimension(*primitive_bounds(kind, _sample(surfaces, count)))
+    sample = primitive_bounds(kind, _sample(surfaces, count))
+    dimension = box_dimension(*sample)
     best, second = estimate_all(count, dimension, rays)[:2]
     spread = "on surfaces" if dimension < 2.5 else "through space"
     number = rays.coherent + rays.incoherent
+    if best.name == "brute":
+        tests = expected_cost(*sample, room)
+        if (count - tests) / count * best.trace > _TO_BUILD_BOXES:
+            reason = (
+                f"about {number:.1g} rays are expected, and boxes to cost each of them "
+                f"as much as {tests:.2g} tests of a primitive, not {count}"
+            )
+            return Choice("boxes", reason)
     reason = (
         f"about {number:.1g} rays are expected, through primitives {spread}; estimated are "
         f"{_seconds(best.build)} to build and {_seconds(best.trace)} to trace, "

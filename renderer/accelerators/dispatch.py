@@ -35,6 +35,11 @@ from renderer.accelerators.groups.instances import (
 from renderer.accelerators.kd_tree.kd_tree import KdTree
 from renderer.accelerators.octree_and_bsp.bsp import Bsp
 from renderer.accelerators.octree_and_bsp.octree import Octree
+from renderer.accelerators.rays.boxes import (
+    Boxes,
+    any_hit_boxes,
+    closest_hit_boxes,
+)
 from renderer.accelerators.rays.brute_force import (
     BruteForce,
     any_hit_brute_force,
@@ -59,6 +64,7 @@ def _alike(closest_hit: Any, any_hit: Any) -> Traversals:
 
 TRAVERSALS = {
     BruteForce: _alike(closest_hit_brute_force, any_hit_brute_force),
+    Boxes: _alike(closest_hit_boxes, any_hit_boxes),
     Bvh: Traversals(
         closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
     ),

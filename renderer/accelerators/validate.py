@@ -24,6 +24,7 @@ from renderer.accelerators.grids.uniform_grid import UniformGrid, validate_unifo
 from renderer.accelerators.kd_tree.kd_tree import KdTree, validate_kd_tree
 from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
 from renderer.accelerators.octree_and_bsp.octree import Octree, validate_octree
+from renderer.accelerators.rays.boxes import Boxes
 from renderer.accelerators.rays.brute_force import BruteForce
 
 
@@ -75,6 +76,19 @@ def _validate_brute_force(accel: BruteForce, extents: Extents) -> None:
     columns_held(accel.primitives, extents.lower.shape[1])
 
 
+def _validate_boxes(accel: Boxes, extents: Extents) -> None:
+    order = columns_held(accel.primitives, extents.lower.shape[1])
+    runs = np.diff(accel.start)
+    if accel.start[0] != 0 or accel.start[-1] != len(order) or (runs < 1).any():
+        raise ValueError("boxes do not hold each primitive once")
+    if (np.diff(accel.primitives.id[: len(order)]) < 1).any():
+        raise ValueError("primitives in boxes are not in the order of their ids")
+    bounds = np.repeat(accel.bounds.T, runs, axis=1)
+    lower, upper = extents.lower[:, order], extents.upper[:, order]
+    if (bounds[:3] > lower).any() or (bounds[3:] < upper).any():
+        raise ValueError("a primitive sticks out of its box")
+
+
 def _validate_bvh(bvh: Bvh, extents: Extents) -> None:
     order = columns_held(bvh.primitives, extents.lower.shape[1])
     tree = BvhTree(bvh.bounds, bvh.child, bvh.count, order.astype(np.int32))
@@ -83,6 +97,7 @@ def _validate_bvh(bvh: Bvh, extents: Extents) -> None:
 
 VALIDATORS: dict[type, Callable[[Any, Extents], None]] = {
     BruteForce: _validate_brute_force,
+    Boxes: _validate_boxes,
     Bvh: _validate_bvh,
     WideBvh: validate_wide,
     UniformGrid: validate_uniform_grid,

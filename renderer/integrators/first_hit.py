@@ -33,10 +33,10 @@ from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.derivatives import differentiate
 from renderer.stages.film import add_to_tile, clear
-from renderer.stages.intersect import collect, intersect
+from renderer.stages.intersect import intersect
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import frame_at, load_constants, show_bsdf
-from renderer.stages.surface import surface_points
+from renderer.stages.surface import append_hits, surface_points
 
 # channels of `work.radiance` in this integrator, all computed together
 DEPTH = 0
@@ -171,9 +171,9 @@ def trace_first_hits(scene, tile, sample, work):
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
     count = camera_rays(scene, tile, sample, work)
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
-    stages = scene.primitives.stages
-    found = collect(stages, hits, np.int64(0), count, ANY, work.order, np.int64(0))
-    surface_points(scene, rays, hits, work.order, found, points)
+    start, order = np.int64(0), work.order
+    found = append_hits(scene, rays, hits, start, count, ANY, order, points, start)
+    surface_points(scene, rays, hits, order, found, points)
     for i in range(0, found, 16):
         mask = first_lanes(found - i)
         valid = select(mask, splat_f32(1.0), splat_f32(0.0))

@@ -24,6 +24,7 @@ from renderer.scene.scene import Scene
 # in a soup; what stays is a third of it or less.
 _OF_STRUCTURE = {
     "brute": 210,
+    "boxes": 210,
     "bvh": 220,
     "bvh-median": 220,
     "bvh-middle": 220,

@@ -15,21 +15,29 @@ from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
     choose_from_draw,
-    draw4,
+    draw4_twice,
 )
+
+
+@kernel
+def _store(numbers, row, i, drawn, count):
+    """Store the first `count` of the numbers drawn for 16 pixels."""
+    for k in range(count):
+        store_row(numbers, row + k, i, drawn[k])
 
 
 @kernel
 def _write_pair(sampler, tile, sample, block, film, row):
     """Write two numbers in [0, 1) for the sample of each pixel of a tile, by slot."""
-    for first in range(0, CAPACITY, 16):
+    for first in range(0, CAPACITY, 32):
         slot = lane_index() + first
-        x, y = slot_pixel(slot)
+        x, y = slot_pixel(slot)  # the next 16 are to the right of these
         if mask_bits((x < tile.width) & (y < tile.height)) == 0:
             continue
-        u, v, _, _ = draw4(sampler, pixel_key(tile, slot), sample, block)
-        store_row(film, row, first, u)
-        store_row(film, row + 1, first, v)
+        here, beside = pixel_key(tile, slot), pixel_key(tile, slot + 16)
+        a, b = draw4_twice(sampler, here, beside, sample, block)
+        _store(film, row, first, a, 2)
+        _store(film, row, first + 16, b, 2)
 
 
 @method_kernel
@@ -47,13 +55,12 @@ def draw_aperture(sampler, tile, sample, film):
 @method_kernel
 def draw(sampler, tile, sample, block, slots, count, numbers):
     """Draw four numbers for each of `count` points, in rows of `numbers`."""
-    for i in range(0, count, 16):
-        key = pixel_key(tile, load_row(slots, 0, i))
-        x, y, z, w = draw4(sampler, key, sample, block)
-        store_row(numbers, 0, i, x)
-        store_row(numbers, 1, i, y)
-        store_row(numbers, 2, i, z)
-        store_row(numbers, 3, i, w)
+    for i in range(0, count, 32):
+        here = pixel_key(tile, load_row(slots, 0, i))
+        next_ones = pixel_key(tile, load_row(slots, 0, i + 16))
+        a, b = draw4_twice(sampler, here, next_ones, sample, block)
+        _store(numbers, 0, i, a, 4)
+        _store(numbers, 0, i + 16, b, 4)
 
 
 @method_kernel
@@ -62,14 +69,12 @@ def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbe
 
     That is light number `turn`; if it is negative, one of all `lights`, at random.
     """
+    draw(sampler, tile, sample, block, slots, count, numbers)
     for i in range(0, count, 16):
-        key = pixel_key(tile, load_row(slots, 0, i))
-        x, y, z, w = draw4(sampler, key, sample, block)
         if turn >= 0:
             store_row(light, 0, i, splat_i32(turn))
         else:
+            x, w = load_row(numbers, 0, i), load_row(numbers, 3, i)
             chosen, x = choose_from_draw(sampler, x, w, lights)
             store_row(light, 0, i, chosen)
-        store_row(numbers, 0, i, x)
-        store_row(numbers, 1, i, y)
-        store_row(numbers, 2, i, z)
+            store_row(numbers, 0, i, x)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from renderer.kernels.jit import call, kernel
 from renderer.kernels.records.kernel_scene import (
     EMISSION,
@@ -10,8 +12,7 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     WEIGH_FOUND,
 )
-from renderer.stages.intersect import collect
-from renderer.stages.surface import surface_points
+from renderer.stages.surface import append_hits, surface_points
 
 
 @kernel
@@ -27,7 +28,9 @@ def arrive(scene, work, first, count, see_environment):
             lights.choice[0, RECORD],
             (scene.shapes, scene.primitives.shape, points, work.rays, hits, first, count),
         )
-    found = collect(scene.primitives.stages, hits, first, count, EMIT, work.order, 0)
+    found = append_hits(
+        scene, work.rays, hits, first, count, EMIT, work.order, points, np.int64(0)
+    )
     if found > 0:
         surface_points(scene, work.rays, hits, work.order, found, points)
     for kind in range(lights.methods.shape[0]):

@@ -13,7 +13,13 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.kernels.lanes.memory import (
+    append_row,
+    load_one,
+    load_row,
+    store_one,
+    store_row,
+)
 from renderer.kernels.records.kernel_scene import (
     ANY_COHERENT,
     ANY_SINGLE,
@@ -50,23 +56,16 @@ def trace_shadow_rays(groups, shadow_rays, count, coherent, radiance):
     way = ANY_COHERENT if coherent else ANY_SINGLE
     for k in range(groups.shape[0]):
         call(groups[k, way], groups[k, RECORD], (shadow_rays, count, None))
-    for i in range(count):
-        if shadow_rays.blocked[i] == 0:
-            slot = shadow_rays.slot[i]
-            for c in range(3):
-                radiance[c, slot] += shadow_rays.radiance[c, i]
-
-
-@kernel
-def collect(stages, hits, first, count, stage, order, start):
-    """Append to `order`, from `start` on, the hits that need `stage`; return the end.
-
-    `stages` are the scene's, by primitive id.
-    """
-    for i in range(first, first + count, 16):
-        prim = load_row(hits.prim, 0, i)
-        found = (prim >= 0) & first_lanes(first + count - i)
-        wanted = (gather_row(stages, 0, prim, found) & stage) != 0
-        append_row(order, 0, start, lane_index() + i, wanted)
-        start += popcount(mask_bits(wanted))
-    return start
+    # Who is not blocked is listed first, over what was just read: a branch for each ray
+    # would go either way as often as not.
+    free = np.int64(0)
+    for i in range(0, count, 16):
+        lit = (load_row(shadow_rays.blocked, 0, i) == 0) & first_lanes(count - i)
+        append_row(shadow_rays.blocked, 0, free, lane_index() + i, lit)
+        free += popcount(mask_bits(lit))
+    for k in range(free):  # one by one: two may be of the same pixel
+        i = np.int64(load_one(shadow_rays.blocked, 0, k))
+        slot = np.int64(load_one(shadow_rays.slot, 0, i))
+        for c in range(3):
+            carried = load_one(shadow_rays.radiance, c, i)
+            store_one(radiance, c, slot, load_one(radiance, c, slot) + carried)

@@ -6,29 +6,30 @@ from renderer.kernels.jit import call, kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits
 from renderer.kernels.records.kernel_scene import FIRST_BSDF, RECORD
 from renderer.stages.derivatives import differentiate
-from renderer.stages.intersect import collect
 from renderer.stages.shading_frame import load_constants, show_bsdf
-from renderer.stages.surface import surface_points
+from renderer.stages.surface import append_hits, surface_points
 
 
 @kernel
 def group_by_bsdf(scene, work, first, count):
     """Fill `work.points`, grouped by kind of BSDF; `work.ends` says where groups end."""
-    bsdfs, stages, ends = scene.bsdfs, scene.primitives.stages, work.ends
+    bsdfs, ends, rays, hits = scene.bsdfs, work.ends, work.rays, work.hits
+    order, points = work.order, work.points
     ends[0] = 0
     for kind in range(bsdfs.methods.shape[0]):
         ends[kind + 1] = ends[kind]
         if bsdfs.methods[kind, RECORD] == 0:
             continue  # paths end there
-        ends[kind + 1] = collect(
-            stages, work.hits, first, count, FIRST_BSDF << kind, work.order, ends[kind]
+        stage = FIRST_BSDF << kind
+        ends[kind + 1] = append_hits(
+            scene, rays, hits, first, count, stage, order, points, ends[kind]
         )
     total = ends[bsdfs.methods.shape[0]]
-    surface_points(scene, work.rays, work.hits, work.order, total, work.points)
+    surface_points(scene, rays, hits, order, total, points)
     for kind in range(bsdfs.methods.shape[0]):
         start, stop = ends[kind], ends[kind + 1]
-        load_parameters(scene.shapes, bsdfs, kind, work.points, start, stop)
-        differentiate(scene, work.hits, work.order, kind, work.points, start, stop)
+        load_parameters(scene.shapes, bsdfs, kind, points, start, stop)
+        differentiate(scene, hits, order, kind, points, start, stop)
 
 
 @kernel

@@ -85,7 +85,7 @@ def origin_margins(origin):
 
 
 @kernel
-def _packet_enters(bounds, node, low, high, inverse, t):
+def packet_enters(bounds, node, low, high, inverse, t):
     """Return the mask of the 16 rays that enter a node's box before t.
 
     An axis-parallel ray on a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
@@ -172,7 +172,7 @@ def closest_hit_bvh_packets(bvh, rays, hits, first, count, tally):
             depth -= 1
             node = stack[depth]
             add_to_packet(tally, BOXES, i, left, 1)
-            enters = _packet_enters(bounds, node, low, high, inverse, nearest.t)
+            enters = packet_enters(bounds, node, low, high, inverse, nearest.t)
             if mask_bits(enters) == 0:
                 continue
             add_to_packet(tally, NODES, i, left, 1)
@@ -265,7 +265,7 @@ def any_hit_bvh_packets(bvh, shadow_rays, count, tally):
             depth -= 1
             node = stack[depth]
             add_to_packet(tally, BOXES, i, left, 1)
-            enters = _packet_enters(bounds, node, low, high, inverse, t_max)
+            enters = packet_enters(bounds, node, low, high, inverse, t_max)
             if mask_bits(enters & ~blocked) == 0:
                 continue
             add_to_packet(tally, NODES, i, left, 1)

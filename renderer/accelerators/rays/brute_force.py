@@ -13,13 +13,14 @@ from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.packets import (
     blocked_by,
     load_nearest,
-    nearest_of,
+    nearest_in_order,
     store_nearest,
 )
 from renderer.kernels.jit import method_kernel
 from renderer.kernels.lanes.functions import first_lanes, select, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
+from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
 
 
 class BruteForce(NamedTuple):
@@ -40,10 +41,10 @@ def closest_hit_brute_force(accel, rays, hits, first, count, tally):
     for i in range(first, first + count, 16):
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
-        nearest = load_nearest(hits, i)
-        left = first + count - i
-        nearest = nearest_of(
-            primitives, 0, primitives.count, origin, direction, nearest, tally, i, left
+        before = load_nearest(hits, i)
+        add_to_packet(tally, PRIMITIVES, i, first + count - i, primitives.count)
+        nearest = nearest_in_order(
+            primitives, 0, primitives.count, origin, direction, before
         )
         store_nearest(hits, i, nearest)
 

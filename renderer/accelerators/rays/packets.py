@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import mask_bits, select, splat_i32
+from renderer.kernels.lanes.functions import (
+    as_f32,
+    as_i32,
+    as_u32,
+    mask_bits,
+    select,
+    splat_i32,
+)
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at
@@ -53,7 +62,8 @@ def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, cou
             primitives, primitive_at(primitives, k), origin, direction, nearest.t
         )
         prim = primitives.id[k]
-        tie = (x.t == nearest.t) & ((nearest.prim < 0) | (nearest.prim > prim))
+        # without a sign -1 is the largest id
+        tie = (x.t == nearest.t) & (as_u32(nearest.prim) > np.uint32(prim))
         wins = x.hit & ((x.t < nearest.t) | tie)
         nearest = Nearest(
             select(wins, x.t, nearest.t),
@@ -62,6 +72,29 @@ def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, cou
             select(wins, x.v, nearest.v),
         )
     return nearest
+
+
+@kernel
+def nearest_in_order(primitives, start, end, origin, direction, before):
+    """Return what `nearest_of` does, for primitives whose ids grow from start to end - 1.
+
+    The primitive that was hit before must have none of their ids, nor one between them. So
+    at equal t no primitive wins over another, and all of them win or lose against that
+    hit: where they win, the ray ends at the next larger t. Hits are nearer than the end.
+    """
+    # without a sign -1, no hit yet, is the largest id
+    wins_ties = as_u32(before.prim) > np.uint32(primitives.id[start])
+    wins_ties &= before.t < np.float32(np.inf)
+    t = select(wins_ties, as_f32(as_i32(before.t) + 1), before.t)
+    prim, u, v = before.prim, before.u, before.v
+    for k in range(start, end):
+        x = hit_primitive(primitives, primitive_at(primitives, k), origin, direction, t)
+        wins = x.hit & (x.t < t)
+        t = select(wins, x.t, t)
+        prim = select(wins, splat_i32(primitives.id[k]), prim)
+        u = select(wins, x.u, u)
+        v = select(wins, x.v, v)
+    return Nearest(select(prim == before.prim, before.t, t), prim, u, v)
 
 
 @kernel

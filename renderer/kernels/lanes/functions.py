@@ -63,6 +63,7 @@ def _indices(lanes: Lanes, doc: str) -> Any:
 
 
 lane_index = _indices(i32x16, "Return i32x16 (0, 1, ..., 15).")
+lane_index_4 = _indices(Lanes(types.int32, 4), "Return i32x4 (0, 1, 2, 3).")
 lane_index_8 = _indices(Lanes(types.int32, 8), "Return i32x8 (0, 1, ..., 7).")
 
 
@@ -158,12 +159,28 @@ maximum = _extremum(">")
 
 @intrinsic
 def to_i32(typingctx: Any, x: Any) -> Any:
-    """Round toward zero; out of range gives the smallest or largest int, NaN gives 0."""
+    """Round toward zero; out of range gives the smallest or largest int, NaN gives 0.
+
+    LLVM's own `llvm.fptosi.sat` does it lane by lane: a hundred instructions, not six.
+    """
     _require(x == f32x16, f"to_i32 takes f32x16, not {x}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        name = "llvm.fptosi.sat.v16i32.v16f32"
-        return _call(builder, name, llvm_vector(i32x16), args[0])
+        def everywhere(number: float, lanes: Lanes) -> ir.Value:
+            return ir.Constant(llvm_vector(lanes), [number] * lanes.width)
+
+        low, high = everywhere(-(2.0**31), f32x16), everywhere(2.0**31, f32x16)
+        below = builder.fcmp_ordered("<", args[0], low)
+        above = builder.fcmp_ordered(">=", args[0], high)
+        inside = builder.and_(
+            builder.fcmp_ordered(">=", args[0], low),
+            builder.fcmp_ordered("<", args[0], high),
+        )
+        # what is out of range has no defined conversion
+        within = builder.select(inside, args[0], everywhere(0.0, f32x16))
+        whole = builder.fptosi(within, llvm_vector(i32x16))
+        whole = builder.select(below, everywhere(-(2**31), i32x16), whole)
+        return builder.select(above, everywhere(2**31 - 1, i32x16), whole)
 
     return signature(i32x16, x), codegen
 
@@ -171,13 +188,15 @@ def to_i32(typingctx: Any, x: Any) -> Any:
 @intrinsic
 def to_f32(typingctx: Any, x: Any) -> Any:
     """Convert whole numbers to the nearest floats."""
-    _require(x in (i32x16, u32x16), f"to_f32 takes i32x16 or u32x16, not {x}")
+    whole = isinstance(x, Lanes) and x.element in (types.int32, types.uint32)
+    _require(whole, f"to_f32 takes lanes of 32-bit integers, not {x}")
+    result = Lanes(types.float32, x.width)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         convert = builder.sitofp if x.element.signed else builder.uitofp
-        return convert(args[0], llvm_vector(f32x16))
+        return convert(args[0], llvm_vector(result))
 
-    return signature(f32x16, x), codegen
+    return signature(result, x), codegen
 
 
 def _to_precision(element: Any, convert: str, doc: str) -> Any:
@@ -239,29 +258,66 @@ as_i32 = _reinterpret_as(types.int32, "The same bits as int32, of lanes or a sca
 as_u32 = _reinterpret_as(types.uint32, "The same bits as uint32, of lanes or a scalar.")
 
 
-def _half(first: int, doc: str) -> Any:
+def _half(upper: bool, doc: str) -> Any:
     @intrinsic
     def half(typingctx: Any, x: Any) -> Any:
-        _require(
-            isinstance(x, Lanes) and x.width == 16, f"only 16 lanes are halved, not {x}"
-        )
+        _require(isinstance(x, Lanes), f"lanes are halved, not {x}")
+        width = x.width // 2
+        first = width if upper else 0
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            order = ir.Constant(
-                ir.VectorType(ir.IntType(32), 8), list(range(first, first + 8))
-            )
-            return builder.shuffle_vector(
-                args[0], ir.Constant(args[0].type, ir.Undefined), order
-            )
+            undefined = ir.Constant(args[0].type, ir.Undefined)
+            order = _numbers(range(first, first + width))
+            return builder.shuffle_vector(args[0], undefined, order)
 
-        return signature(Lanes(x.element, 8), x), codegen
+        return signature(Lanes(x.element, width), x), codegen
 
     half.__doc__ = doc
     return half
 
 
-lower_half = _half(0, "Return lanes 0 to 7 of 16.")
-upper_half = _half(8, "Return lanes 8 to 15 of 16.")
+def _numbers(numbers: range) -> ir.Constant:
+    return ir.Constant(ir.VectorType(ir.IntType(32), len(numbers)), list(numbers))
+
+
+lower_half = _half(False, "Return the first half of the lanes.")
+upper_half = _half(True, "Return the second half of the lanes.")
+
+
+@intrinsic
+def joined(typingctx: Any, a: Any, b: Any) -> Any:
+    """Return twice as many lanes, those of a before those of b.
+
+    What is computed on them comes out as pairs of instructions that do not wait for each
+    other: worth it where a formula is one long chain.
+    """
+    _require(isinstance(a, Lanes) and a == b, f"cannot join {a} and {b}")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.shuffle_vector(*args, _numbers(range(2 * a.width)))
+
+    return signature(Lanes(a.element, 2 * a.width), a, b), codegen
+
+
+@intrinsic
+def negate_by_sign(typingctx: Any, x: Any, sign: Any) -> Any:
+    """Return float32 x, negated where `sign` is negative by its bit, as -0 is.
+
+    One instruction, where comparing with 0 and choosing between x and -x takes three.
+    """
+    _require(x == sign, f"{x} and {sign} differ")
+    whole = Lanes(types.int32, x.width) if isinstance(x, Lanes) else types.int32
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        bits = context.get_value_type(whole)
+        value, other = (builder.bitcast(a, bits) for a in args)
+        highest = ir.IntType(32)(-(2**31))
+        if isinstance(whole, Lanes):
+            highest = splat_value(builder, highest, whole)
+        flipped = builder.xor(value, builder.and_(other, highest))
+        return builder.bitcast(flipped, args[0].type)
+
+    return signature(x, x, sign), codegen
 
 
 @intrinsic
@@ -314,10 +370,12 @@ def lowest_bit(typingctx: Any, bits: Any) -> Any:
 @intrinsic
 def bit_reverse(typingctx: Any, x: Any) -> Any:
     """Reverse the order of the 32 bits in each lane."""
-    _require(x == u32x16, f"bit_reverse takes u32x16, not {x}")
+    fits = isinstance(x, Lanes) and x.element == types.uint32
+    _require(fits, f"bit_reverse takes lanes of uint32, not {x}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _call(builder, "llvm.bitreverse.v16i32", llvm_vector(u32x16), args[0])
+        name = f"llvm.bitreverse.{_suffix(x)}"
+        return _call(builder, name, args[0].type, args[0])
 
     return signature(x, x), codegen
 

@@ -84,6 +84,7 @@ def _loading(width: int | None, doc: str) -> Any:
 
 
 load_row = _loading(None, "Load `array[row, i : i + 16]` (8 elements of 64 bits).")
+load_four = _loading(4, "Load `array[row, i : i + 4]`.")
 load_eight = _loading(8, "Load `array[row, i : i + 8]`.")
 
 

@@ -128,6 +128,13 @@ def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
     """
 
 
+@interface
+def draw4_twice(
+    sampler: Any, pixel: Any, other: Any, sample: int, block: int
+) -> tuple[Any, Any]:
+    """Draw as `draw4` does for 16 pixels and for 16 others."""
+
+
 @draw4.by(Independent)
 @kernel
 def _draw_independent(sampler, pixel, sample, block):
@@ -222,6 +229,12 @@ def _draw_stratified(sampler, pixel, sample, block):
         _in_unit((to_f32(permute(index, count, keys[1])) + jz) * one),
         _in_unit((to_f32(permute(index, count, keys[2])) + jw) * one),
     )
+
+
+@draw4_twice.by(Independent, Stratified)
+@kernel
+def _draw_after_another(sampler, pixel, other, sample, block):
+    return draw4(sampler, pixel, sample, block), draw4(sampler, other, sample, block)
 
 
 @interface

@@ -19,13 +19,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import bit_reverse, splat_u32
+from renderer.kernels.lanes.functions import (
+    bit_reverse,
+    joined,
+    lower_half,
+    select,
+    upper_half,
+)
+from renderer.kernels.lanes.memory import load_one
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     BLOCKS_PER_BOUNCE,
     choose_by_pair,
     choose_from_draw,
     draw4,
+    draw4_twice,
     hash4,
     unit_float,
 )
@@ -102,23 +110,35 @@ def _group_of(block):
 @draw4.by(Sobol)
 @kernel
 def _draw_sobol(sampler, pixel, sample, block):
+    """Draw for any number of pixels at once."""
     group, first, second = _group_of(block)
-    seed, group = splat_u32(np.uint32(sampler.seed)), splat_u32(np.uint32(group))
-    order, _, _, _ = hash4(pixel, group, splat_u32(0), seed)
-    index = splat_u32(np.uint32(sample))
+    zero = pixel ^ pixel
+    seed, group = zero + np.uint32(sampler.seed), zero + np.uint32(group)
+    order, _, _, _ = hash4(pixel, group, zero, seed)
+    index = zero + np.uint32(sample)
     index ^= (index ^ scramble(index, order >> 3)) & np.uint32(sampler.shuffled)
     index = bit_reverse(scramble(bit_reverse(index), order))
-    # the digits of four numbers
-    a, b, c, d = splat_u32(0), splat_u32(0), splat_u32(0), splat_u32(0)
+    a, b, c, d = zero, zero, zero, zero  # the digits of four numbers
     for bit in range(sampler.bits):
-        one = 0 - ((index >> np.uint32(bit)) & 1)
-        a ^= one & sampler.digits[first, bit]
-        b ^= one & sampler.digits[first + 1, bit]
-        c ^= one & sampler.digits[second, bit]
-        d ^= one & sampler.digits[second + 1, bit]
-    x, y, z, w = hash4(pixel, group, splat_u32(np.uint32(first + 1)), seed)
-    plain = splat_u32(np.uint32(sampler.plain))
+        flips = (index & np.uint32(1 << bit)) != 0
+        a = select(flips, a ^ load_one(sampler.digits, first, bit), a)
+        b = select(flips, b ^ load_one(sampler.digits, first + 1, bit), b)
+        c = select(flips, c ^ load_one(sampler.digits, second, bit), c)
+        d = select(flips, d ^ load_one(sampler.digits, second + 1, bit), d)
+    x, y, z, w = hash4(pixel, group, zero + np.uint32(first + 1), seed)
+    plain = zero + np.uint32(sampler.plain)
     return _unit(a, x, plain), _unit(b, y, plain), _unit(c, z, plain), _unit(d, w, plain)
+
+
+@draw4_twice.by(Sobol)
+@kernel
+def _draw_sobol_twice(sampler, pixel, other, sample, block):
+    """Draw for both together: a number is a chain of 20 multiplications of 10 cycles."""
+    x, y, z, w = _draw_sobol(sampler, joined(pixel, other), sample, block)
+    return (
+        (lower_half(x), lower_half(y), lower_half(z), lower_half(w)),
+        (upper_half(x), upper_half(y), upper_half(z), upper_half(w)),
+    )
 
 
 choose_from_draw.by(Sobol)(choose_by_pair)

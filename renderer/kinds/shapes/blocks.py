@@ -46,7 +46,11 @@ def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int
         (blocks * 8,) the column of each place; -1 leaves it empty.
     """
     record = group(np.maximum(columns, 0))
-    *fields, ids, count = record
+    *fields, ids, count = (
+        field
+        for name, field in zip(record._fields, record, strict=True)
+        if name != "breadth"
+    )
     rows = np.concatenate([np.atleast_2d(field)[:, :count] for field in fields])
     rows[:, columns < 0] = np.nan  # zeros would be a sphere at the origin
     eights = rows.reshape(len(rows), -1, WIDTH).swapaxes(0, 1)

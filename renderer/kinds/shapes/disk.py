@@ -49,6 +49,7 @@ class Disks(NamedTuple):
     edge1: NDArray[np.float32]  # (3, n)
     edge2: NDArray[np.float32]  # (3, n)
     normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
+    breadth: NDArray[np.float32]  # (n,) |x| + |y| + |z| of the normal
     id: NDArray[np.int32]  # (n,) primitive id in the scene
     count: int  # n without the padding
 

@@ -56,16 +56,19 @@ def areas(factor: float) -> Callable[[Any, Any], NDArray[np.float64]]:
 
 
 def group(record: Any) -> Callable[..., Any]:
-    """Return what makes the group of an accelerator: corner, edges, edge1 x edge2."""
+    """Return what makes the group of an accelerator: the fields of `patch.Patch`."""
 
     def of(s: Any, order: Any, ids: Any, padded: Callable[[Any], Any]) -> Any:
         edge1, edge2 = s.edge1[:, order], s.edge2[:, order]
         normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
+        normal = normal.astype(np.float32)
+        x, y, z = np.abs(normal)
         return record(
             padded(s.corner[:, order]),
             padded(edge1),
             padded(edge2),
-            padded(normal.astype(np.float32)),
+            padded(normal),
+            padded(x + y + z),
             ids,
             len(order),
         )

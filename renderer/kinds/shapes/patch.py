@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import kernel, never_inline
-from renderer.kernels.lanes.functions import fabs, select, to_double, to_single
+from renderer.kernels.lanes.functions import (
+    fabs,
+    negate_by_sign,
+    select,
+    to_double,
+    to_single,
+)
+from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import column, cross, dot, load3, vec3
 from renderer.kinds.shapes.blocks import column_in, three_in
 
@@ -45,6 +52,7 @@ class Patch(NamedTuple):
     edge1: Any
     edge2: Any
     normal: Any  # edge1 x edge2, not normalised
+    breadth: Any  # |x| + |y| + |z| of the normal
 
 
 class PlaneHit(NamedTuple):
@@ -57,6 +65,13 @@ class PlaneHit(NamedTuple):
 
 
 @kernel
+def patch_of(corner, edge1, edge2, normal):
+    """Return the flat primitive of these vectors."""
+    breadth = fabs(normal.x) + fabs(normal.y) + fabs(normal.z)
+    return Patch(corner, edge1, edge2, normal, breadth)
+
+
+@kernel
 def patch_at(patches, k):
     """Return flat primitive k as scalars."""
     return Patch(
@@ -64,6 +79,7 @@ def patch_at(patches, k):
         column(patches.edge1, k),
         column(patches.edge2, k),
         column(patches.normal, k),
+        patches.breadth[k],
     )
 
 
@@ -75,6 +91,7 @@ def patches_from(patches, k):
         load3(patches.edge1, k),
         load3(patches.edge2, k),
         load3(patches.normal, k),
+        load_row(patches.breadth, 0, k),
     )
 
 
@@ -99,9 +116,11 @@ def meet_plane(patch, origin, direction):
 @kernel
 def _upright(slope, t, u, v):
     """Return t, u, v over a scale that is not negative."""
-    away = slope < 0.0
     return PlaneHit(
-        fabs(slope), select(away, -t, t), select(away, -u, u), select(away, -v, v)
+        fabs(slope),
+        negate_by_sign(t, slope),
+        negate_by_sign(u, slope),
+        negate_by_sign(v, slope),
     )
 
 
@@ -125,10 +144,9 @@ def grazing(patch, plane_hit, direction):
     t_max must have no say in which: it is the nearest hit so far, that depends on the order
     of visits, and two accelerators would decide one hit in two precisions.
     """
-    n, d = patch.normal, direction
+    d = direction
     longest = GRAZING * (fabs(d.x) + fabs(d.y) + fabs(d.z))  # 1 in the world, not in groups
-    bound = longest * (fabs(n.x) + fabs(n.y) + fabs(n.z))
-    return (plane_hit.scale < bound) & (plane_hit.t > 0.0)
+    return (plane_hit.scale < longest * patch.breadth) & (plane_hit.t > 0.0)
 
 
 @kernel
@@ -177,7 +195,7 @@ def divided(plane_hit, inside, t_max):
 def patches_in(blocks, block):
     """Return the eight flat primitives of a block as lanes."""
     rows = blocks.rows
-    return Patch(
+    return patch_of(
         three_in(rows, block, 0),
         three_in(rows, block, 3),
         three_in(rows, block, 6),
@@ -190,7 +208,7 @@ def patch_in(blocks, k):
     """Return flat primitive k as scalars."""
     block, j = k >> 3, k & 7
     rows = blocks.rows
-    return Patch(
+    return patch_of(
         column_in(rows, block, 0, j),
         column_in(rows, block, 3, j),
         column_in(rows, block, 6, j),

@@ -156,14 +156,6 @@ def wrapped(i, size, mode):
 
 
 @kernel
-def texel_in(bitmaps, start, width, height, mode, x, y, mask):
-    """Return the texel in column x and row y, wherever these are."""
-    column = wrapped(x, width, mode)
-    row = wrapped(y, height, mode)
-    return texel_at(bitmaps.texels, start + row * width + column, mask)
-
-
-@kernel
 def _interpolated(bitmaps, texture, point, mask):
     """Return texels or their mean at (u, v); v runs upwards, rows downwards."""
     start = gather_row(bitmaps.start, 0, texture, mask)
@@ -177,19 +169,21 @@ def _interpolated(bitmaps, texture, point, mask):
     y = (1.0 - point.v) * to_f32(height) - half
     x0 = floor(x)
     y0 = floor(y)
-    column = to_i32(x0)
-    row = to_i32(y0)
-    texel = texel_in(bitmaps, start, width, height, mode, column, row, mask)
+    left = wrapped(to_i32(x0), width, mode)
+    above = start + wrapped(to_i32(y0), height, mode) * width
+    texel = texel_at(bitmaps.texels, above + left, mask)
     smooth = mask & ~nearest
     if mask_bits(smooth) == 0:
         return texel
     fx = x - x0
     fy = y - y0
-    right = texel_in(bitmaps, start, width, height, mode, column + 1, row, smooth)
-    below = texel_in(bitmaps, start, width, height, mode, column, row + 1, smooth)
-    across = texel_in(bitmaps, start, width, height, mode, column + 1, row + 1, smooth)
-    upper = texel * (1.0 - fx) + right * fx
-    lower = below * (1.0 - fx) + across * fx
+    right = wrapped(to_i32(x0) + 1, width, mode)
+    below = start + wrapped(to_i32(y0) + 1, height, mode) * width
+    beside = texel_at(bitmaps.texels, above + right, smooth)
+    under = texel_at(bitmaps.texels, below + left, smooth)
+    across = texel_at(bitmaps.texels, below + right, smooth)
+    upper = texel * (1.0 - fx) + beside * fx
+    lower = under * (1.0 - fx) + across * fx
     mean = upper * (1.0 - fy) + lower * fy
     return chosen(bitmaps.texels, smooth, mean, texel)
 

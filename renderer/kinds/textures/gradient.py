@@ -16,15 +16,14 @@ from renderer.kernels.lanes.functions import (
     to_i32,
 )
 from renderer.kernels.lanes.memory import gather_row, store_where
-from renderer.kinds.textures.bitmap import NEAREST, texel_in
+from renderer.kinds.textures.bitmap import NEAREST, wrapped
 from renderer.kinds.textures.look_up import point_of, textures_of
-from renderer.kinds.textures.texels import as_number
+from renderer.kinds.textures.texels import as_number, texel_at
 
 
 @kernel
-def _brightness(bitmaps, start, width, height, mode, x, y, mask):
-    texel = texel_in(bitmaps, start, width, height, mode, x, y, mask)
-    return as_number(bitmaps.texels, texel)
+def _brightness(bitmaps, index, mask):
+    return as_number(bitmaps.texels, texel_at(bitmaps.texels, index, mask))
 
 
 @kernel
@@ -41,10 +40,13 @@ def _slope(bitmaps, texture, point, mask):
     x0, y0 = floor(x), floor(y)
     fx, fy = x - x0, y - y0
     i, j = to_i32(x0), to_i32(y0)
-    here = _brightness(bitmaps, start, width, height, mode, i, j, mask)
-    right = _brightness(bitmaps, start, width, height, mode, i + 1, j, mask)
-    below = _brightness(bitmaps, start, width, height, mode, i, j + 1, mask)
-    across = _brightness(bitmaps, start, width, height, mode, i + 1, j + 1, mask)
+    column, next_column = wrapped(i, width, mode), wrapped(i + 1, width, mode)
+    row = start + wrapped(j, height, mode) * width
+    next_row = start + wrapped(j + 1, height, mode) * width
+    here = _brightness(bitmaps, row + column, mask)
+    right = _brightness(bitmaps, row + next_column, mask)
+    below = _brightness(bitmaps, next_row + column, mask)
+    across = _brightness(bitmaps, next_row + next_column, mask)
     by_x = (right - here) * (1.0 - fy) + (across - below) * fy
     by_y = (below - here) * (1.0 - fx) + (across - right) * fx
     none = splat_f32(0.0)

@@ -40,6 +40,7 @@ _PATTERNS = {
 }
 _ACCELERATORS = {
     "brute": "brute force",
+    "boxes": "boxes around objects",
     "bvh": "a bounding volume hierarchy by the surface area heuristic",
     "bvh-median": "a bounding volume hierarchy, split at the median",
     "bvh-middle": "a bounding volume hierarchy, split in the middle",

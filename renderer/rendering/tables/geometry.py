@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.accelerators.groups.accelerators import Accelerators
 from renderer.kernels.jit import record_type
-from renderer.kernels.records.kernel_scene import Placements, Primitives, Settings, Shapes
+from renderer.kernels.records.kernel_scene import Placements, Settings, Shapes
 from renderer.kinds.shapes.registry import kind_of_shape
 from renderer.kinds.shapes.uv_derivatives import derivatives_of
 from renderer.rendering.planning.plan import Plan
@@ -58,15 +58,13 @@ def surface_methods(
     tables: MethodTables,
     surfaces: dict[str, Any],
     settings: Settings,
-    primitives: Primitives,
     shapes: Shapes,
     placements: Placements,
 ) -> NDArray[np.int64]:
     """Return the methods that turn hits into surface points."""
     work = work_types()
     arguments = (
-        *(record_type(record) for record in (settings, primitives, shapes, placements)),
-        work.rays,
+        *(record_type(record) for record in (settings, shapes, placements)),
         work.hits,
         COLUMN,
         INT,

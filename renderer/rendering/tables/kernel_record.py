@@ -106,9 +106,7 @@ class KernelInputs:
         self.record = KernelScene(
             groups,
             camera_groups,
-            surface_methods(
-                tables, surfaces, settings, primitives, scene.shapes, placements
-            ),
+            surface_methods(tables, surfaces, settings, scene.shapes, placements),
             placements,
             primitives,
             scene.shapes,

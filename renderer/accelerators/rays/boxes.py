@@ -1,0 +1,231 @@
+"""Boxes around objects, and no tree: brute force that leaves out what a ray passes by.
+
+A scene of a few dozen primitives has a few objects. Of each batch of rays those that enter
+an object's box are listed, without a branch that a single ray decides, and 16 of a list at
+a time are tested against each of its primitives: bounding volumes as they were before there
+were hierarchies of them [Whitted1980].
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.bvh.bvh import origin_margins, packet_enters
+from renderer.accelerators.extents import Extents, PrimitiveGroup
+from renderer.accelerators.rays.packets import Nearest, blocked_by, nearest_in_order
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    first_lanes,
+    lane_index,
+    mask_bits,
+    popcount,
+    select,
+    splat_f32,
+    splat_i32,
+)
+from renderer.kernels.lanes.local import local_i32
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row, scatter_row
+from renderer.kernels.lanes.vectors import gather3, load3
+from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, add_to_packet
+
+MOST = 8  # boxes: their lists lie on the processor's stack, 35 KB
+_BATCH = 1024  # rays that are listed at once
+_ROW = _BATCH + 48  # of a list: not a power of two apart, see `records.batch`
+_LISTS = MOST * _ROW
+# What a ray costs in tests of a primitive: for each box, and for each list that it is on
+# (12 numbers gathered and scattered).
+_FOR_A_BOX = 2.0
+_FOR_A_LIST = 6.0
+
+
+class Boxes(NamedTuple):
+    """Boxes around runs of primitives."""
+
+    bounds: NDArray[np.float32]  # (boxes, 6) lower x y z, upper x y z
+    start: NDArray[np.int64]  # (boxes + 1,) first primitive of each; how many there are
+    primitives: Any  # a group of one kind, in the scene's order
+
+
+def build_boxes(extents: Extents, group: PrimitiveGroup) -> Boxes:
+    """Divide the primitives, in their order, into runs with small boxes."""
+    start = divide(extents.lower, extents.upper)
+    bounds = _bounds_of_runs(extents.lower, extents.upper, start)
+    return Boxes(bounds, start, group(np.arange(extents.lower.shape[1])))
+
+
+def expected_cost(
+    lower: NDArray[np.float32],
+    upper: NDArray[np.float32],
+    room: NDArray[np.float64] | None = None,
+) -> float:
+    """Return what a ray is expected to cost, in tests of a primitive.
+
+    Parameters
+    ----------
+    lower, upper
+        (3, n) corners of the primitives' boxes.
+    room
+        (2, 3) corners of the box that rays fill evenly; None: that of the primitives.
+    """
+    start = divide(lower, upper)
+    bounds = _bounds_of_runs(lower, upper, start)
+    if room is None:
+        room = np.array([lower.min(axis=1), upper.max(axis=1)])
+    share = _areas(bounds[:, :3].T, bounds[:, 3:].T) / max(_areas(*room), 1e-300)
+    entered = np.minimum(share, 1.0) * (np.diff(start) + _FOR_A_LIST)
+    return float(len(share) * _FOR_A_BOX + entered.sum())
+
+
+def divide(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Return where runs of primitives begin, and where the last one ends.
+
+    Again and again a run is cut where that saves most by the surface areas of the boxes
+    [MacDonald1990], until there are `MOST` or no cut saves anything.
+    """
+    low, high = lower.min(axis=1, keepdims=True), upper.max(axis=1, keepdims=True)
+    for_a_box = _FOR_A_BOX * float(_areas(low, high)[0])
+    start = [0, lower.shape[1]]
+    while len(start) <= MOST:
+        runs = itertools.pairwise(start)
+        saved, place = max(_best_cut(lower[:, a:b], upper[:, a:b], a) for a, b in runs)
+        if not saved > for_a_box:
+            break
+        start = sorted([*start, place])
+    return np.array(start, np.int64)
+
+
+def _best_cut(
+    lower: NDArray[np.float32], upper: NDArray[np.float32], first: int
+) -> tuple[float, int]:
+    """Return what the best cut of a run saves, times area, and its place; 0 for none."""
+    n = lower.shape[1]
+    if n < 2:
+        return 0.0, first
+    # boxes around the first 1 to n primitives, and around the last 1 to n
+    ahead = _areas(np.minimum.accumulate(lower, 1), np.maximum.accumulate(upper, 1))
+    lower, upper = lower[:, ::-1], upper[:, ::-1]
+    behind = _areas(np.minimum.accumulate(lower, 1), np.maximum.accumulate(upper, 1))
+    k = np.arange(1, n)
+    parts = ahead[:-1] * (k + _FOR_A_LIST) + behind[-2::-1] * (n - k + _FOR_A_LIST)
+    saved = ahead[-1] * (n + _FOR_A_LIST) - parts
+    best = int(np.argmax(saved))
+    return float(saved[best]), first + best + 1
+
+
+def _bounds_of_runs(lower: Any, upper: Any, start: Any) -> NDArray[np.float32]:
+    low = np.minimum.reduceat(lower, start[:-1], axis=1)
+    high = np.maximum.reduceat(upper, start[:-1], axis=1)
+    return np.ascontiguousarray(np.concatenate([low, high]).T)
+
+
+def _areas(lower: Any, upper: Any) -> Any:
+    """Return half of the surface areas of boxes."""
+    x, y, z = np.subtract(upper, lower, dtype=np.float64)
+    return x * y + y * z + z * x
+
+
+# ---------------------------------------------------------------------------- kernels
+
+
+@kernel
+def _list_entering(bounds, origins, directions, ends, first, count, lists, many, tally):
+    """List which rays enter each box before their ends; `many` says how many do."""
+    boxes = bounds.shape[0]
+    for box in range(boxes):
+        many[box] = 0
+    for i in range(first, first + count, 16):
+        left = first + count - i
+        inverse = 1.0 / load3(directions, i)
+        low, high = origin_margins(load3(origins, i))
+        t = select(first_lanes(left), load_row(ends, 0, i), splat_f32(-1.0))
+        add_to_packet(tally, BOXES, i, left, boxes)
+        for box in range(boxes):
+            enters = packet_enters(bounds, box, low, high, inverse, t)
+            place = box * _ROW + many[box]
+            append_row(lists, 0, place, lane_index() + np.int32(i), enters)
+            many[box] += popcount(mask_bits(enters))
+
+
+@kernel
+def _count(tally, lists, place, count, primitives):
+    """Count a box, as a node, and its primitives for each ray of a list."""
+    if tally is None:
+        return
+    for k in range(place, place + count):
+        add_to(tally, NODES, lists[k], 1)
+        add_to(tally, PRIMITIVES, lists[k], primitives)
+
+
+@method_kernel
+def closest_hit_boxes(accel, rays, hits, first, count, tally):
+    """Update `hits` of rays first to first + count - 1 with nearer hits."""
+    lists, many = local_i32(_LISTS), local_i32(MOST)
+    for begin in range(first, first + count, _BATCH):
+        n = min(first + count - begin, _BATCH)
+        _list_entering(
+            accel.bounds, rays.origin, rays.direction, hits.t, begin, n, lists, many, tally
+        )
+        for box in range(accel.bounds.shape[0]):
+            start, end = accel.start[box], accel.start[box + 1]
+            _count(tally, lists, box * _ROW, many[box], end - start)
+            for j in range(0, many[box], 16):
+                live = first_lanes(many[box] - j)
+                ray = load_row(lists, 0, box * _ROW + j)
+                _meet(accel.primitives, start, end, rays, hits, ray, live)
+
+
+@kernel
+def _meet(primitives, start, end, rays, hits, ray, live):
+    """Test 16 rays against the primitives of a box."""
+    origin = gather3(rays.origin, ray, live)
+    direction = gather3(rays.direction, ray, live)
+    t = select(live, gather_row(hits.t, 0, ray, live), splat_f32(-1.0))
+    prim = gather_row(hits.prim, 0, ray, live)
+    before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
+    near = nearest_in_order(primitives, start, end, origin, direction, before)
+    found = near.prim != prim
+    if mask_bits(found) != 0:  # scattering nothing takes as long as something
+        scatter_row(hits.t, 0, ray, near.t, found)
+        scatter_row(hits.prim, 0, ray, near.prim, found)
+        scatter_row(hits.u, 0, ray, near.u, found)
+        scatter_row(hits.v, 0, ray, near.v, found)
+
+
+@method_kernel
+def any_hit_boxes(accel, shadow_rays, count, tally):
+    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
+    lists, many = local_i32(_LISTS), local_i32(MOST)
+    origins, directions, ends = (
+        shadow_rays.origin,
+        shadow_rays.direction,
+        shadow_rays.t_max,
+    )
+    for begin in range(0, count, _BATCH):
+        n = min(count - begin, _BATCH)
+        _list_entering(
+            accel.bounds, origins, directions, ends, begin, n, lists, many, tally
+        )
+        for box in range(accel.bounds.shape[0]):
+            start, end = accel.start[box], accel.start[box + 1]
+            _count(tally, lists, box * _ROW, many[box], end - start)
+            for j in range(0, many[box], 16):
+                live = first_lanes(many[box] - j)
+                ray = load_row(lists, 0, box * _ROW + j)
+                before = gather_row(shadow_rays.blocked, 0, ray, live) != 0
+                blocked = blocked_by(
+                    accel.primitives,
+                    start,
+                    end,
+                    gather3(origins, ray, live),
+                    gather3(directions, ray, live),
+                    gather_row(ends, 0, ray, live),
+                    before | ~live,
+                    None,
+                    np.int64(0),
+                    np.int64(0),
+                )
+                scatter_row(shadow_rays.blocked, 0, ray, splat_i32(1), blocked & live)
