@@ -35,9 +35,9 @@ from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay, Variant
 from renderer.scene.scene import Scene, unit_normals
-from renderer.stages.intersect import collect, intersect
+from renderer.stages.intersect import intersect
 from renderer.stages.shading_frame import leave_surface
-from renderer.stages.surface import surface_points
+from renderer.stages.surface import append_hits, surface_points
 
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 FIRST_ID = 5  # not 0, so that a column number taken for a primitive id shows
@@ -293,8 +293,9 @@ def run_surface_points(scene, work, count):
     """Points of all hits among the first `count` rays; their number."""
     none = np.int64(0)
     intersect(scene.groups, work.rays, work.hits, none, count, False, None)
-    found = collect(scene.primitives.stages, work.hits, none, count, ANY, work.order, none)
-    surface_points(scene, work.rays, work.hits, work.order, found, work.points)
+    rays, hits, order, points = work.rays, work.hits, work.order, work.points
+    found = append_hits(scene, rays, hits, none, count, ANY, order, points, none)
+    surface_points(scene, rays, hits, order, found, points)
     return found
 
 

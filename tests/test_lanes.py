@@ -25,14 +25,17 @@ from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
     floor,
+    joined,
     lane,
     lane_index,
     largest,
+    lower_half,
     lowest_bit,
     mask_bits,
     mask_of,
     maximum,
     minimum,
+    negate_by_sign,
     popcount,
     select,
     smallest,
@@ -43,6 +46,7 @@ from renderer.kernels.lanes.functions import (
     sqrt,
     to_f32,
     to_i32,
+    upper_half,
 )
 from renderer.kernels.lanes.memory import (
     append_row,
@@ -291,6 +295,33 @@ def run_conversions(f, i, u, to_int, to_float, bits_f, bits_i, bits_u):
         store_row(bits_u, 0, k, as_u32(x))
         store_row(bits_u, 1, k, as_u32(whole))
         store_row(bits_u, 2, k, bit_reverse(natural))
+
+
+@entry_kernel
+def run_signs_and_halves(a, b, signed, turned):
+    for k in range(0, a.size, 32):
+        x, y = load_row(a, 0, k), load_row(a, 0, k + 16)
+        store_row(signed, 0, k, negate_by_sign(x, load_row(b, 0, k)))
+        store_row(signed, 0, k + 16, negate_by_sign(y, load_row(b, 0, k + 16)))
+        both = bit_reverse(joined(as_u32(x), as_u32(y)))
+        store_row(turned, 0, k, upper_half(both))
+        store_row(turned, 0, k + 16, lower_half(both))
+    signed[a.size] = negate_by_sign(a[0], b[0])
+
+
+def test_signs_and_joined_lanes():
+    """The sign is a bit: that of -0 and of NaN counts, and no other bit changes."""
+    a, b = (numbers(np.float32, seed)[:64] for seed in (5, 6))
+    a[:4], b[:4] = (0.0, -0.0, 1.5, NAN), (-0.0, -1.0, -0.0, -1.0)
+    signed, turned = np.empty(65, np.float32), np.empty(64, np.uint32)
+    run_signs_and_halves(a, b, signed, turned)
+    high = np.uint32(1 << 31)
+    expected = a.view(np.uint32) ^ (b.view(np.uint32) & high)
+    np.testing.assert_array_equal(signed[:64].view(np.uint32), expected)
+    assert signed[64].view(np.uint32) == expected[0]
+    swapped = a.view(np.uint32).reshape(2, 2, 16)[:, ::-1].ravel()
+    backwards = [int(f"{word:032b}"[::-1], 2) for word in swapped]
+    np.testing.assert_array_equal(turned, np.array(backwards, np.uint32))
 
 
 def test_conversions():

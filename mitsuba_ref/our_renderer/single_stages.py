@@ -14,10 +14,10 @@ from renderer.stages.direct_light import (
     sample_lights,
 )
 from renderer.stages.emission import arrive
-from renderer.stages.intersect import collect, intersect, reset_hits, trace_shadow_rays
+from renderer.stages.intersect import intersect, reset_hits, trace_shadow_rays
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.scatter import scatter
-from renderer.stages.surface import surface_points
+from renderer.stages.surface import append_hits, surface_points
 
 
 @entry_kernel
@@ -43,9 +43,10 @@ def next_hit_step(scene, work, count):
 @entry_kernel
 def locate_step(scene, work, count):
     """Fill `work.points` with all hits."""
-    none, stages = np.int64(0), scene.primitives.stages
-    found = collect(stages, work.hits, none, count, ANY, work.order, none)
-    surface_points(scene, work.rays, work.hits, work.order, found, work.points)
+    rays, hits, order, points = work.rays, work.hits, work.order, work.points
+    none = np.int64(0)
+    found = append_hits(scene, rays, hits, none, count, ANY, order, points, none)
+    surface_points(scene, rays, hits, order, found, points)
 
 
 @entry_kernel

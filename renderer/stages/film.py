@@ -92,7 +92,8 @@ def _add_to_own_pixels(tile, radiance, sums):
 def _add_one(rfilter, x, y, slot, radiance, sums):
     """Add the sample of a slot, at (x, y) in the sums, to all pixels that it reaches.
 
-    A pixel's centre is a whole number here.
+    A pixel's centre is a whole number here. Number by number: with eight columns at once
+    this took three times as long, as what a sample has just stored, others load in part.
     """
     channels = sums.shape[0] - 1
     weights, radius = rfilter.weights, rfilter.radius

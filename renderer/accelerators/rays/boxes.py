@@ -3,7 +3,7 @@
 A scene of a few dozen primitives has a few objects. Of each batch of rays those that enter
 an object's box are listed, without a branch that a single ray decides, and 16 of a list at
 a time are tested against each of its primitives: bounding volumes as they were before there
-were hierarchies of them [Weghorst1984].
+were hierarchies of them [Whitted1980].
 """
 
 from __future__ import annotations
