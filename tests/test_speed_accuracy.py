@@ -326,7 +326,7 @@ def noisy_picture(seed, spp):
 def fake(room, tmp_path, monkeypatch):
     """Run the command with two variants and our samplers, all made up; give its status."""
 
-    def ours(scene, threads, sampler):
+    def ours(scene, threads, sampler, integrator=""):
         brighter = 0.5 * (FakeMitsuba.shift == ("ours", sampler))
         return lambda seed, spp: (0.1, noisy_picture(seed + 50, spp) + brighter)
 
