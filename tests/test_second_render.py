@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from test_benchmark_run import CLOSED_ROOM
@@ -28,6 +31,10 @@ WAYS = [
 
 def room():
     return renderer.load_string(CLOSED_ROOM)
+
+
+def by_pickle(scene):
+    return pickle.loads(pickle.dumps(scene))
 
 
 @pytest.fixture
@@ -74,6 +81,16 @@ def test_no_more_is_kept_than_was_asked_for_last(made):
     assert len(made) == 3  # the last is there
     renderer.render(scene, 1, integrator=ways[0])
     assert len(made) == 4  # the first is not
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, by_pickle])
+def test_a_copy_of_a_scene_has_tables_of_its_own(copied, made):
+    """Those of the first are addresses, which mean nothing in another process."""
+    scene = room()
+    expected = np.asarray(renderer.render(scene, 1))
+    other = copied(scene)
+    assert np.array_equal(np.asarray(renderer.render(other, 1)), expected)
+    assert len(made) == 2
 
 
 def test_a_refusal_is_not_kept():
