@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 from pathlib import Path
@@ -15,7 +16,7 @@ from speed_accuracy_sample import PEER, curve, noisy, record
 from test_benchmark_run import CLOSED_ROOM
 
 import renderer
-from mitsuba_ref.records.proof_file import NO_PROOF, Size
+from mitsuba_ref.records.proof_file import NO_PROOF, Size, read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedRender
 from renderer.errors import SceneError
@@ -24,6 +25,7 @@ from reports.commands import speed_accuracy as command
 from reports.speed_accuracy import contenders, noiseless
 from reports.speed_accuracy import noisy as noisy_scenes
 from reports.speed_accuracy import truth as truths
+from reports.speed_accuracy.large_meshes import LARGE, written
 from reports.speed_accuracy.noiseless import different, distance, has_noise, some_pixels
 from reports.speed_accuracy.record import OURS
 from reports.speed_accuracy.references import SEED, kept
@@ -324,7 +326,7 @@ def noisy_picture(seed, spp):
 def fake(room, tmp_path, monkeypatch):
     """Run the command with two variants and our samplers, all made up; give its status."""
 
-    def ours(scene, threads, sampler):
+    def ours(scene, threads, sampler, integrator=""):
         brighter = 0.5 * (FakeMitsuba.shift == ("ours", sampler))
         return lambda seed, spp: (0.1, noisy_picture(seed + 50, spp) + brighter)
 
@@ -375,6 +377,39 @@ def test_no_peer_is_timed_whose_mean_is_another(fake, tmp_path):
     assert (PEER, "stratified") not in curves and (PEER, "independent") in curves
 
 
+def test_large_scenes_are_written_and_measured_with_one_peer(fake, tmp_path, monkeypatch):
+    """The last that can draw it; the mesh is smaller here, and our pictures made up."""
+    small = functools.partial(written, frequency=2)
+    monkeypatch.setattr(command, "written", small)
+    assert fake("--scene", *LARGE) == 0
+    found = measured(tmp_path)["noisy"]
+    assert [one["scene"] for one in found] == list(LARGE)
+    for one in found:
+        assert list(one["unavailable"]) == [PEER]
+        assert "llvm_ad_rgb takes part" in one["unavailable"][PEER]
+        assert {c["renderer"] for c in one["curves"]} == {OURS, "mitsuba llvm_ad_rgb"}
+    assert fake("--scene", *LARGE, broken=("llvm_ad_rgb", "stratified")) == 0
+    for one in measured(tmp_path)["noisy"]:
+        assert one["unavailable"] == {"mitsuba llvm_ad_rgb": "not today"}
+        assert {c["renderer"] for c in one["curves"]} == {OURS, PEER}
+
+
+def test_a_large_scene_is_what_was_asked_for():
+    """Of 80 triangles here: a directional light; a lamp and a floor, five bounces."""
+    with written(list(LARGE), frequency=2) as paths:
+        scenes = [renderer.load_file(path) for path in paths]
+        sizes = [read_proof(path).size("test") for path in paths]
+    assert not any(path.exists() for path in paths)
+    sun, lamp = (scene.description for scene in scenes)
+    for one in (sun, lamp):
+        assert len(one.shapes[0].faces) == 80
+        assert (one.camera.film.width, one.camera.film.height) == (1280, 720)
+    assert [one.integrator.max_depth for one in (sun, lamp)] == [2, 6]
+    assert (len(sun.shapes), len(sun.emitters)) == (1, 1)
+    assert [shape.radiance is not None for shape in lamp.shapes] == [False, False, True]
+    assert [size.width for size in sizes if size is not None] == [640, 640]
+
+
 def test_a_sampler_with_holes_in_its_pictures_is_left_out(fake, tmp_path):
     """And the whole variant, if it is one that others are judged by."""
     assert fake(holes=("scalar_rgb", "ldsampler")) == 0
@@ -395,6 +430,7 @@ def test_a_short_run_never_replaces_the_whole(fake, room, tmp_path, monkeypatch)
     """Nor does one of a chosen scene, one that was interrupted, or a part drawn again."""
     monkeypatch.setattr(command, "SCENES", tmp_path)
     monkeypatch.setattr(command, "QUICK", (str(room),))
+    monkeypatch.setattr(command, "LARGE", {})
     whole = ["--spp", "5", "--reference", "16", "--seeds", "2", "--out", str(tmp_path)]
     assert command.main(whole) == 0
     page, data = (tmp_path / f"speed_accuracy.{kind}" for kind in ("html", "json"))

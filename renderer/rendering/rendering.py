@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.whitted import REGION
-from renderer.kernels.jit import Packed, pack
+from renderer.kernels.jit import Packed, compiled_for, pack
 from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.rendering.accuracy import Accuracy
@@ -69,7 +69,7 @@ class Rendering:
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record
         kind = plan.kind
-        self._render_tile = kind.render_several if plan.several else kind.render
+        self._kernel = kind.render_several if plan.several else kind.render
         self.counted = kind.counts_work
         self.rfilter = filter_of(scene, plan)
         self._packed_filter = pack(self.rfilter)
@@ -104,6 +104,7 @@ class Rendering:
     @kernel_scene.setter
     def kernel_scene(self, record: KernelScene) -> None:
         self._record, self._packed_scene = record, pack(record)
+        self._compiled: Callable[..., None] | None = None  # for this type of record
 
     @property
     def sampler(self) -> Packed:
@@ -134,7 +135,7 @@ class Rendering:
     def add_to(
         self, sums: NDArray[np.float64], place: int, begin: int, end: int, thread: int
     ) -> None:
-        """Add samples begin .. end - 1 of a place to sums, the film's or others."""
+        """Add samples begin .. end - 1 of a place to sums, the film's or such as these."""
         for first_sample, end_sample in self.work.pieces(place, begin, end):
             self._render(sums, place, first_sample, end_sample, thread)
 
@@ -149,7 +150,7 @@ class Rendering:
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
-        self._render_tile(
+        arguments = (
             self._packed_scene,
             self._packed_filter,
             self.film.tiles[place % self.work.tiles],
@@ -159,6 +160,11 @@ class Rendering:
             sums,
             self.border,
         )
+        if self._compiled is None:
+            self._kernel(*arguments)
+            self._compiled = compiled_for(self._kernel, *arguments)
+        else:
+            self._compiled(*arguments)
 
     @property
     def methods_seconds(self) -> float:

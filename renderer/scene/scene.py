@@ -69,6 +69,10 @@ class Scene:
     def _recent(self) -> dict[str, dict[Any, Any]]:
         return {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is kept for this process: tables hold addresses of its memory."""
+        return {name: value for name, value in vars(self).items() if name != "_recent"}
+
     def once(self, key: Any, build: Callable[..., Any], *arguments: Any) -> Any:
         """Return what `build` gives for a key, built at the first call and then kept.
 
@@ -87,10 +91,12 @@ class Scene:
         ways: `RECENT[what]` of them are kept.
         """
         kept = self._recent.setdefault(what, {})
-        found = kept.pop(key) if key in kept else build(*arguments)
+        found = kept.pop(key, None)  # other threads may be here too
+        if found is None:
+            found = build(*arguments)
         kept[key] = found  # at the end
-        while len(kept) > RECENT[what]:
-            kept.pop(next(iter(kept)), None)
+        for oldest in list(kept)[: -RECENT[what]]:
+            kept.pop(oldest, None)
         return found
 
     @functools.cached_property

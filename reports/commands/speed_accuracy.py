@@ -28,6 +28,7 @@ from reports.page.formatting import number, seconds
 from reports.records.errors import ReportError
 from reports.speed.measure import scene_file
 from reports.speed_accuracy.contenders import Settings
+from reports.speed_accuracy.large_meshes import LARGE, written
 from reports.speed_accuracy.noiseless import has_noise, measure_noiseless
 from reports.speed_accuracy.noisy import measure_noisy
 from reports.speed_accuracy.page import interval_text, speed_accuracy_page
@@ -45,6 +46,7 @@ SCENES = Path(__file__).parents[2] / "scenes"
 QUICK = ("cornell-box", "textured-room", "caustic", "appel-teapot")
 QUICK_SETTINGS = Settings(spp=(4, 16), seeds=3, reference=512)
 SCENE_SECONDS = 20.0  # of one scene on two quiet cores, about
+LARGE_SECONDS = 180.0
 FAILED = 1
 
 
@@ -71,14 +73,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 )
             record = read_speed_accuracy(given.source)
         else:
-            paths = _paths(given)
-            minutes = seconds(SCENE_SECONDS * len(paths))
+            paths, large = _asked(given)
+            minutes = seconds(SCENE_SECONDS * len(paths) + LARGE_SECONDS * len(large))
             console.print(
-                f"{len(paths)} scenes, about {minutes} on two quiet cores; longer the "
-                "first time, when references are rendered and kernels compiled",
+                f"{len(paths) + len(large)} scenes, about {minutes} on two quiet cores; "
+                "longer the first time, when references are rendered and kernels compiled",
                 soft_wrap=True,
             )
-            record, complete = _measure(paths, given, words)
+            with written(large) as large_paths:
+                record, complete = _measure(paths, large_paths, given, words)
             status = 0 if complete else INTERRUPTED
         page = _write(record, given.out)
     except KeyboardInterrupt:
@@ -111,8 +114,8 @@ def markdown(rows: Sequence[Efficiency]) -> list[str]:
     return lines
 
 
-def _paths(given: argparse.Namespace) -> list[Path]:
-    """Return the scene files that are asked for.
+def _asked(given: argparse.Namespace) -> tuple[list[Path], list[str]]:
+    """Return the scene files that are asked for, and the names of large scenes.
 
     Raises
     ------
@@ -120,12 +123,17 @@ def _paths(given: argparse.Namespace) -> list[Path]:
         If there is none of a name.
     """
     if given.scene or given.quick:
-        return [scene_file(name) for name in given.scene or QUICK]
-    return sorted(SCENES.glob("*/scene.xml"))
+        names = given.scene or QUICK
+        files = [scene_file(name) for name in names if name not in LARGE]
+        return files, [name for name in names if name in LARGE]
+    return sorted(SCENES.glob("*/scene.xml")), list(LARGE)
 
 
 def _measure(
-    paths: Sequence[Path], given: argparse.Namespace, words: Sequence[str]
+    paths: Sequence[Path],
+    large: Sequence[Path],
+    given: argparse.Namespace,
+    words: Sequence[str],
 ) -> tuple[SpeedAccuracy, bool]:
     """Return what was measured, and whether to the end.
 
@@ -144,10 +152,13 @@ def _measure(
     complete, began = True, time.monotonic()
     with shown_stages() as show:
         try:
-            for index, path in enumerate(paths):
-                say = _told(show, path, index, len(paths), time.monotonic() - began)
+            every = [*paths, *large]
+            for index, path in enumerate(every):
+                say = _told(show, path, index, len(every), time.monotonic() - began)
                 try:
-                    if has_noise(path, read_proof(path).deterministic):
+                    if path in large:
+                        noisy.append(measure_noisy(path, settings, say, one_peer=True))
+                    elif has_noise(path, read_proof(path).deterministic):
                         noisy.append(measure_noisy(path, settings, say))
                     else:
                         noiseless.append(measure_noiseless(path, settings, say))
@@ -228,7 +239,7 @@ def _parser() -> argparse.ArgumentParser:
         "--scene",
         nargs="+",
         metavar="NAME",
-        help=f"of scenes/, or files; in a *{PART} page",
+        help=f"of scenes/, files, {' or '.join(LARGE)}; in a *{PART} page",
     )
     add("--quick", action="store_true", help=f"few scenes, in short; in a *{PART} page")
     add("--from", dest="source", type=Path, metavar="RECORD.json", help="draw only")
@@ -258,7 +269,7 @@ def _parser() -> argparse.ArgumentParser:
         "--full",
         action="store_true",
         default=None,
-        help="the files' sizes, not those of proof.toml",
+        help="the files' sizes, not those of proof.toml (large scenes: 1280 x 720)",
     )
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
     return parser

@@ -39,10 +39,31 @@ JUDGES = ("independent", SAMPLER)  # by whose means and long pictures others are
 # its seed 4 (16 samples, 48 x 32).
 NOT_FINITE = "its picture has values that are not finite"
 PATIENCE = 120.0  # [s] for one picture
+FIRST_PATIENCE = 60.0  # [s] for the first one, compilation included
+# Mitsuba 3.9.1's `llvm_ad_rgb` takes 11 to 20 s for each picture of 10,000 instances, also
+# for the same one again, and more than a minute where two such scenes are loaded; here one
+# is for each sampler.
+ANEW = "it goes through all instances anew for each picture"
+ONE_IS_ENOUGH = (
+    "left out of large scenes, in which {} takes part and is several times as fast"
+)
 
 
-def measure_noisy(path: Path, settings: Settings, say: Say) -> NoisyScene:
+def measure_noisy(
+    path: Path, settings: Settings, say: Say, *, one_peer: bool = False
+) -> NoisyScene:
     """Render one scene with all contenders in turn.
+
+    Parameters
+    ----------
+    path
+        The scene file.
+    settings
+        How much is measured.
+    say
+        Is told how far it is.
+    one_peer
+        Whether the last of `PEERS` that can draw the scene is enough.
 
     Raises
     ------
@@ -58,13 +79,19 @@ def measure_noisy(path: Path, settings: Settings, say: Say) -> NoisyScene:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         contenders = _ours(scene, settings, say)
         unavailable: dict[str, str] = {}
-        for variant in PEERS:
+        there = ""
+        for variant in reversed(PEERS) if one_peer else PEERS:
+            if one_peer and there:
+                unavailable[f"mitsuba {variant}"] = ONE_IS_ENOUGH.format(there)
+                continue
             say(f"starting mitsuba {variant}")
             try:
                 theirs = _theirs(stack, variant, path, parameters, settings, folder)
             except MitsubaError as error:
-                unavailable[f"mitsuba {variant}"] = str(error)
+                why = f": {ANEW}" if scene.placements is not None else ""
+                unavailable[f"mitsuba {variant}"] = f"{error}{why}"
                 continue
+            there = variant
             for key, contender in theirs.items():
                 if contender is None:
                     unavailable[str(key)] = NOT_FINITE
@@ -158,6 +185,8 @@ def _theirs(
         peer = opened.enter_context(
             TimedMitsuba(variant, path, parameters, settings.threads, THEIR_SAMPLERS)
         )
+        peer.time_limit = FIRST_PATIENCE
+        of_mitsuba(peer, folder, THEIR_SAMPLERS[0])(0, settings.spp[0])
         peer.time_limit = PATIENCE
         found: dict[Key, Contender | None] = {}
         for sampler in THEIR_SAMPLERS:

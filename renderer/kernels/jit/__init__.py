@@ -10,6 +10,7 @@ are chosen by the record they work on (`interfaces`).
 from renderer.kernels.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
 from renderer.kernels.jit.decorators import (
     builder_kernel,
+    compiled_for,
     entry_kernel,
     kernel,
     method_kernel,
@@ -27,6 +28,7 @@ __all__ = [
     "cache_root",
     "call",
     "compile_method",
+    "compiled_for",
     "count_of",
     "entry_kernel",
     "interface",

@@ -77,6 +77,16 @@ def entry_kernel(function: Any) -> Any:
     return _called_from_python(function)
 
 
+def compiled_for(entry: Any, *arguments: Any) -> Any:
+    """Return an entry kernel as it is for arguments like these, with which it was called.
+
+    A call of it takes 0.7 microseconds, one of the kernel 6.5 and more: Numba looks at the
+    type of each argument, and asks Python about each record. Here nobody looks: other types
+    than these are read as if they were these.
+    """
+    return entry.get_overload(tuple(map(numba.typeof, arguments)))
+
+
 def kernel(function: Any) -> Any:
     """Compile `function` like `entry_kernel`, to be called by other kernels only.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from typing import Any
 
 import numpy as np
@@ -73,22 +72,20 @@ class KernelInputs:
         sampling = variant.sampling(scene, plan, seed)
         self.sampler: Packed = sampling.record
         what = (scene, plan, accel, variant, sampling.by_pair)
-        begun = time.perf_counter()
         if variant.in_order:  # a replay, whose tables know more than the plan
             self._tables = _SceneTables(*what)
         else:
             key = _what_decides(scene, plan, accel), sampling.by_pair
             self._tables = scene.recently("tables", key, _SceneTables, *what)
-        made = self._tables.begun >= begun
         self._own = MethodTables()
         self.surfaces = self._tables.surfaces
         chooses = self._tables.chooses
         methods = _sampler_methods(self._own, sampling, scene, plan, chooses)
         self.record = self._tables.record._replace(sampler=methods)
-        # the time that compiling the methods has taken
-        self.compile_seconds = self._own.compile_seconds
-        if made:
-            self.compile_seconds += self._tables.methods.compile_seconds
+        # the time that compiling the methods has taken; of kept ones nothing
+        kept = self._tables.methods
+        self.compile_seconds = self._own.compile_seconds + kept.compile_seconds
+        kept.compile_seconds = 0.0
 
     @property
     def kept(self) -> list[Packed]:
@@ -118,14 +115,11 @@ class _SceneTables:
         Kind of shape -> its record.
     chooses : bool
         Whether the sampler chooses lights, uniformly.
-    begun : float
-        When these were made.
     """
 
     def __init__(
         self, scene: Scene, plan: Plan, accel: str, variant: Variant, by_pair: bool
     ) -> None:
-        self.begun = time.perf_counter()
         self.methods = tables = MethodTables()
         settings = _settings(scene, plan, variant)
         self.surfaces = surfaces = _surfaces(scene, settings, variant)

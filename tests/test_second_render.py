@@ -1,0 +1,115 @@
+"""What a scene keeps of one render for the next: less to do, and the same picture."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from test_benchmark_run import CLOSED_ROOM
+
+import renderer
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
+from renderer.rendering.tables import kernel_record
+from renderer.scene.scene import RECENT
+
+# none of these may be taken for another: in their tables, their plan or their structures
+WAYS = [
+    {},
+    {"integrator": "direct"},
+    {"integrator": "whitted"},
+    {"integrator": "depth"},
+    {"accel": "wide"},
+    {"ray_offset": "mitsuba"},
+    {"sampler": "stratified"},
+    {"sampler": "mitsuba"},
+    {"light_choice": "uniform"},
+]
+
+
+def room():
+    return renderer.load_string(CLOSED_ROOM)
+
+
+def by_pickle(scene):
+    return pickle.loads(pickle.dumps(scene))
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Return a list that grows with each making of a scene's tables."""
+    made, real = [], kernel_record._SceneTables
+
+    def make(*arguments):
+        made.append(arguments)
+        return real(*arguments)
+
+    monkeypatch.setattr(kernel_record, "_SceneTables", make)
+    return made
+
+
+def test_another_seed_or_number_of_samples_finds_the_tables_made(made):
+    scene = room()
+    pictures = [
+        np.asarray(renderer.render(scene, spp, seed, threads=2))
+        for spp, seed in ((1, 0), (1, 1), (4, 1), (1, 0))
+    ]
+    assert len(made) == 1
+    assert np.array_equal(pictures[0], pictures[3])  # whatever came between
+    assert not np.array_equal(pictures[0], pictures[1])
+
+
+def test_no_way_takes_the_tables_of_another():
+    """In turn on one scene, twice around, as on a scene of its own."""
+    scene = room()
+    alone = [np.asarray(renderer.render(room(), 2, **way)) for way in WAYS]
+    for _ in range(2):
+        for way, expected in zip(WAYS, alone, strict=True):
+            found = np.asarray(renderer.render(scene, 2, **way))
+            np.testing.assert_array_equal(found, expected, err_msg=str(way))
+
+
+def test_no_more_is_kept_than_was_asked_for_last(made):
+    scene = room()
+    ways = ["path", "direct", "whitted"]
+    for name in ways:
+        renderer.render(scene, 1, integrator=name)
+    assert len(ways) > RECENT["tables"] == 2
+    renderer.render(scene, 1, integrator=ways[-1])
+    assert len(made) == 3  # the last is there
+    renderer.render(scene, 1, integrator=ways[0])
+    assert len(made) == 4  # the first is not
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, by_pickle])
+def test_a_copy_of_a_scene_has_tables_of_its_own(copied, made):
+    """Those of the first are addresses, which mean nothing in another process."""
+    scene = room()
+    expected = np.asarray(renderer.render(scene, 1))
+    other = copied(scene)
+    assert np.array_equal(np.asarray(renderer.render(other, 1)), expected)
+    assert len(made) == 2
+
+
+def test_a_refusal_is_not_kept():
+    scene = room()
+    for _ in range(2):
+        with pytest.raises(renderer.SceneError, match="'cube' is unknown"):
+            make_plan(scene, sampler="cube")
+    assert make_plan(scene, spp=3) is make_plan(scene, spp=3)
+    assert make_plan(scene, spp=3) is not make_plan(scene, spp=4)
+
+
+def test_another_record_is_looked_at_anew():
+    """The kernel is called by the types of the record before, no longer than that."""
+    scene = room()
+    rendering = Rendering(scene, make_plan(scene, spp=1), accel="auto", seed=0, threads=1)
+    rendering.compile()
+    assert rendering._compiled is not None
+    rendering.kernel_scene = rendering.kernel_scene
+    assert rendering._compiled is None
+    assert rendering.run()
+    expected = np.asarray(renderer.render(scene, 1))
+    assert np.array_equal(rendering.film.develop(), expected)
