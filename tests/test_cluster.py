@@ -10,6 +10,7 @@ import random
 import signal
 import sys
 import threading
+from collections import OrderedDict
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,8 +20,9 @@ import pytest
 from distributed import Client, LocalCluster, get_worker
 
 import renderer
+from renderer import memory
 from renderer.command import cli
-from renderer.errors import ClusterError, SceneError
+from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.rendering.cluster import connect, worker
 from renderer.rendering.cluster import team as teams
 from renderer.rendering.cluster.content import LEAST, freeze, thaw
@@ -270,6 +272,39 @@ def test_a_worker_that_cannot_read_the_scene_is_refused(local, alone, monkeypatc
     broken.update(everybody)
     with pytest.raises(ClusterError, match=r"may work: \S+: plugin\.py: no such module$"):
         renderer.render(load(), 40, cluster=Team(local))
+
+
+def test_workers_without_memory_are_refused_with_numbers(local, monkeypatch):
+    """Before they build anything; the client has enough."""
+    room = memory.room
+
+    def room_there():
+        try:
+            return 10 << 20 if get_worker() else 0
+        except ValueError:  # here is none
+            return room()
+
+    monkeypatch.setattr(worker, "_ready", OrderedDict())
+    monkeypatch.setattr(worker, "Rendering", None)
+    monkeypatch.setattr(memory, "room", room_there)
+    said = (
+        r"may work: \S+: .*rendering takes about 15\d MiB of memory more .*; this machine "
+        r"has 10 MiB free; possible: a worker with more memory"
+    )
+    with pytest.raises(ClusterError, match=said):
+        renderer.render(load(), 40, seed=3, cluster=local)
+
+
+def test_workers_on_this_machine_share_its_memory(local, monkeypatch):
+    """Each would find the same memory free; too many do not even start."""
+    monkeypatch.setattr(memory, "room", lambda: 500 << 20)
+    monkeypatch.setattr("distributed.LocalCluster", None)
+    with pytest.raises(NotAllowed, match="local:4: a process for each takes about 640 MiB"):
+        with connect.open_cluster("local:4"):
+            pass
+    renderer.render(load(), 1, cluster=Team(local, 2))
+    with pytest.raises(NotAllowed, match=r"takes about 6\d\d MiB .*fewer than 4 workers"):
+        renderer.render(load(), 1, cluster=Team(local, 4))
 
 
 def test_an_error_of_ours_keeps_the_picture(local, monkeypatch):

@@ -203,12 +203,12 @@ def test_others_are_asked_again_where_a_file_ends_the_process(monkeypatch) -> No
         import os, sys
         print("ready", flush=True)
         for line in sys.stdin:
-            if line.strip() in "34":
+            if line.strip() in ("3", "4"):
                 os.abort()
             seconds = 5.0 if line.strip() == "6" and os.path.exists(sys.argv[1]) else 0.0
             if seconds:
                 os.remove(sys.argv[1])
-            print(f'["{line.strip()}", "", {seconds}]', flush=True)
+            print(f'[{int(line)}, "{line.strip()}", "", {seconds}]', flush=True)
         """
     start, started = subprocess.Popen, []
 
@@ -222,6 +222,10 @@ def test_others_are_asked_again_where_a_file_ends_the_process(monkeypatch) -> No
         slow = Path(reader._folder.name) / "slow"
         slow.touch()  # number 6 is slow the first time
         found = list(reader.answers(range(9)))
+        more = list(reader.answers(range(10, 29)))  # nothing was asked twice
+        more += list(reader.answers(range(50, 60)))
+    numbers = [*range(10, 29), *range(50, 60)]
+    assert [one.outcome for one in more] == list(map(str, numbers))
     died = "the process died"
     assert [one.outcome for one in found] == [*"012", died, died, *"5678"]
     assert [one.fault for one in found if one.fault] == [f"{died}: status -6"] * 2

@@ -7,11 +7,12 @@ import signal
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
+
+_HALF_DONE: list[BaseException] = []  # with their frames, and all that these hold
 
 
 class Interrupts:
@@ -23,8 +24,10 @@ class Interrupts:
 
     Python loses what is raised in a callback of a weak reference or in a `__del__`, and
     prints it. Numba has such callbacks, and one interrupt of 200 fell into one of them: it
-    comes again as soon as the callback is over. What else is lost after an interrupt is not
-    shown: an object that it left half made fails when it is taken apart (one of 200 more).
+    comes again as soon as the callback is over.
+
+    What was half done is kept until the process ends: objects of LLVM that an interrupt
+    left half made failed when Python took them apart (one of 220), or crashed (one of 950).
     """
 
     def __init__(self) -> None:
@@ -50,8 +53,8 @@ class Interrupts:
     ) -> None:
         """Give the signal back."""
         if self._previous is not None:
-            if self.count:  # what is half made goes here, while `_on_lost` still listens
-                traceback.clear_frames(trace)
+            if self.count and error is not None:
+                _HALF_DONE.append(error)
             signal.signal(signal.SIGINT, self._previous)
             sys.unraisablehook = self._previous_hook
 
@@ -76,8 +79,7 @@ class Interrupts:
 
     def _on_lost(self, lost: sys.UnraisableHookArgs) -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
-            if not self.count:
-                self._previous_hook(lost)
+            self._previous_hook(lost)
             return
         self.count -= 1
         _thread.start_new_thread(_interrupt_soon, ())

@@ -115,9 +115,7 @@ def estimate(
         "the film's sums": film,
         # developed, as what is shown of it, and one channel after the other for a file
         "the picture": (2 if band is None else 4) * picture,
-        "accelerators": _accelerators(scene, plan, accel),
-        "tables of the scene": _OF_TABLES * scene.shape.size,
-        f"working arrays of {threads} threads": threads * _workspace(scene, plan, shape),
+        **_of_tracing(scene, plan, accel, threads),
     }
     if goal:
         # copies of the sums, and what an error is guessed from
@@ -127,6 +125,37 @@ def estimate(
     if plan.replay:
         parts["streams of random numbers"] = _STREAM * shape.width * shape.height
     return Estimate(parts)
+
+
+def estimate_workers(
+    scene: Scene,
+    plan: Plan,
+    *,
+    accel: str,
+    threads: int,
+    workers: int = 1,
+    scene_bytes: int = 0,
+) -> Estimate:
+    """Return what so many processes take that trace portions, of so many threads each.
+
+    Nobody writes to their films, and the sums of a portion are small. `scene_bytes` is what
+    each of them has of the scene, 0 where it is there already.
+    """
+    each = {
+        _OF_KERNELS: _KERNELS,
+        "the scene": scene_bytes,
+        **_of_tracing(scene, plan, accel, threads),
+    }
+    return Estimate({what: workers * size for what, size in each.items()})
+
+
+def _of_tracing(scene: Scene, plan: Plan, accel: str, threads: int) -> dict[str, int]:
+    each = _workspace(scene, plan, film_shape(scene, plan))
+    return {
+        "accelerators": _accelerators(scene, plan, accel),
+        "tables of the scene": _OF_TABLES * scene.shape.size,
+        f"working arrays of {threads} threads": threads * each,
+    }
 
 
 def estimate_all(renders: Iterable[tuple[Scene, Plan]], **how: Any) -> Estimate:

@@ -63,13 +63,13 @@ class Reader:
         """
         left = list(numbers)
         while left:
-            for found in self._asked(left):
+            for found in self._asked(tuple(left)):
                 first = left.pop(0)
-                yield found if found.seconds <= SECONDS else next(self._asked([first]))
+                yield found if found.seconds <= SECONDS else next(self._asked((first,)))
                 if found.fault or found.seconds > SECONDS:
                     break  # the process that was asked for the others is gone
 
-    def _asked(self, numbers: Sequence[int]) -> Iterator[Answer]:
+    def _asked(self, numbers: tuple[int, ...]) -> Iterator[Answer]:
         """Yield answers up to the first one that ends the process.
 
         All is asked at once: a process that waited for each question would wait for its
@@ -82,9 +82,14 @@ class Reader:
             process.stdin.write(words.encode())
             process.stdin.flush()
         before = _processor_seconds(process.pid)
-        for _ in numbers:
+        for number in numbers:
             line = self._line(SECONDS + before, WAITING)
-            found = self._died(before) if not line else Answer(*json.loads(line))
+            if line:
+                which, *answer = json.loads(line)
+                assert which == number, (which, number)
+                found = Answer(*answer)
+            else:
+                found = self._died(before)
             if found.fault or found.seconds > SECONDS:
                 self.close()  # the next file finds a process that nothing has harmed
             if found.seconds > SECONDS and not found.fault:

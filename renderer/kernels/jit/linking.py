@@ -54,6 +54,11 @@ def _replace_parts_of_numba() -> None:
     )
     post_lowering = cpu.CPUContext.post_lowering
     finalize_module = _Library._finalize_final_module
+    begin = codegen.CPUCodegen.__init__
+
+    def begin_undisturbed(self: Any, name: str) -> None:
+        with put_off_interrupts():  # engine, module and machine come to own one another
+            begin(self, name)
 
     def finalize_undisturbed(self: Any) -> None:
         """Let no interrupt fall where LLVM asks for code in the cache, or hands some over.
@@ -117,7 +122,8 @@ def _replace_parts_of_numba() -> None:
     def unserialize_by_use(cls: Any, generator: Any, state: Any) -> Any:
         name, use, data = state
         if use != _LINKED:
-            return unserialize(cls, generator, state)
+            with put_off_interrupts():  # objects of LLVM that are half made fail to go
+                return unserialize(cls, generator, state)
         library = generator.create_library(name)
         library._final_module = library._shared_module = llvm.parse_bitcode(data)
         library._finalized = library._is_linked_only = library._is_kernel = True
@@ -125,6 +131,7 @@ def _replace_parts_of_numba() -> None:
 
     _Library.finalize = finalize_or_link
     _Library._finalize_final_module = finalize_undisturbed
+    codegen.CPUCodegen.__init__ = begin_undisturbed
     _Library._optimize_functions = optimize_functions
     _Library._optimize_final_module = optimize_once
     _Library.serialize_using_object_code = serialize_by_use

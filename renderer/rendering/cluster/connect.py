@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from renderer import memory
 from renderer.errors import ClusterError
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 MOST_LOCAL = 256  # processes
 CONNECT = 10  # [s]
+_OF_PROCESS = 160 << 20  # [bytes] of a worker that has imported what it needs
 MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
 PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
@@ -51,6 +53,8 @@ def open_cluster(where: str) -> Iterator[Team]:
 
     Raises
     ------
+    NotAllowed
+        If processes alone, without a scene, take more memory than there is.
     ClusterError
         If there is none at that address, or Dask is not installed.
     """
@@ -80,6 +84,8 @@ def _local(workers: int) -> Iterator[Team]:
 
     from renderer.rendering.cluster.team import Team
 
+    # before they start: two hundred of them hold up a machine for minutes
+    memory.require(workers * _OF_PROCESS, f"--cluster local:{workers}: a process for each")
     with (
         LocalCluster(
             n_workers=workers,
@@ -93,7 +99,7 @@ def _local(workers: int) -> Iterator[Team]:
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        yield Team(client)
+        yield Team(client, workers)
 
 
 def check_where(where: str) -> str:

@@ -27,6 +27,7 @@ from renderer.rendering.cluster import worker as work
 from renderer.rendering.cluster.job import Job
 from renderer.rendering.cluster.tally import Tally
 from renderer.rendering.cluster.worker import Portion
+from renderer.rendering.memory_estimate import check_room, estimate_workers
 from renderer.rendering.rendering import Rendering
 
 LOOK = 0.5  # [s] between two looks at who is there
@@ -73,10 +74,12 @@ class Team:
     ----------
     client : distributed.Client
         Connected, and not an asynchronous one.
+    local : int
+        How many workers share the memory of this machine, processes of one thread each.
     """
 
-    def __init__(self, client: Client) -> None:
-        self.client = client
+    def __init__(self, client: Client, local: int = 0) -> None:
+        self.client, self._local = client, local
         self.tally = Tally()
         self.size = 0  # workers that may work, when they were last counted
         self._known: dict[str, Worker] = {}  # all that may work, whether there or not
@@ -103,10 +106,14 @@ class Team:
         ------
         ClusterError
             If something in the scene cannot be sent.
+        NotAllowed
+            If workers that share this machine's memory take more than there is.
         """
         if self.client.status != "running":
             raise ClusterError(f"the client of the cluster is {self.client.status}")
         job = Job(rendering, wanted, work.request_of(rendering))
+        if self._local:  # each of them would find the same memory free
+            _check_local(job, self._local)
         self._in_loop(self._add_job(job))
 
     def trace(
@@ -431,6 +438,21 @@ class Team:
             raise ClusterError(f"{worker.address} was refused")
         self.tally.shown_equal[worker.address] = worker.differs
         worker.shown.add(job.key)
+
+
+def _check_local(job: Job, workers: int) -> None:
+    rendering = job.rendering
+    needs = estimate_workers(
+        rendering.scene,
+        rendering.plan,
+        accel=rendering.accel,
+        threads=1,
+        workers=workers,
+        # as bytes that came, and unpacked
+        scene_bytes=2 * sum(map(len, job.content.pieces.values())),
+    )
+    instead = f"fewer than {workers} workers; threads, which share the scene"
+    check_room(needs, rendering.scene.description.source, instead)
 
 
 def _as_ours(error: BaseException, where: str = "") -> ClusterError:

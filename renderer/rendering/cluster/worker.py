@@ -22,6 +22,7 @@ from renderer.errors import ClusterError
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
 from renderer.rendering.cluster.plugin_files import PluginFiles
+from renderer.rendering.memory_estimate import check_room, estimate_workers
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
@@ -29,6 +30,7 @@ from renderer.scene_file.description import SceneDescription
 
 KEPT = 3  # scenes that a process keeps ready: those of neighbours in a sweep
 MOST_THREADS = 256  # of one worker
+INSTEAD = "a worker with more memory, or one with many threads in the place of several"
 
 
 class Request(NamedTuple):
@@ -135,8 +137,14 @@ def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
 
 
 def _make_ready(request: Request) -> _Ready:
+    """Build what is asked for; raise NotAllowed if it takes more memory than there is."""
+    scene = build_scene(request.description)
+    needs = estimate_workers(
+        scene, request.plan, accel=request.accel, threads=_threads_here()
+    )
+    check_room(needs, scene.description.source, INSTEAD)
     rendering = Rendering(
-        build_scene(request.description),
+        scene,
         request.plan,
         accel=request.accel,
         seed=request.seed,
@@ -147,6 +155,16 @@ def _make_ready(request: Request) -> _Ready:
     for number in range(MOST_THREADS):
         threads.put(number)
     return _Ready(rendering, threads)
+
+
+def _threads_here() -> int:
+    """Return how many portions this worker traces at a time; 1 where there is no worker."""
+    from distributed import get_worker
+
+    try:
+        return int(get_worker().state.nthreads)
+    except ValueError:
+        return 1
 
 
 def dask_setup(process: Any) -> None:

@@ -118,10 +118,11 @@ def main() -> None:
     answers.write("ready\n")
     for line in sys.stdin:
         start = time.process_time()
-        sound, content = damaged(int(line))
+        number = int(line)
+        sound, content = damaged(number)
         found, fault = outcome(folder, sound, content)
         seconds = time.process_time() - start
-        answers.write(json.dumps([found, fault, seconds]) + "\n")
+        answers.write(json.dumps([number, found, fault, seconds]) + "\n")
 
 
 if __name__ == "__main__":
