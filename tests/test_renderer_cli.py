@@ -303,7 +303,8 @@ EXPLAINED = {
     "cornell-box": [
         "method        path, as asked for",
         "as the mean of random paths (Kajiya 1986)",
-        "accelerator   24 triangles, 6 rectangles: brute force",
+        "accelerator   24 triangles: boxes around objects",
+        "accelerator   6 rectangles: brute force",
         "- conductor, dielectric, roughconductor, roughdielectric, plastic, ",
         "- textures and uv: no BSDF looks at them",
         "weights       multiple importance sampling: light samples",

@@ -142,8 +142,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/film.py",
-                "sums[channels, row, column] += weight",
-                "sums[channels, row, column] += 1.0",
+                "store_one(plane, row, column, load_one(plane, row, column) + weight)",
+                "store_one(plane, row, column, load_one(plane, row, column) + 1.0)",
             ),
         ),
         scene="cropped-film",
@@ -156,8 +156,8 @@ DEFECTS = (
         (
             Edit(
                 "stages/film.py",
-                "x = np.float64(lane(px, j)) - tile.x + border - 0.5",
-                "x = np.float64(lane(px, j)) - tile.x + border - 0.25",
+                "px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5",
+                "px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.25",
             ),
         ),
         scene="cropped-film",
