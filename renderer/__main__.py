@@ -42,7 +42,8 @@ def _end(status: int) -> NoReturn:
     import logging
 
     # all is said and written; and a flush may wait for a reader that does not read
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
         logging.shutdown()
         sys.stdout.flush()

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import re
 import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 from compiled_kernels import ROOT
+from numba.core import types
+from numba.core.caching import IndexDataCacheFile
 from numba.core.errors import TypingError
 from numba.extending import overload
 
@@ -27,7 +31,7 @@ from renderer.kernels.jit import (
     versions,
     with_neighbours,
 )
-from renderer.kernels.jit.cache import KERNEL_FOLDERS, file_digest
+from renderer.kernels.jit.cache import KERNEL_FOLDERS, _Index, file_digest
 from renderer.scene_file.images import png_filters
 
 
@@ -123,6 +127,34 @@ def test_processes_that_compile_at_once_do_not_mix_their_kernels(tmp_path: Path)
     for _ in range(2):  # compile, then load what the others compiled
         running = [subprocess.Popen([*command, kind], env=environment) for kind in kinds]
         assert [process.wait() for process in running] == [0, 0, 0]
+
+
+def test_two_that_save_at_once_take_turns(tmp_path: Path, monkeypatch) -> None:
+    """Each waits, with its index read, for the other to come as far; only one may.
+
+    Without turns both find the first file name free, and one kernel is lost.
+    """
+    together = threading.Barrier(2)
+    save_index = IndexDataCacheFile._save_index
+
+    def wait_and_save(self, overloads):
+        with contextlib.suppress(threading.BrokenBarrierError):
+            together.wait(1.0)
+        save_index(self, overloads)
+
+    monkeypatch.setattr(IndexDataCacheFile, "_save_index", wait_and_save)
+    keys = [((types.int64,), "a"), ((types.float64,), "b")]
+    indices = [_Index(str(tmp_path), "kernel", "stamp") for _ in keys]
+    saving = [
+        threading.Thread(target=index.save, args=(key, f"code of {key[1]}"))
+        for index, key in zip(indices, keys, strict=True)
+    ]
+    for thread in saving:
+        thread.start()
+    for thread in saving:
+        thread.join()
+    found = [_Index(str(tmp_path), "kernel", "stamp").load(key) for key in keys]
+    assert found == ["code of a", "code of b"]
 
 
 SHARED = """

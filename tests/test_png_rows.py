@@ -110,6 +110,15 @@ def test_a_second_header_is_refused(tmp_path: Path, place: int) -> None:
         read_texels(tmp_path / "a.png")
 
 
+def test_a_second_header_of_the_same_size_is_refused(tmp_path: Path) -> None:
+    """Rows of one bit would be counted, and rows of 24 be read."""
+    whole = png((2, 8), b"".join(rows_of(24, 0)))
+    first = chunk(b"IHDR", struct.pack(">IIBBBBB", WIDTH, HEIGHT, 1, 0, 0, 0, 0))
+    (tmp_path / "a.png").write_bytes(whole[:8] + first + whole[8:])
+    with pytest.raises(SceneError, match="more than one header"):
+        read_texels(tmp_path / "a.png")
+
+
 def test_pixels_are_those_of_before(tmp_path: Path) -> None:
     values = np.random.default_rng(3).integers(0, 256, (HEIGHT, 3 * WIDTH), dtype=np.uint8)
     values[-1] = 0  # a black last row is looked at

@@ -24,6 +24,8 @@ WAYS = [
     {"accel": "wide"},
     {"ray_offset": "mitsuba"},
     {"sampler": "stratified"},
+    {"sampler": "sobol"},
+    {"sampler": "multijitter"},
     {"sampler": "mitsuba"},
     {"light_choice": "uniform"},
 ]
@@ -61,8 +63,9 @@ def test_another_seed_or_number_of_samples_finds_the_tables_made(made):
     assert not np.array_equal(pictures[0], pictures[1])
 
 
-def test_no_way_takes_the_tables_of_another():
-    """In turn on one scene, twice around, as on a scene of its own."""
+def test_no_way_takes_the_tables_of_another(monkeypatch):
+    """In turn on one scene that keeps all, twice around, as on a scene of its own."""
+    monkeypatch.setitem(RECENT, "tables", 99)
     scene = room()
     alone = [np.asarray(renderer.render(room(), 2, **way)) for way in WAYS]
     for _ in range(2):

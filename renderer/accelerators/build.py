@@ -142,8 +142,8 @@ def build_accelerators(
         The primitives.
     name : str
         One of `renderer.names.ACCELERATORS`; `auto` takes what the cost model expects to
-        be the fastest. Instances and the groups that they show always have trees of
-        eight, but under `brute`.
+        be the fastest. Instances and the groups that they show have trees of eight,
+        but under `brute`, and groups of a few primitives.
     rays : RayCounts
         That will be traced; for `auto`.
     without_emitters_of : Accelerators, optional

@@ -19,6 +19,7 @@ from renderer.kinds.shapes.registry import SHAPES
 from renderer.scene.scene import Scene, primitive_bounds
 
 _TO_BUILD_BOXES = 2e-3  # seconds that they must save, five times what they take
+_MOST_IN_BOXES = 1024  # above it they take longer to build, and a tree pays
 
 
 class Choice(NamedTuple):
@@ -80,7 +81,7 @@ def choose_structure(
     best, second = estimate_all(count, dimension, rays)[:2]
     spread = "on surfaces" if dimension < 2.5 else "through space"
     number = rays.coherent + rays.incoherent
-    if best.name == "brute":
+    if best.name == "brute" and count <= _MOST_IN_BOXES:
         tests = expected_cost(*sample, room)
         if (count - tests) / count * best.trace > _TO_BUILD_BOXES:
             reason = (

@@ -39,6 +39,7 @@ _OF_STRUCTURE = {
     "kd-sah": 950,
     "octree": 980,
 }
+_OF_GROUPS = 300  # trees of eight over all kinds together
 _OF_TABLES = 80  # for a primitive: lights, derivatives, copies without uv
 _OF_TILE = 500  # the Python objects
 _STREAM = 24  # for a pixel of a replay: the state of its random numbers
@@ -200,8 +201,10 @@ def _accelerators(scene: Scene, plan: Plan, accel: str) -> int:
     chosen = choose_structures(scene, accel, plan.rays)
     total = 0
     for kind, surfaces in scene.surfaces.items():
+        alone = int(scene.starts[kind][0])  # the others lie in groups
         name = chosen[kind].name if kind in chosen else "octree"
-        total += _OF_STRUCTURE[name] * (surfaces.end - surfaces.first)
+        total += _OF_STRUCTURE[name] * alone
+        total += _OF_GROUPS * (surfaces.end - surfaces.first - alone)
     if plan.hide_emitters:
         total *= 2
     if scene.placements is not None:

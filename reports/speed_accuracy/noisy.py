@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import renderer
-from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.reference.errors import MitsubaError, MitsubaTimeout
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from mitsuba_ref.statistics.equal_error import relative_mse_of
 from renderer.rendering.planning.plan import make_plan
@@ -44,9 +44,7 @@ FIRST_PATIENCE = 60.0  # [s] for the first one, compilation included
 # for the same one again, and more than a minute where two such scenes are loaded; here one
 # is for each sampler.
 ANEW = "it goes through all instances anew for each picture"
-ONE_IS_ENOUGH = (
-    "left out of large scenes, in which {} takes part and is several times as fast"
-)
+ONE_IS_ENOUGH = "left out of large scenes, in which {} takes part"
 
 
 def measure_noisy(
@@ -88,8 +86,10 @@ def measure_noisy(
             try:
                 theirs = _theirs(stack, variant, path, parameters, settings, folder)
             except MitsubaError as error:
-                why = f": {ANEW}" if scene.placements is not None else ""
-                unavailable[f"mitsuba {variant}"] = f"{error}{why}"
+                late = isinstance(error, MitsubaTimeout) and scene.placements is not None
+                unavailable[f"mitsuba {variant}"] = (
+                    f"{error}: {ANEW}" if late else str(error)
+                )
                 continue
             there = variant
             for key, contender in theirs.items():

@@ -93,16 +93,19 @@ class _Parts:
         self.scene = scene
         self.instances = len(scene.placements.group)
         self.nodes: list[NDArray[np.int32]] = []  # (n, 32) each
+        self.node_count = 0
         self.orders: list[NDArray[np.int32]] = [np.zeros(0, np.int32)]  # (8 n,) each
         self.leaves: list[tuple[int, int, int, int]] = []
         self.columns: dict[str, list[NDArray[np.int64]]] = {kind: [] for kind in KINDS}
+        self.column_count = dict.fromkeys(KINDS, 0)
         self.bounds = {k: primitive_bounds(k, s) for k, s in scene.surfaces.items()}
 
     def add_nodes(self, tree: BvhTree) -> int:
-        """Add a binary tree whose leaves name, as `child`, 8 times what ~ is stored of."""
+        """Add a binary tree; where a leaf's `child` is 8 k, ~k is stored."""
         octets, order = build_nodes(tree)
         nodes = octets.view(np.int32).reshape(-1, WIDE_WORDS)
-        first = sum(map(len, self.nodes))
+        first = self.node_count
+        self.node_count += len(nodes)
         child = nodes[:, CHILD : CHILD + 8]
         child[child > 0] += first
         self.nodes.append(nodes)
@@ -120,6 +123,8 @@ class _Parts:
                 lower, upper = (side[:, first:end] for side in self.bounds[kind])
                 tree = one_leaf(end - first) if few else build_tree(lower, upper)
                 trees.append(self._with_leaves(kind, int(first), tree))
+        if not trees:  # nothing to meet
+            self.leaves.append((0, 0, 0, 1))
         if few:
             together = len(self.leaves) - begin
             self.leaves[begin] = (*self.leaves[begin][:3], together)
@@ -131,8 +136,7 @@ class _Parts:
     def _with_leaves(self, kind: str, first: int, tree: BvhTree) -> BvhTree:
         """Add the leaves of a tree of one kind; return it with their numbers."""
         child = tree.child.copy()
-        columns = self.columns[kind]
-        start = sum(map(len, columns))
+        columns, start = self.columns[kind], self.column_count[kind]
         for node in np.flatnonzero(tree.count):
             count = int(tree.count[node])
             mine = np.full(-(-count // WIDTH) * WIDTH, -1, np.int64)
@@ -141,6 +145,7 @@ class _Parts:
             child[node] = WIDTH * (self.instances + len(self.leaves))
             self.leaves.append((start, start + count, KINDS.index(kind), 1))
             start += len(mine)
+        self.column_count[kind] = start
         return tree._replace(child=child)
 
     def octets(self) -> NDArray[np.uint8]:

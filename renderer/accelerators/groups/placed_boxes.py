@@ -119,8 +119,9 @@ def enter_ray_by_ray(stream, place, m, masks):
             middle = middle - load_one(floats, START + axis, ray)
             half = load_eight(planes, axis, 8) + load_one(floats, MARGIN, ray)
             half = half * fabs(inverse)
-            enter = maximum(enter, middle - half)
-            leave = minimum(leave, (middle + half) * STRETCH)
+            # what may not be a number comes first, so that the bound before it stays
+            enter = maximum(middle - half, enter)
+            leave = minimum((middle + half) * STRETCH, leave)
             octant |= np.int64(1 if inverse < 0.0 else 0) << axis
         entered = select(enter <= leave, entered | np.int32(1 << j), entered)
     store_row(stream.lists, 0, masks, entered)

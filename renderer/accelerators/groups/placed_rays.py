@@ -79,8 +79,8 @@ def lay_out(query, begin, end, reach, beyond, rows):
     for i in range(begin, end, 16):
         origin, direction = load3(query.origin, i), load3(query.direction, i)
         distance = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
-        near = select(distance <= reach, splat_i32(0), splat_i32(1))
-        mine = (near == np.int32(beyond)) & is_finite_ray(origin, direction)
+        side = select(distance <= reach, splat_i32(0), splat_i32(1))
+        mine = (side == np.int32(beyond)) & is_finite_ray(origin, direction)
         mine &= first_lanes(end - i)
         if query.any_will_do != 0:
             mine &= load_row(query.prim, 0, i) == 0

@@ -48,7 +48,6 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
 
     def __init__(self, record: Any, source: str = "") -> None:
         self.record, self.source = record, source
-        self.words = _words(record)
         cls = record.instance_class
         exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source}"
         digest = hashlib.sha256(exact.encode()).hexdigest()[:12]

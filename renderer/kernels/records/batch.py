@@ -50,7 +50,8 @@ class ShadowRays(NamedTuple):
     t_max: NDArray[np.float32]  # (n,)
     radiance: NDArray[np.float32]  # (3, n) contribution to the pixel
     slot: NDArray[np.int32]  # (n,)
-    blocked: NDArray[np.int32]  # (n,) 1 where something is in between
+    # (n,) 1 where something is in between; then the places of those where nothing is
+    blocked: NDArray[np.int32]
 
 
 class SurfacePoints(NamedTuple):

@@ -180,7 +180,7 @@ def meet_plane_in_double(patch, origin, direction, doubtful, single):
 
 @kernel
 def divided(plane_hit, inside, t_max):
-    """Return the intersection where `inside` and 0 < t <= t_max.
+    """Return the intersection where `inside`, 0 < t <= t_max and t is finite.
 
     t is compared after the division, as every other comparison of t is: otherwise two
     primitives at equal t could win in one order of visits and lose in another.
@@ -188,6 +188,7 @@ def divided(plane_hit, inside, t_max):
     inverse = ONE / plane_hit.scale
     t = plane_hit.t * inverse
     hit = inside & (t > 0.0) & (t <= t_max) & (plane_hit.scale > 0.0)
+    hit &= t < np.float32(np.inf)  # a triangle of 1e-20 may be met there
     return Intersection(hit, t, plane_hit.u * inverse, plane_hit.v * inverse)
 
 

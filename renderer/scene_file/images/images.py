@@ -24,6 +24,7 @@ from renderer.scene_file.images.png_chunks import (
     HEAD,
     bytes_held,
     bytes_of_rows,
+    chunks,
     size_of,
 )
 from renderer.scene_file.images.rgbe_image import is_rgbe, read_rgbe
@@ -134,6 +135,8 @@ def _require_content(path: Path, image: PillowImage) -> None:
             head = file.read(HEAD)
         if head[12:16] != b"IHDR" or size_of(head) != image.size:
             raise SceneError(f"{path}: damaged image: its first chunk is not its header")
+        if len(chunks(path.read_bytes(), b"IHDR")) != 1:  # Pillow takes the last
+            raise SceneError(f"{path}: damaged image: it has more than one header")
         too_small = bytes_of_rows(head) > DEFLATE_RATIO * size
     if too_small:
         raise SceneError(

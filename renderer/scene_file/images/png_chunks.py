@@ -21,16 +21,21 @@ _PASSES = (
 )
 
 
-def image_data(content: bytes) -> bytes:
-    """Join the IDAT chunks of a file; raise struct.error if a chunk ends too early."""
+def chunks(content: bytes, wanted: bytes) -> list[bytes]:
+    """Return the chunks of one kind; of one that ends too early, what is there."""
     parts = []
     position = len(SIGNATURE)
     while position + 8 <= len(content):
         length, kind = struct.unpack_from(">I4s", content, position)
-        if kind == b"IDAT":
+        if kind == wanted:
             parts.append(content[position + 8 : position + 8 + length])
         position += length + 12  # length, kind, checksum
-    return b"".join(parts)
+    return parts
+
+
+def image_data(content: bytes) -> bytes:
+    """Join the IDAT chunks of a file."""
+    return b"".join(chunks(content, b"IDAT"))
 
 
 def size_of(content: bytes) -> tuple[int, int]:
