@@ -21,7 +21,6 @@ from renderer.scene_file.images.image import Image, checked
 from renderer.scene_file.images.png_16_bit import is_16_bit_png, read_16_bit_png
 from renderer.scene_file.images.png_chunks import (
     DEFLATE_RATIO,
-    HEAD,
     bytes_held,
     bytes_of_rows,
     chunks,
@@ -131,13 +130,12 @@ def _require_content(path: Path, image: PillowImage) -> None:
     # A coder spends a bit on 64 pixels at least; missing ones are made up.
     too_small = image.format == "JPEG" and pixels > 1024 * size
     if image.format == "PNG":
-        with path.open("rb") as file:
-            head = file.read(HEAD)
-        if head[12:16] != b"IHDR" or size_of(head) != image.size:
+        content = path.read_bytes()
+        if content[12:16] != b"IHDR" or size_of(content) != image.size:
             raise SceneError(f"{path}: damaged image: its first chunk is not its header")
-        if len(chunks(path.read_bytes(), b"IHDR")) != 1:  # Pillow takes the last
+        if len(chunks(content, b"IHDR")) != 1:  # Pillow takes the last
             raise SceneError(f"{path}: damaged image: it has more than one header")
-        too_small = bytes_of_rows(head) > DEFLATE_RATIO * size
+        too_small = bytes_of_rows(content) > DEFLATE_RATIO * size
     if too_small:
         raise SceneError(
             f"{path}: damaged image: {size} bytes cannot hold "
