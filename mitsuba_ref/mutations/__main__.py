@@ -12,9 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from mitsuba_ref.mutations.defects.catalogue import named
-from mitsuba_ref.mutations.matrix import Row, try_all, write_matrix
+from mitsuba_ref.mutations.matrix import Row, read_matrix_rows, try_all, write_matrix
+from mitsuba_ref.mutations.resumed import Matrix
 from mitsuba_ref.mutations.rungs import CLIMB, Rung
 from mitsuba_ref.records import machine
+from mitsuba_ref.records.json_files import RecordError
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 
@@ -32,25 +34,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(stderr=True)
     try:
         mutations = named(options.only)
-    except KeyError as error:
-        console.print(str(error.args[0]), markup=False)
+        before = read_matrix_rows(options.resume) if options.resume else ()
+    except (KeyError, OSError, RecordError) as error:
+        named_in = f"{options.resume}: " if isinstance(error, RecordError) else ""
+        said = error.args[0] if isinstance(error, KeyError) else error
+        console.print(f"{named_in}{said}", markup=False, soft_wrap=True)
         return 2
     path = (options.out or (A_PART if options.only else WHOLE)) / "matrix.json"
     circumstances = machine.circumstances("mitsuba_ref.mutations", given)
-    done: list[Row] = []
+    done = Matrix(before, str(circumstances["commit"]), mutations)
 
     def keep(row: Row) -> None:
         console.print(_line(row), markup=False, soft_wrap=True)
-        done.append(row)
-        write_matrix(done, circumstances, path)  # an interrupt loses nothing
+        done.add(row)
+        write_matrix(done.rows, circumstances, path)  # an interrupt loses nothing
 
     with MitsubaWorker() as worker:
-        rows = try_all(mutations, ReferenceCache(worker.render), keep, options.jobs)
-    write_matrix(rows, circumstances, path)
+        references = ReferenceCache(worker.render)
+        for part in done.to_try():
+            try_all(part, references, keep, options.jobs, done.of_this_commit)
+    write_matrix(done.rows, circumstances, path)
     output = Console() if sys.stdout.isatty() else Console(width=150)
-    output.print(_table(rows))
+    output.print(_table(done.rows))
     output.print(f"wrote {path}", markup=False, soft_wrap=True)
-    return 0 if all(row.as_expected for row in rows) else 1
+    return 0 if all(row.as_expected for row in done.rows) else 1
 
 
 def _line(row: Row) -> str:
@@ -126,6 +133,13 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help=f"where matrix.json goes (default: {WHOLE}, where `make proof` finds it; with "
         f"--only {A_PART})",
+    )
+    add(
+        "--resume",
+        type=Path,
+        metavar="FILE",
+        help="go on from that matrix.json: what it has not comes first, then what it has "
+        "of another commit, which stays in the matrix until then",
     )
     add(
         "--jobs",

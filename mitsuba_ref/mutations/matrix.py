@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from mitsuba_ref.mutations.climbing import ladder
@@ -21,7 +21,7 @@ from mitsuba_ref.mutations.rungs import (
     comparison,
     replay,
 )
-from mitsuba_ref.records.json_files import write_json
+from mitsuba_ref.records.json_files import from_json, write_json
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.render import Reference
@@ -48,6 +48,7 @@ class Row:
     remark: str = ""
     # rungs that see a difference in the unchanged renderer as well, and so say nothing
     broken: tuple[str, ...] = ()
+    commit: str = ""  # of the sources that it was measured with
 
     @property
     def caught_by(self) -> str | None:
@@ -150,6 +151,7 @@ def try_all(
     references: ReferenceCache,
     tell: Callable[[Row], None] = lambda row: None,
     jobs: int = 1,
+    known: Iterable[Row] = (),
 ) -> list[Row]:
     """Return the matrix's rows: the unchanged renderer on each scene, then the mutations.
 
@@ -163,9 +165,11 @@ def try_all(
         Gets each row as soon as it is there.
     jobs
         Mutants at a time; each compiles on one core.
+    known
+        Rows of the same sources: their scenes need no control.
     """
     shared = SharedReferences(references)
-    broken: dict[str, set[str]] = {}
+    broken = {r.scene: _caught(r) for r in known if r.mutation == UNCHANGED}
     one_at_a_time = threading.Lock()
 
     def one(mutation: Mutation) -> Row:
@@ -176,11 +180,15 @@ def try_all(
 
     rows: list[Row] = []
     with ThreadPoolExecutor(jobs) as pool:
-        controls = [control(scene) for scene in dict.fromkeys(m.scene for m in mutations)]
-        rows += pool.map(one, controls)
-        broken |= {r.scene: {g.name for g in r.rungs if g.caught} for r in rows}
+        scenes = dict.fromkeys(m.scene for m in mutations if m.scene not in broken)
+        rows += pool.map(one, map(control, scenes))
+        broken |= {row.scene: _caught(row) for row in rows}
         rows += pool.map(one, mutations)
     return rows
+
+
+def _caught(row: Row) -> set[str]:
+    return {rung.name for rung in row.rungs if rung.caught}
 
 
 def write_matrix(
@@ -193,3 +201,21 @@ def write_matrix(
         for row in rows
     ]
     write_json({"schema": 1, **circumstances, "rows": written}, path)
+
+
+@dataclass(frozen=True)
+class _Matrix:
+    rows: tuple[Row, ...]
+    commit: str
+
+
+def read_matrix_rows(path: Path) -> tuple[Row, ...]:
+    """Return the rows of a matrix.json, each with the commit that it is of.
+
+    Raises
+    ------
+    OSError, RecordError
+        If there is no such file, or if it is no matrix.
+    """
+    matrix = from_json(path.read_bytes(), _Matrix)
+    return tuple(replace(row, commit=row.commit or matrix.commit) for row in matrix.rows)

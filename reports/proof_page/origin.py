@@ -7,6 +7,7 @@ pass for today's.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 from mitsuba_ref.mutations.defects.catalogue import CATALOGUE
@@ -50,3 +51,9 @@ def left_out(matrix: Matrix) -> int:
     """Return how many of today's mutations a matrix does not have."""
     there = {row.mutation for row in matrix.rows}
     return sum(mutation.name not in there for mutation in CATALOGUE)
+
+
+def of_older_commits(matrix: Matrix) -> dict[str, int]:
+    """Return how many rows of a matrix that went on from another are of which commit."""
+    commits = (row.commit for row in matrix.rows)
+    return dict(Counter(one for one in commits if one and one != matrix.commit))

@@ -9,7 +9,7 @@ from pathlib import Path
 from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
 from reports.page.anchors import scene_anchors
 from reports.proof_page.mutation_table import MutationTable, mutation_table
-from reports.proof_page.origin import Origin, left_out, origin
+from reports.proof_page.origin import Origin, left_out, of_older_commits, origin
 from reports.proof_page.pictures import (
     Mark,
     NoiseMaps,
@@ -56,6 +56,7 @@ class ProofSection:
     scenes: tuple[SceneProof, ...]
     mutations: MutationTable | None
     left_out: int  # mutations of today that the matrix does not have
+    older_rows: dict[str, int]  # of the matrix, by their commit
     matrix_origin: Origin | None
     alarms_origin: Origin | None
     entries: tuple[RegisterEntry, ...]  # alarms first
@@ -83,6 +84,7 @@ def build_proof_section(record: ProofRecord, folder: Path) -> ProofSection:
         scenes=scenes,
         mutations=mutation_table(matrix.rows) if matrix else None,
         left_out=left_out(matrix) if matrix else 0,
+        older_rows=of_older_commits(matrix) if matrix else {},
         matrix_origin=origin(matrix, results) if matrix else None,
         alarms_origin=origin(alarms, results) if alarms else None,
         entries=tuple(sorted(entries, key=lambda entry: not entry.alarm)),
