@@ -374,11 +374,12 @@ def test_without_a_limit_the_machine_and_its_control_groups_say_what_is_free(
     (tmp_path / "memory.max").write_text("1000000\n")
     (tmp_path / "memory.current").write_text("700000\n")
     (tmp_path / "memory.stat").write_text("anon 5\ninactive_file 200000\n")
-    names = ("memory.max", "memory.current", "inactive_file")
-    assert memory._free_of_group(tmp_path, *names) == [500000]
+    (*inner, outer) = memory._files_of_groups("9:cpu:/\n0::/a/b\n", tmp_path)
+    assert [files[0].parent for files in inner] == [tmp_path / "a" / "b", tmp_path / "a"]
+    assert memory._free_of(*outer) == [500000]
+    assert memory._free_of(*inner[0]) == []  # it says nothing
     (tmp_path / "memory.max").write_text("max\n")
-    assert memory._free_of_group(tmp_path, *names) == []
-    assert memory._free_of_group(tmp_path / "none", *names) == []
+    assert memory._free_of(*outer) == []
     monkeypatch.setattr(memory, "_free_of_groups", lambda: [5, 3])
     assert memory.room() == 3
     assert memory.whose_room() == "this machine has 3 bytes free"

@@ -1,15 +1,21 @@
-"""How far from the origin a shape may reach: as far as single precision can square."""
+"""How far from the origin shapes may reach and lights stand: as far as single precision can square."""
 
 from __future__ import annotations
+
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.scene_file.description import PointLight, Projector, SpotLight
 from renderer.scene_file.document.tree import Element, Value, Vector
 from renderer.scene_file.properties import Properties
 
 FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
-_PLACING = ("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world")
+_PLACING = (
+    *("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world"),
+    "position",  # of a light
+)
 # two factors whose product is too far: one of them is at least this large
 _SUSPECT = 1e9
 
@@ -30,11 +36,41 @@ def check_reach(corners: list[NDArray[np.float32]], properties: Properties) -> N
         Naming the property that takes it so far.
     """
     if not all(np.abs(points).max() < FARTHEST for points in corners):
-        properties.fail(
-            _to_blame(properties.element),
-            f"what makes the shape reach farther than {FARTHEST:g}",
-            "coordinates that single precision can square; scale the scene down",
-        )
+        _refuse("makes the shape reach", properties)
+
+
+def check_place(described: object, properties: Properties) -> None:
+    """Refuse a light that stands too far away for its distance to be squared.
+
+    Parameters
+    ----------
+    described
+        The light; of those at infinity a translation means nothing.
+    properties
+        Of the light.
+
+    Raises
+    ------
+    SceneError
+        Naming the property that puts it there.
+    """
+    match described:
+        case PointLight():
+            place = np.asarray(described.position)
+        case SpotLight() | Projector():
+            place = described.to_world[:3, 3]
+        case _:
+            return
+    if not np.abs(place).max() < FARTHEST:
+        _refuse("puts the light", properties)
+
+
+def _refuse(does: str, properties: Properties) -> NoReturn:
+    properties.fail(
+        _to_blame(properties.element),
+        f"what {does} farther than {FARTHEST:g}",
+        "coordinates that single precision can square; scale the scene down",
+    )
 
 
 def _to_blame(element: Element) -> str:
