@@ -165,7 +165,7 @@ def _free_of_groups(root: Path = Path("/sys/fs/cgroup")) -> list[int]:
 
 @functools.lru_cache(maxsize=1)
 def _files_of_groups(groups: str, root: Path) -> list[tuple[Path, Path, Path, str]]:
-    """Return (limit, usage, counts, name of what gives way) of each group that may have one.
+    """Return (limit, usage, counts, what gives way) of each group around a process.
 
     Kept: a process is moved to another group seldom, and its limits are asked for with
     each file that is read, where finding them took most of the time.

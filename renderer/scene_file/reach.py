@@ -1,4 +1,4 @@
-"""How far from the origin shapes may reach and lights stand: as far as single precision can square."""
+"""How far from the origin shapes and lights may be: single precision must square it."""
 
 from __future__ import annotations
 
