@@ -431,22 +431,26 @@ def test_processes_that_die_at_a_portion_are_counted(monkeypatch):
 def test_a_worker_without_memory_is_asked_again(local, alone, monkeypatch):
     """It is refused, and works when there is memory, in the same render."""
     prepared, poor = worker._prepared, next(iter(local.scheduler_info()["workers"]))
-    refused, late = [], threading.Event()
+    refuse, refused, late = Team._refuse, [], threading.Event()
+    team = Team(local)
+
+    def noted(self, *why, **when):
+        refuse(self, *why, **when)
+        refused.append(why)
 
     def reading(*arguments):
         if get_worker().address != poor:
             late.wait(20)  # the render lasts until the other one has done something
-        elif not refused:
-            refused.append(1)
+        elif not refused or team.tally.refused:
             raise NotAllowed("takes about 9 GiB of memory more")
         else:
             late.set()
         return prepared(*arguments)
 
     monkeypatch.setattr(worker, "_prepared", reading)
+    monkeypatch.setattr(Team, "_refuse", noted)
     monkeypatch.setattr(teams, "AGAIN", 0.1)
     monkeypatch.setattr(teams, "LOOK", 0.02)
-    team = Team(local)
     image = renderer.render(load(), 40, seed=3, cluster=team)
     assert np.array_equal(np.asarray(image), alone)
     assert refused and late.is_set() and not team.tally.refused

@@ -52,6 +52,6 @@ def _check_size(texture: MeshAttributeTexture, shape: Shape) -> None:
     if not largest <= LARGEST:
         raise SceneError(
             f'{texture.location}: texture "mesh_attribute", property "scale": found '
-            f"values of the shape at {shape.location} up to {largest:.4g}, expected at most "
-            f"{LARGEST:g}: paths multiply them until single precision overflows"
+            f"values of the shape at {shape.location} up to {largest:.4g}, expected at "
+            f"most {LARGEST:g}: paths multiply them until single precision overflows"
         )

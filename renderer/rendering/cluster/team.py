@@ -256,9 +256,9 @@ class Team:
             errand.deaths += 1
             if errand.deaths >= MOST_DEATHS:
                 raise ClusterError(
-                    f"{errand.deaths} workers died one after the other at the same piece of "
-                    f"work, {errand.job.named(errand.portion)}; their logs may say why, such "
-                    "as a lack of memory"
+                    f"{errand.deaths} workers died one after the other at the same piece "
+                    f"of work, {errand.job.named(errand.portion)}; their logs may say why, "
+                    "such as a lack of memory"
                 )
 
     def _ask_again(self) -> None:
@@ -480,8 +480,8 @@ class Team:
             )
         except NotAllowed as error:
             raise NotAllowed(
-                f"it has {worker.differs}, and on this side is no memory to see whether its "
-                f"sums are ours: {error}"
+                f"it has {worker.differs}, and on this side is no memory to see whether "
+                f"its sums are ours: {error}"
             ) from None
         return ours.tobytes()
 
