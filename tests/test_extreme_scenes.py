@@ -272,6 +272,37 @@ def test_a_light_that_stands_too_far_away_is_refused(light: str, name: str) -> N
     )
 
 
+@pytest.mark.parametrize(
+    ("camera", "name"),
+    [
+        (
+            'thinlens"><float name="aperture_radius" value="1"/>\n'
+            '<float name="focus_distance" value="3.4e38"/>',
+            "focus_distance",
+        ),
+        ('thinlens">\n<float name="aperture_radius" value="1e19"/>', "aperture_radius"),
+        (
+            'perspective">\n<float name="principal_point_offset_y" value="-1e38"/>',
+            "principal_point_offset_y",
+        ),
+        (
+            'perspective">\n<transform name="to_world"><translate y="1e20"/></transform>',
+            "to_world",
+        ),
+    ],
+)
+def test_a_camera_that_reaches_too_far_is_refused(camera: str, name: str) -> None:
+    """The first was a RuntimeWarning: case 264503 of the soak's damaged files."""
+    with pytest.raises(renderer.SceneError) as caught:
+        renderer.load_string(
+            f'<scene version="3.0.0">\n<sensor type="{camera}</sensor></scene>'
+        )
+    assert str(caught.value).startswith(
+        f'<string>:3: sensor "{camera.partition(chr(34))[0]}", property "{name}": '
+        "found what makes the camera's picture reach farther than 1e+18, expected"
+    )
+
+
 def test_where_a_light_at_infinity_stands_means_nothing() -> None:
     """A translation of 1e30 is in the matrix of some exporters' environments."""
     far = (

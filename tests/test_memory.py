@@ -281,14 +281,18 @@ def test_an_xml_file_of_many_elements_ends_where_memory_does(
 
 # --------------------------------------------------------------------------- renders
 
-BOX = """<scene version="3.0.0">{integrator}<emitter type="constant"/>
-<shape type="ply"><string name="filename" value="binary.ply"/></shape>
-<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="{side}"/>
-<integer name="height" value="{side}"/></film></sensor></scene>"""
+MESH = '<shape type="ply"><string name="filename" value="binary.ply"/></shape>'
+# twelve triangles above, thousands below
+GROUP = f"""<shape type="cube"/><shape type="shapegroup" id="group">{MESH}</shape>
+<shape type="instance"><ref id="group"/></shape>"""
+BOX = f"""<scene version="3.0.0">{{integrator}}<emitter type="constant"/>{MESH}
+<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="{{side}}"/>
+<integer name="height" value="{{side}}"/></film></sensor></scene>"""
 AOVS = """<integrator type="aov"><string name="aovs" value="a:position,b:depth,c:uv"/>
 <integrator type="path"/></integrator>"""
 RENDERS = {
     "mesh": ("", 32, {}),
+    "a group": ("", 32, {}),
     "mesh in a kd-tree": ("", 32, {"accel": "kd-sah"}),
     "film": ("", 256, {}),
     "film with AOVs": (AOVS, 128, {}),
@@ -302,6 +306,7 @@ def test_what_a_render_takes_is_known_before(files: Path, name: str) -> None:
     """No less than is really allocated, and at most 2.5 times as much."""
     integrator, side, how = RENDERS[name]
     xml = BOX.format(integrator=integrator, side=side)
+    xml = xml.replace(MESH, GROUP) if name == "a group" else xml
     scene = renderer.load_string(xml, base_dir=files)
     renderer.render(scene, spp=2, threads=2, **how)  # what is compiled is no part of it
     scene = renderer.load_string(xml, base_dir=files)  # without accelerators
