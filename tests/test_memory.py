@@ -16,6 +16,7 @@ from PIL import Image as Pillow
 
 import renderer
 from renderer import memory, scene_file
+from renderer.accelerators.build import build_accelerators
 from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
 from renderer.memory import parse_size, shown
@@ -292,7 +293,6 @@ AOVS = """<integrator type="aov"><string name="aovs" value="a:position,b:depth,c
 <integrator type="path"/></integrator>"""
 RENDERS = {
     "mesh": ("", 32, {}),
-    "a group": ("", 32, {}),
     "mesh in a kd-tree": ("", 32, {"accel": "kd-sah"}),
     "film": ("", 256, {}),
     "film with AOVs": (AOVS, 128, {}),
@@ -306,7 +306,6 @@ def test_what_a_render_takes_is_known_before(files: Path, name: str) -> None:
     """No less than is really allocated, and at most 2.5 times as much."""
     integrator, side, how = RENDERS[name]
     xml = BOX.format(integrator=integrator, side=side)
-    xml = xml.replace(MESH, GROUP) if name == "a group" else xml
     scene = renderer.load_string(xml, base_dir=files)
     renderer.render(scene, spp=2, threads=2, **how)  # what is compiled is no part of it
     scene = renderer.load_string(xml, base_dir=files)  # without accelerators
@@ -321,6 +320,22 @@ def test_what_a_render_takes_is_known_before(files: Path, name: str) -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak <= found.total <= 2.5 * peak
+
+
+def test_what_the_tree_of_a_group_takes_is_known_before(files: Path) -> None:
+    """A mesh below, a cube above: what is chosen for twelve triangles says nothing of it."""
+    xml = BOX.format(integrator="", side=32).replace(MESH, GROUP)
+    scene = renderer.load_string(xml, base_dir=files)
+    build_accelerators(scene, "auto")  # what is compiled is no part of it
+    scene = renderer.load_string(xml, base_dir=files)
+    plan = make_plan(scene, spp=2)
+    found = estimate(scene, plan, accel="auto", threads=2).parts["accelerators"]
+    gc.collect()
+    tracemalloc.start()
+    build_accelerators(scene, "auto", plan.rays)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak <= found <= 1.5 * peak
 
 
 def test_a_render_that_does_not_fit_is_refused_with_what_needs_how_much(
