@@ -6,6 +6,7 @@ everything that it held. So whoever is about to take much says how much before i
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 from collections.abc import Iterator
@@ -156,39 +157,47 @@ def _free_of_groups(root: Path = Path("/sys/fs/cgroup")) -> list[int]:
     cache of files counts as used there, but what of it is inactive gives way.
     """
     try:
-        lines = Path("/proc/self/cgroup").read_text().splitlines()
+        groups = Path("/proc/self/cgroup").read_text()
     except OSError:
         return []
+    return [free for files in _files_of_groups(groups, root) for free in _free_of(*files)]
+
+
+@functools.lru_cache(maxsize=1)
+def _files_of_groups(groups: str, root: Path) -> list[tuple[Path, Path, Path, str]]:
+    """Return (limit, usage, counts, what gives way) of each group around a process.
+
+    Kept: a process is moved to another group seldom, and its limits are asked for with
+    each file that is read, where finding them took most of the time.
+    """
     found = []
-    for line in lines:
+    for line in groups.splitlines():
         _, controllers, path = line.split(":", 2)
         if controllers not in ("", "memory") and "memory" not in controllers.split(","):
             continue
         version_2 = controllers == ""
         top = root if version_2 else root / "memory"
-        names = ("memory.max", "memory.current", "inactive_file")
-        if not version_2:
-            names = (
-                "memory.limit_in_bytes",
-                "memory.usage_in_bytes",
-                "total_inactive_file",
-            )
+        limit, usage, inactive = (
+            ("memory.max", "memory.current", "inactive_file")
+            if version_2
+            else ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+        )
         inner = top / path.lstrip("/")
-        for folder in (inner, *inner.parents):
-            if folder == top or top in folder.parents:
-                found += _free_of_group(folder, *names)
+        found += [
+            (folder / limit, folder / usage, folder / "memory.stat", inactive)
+            for folder in (inner, *inner.parents)
+            if folder == top or top in folder.parents
+        ]
     return found
 
 
-def _free_of_group(folder: Path, limit: str, usage: str, inactive: str) -> list[int]:
+def _free_of(limit: Path, usage: Path, counts: Path, inactive: str) -> list[int]:
+    """Return what one group leaves of its limit; nothing if it has none."""
     try:
-        text = (folder / limit).read_text().strip()
+        text = limit.read_text().strip()
         if text == "max" or int(text) >= _NO_LIMIT:
             return []
-        used = int((folder / usage).read_text())
-        counts = dict(
-            line.split() for line in (folder / "memory.stat").read_text().splitlines()
-        )
-        return [int(text) - used + int(counts.get(inactive, 0))]
+        found = dict(line.split() for line in counts.read_text().splitlines())
+        return [int(text) - int(usage.read_text()) + int(found.get(inactive, 0))]
     except (OSError, ValueError):
         return []

@@ -19,6 +19,9 @@ from collections.abc import Callable
 
 WAKE = 0.05  # [s] between two looks at how far the others are
 PAUSE = 2e-4  # [s] while others end the jobs that they are at
+# [bytes] of a thread; the largest kernel's frame takes 0.7 MiB, and the system's default is
+# what `ulimit -s` says, where less crashes without a word
+STACK = 8 << 20
 
 
 def default_threads() -> int:
@@ -69,7 +72,11 @@ class Crew:
             # A `threading.Thread` has Python code of its own. When it is forgotten, a
             # callback runs in which an interrupt is lost (10 in 40 s of trials), and the
             # wait for its beginning made a RuntimeError of another one.
-            _thread.start_new_thread(self._run, (thread,))
+            usual = _thread.stack_size(STACK)
+            try:
+                _thread.start_new_thread(self._run, (thread,))
+            finally:
+                _thread.stack_size(usual)
 
     @property
     def done(self) -> int:
@@ -130,13 +137,21 @@ class Crew:
         return True
 
 
+def in_own_thread(work: Callable[[], None]) -> None:
+    """Do `work()` in a thread with room for kernels; somebody else's may have none."""
+    _run_crew(Crew(1, 1, lambda job, thread: work()))
+
+
 def in_threads(threads: int, jobs: int, work: Callable[[int], None]) -> None:
     """Do `work(0)` to `work(jobs - 1)`, and wait for their end; raise what one raises."""
     if threads == 1 or jobs == 1:
         for job in range(jobs):
             work(job)
         return
-    crew = Crew(threads, jobs, lambda job, thread: work(job))
+    _run_crew(Crew(threads, jobs, lambda job, thread: work(job)))
+
+
+def _run_crew(crew: Crew) -> None:
     try:
         crew.start()
         while not crew.wait():

@@ -12,8 +12,9 @@ from agreement import assert_same_hits, extents_for, proved, some
 from kernel_probes import directions, soup, triangles, unit
 
 import renderer
+from renderer.accelerators import choice
 from renderer.accelerators.choice import choose_structures
-from renderer.accelerators.cost_model import RayCounts
+from renderer.accelerators.cost_model import Estimate, RayCounts
 from renderer.accelerators.rays.boxes import MOST, divide, expected_cost
 from renderer.accelerators.validate import validate
 
@@ -67,6 +68,19 @@ def test_auto_takes_boxes_where_rays_are_many():
     assert (many["triangles"].name, many["rectangles"].name) == ("boxes", "brute")
     few = choose_structures(scene, "auto", RayCounts(1e3, 1e4))
     assert few["triangles"].name == "brute"
+
+
+def test_auto_takes_boxes_for_few_primitives_only(monkeypatch):
+    """Where brute force is the best of the others: up to 1024, as quick to build."""
+    rng = np.random.default_rng(5)
+    costs = [Estimate("brute", 0.0, 1.0), Estimate("bvh", 0.5, 0.6)]
+    monkeypatch.setattr(choice, "estimate_all", lambda *scene: costs)
+    room = np.array([[-50.0] * 3, [50.0] * 3])
+    for n, name in ((1024, "boxes"), (1025, "brute")):
+        found = choice.choose_structure(
+            "triangles", soup("triangles", n, rng), n, "auto", room=room
+        )
+        assert found.name == name
 
 
 def test_more_rays_than_a_list_holds():

@@ -17,12 +17,13 @@ from pathlib import Path
 import dask
 import numpy as np
 import pytest
-from distributed import Client, LocalCluster, get_worker
+from distributed import Client, LocalCluster, WorkerPlugin, get_worker
 
 import renderer
 from renderer import memory
 from renderer.command import cli
 from renderer.errors import ClusterError, NotAllowed, SceneError
+from renderer.rendering import memory_estimate
 from renderer.rendering.cluster import connect, worker
 from renderer.rendering.cluster import team as teams
 from renderer.rendering.cluster.content import LEAST, freeze, thaw
@@ -280,7 +281,7 @@ def test_workers_without_memory_are_refused_with_numbers(local, monkeypatch):
 
     def room_there():
         try:
-            return 10 << 20 if get_worker() else 0
+            return 64 << 10 if get_worker() else 0
         except ValueError:  # here is none
             return room()
 
@@ -288,8 +289,8 @@ def test_workers_without_memory_are_refused_with_numbers(local, monkeypatch):
     monkeypatch.setattr(worker, "Rendering", None)
     monkeypatch.setattr(memory, "room", room_there)
     said = (
-        r"may work: \S+: .*rendering takes about 15\d MiB of memory more .*; this machine "
-        r"has 10 MiB free; possible: a worker with more memory"
+        r"may work: \S+: .*rendering takes about \d.* of memory more .*; this machine "
+        r"has 64 KiB free; possible: a worker with more memory"
     )
     with pytest.raises(ClusterError, match=said):
         renderer.render(load(), 40, seed=3, cluster=local)
@@ -364,6 +365,129 @@ def test_killed_workers_cost_nothing_but_time(workers, kills, alone):
         image = renderer.render(load(), 40, seed=3, cluster=team, progress=progress)
     assert image.complete and np.array_equal(np.asarray(image), alone)
     assert killed and team.tally.lost >= 1
+
+
+def deadly(portion):
+    return 0 in portion.places
+
+
+def test_a_portion_that_kills_its_workers_ends_the_render(
+    local, alone, monkeypatch, tmp_path
+):
+    """It is named, and the others are kept; here nobody dies, but goes away and comes back.
+
+    The portion that waited at each worker behind it is not blamed.
+    """
+    submit, present, blamed = Team._submit, Team._present, []
+
+    def never(self, worker, job, portion, sums):
+        if deadly(portion):
+            nobody = ["tcp://127.0.0.1:1"]
+            return self.client.submit(int, workers=nobody, pure=False)
+        return submit(self, worker, job, portion, sums)
+
+    async def without_the_dead(self):
+        at = {w.address: w for w in self._known.values() if w.has}
+        dead = [a for a, w in at.items() if deadly(w.has[0].portion)]
+        blamed.extend(dead)
+        return {a: n for a, n in (await present(self)).items() if a not in dead}
+
+    monkeypatch.setattr(Team, "_submit", never)
+    monkeypatch.setattr(Team, "_present", without_the_dead)
+    monkeypatch.setattr(teams, "LOOK", 0.02)
+    kept = {"checkpoint": tmp_path / "box.ckpt", "seed": 3}
+    image = renderer.render(load(), 40, cluster=Team(local), **kept)
+    assert not image.complete and len(blamed) == teams.MOST_DEATHS == 10
+    assert image.metadata["interrupted"].endswith(
+        "samples: 10 workers died one after the other at the same piece of work, the tile "
+        "at pixel (0, 0), samples 0 to 15; their logs may say why, such as a lack of memory"
+    )
+    image = renderer.render(load(), 40, resume=True, **kept)
+    assert np.array_equal(np.asarray(image), alone)
+
+
+@pytest.mark.slow  # a process for each death
+def test_processes_that_die_at_a_portion_are_counted(monkeypatch):
+    class Killing(WorkerPlugin):
+        def setup(self, worker):
+            from renderer.rendering.cluster import worker as work
+
+            add_samples = work.add_samples
+
+            def die(key, names, portion, *arguments):
+                if 0 in portion.places:
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return add_samples(key, names, portion, *arguments)
+
+            work.add_samples = die
+
+    monkeypatch.setattr(teams, "MOST_DEATHS", 2)
+    with connect.open_cluster("local:1") as team:
+        team.client.register_plugin(Killing())
+        with pytest.raises(ClusterError, match=r"2 workers died .* the tile at pixel"):
+            renderer.render(load(), 40, cluster=team)
+
+
+def test_a_worker_without_memory_is_asked_again(local, alone, monkeypatch):
+    """It is refused, and works when there is memory, in the same render."""
+    prepared, poor = worker._prepared, next(iter(local.scheduler_info()["workers"]))
+    refuse, refused, late = Team._refuse, [], threading.Event()
+    team = Team(local)
+
+    def noted(self, *why, **when):
+        refuse(self, *why, **when)
+        refused.append(why)
+
+    def reading(*arguments):
+        if get_worker().address != poor:
+            late.wait(20)  # the render lasts until the other one has done something
+        elif not refused or team.tally.refused:
+            raise NotAllowed("takes about 9 GiB of memory more")
+        else:
+            late.set()
+        return prepared(*arguments)
+
+    monkeypatch.setattr(worker, "_prepared", reading)
+    monkeypatch.setattr(Team, "_refuse", noted)
+    monkeypatch.setattr(teams, "AGAIN", 0.1)
+    monkeypatch.setattr(teams, "LOOK", 0.02)
+    image = renderer.render(load(), 40, seed=3, cluster=team)
+    assert np.array_equal(np.asarray(image), alone)
+    assert refused and late.is_set() and not team.tally.refused
+
+
+def test_who_lacks_the_memory_to_check_a_worker_is_said(local, monkeypatch):
+    """It is the client: the worker was not even wrong."""
+    monkeypatch.setattr(worker, "made_by", lambda: teams.made_by() | {"Numba": "0.1"})
+
+    async def poor(call, *arguments):
+        raise NotAllowed("rendering takes about 9 GiB of memory more")
+
+    monkeypatch.setattr(asyncio, "to_thread", poor)
+    said = (
+        r"it has Numba \(0\.1, here .*\), and on this side is no memory to see whether its "
+        r"sums are ours: rendering takes about 9 GiB"
+    )
+    with pytest.raises(ClusterError, match=said):
+        renderer.render(load(), 40, cluster=Team(local))
+
+
+def test_kernels_that_a_process_has_are_not_counted_again(local, monkeypatch):
+    scene = load()
+    plan = make_plan(scene, spp=1)
+    for loaded, size in ((False, 150 << 20), (True, 0)):
+        monkeypatch.setattr(memory_estimate, "_loaded", loaded)
+        found = memory_estimate.estimate_workers(scene, plan, accel="auto", threads=1)
+        assert found.parts["the kernels"] == size
+    team, needed = Team(local, 2), []
+    check = teams.check_room
+    monkeypatch.setattr(
+        teams, "check_room", lambda found, *why: (needed.append(found), check(found, *why))
+    )
+    for _ in range(2):
+        renderer.render(scene, 1, cluster=team)
+    first, second = (found.parts["the kernels"] for found in needed)
+    assert first == 2 * 150 << 20 and second == 0
 
 
 # ------------------------------------------------------------------------ the command line

@@ -234,3 +234,79 @@ def test_the_narrowest_spot_has_a_sharp_edge_and_no_warning(texture: str) -> Non
     light = f'<emitter type="spot">{angle}{slide}</emitter>'
     pixels = renderer.render(renderer.load_string(_ball(light=light)), spp=1).pixels
     assert (pixels == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("light", "name"),
+    [
+        ('<emitter type="point">\n<point name="position" value="1 2e18 3"/>', "position"),
+        (
+            '<emitter type="point">\n<transform name="to_world"><translate x="-1e30"/>'
+            "</transform>",
+            "to_world",
+        ),
+        (
+            '<emitter type="spot">\n<transform name="to_world">'
+            '<lookat origin="-3.4e38 4 0" target="-1 -1 1" up="0 0 1"/></transform>',
+            "to_world",
+        ),
+        (
+            '<emitter type="projector">\n<transform name="to_world"><translate z="1e18"/>'
+            "</transform>",
+            "to_world",
+        ),
+    ],
+)
+def test_a_light_that_stands_too_far_away_is_refused(light: str, name: str) -> None:
+    """Of two lights the tree that points choose from squared such places: a RuntimeWarning.
+
+    The soak found it, cases 71541, 75941 and 115321 of its damaged files.
+    """
+    plugin = re.search('type="([a-z]+)"', light)[1]
+    with pytest.raises(renderer.SceneError) as caught:
+        renderer.load_string(f'<scene version="3.0.0">\n{light}</emitter>{CAMERA}</scene>')
+    assert str(caught.value) == (
+        f'<string>:3: emitter "{plugin}", property "{name}": found what puts the light '
+        "farther than 1e+18, expected coordinates that single precision can square; scale "
+        "the scene down"
+    )
+
+
+@pytest.mark.parametrize(
+    ("camera", "name"),
+    [
+        (
+            'thinlens"><float name="aperture_radius" value="1"/>\n'
+            '<float name="focus_distance" value="3.4e38"/>',
+            "focus_distance",
+        ),
+        ('thinlens">\n<float name="aperture_radius" value="1e19"/>', "aperture_radius"),
+        (
+            'perspective">\n<float name="principal_point_offset_y" value="-1e38"/>',
+            "principal_point_offset_y",
+        ),
+        (
+            'perspective">\n<transform name="to_world"><translate y="1e20"/></transform>',
+            "to_world",
+        ),
+    ],
+)
+def test_a_camera_that_reaches_too_far_is_refused(camera: str, name: str) -> None:
+    """The first was a RuntimeWarning: case 264503 of the soak's damaged files."""
+    with pytest.raises(renderer.SceneError) as caught:
+        renderer.load_string(
+            f'<scene version="3.0.0">\n<sensor type="{camera}</sensor></scene>'
+        )
+    assert str(caught.value).startswith(
+        f'<string>:3: sensor "{camera.partition(chr(34))[0]}", property "{name}": '
+        "found what makes the camera's picture reach farther than 1e+18, expected"
+    )
+
+
+def test_where_a_light_at_infinity_stands_means_nothing() -> None:
+    """A translation of 1e30 is in the matrix of some exporters' environments."""
+    far = (
+        '<emitter type="directional"><transform name="to_world"><translate x="1e30"/>'
+        "</transform></emitter>"
+    )
+    renderer.load_string(f'<scene version="3.0.0">{far}{CAMERA}</scene>')

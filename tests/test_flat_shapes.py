@@ -14,6 +14,9 @@ from kernel_probes import (
     rectangles,
 )
 
+from renderer.kernels.jit import entry_kernel
+from renderer.kinds.shapes.patch import PlaneHit, divided
+
 N = 16_384
 MAKE = {"rectangles": rectangles, "disks": disks}
 both = pytest.mark.parametrize("kind", MAKE)
@@ -190,3 +193,26 @@ def test_a_shape_without_area_is_never_hit(kind):
         target = rng.random((N, 1)) * np.array(e1)
         _, found = trace(kind, np.zeros(3), np.array(e1), np.array(e2), target - 2 * d, d)
         assert (found.prim == -1).all()
+
+
+@entry_kernel
+def _divided(scale, t, t_max, out):
+    found = divided(PlaneHit(scale, t, scale, scale), True, t_max)
+    out[0], out[1] = 1.0 if found.hit else 0.0, found.t
+
+
+@pytest.mark.parametrize(
+    ("scale", "t", "hit"),
+    [
+        (1e-20, 1.0, True),
+        (1e-38, 3.0, True),  # 3e38, where float32 ends
+        (1e-38, 4.0, False),
+        (1e-45, 1.0, False),  # its inverse is infinite
+        (0.0, 1.0, False),
+    ],
+)
+def test_a_hit_is_at_a_finite_distance(scale: float, t: float, hit: bool) -> None:
+    """Planes of tiny triangles: a ray without an end has t_max = inf, and t reaches it."""
+    out = np.zeros(2)
+    _divided(np.float32(scale), np.float32(t), np.float32(np.inf), out)
+    assert (out[0] == 1.0, np.isfinite(out[1])) == (hit, hit)

@@ -24,6 +24,7 @@ from reports.needs.record import Loss, SceneNeeds
 from reports.records import measured
 from reports.records.errors import ReportError
 from reports.records.measured import newest
+from reports.records.paths import without_paths
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.record import Part, Session, Soak, Step
@@ -63,6 +64,34 @@ def test_the_newer_of_two_records_is_read(tmp_path: Path, monkeypatch) -> None:
 
 
 # ------------------------------------------------------------------------------- keeping
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("python -m reports.x --out /tmp/charts3", "python -m reports.x --out charts3"),
+        ("python -m reports.x --out=/home/a/b/", "python -m reports.x --out=b/"),
+        (f"in {REPOSITORY}/soak.json:3: x", "in reports/measured/soak.json:3: x"),
+        ('from "/a/b/.venv/bin/python"', 'from ".venv/bin/python"'),
+        ('File "/usr/lib/site-packages/x.py"', 'File "site-packages/x.py"'),
+        ("1.5 W/m^2/sr, scenes/a/scene.xml, a / b", None),
+        ("data:image/jpeg;base64,/9j/4AAQ/a https://a.b/c/d //x/y", None),
+    ],
+)
+def test_a_kept_record_has_no_paths_of_the_machine(tmp_path, text, shown) -> None:
+    """They say nothing to others, and tell whose machine it was."""
+    content = record(3, rows=[{"note": text, "n": 1.5}, None])
+    write(tmp_path / "data" / "matrix.json", content)
+    list(keep(tmp_path / "data", tmp_path))
+    found = json.loads((tmp_path / "matrix.json").read_text())
+    expected = text if shown is None else shown
+    assert found == {**content, "rows": [{"note": expected, "n": 1.5}, None]}
+
+
+@pytest.mark.parametrize("path", sorted(REPOSITORY.glob("*.json")), ids=lambda p: p.name)
+def test_the_repositorys_records_have_no_paths_of_a_machine(path: Path) -> None:
+    content = json.loads(path.read_text())
+    assert without_paths(content) == content
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,16 @@ import weakref
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from renderer import __main__
 from renderer.command import cli
 from renderer.command.interrupts import Interrupts
 from renderer.signals import put_off_interrupts
 
 ROOT = Path(__file__).parent.parent
+BOX = ROOT / "scenes" / "cornell-box" / "scene.xml"
 
 
 @pytest.fixture(autouse=True)
@@ -233,6 +236,45 @@ def test_an_ignored_interrupt_stays_ignored() -> None:
     with put_off_interrupts():
         signal.raise_signal(signal.SIGINT)
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+_DEAF = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+os.execv(sys.executable, [sys.executable, "-m", "renderer", *sys.argv[1:]])
+"""
+
+
+def test_a_process_that_ignores_interrupts_renders_to_its_end(tmp_path: Path) -> None:
+    """As one does that a shell's script started with `&`; it is hit all the time."""
+    words = [str(BOX), "-D", "width=32", "-D", "height=32", "--spp", "64", "-o", "a.npy"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", _DEAF, *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert process.stdout is not None
+    said = process.stdout.readline()  # it is no longer the program that ignores them
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(0.02)
+        except subprocess.TimeoutExpired:
+            pass
+    said += process.stdout.read()
+    process.stdout.close()
+    assert (process.returncode, "interrupted" in said) == (0, False), said
+    assert np.load(tmp_path / "a.npy").shape[:2] == (32, 32)
+
+
+def test_the_last_lines_of_a_process_ignore_interrupts_too(monkeypatch) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    monkeypatch.setattr(os, "_exit", lambda status: None)
+    __main__._end(0)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
 def test_an_interrupt_while_the_command_line_is_read(monkeypatch, capsys) -> None:

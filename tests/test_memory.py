@@ -16,6 +16,7 @@ from PIL import Image as Pillow
 
 import renderer
 from renderer import memory, scene_file
+from renderer.accelerators.build import build_accelerators
 from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
 from renderer.memory import parse_size, shown
@@ -281,10 +282,13 @@ def test_an_xml_file_of_many_elements_ends_where_memory_does(
 
 # --------------------------------------------------------------------------- renders
 
-BOX = """<scene version="3.0.0">{integrator}<emitter type="constant"/>
-<shape type="ply"><string name="filename" value="binary.ply"/></shape>
-<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="{side}"/>
-<integer name="height" value="{side}"/></film></sensor></scene>"""
+MESH = '<shape type="ply"><string name="filename" value="binary.ply"/></shape>'
+# twelve triangles above, thousands below
+GROUP = f"""<shape type="cube"/><shape type="shapegroup" id="group">{MESH}</shape>
+<shape type="instance"><ref id="group"/></shape>"""
+BOX = f"""<scene version="3.0.0">{{integrator}}<emitter type="constant"/>{MESH}
+<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="{{side}}"/>
+<integer name="height" value="{{side}}"/></film></sensor></scene>"""
 AOVS = """<integrator type="aov"><string name="aovs" value="a:position,b:depth,c:uv"/>
 <integrator type="path"/></integrator>"""
 RENDERS = {
@@ -316,6 +320,22 @@ def test_what_a_render_takes_is_known_before(files: Path, name: str) -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak <= found.total <= 2.5 * peak
+
+
+def test_what_the_tree_of_a_group_takes_is_known_before(files: Path) -> None:
+    """A mesh below, a cube above: what is chosen for twelve triangles says nothing of it."""
+    xml = BOX.format(integrator="", side=32).replace(MESH, GROUP)
+    scene = renderer.load_string(xml, base_dir=files)
+    build_accelerators(scene, "auto")  # what is compiled is no part of it
+    scene = renderer.load_string(xml, base_dir=files)
+    plan = make_plan(scene, spp=2)
+    found = estimate(scene, plan, accel="auto", threads=2).parts["accelerators"]
+    gc.collect()
+    tracemalloc.start()
+    build_accelerators(scene, "auto", plan.rays)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak <= found <= 1.5 * peak
 
 
 def test_a_render_that_does_not_fit_is_refused_with_what_needs_how_much(
@@ -374,11 +394,12 @@ def test_without_a_limit_the_machine_and_its_control_groups_say_what_is_free(
     (tmp_path / "memory.max").write_text("1000000\n")
     (tmp_path / "memory.current").write_text("700000\n")
     (tmp_path / "memory.stat").write_text("anon 5\ninactive_file 200000\n")
-    names = ("memory.max", "memory.current", "inactive_file")
-    assert memory._free_of_group(tmp_path, *names) == [500000]
+    (*inner, outer) = memory._files_of_groups("9:cpu:/\n0::/a/b\n", tmp_path)
+    assert [files[0].parent for files in inner] == [tmp_path / "a" / "b", tmp_path / "a"]
+    assert memory._free_of(*outer) == [500000]
+    assert memory._free_of(*inner[0]) == []  # it says nothing
     (tmp_path / "memory.max").write_text("max\n")
-    assert memory._free_of_group(tmp_path, *names) == []
-    assert memory._free_of_group(tmp_path / "none", *names) == []
+    assert memory._free_of(*outer) == []
     monkeypatch.setattr(memory, "_free_of_groups", lambda: [5, 3])
     assert memory.room() == 3
     assert memory.whose_room() == "this machine has 3 bytes free"

@@ -222,6 +222,20 @@ def test_attributes_that_a_shape_has_not(shape: str, name: str, message: str) ->
     assert message in found
 
 
+@pytest.mark.parametrize("scale", ["3.4e38", "-1e10"])
+def test_attributes_that_paths_cannot_be_multiplied_by(scale: str) -> None:
+    """The picture was not finite; the soak found it, cases 197911 and 206711."""
+    name = f'<string name="name" value="face_age"/><float name="scale" value="{scale}"/>'
+    file = f'<string name="filename" value="{MESH}"/>'
+    found = whole(
+        SCENE.format(
+            shape="ply", file=file, bsdf="diffuse", parameter="reflectance", name=name
+        )
+    )
+    assert found.startswith('<string>:3: texture "mesh_attribute", property "scale": ')
+    assert "the shape at <string>:1 up to " in found and "at most 1e+09" in found
+
+
 def test_a_colour_where_a_number_is_needed(tmp_path: Path) -> None:
     """As in Mitsuba; four components are for nobody."""
     file = f'<string name="filename" value="{MESH}"/>'

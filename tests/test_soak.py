@@ -347,6 +347,17 @@ def test_a_fault_is_status_1_and_on_the_page(tmp_path: Path, monkeypatch) -> Non
         assert "a &lt;b&gt; hole" in (tmp_path / "soak.html").read_text()
 
 
+def test_a_record_has_no_paths_of_the_machine(tmp_path: Path, monkeypatch) -> None:
+    """Faults quote tracebacks, and the command says where its files are."""
+    study = counted("rays", [], ('File "/a/b/.venv/lib/c.py", line 3',))
+    monkeypatch.setattr(command, "STUDIES", (study,))
+    monkeypatch.setattr("reports.soak.page.STUDIES", (study,))
+    command.main(["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)])
+    soak = read_soak(tmp_path / "soak.json")
+    assert soak.parts["rays"].faults[0] == 'File ".venv/lib/c.py", line 3'
+    assert str(tmp_path.parent) not in soak.command and "soak.json" in soak.command
+
+
 def test_an_interrupt_keeps_what_was_done(tmp_path: Path, monkeypatch) -> None:
     def steps(done: int, deadline: float):
         yield Step(10)

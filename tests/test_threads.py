@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import _thread
+import os
 import signal
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
-from renderer.threads import Crew, in_threads
+from renderer.threads import STACK, Crew, in_own_thread, in_threads
+
+ROOT = Path(__file__).parent.parent
 
 
 @pytest.mark.parametrize("threads", [1, 2, 7])
@@ -159,3 +166,49 @@ def test_an_interrupt_at_any_moment_ends_it_and_leaves_no_job_half_done(monkeypa
     finally:
         signal.signal(signal.SIGALRM, before)
     assert interrupted
+
+
+_LITTLE_STACK = """
+import os, resource, sys
+_, most = resource.getrlimit(resource.RLIMIT_STACK)
+resource.setrlimit(resource.RLIMIT_STACK, (512 << 10, most))
+os.execv(sys.executable, [sys.executable, "-m", "renderer", *sys.argv[1:]])
+"""
+
+
+def test_a_small_stack_holds_the_kernels(tmp_path):
+    """As after `ulimit -s 512`: rays through instances take 0.7 MiB, and it crashed.
+
+    Half of the 1024 where they just fit.
+    """
+    scene = str(ROOT / "scenes" / "instances" / "scene.xml")
+    words = ["-D", "width=16", "-D", "height=16", "--spp", "1", "-o", "a.npy", scene]
+    done = subprocess.run(
+        [sys.executable, "-c", _LITTLE_STACK, *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.npy").exists()
+
+
+def test_only_threads_for_kernels_have_their_stack(monkeypatch):
+    """Those of a cluster's worker too, whose own threads have what Dask gives them."""
+    start, sizes = _thread.start_new_thread, []
+
+    def noted(*given):
+        sizes.append(_thread.stack_size())
+        return start(*given)
+
+    monkeypatch.setattr(_thread, "start_new_thread", noted)
+    before = _thread.stack_size()
+    in_threads(2, 2, lambda job: None)
+    in_own_thread(lambda: None)
+    assert sizes == [STACK] * 3 and _thread.stack_size() == before
+
+
+def test_an_error_in_a_thread_of_its_own_is_raised_here():
+    with pytest.raises(ZeroDivisionError):
+        in_own_thread(lambda: 1 / 0)

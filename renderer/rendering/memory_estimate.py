@@ -135,15 +135,17 @@ def estimate_workers(
     accel: str,
     threads: int,
     workers: int = 1,
+    kernels: bool | None = None,
     scene_bytes: int = 0,
 ) -> Estimate:
     """Return what so many processes take that trace portions, of so many threads each.
 
-    Nobody writes to their films, and the sums of a portion are small. `scene_bytes` is what
+    Nobody writes to their films, and the sums of a portion are small. `kernels` tells
+    whether they have to load them, None: whether this process has; `scene_bytes` is what
     each of them has of the scene, 0 where it is there already.
     """
     each = {
-        _OF_KERNELS: _KERNELS,
+        _OF_KERNELS: _KERNELS if (not _loaded if kernels is None else kernels) else 0,
         "the scene": scene_bytes,
         **_of_tracing(scene, plan, accel, threads),
     }

@@ -1,15 +1,31 @@
-"""How far from the origin a shape may reach: as far as single precision can square."""
+"""How far away shapes, lights and cameras may be: single precision must square it."""
 
 from __future__ import annotations
+
+import math
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.scene_file.description import (
+    PerspectiveCamera,
+    PointLight,
+    Projector,
+    Sensor,
+    SpotLight,
+    ThinLensCamera,
+)
 from renderer.scene_file.document.tree import Element, Value, Vector
 from renderer.scene_file.properties import Properties
 
 FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
-_PLACING = ("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world")
+_PLACING = (
+    *("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world"),
+    "position",  # of a light
+    *("aperture_radius", "focus_distance"),
+    *("principal_point_offset_x", "principal_point_offset_y"),
+)
 # two factors whose product is too far: one of them is at least this large
 _SUSPECT = 1e9
 
@@ -30,11 +46,68 @@ def check_reach(corners: list[NDArray[np.float32]], properties: Properties) -> N
         Naming the property that takes it so far.
     """
     if not all(np.abs(points).max() < FARTHEST for points in corners):
-        properties.fail(
-            _to_blame(properties.element),
-            f"what makes the shape reach farther than {FARTHEST:g}",
-            "coordinates that single precision can square; scale the scene down",
-        )
+        _refuse("makes the shape reach", properties)
+
+
+def check_place(described: object, properties: Properties) -> None:
+    """Refuse a light that stands too far away for its distance to be squared.
+
+    Parameters
+    ----------
+    described
+        The light; of those at infinity a translation means nothing.
+    properties
+        Of the light.
+
+    Raises
+    ------
+    SceneError
+        Naming the property that puts it there.
+    """
+    match described:
+        case PointLight():
+            place = np.asarray(described.position)
+        case SpotLight() | Projector():
+            place = described.to_world[:3, 3]
+        case _:
+            return
+    if not np.abs(place).max() < FARTHEST:
+        _refuse("puts the light", properties)
+
+
+def check_camera(camera: Sensor, properties: Properties) -> None:
+    """Refuse a camera whose picture plane reaches too far to be squared.
+
+    Parameters
+    ----------
+    camera
+        One without perspective has checked itself.
+    properties
+        Of the sensor.
+
+    Raises
+    ------
+    SceneError
+        Naming the property that takes it so far.
+    """
+    if not isinstance(camera, PerspectiveCamera):
+        return
+    film, width = camera.film, 2.0 * math.tan(math.radians(camera.fov_x) / 2.0)
+    across = width * (1.0 + abs(camera.principal_point_offset_x))
+    along = width * film.height / film.width * (1.0 + abs(camera.principal_point_offset_y))
+    reach = 1.0 + across + along  # of the plane at distance 1
+    if isinstance(camera, ThinLensCamera):
+        reach = max(reach * camera.focus_distance, camera.aperture_radius)
+    if not max(reach, float(np.abs(camera.to_world[:3, 3]).max())) < FARTHEST:
+        _refuse("makes the camera's picture reach", properties)
+
+
+def _refuse(does: str, properties: Properties) -> NoReturn:
+    properties.fail(
+        _to_blame(properties.element),
+        f"what {does} farther than {FARTHEST:g}",
+        "coordinates that single precision can square; scale the scene down",
+    )
 
 
 def _to_blame(element: Element) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 from mitsuba_ref.records.json_files import write_atomically
 from reports.records.errors import ReportError
 from reports.records.measured import MEASURED
+from reports.records.paths import without_paths
 
 Content = dict[str, Any]
 
@@ -103,7 +104,8 @@ def _older(content: Content, kept: Path) -> str:
 
 
 def _slim(name: str, content: Content) -> bytes:
-    """Return the record without its pictures."""
+    """Return the record without its pictures, and without the paths of this machine."""
+    content = without_paths(content)
     if name == "limits.json":
         content = {**content, "rows": [{**row, "picture": ""} for row in content["rows"]]}
     if name == "accelerators.json":

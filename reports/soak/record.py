@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import msgspec
+
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json, write_json
+from reports.records.paths import without_paths
 
 SCHEMA = 1
 FILE = "soak.json"
@@ -110,5 +113,5 @@ def read_soak(path: Path) -> Soak:
 
 
 def write_soak(path: Path, soak: Soak) -> None:
-    """Write soak.json in one step."""
-    write_json(path, soak, SCHEMA)
+    """Write soak.json in one step, without the paths of this machine in its texts."""
+    write_json(path, without_paths(msgspec.to_builtins(soak)), SCHEMA)

@@ -17,6 +17,7 @@ from renderer.rendering.rendering import Rendering
 MOST_SECONDS, LEAST_SECONDS = 0.5, 0.02
 MOST_PER_THREAD, LEAST_PER_THREAD = 0.04, 0.01
 MOST_BYTES = 1 << 22  # of the sums that a portion takes along
+_NAMED = 3  # tiles of a portion in a message
 
 
 def portion_seconds(work: float, threads: int) -> float:
@@ -125,6 +126,18 @@ class Job:
         """Return how many samples a portion is, of all its pixels."""
         counts = np.subtract(portion.ends, portion.begins)
         return int(counts @ self._pixels[list(portion.places)])
+
+    def named(self, portion: Portion) -> str:
+        """Return which tiles and samples a portion is, for messages."""
+        tiles = self.rendering.film.tiles
+        found = [tiles[place % len(tiles)] for place in portion.places]
+        corners = ", ".join(f"({tile.x}, {tile.y})" for tile in found[:_NAMED])
+        more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+        kind = "tile" if len(found) == 1 else "tiles"
+        return (
+            f"the {kind} at pixel {corners}{more}, samples {min(portion.begins)} to "
+            f"{max(portion.ends) - 1}"
+        )
 
     def sums(self, portion: Portion) -> NDArray[np.float64] | None:
         """Return what a portion goes on from; None: nothing."""

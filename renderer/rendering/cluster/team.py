@@ -21,7 +21,7 @@ import numpy as np
 from distributed import Client
 from numpy.typing import NDArray
 
-from renderer.errors import ClusterError, SceneError
+from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster import worker as work
 from renderer.rendering.cluster.job import Job
@@ -38,6 +38,8 @@ AHEAD = 1  # portions that wait at a worker beside those that it is at
 # idle worker too.
 SLOW, SLOW_SECONDS = 4.0, 2.0
 MOST_FAILURES = 3  # of one portion, on workers that live
+MOST_DEATHS = 10  # of workers that were at one portion
+AGAIN = 30.0  # [s] until a worker without memory is asked again: others may give it back
 LAST_WORDS = 5.0  # [s] for portions that are under way when a render is interrupted
 CHECKED = 3  # tiles that a worker with another processor or Numba must get right
 
@@ -52,6 +54,7 @@ class Worker:
     shown: set[str] = field(default_factory=set)  # keys of jobs for which it was
     rate: float = 0.0  # samples per second of one thread; 0: not known
     job: Job | None = None  # whose scene it has ready
+    has: list[Errand] = field(default_factory=list)  # in the order in which they came
 
 
 @dataclass(eq=False)
@@ -64,6 +67,7 @@ class Errand:
     started: float = 0.0
     at: dict[Worker, Any] = field(default_factory=dict)  # who has it -> the future
     failures: int = 0
+    deaths: int = 0  # of workers that were at it
     over: bool = False
 
 
@@ -87,6 +91,7 @@ class Team:
         self._jobs: list[Job] = []
         self._errands: list[Errand] = []  # that somebody has
         self._again: list[Errand] = []  # that nobody has any more
+        self._later: dict[str, float] = {}  # refused -> when it is asked again
         self._pieces: dict[str, Any] = {}  # hash -> future of a part of a scene
         self._watch: asyncio.Task[None] | None = None
         self._error: BaseException | None = None
@@ -113,7 +118,7 @@ class Team:
             raise ClusterError(f"the client of the cluster is {self.client.status}")
         job = Job(rendering, wanted, work.request_of(rendering))
         if self._local:  # each of them would find the same memory free
-            _check_local(job, self._local)
+            _check_local(job, self._local, loaded=self.tally.portions > 0)
         self._in_loop(self._add_job(job))
 
     def trace(
@@ -224,8 +229,9 @@ class Team:
                 present = await self._present()
                 for address in set(self._slots) - set(present):
                     self.tally.lost += 1
-                    self._known.pop(address, None)
+                    self._count_death(self._known.pop(address, None))
                     await self._dismiss(address)
+                self._ask_again()
                 for address in set(present) - set(self._slots) - set(self.tally.refused):
                     slot = asyncio.create_task(self._meet(address, present[address]))
                     self._slots[address] = [slot]
@@ -237,6 +243,30 @@ class Team:
                 await asyncio.sleep(LOOK)
         except Exception as error:
             self._error = error
+
+    def _count_death(self, worker: Worker | None) -> None:
+        """Blame a lost worker's portions, of those that wait at it none.
+
+        Raises
+        ------
+        ClusterError
+            If one of them has cost so many workers that it would cost all that come.
+        """
+        for errand in [] if worker is None else worker.has[: worker.threads]:
+            errand.deaths += 1
+            if errand.deaths >= MOST_DEATHS:
+                raise ClusterError(
+                    f"{errand.deaths} workers died one after the other at the same piece "
+                    f"of work, {errand.job.named(errand.portion)}; their logs may say why, "
+                    "such as a lack of memory"
+                )
+
+    def _ask_again(self) -> None:
+        """Let those try again whom something may have helped since they were refused."""
+        for address, moment in list(self._later.items()):
+            if time.monotonic() > moment:
+                del self._later[address]
+                self.tally.refused.pop(address, None)
 
     async def _present(self) -> dict[str, int]:
         """Return the number of threads of each worker that the scheduler knows."""
@@ -298,8 +328,11 @@ class Team:
         self._slots[address] = [asyncio.create_task(slot) for slot in slots]
         self.size = sum(address in self._known for address in self._slots)
 
-    def _refuse(self, worker: Worker, why: str) -> None:
+    def _refuse(self, worker: Worker, why: str, *, later: bool = False) -> None:
+        """Give a worker nothing more, or not until `AGAIN` has passed."""
         self.tally.refused[worker.address] = why
+        if later:
+            self._later[worker.address] = time.monotonic() + AGAIN
         self._known.pop(worker.address, None)
         for slot in self._slots.pop(worker.address, []):
             if slot is not asyncio.current_task():
@@ -354,6 +387,7 @@ class Team:
             errand.started = time.monotonic()
             self._errands.append(errand)
         errand.at[worker] = None
+        worker.has.append(errand)
         try:
             if worker.differs and job.key not in worker.shown:
                 await self._show_equal(worker, job)
@@ -368,7 +402,7 @@ class Team:
         except Exception as error:
             if not errand.over:
                 if isinstance(error, SceneError):  # we could read it: it is the worker's
-                    self._refuse(worker, str(error))
+                    self._refuse(worker, str(error), later=isinstance(error, NotAllowed))
                 else:
                     errand.failures += self.client.status == "running"
                 if errand.failures > MOST_FAILURES:
@@ -376,6 +410,8 @@ class Team:
                 await self._leave(errand, worker)
                 await asyncio.sleep(WAKE)
             return
+        finally:
+            worker.has.remove(errand)
         if not errand.over:
             samples = job.samples(errand.portion)
             worker.rate = samples / max(seconds, 1e-6)
@@ -428,19 +464,29 @@ class Team:
         portion = job.sample(CHECKED)
         theirs, _ = await self._submit(worker, job, portion, None)
         if job.checked is None:
-            held = job.content.pieces.values()
-            ours, _ = await asyncio.to_thread(
-                work.add_samples, job.key, job.content.names, portion, None, *held
-            )
-            job.checked = ours.tobytes()
+            job.checked = await self._checked_here(worker, job, portion)
         if theirs.tobytes() != job.checked:
             self._refuse(worker, f"its sums are not ours, nor is its {worker.differs}")
             raise ClusterError(f"{worker.address} was refused")
         self.tally.shown_equal[worker.address] = worker.differs
         worker.shown.add(job.key)
 
+    async def _checked_here(self, worker: Worker, job: Job, portion: Portion) -> bytes:
+        """Return what a worker's sums are compared with."""
+        held = job.content.pieces.values()
+        try:
+            ours, _ = await asyncio.to_thread(
+                work.add_samples, job.key, job.content.names, portion, None, *held
+            )
+        except NotAllowed as error:
+            raise NotAllowed(
+                f"it has {worker.differs}, and on this side is no memory to see whether "
+                f"its sums are ours: {error}"
+            ) from None
+        return ours.tobytes()
 
-def _check_local(job: Job, workers: int) -> None:
+
+def _check_local(job: Job, workers: int, *, loaded: bool) -> None:
     rendering = job.rendering
     needs = estimate_workers(
         rendering.scene,
@@ -448,6 +494,7 @@ def _check_local(job: Job, workers: int) -> None:
         accel=rendering.accel,
         threads=1,
         workers=workers,
+        kernels=not loaded,
         # as bytes that came, and unpacked
         scene_bytes=2 * sum(map(len, job.content.pieces.values())),
     )

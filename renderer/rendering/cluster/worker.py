@@ -27,6 +27,7 @@ from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
+from renderer.threads import in_own_thread
 
 KEPT = 3  # scenes that a process keeps ready: those of neighbours in a sweep
 MOST_THREADS = 256  # of one worker
@@ -116,9 +117,13 @@ def add_samples(
     else:
         result = np.array(sums)  # one's own: what came is only to be read
     thread = threads.get()
-    try:
+
+    def trace() -> None:
         for k, work in enumerate(zip(*portion, strict=True)):
             rendering.add_to(result[k], *work, thread)
+
+    try:
+        in_own_thread(trace)
     finally:
         threads.put(thread)
     return result, time.perf_counter() - start

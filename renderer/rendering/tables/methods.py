@@ -6,6 +6,7 @@ import functools
 import time
 from collections.abc import Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import typeof
@@ -32,6 +33,20 @@ def work_types() -> Any:
     return Workspace._make(
         record_type(part) if isinstance(part, tuple) else typeof(part) for part in work
     )
+
+
+# kernel -> addresses by the types that it was compiled for: asking Numba each time took
+# a tenth of what a render of few pixels needs
+_KNOWN: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
+
+
+def _address(kernel: Any, record: Packed, arguments: tuple[Any, ...], returns: Any) -> int:
+    """Return where a method's machine code is, compiled at the first call."""
+    known = _KNOWN.setdefault(kernel, {})
+    key = record.numba_type, arguments, returns
+    if key not in known:
+        known[key] = compile_method(kernel, record, *arguments, returns=returns).address
+    return known[key]
 
 
 class MethodTables:
@@ -63,7 +78,7 @@ class MethodTables:
                 if method is None or record is None:
                     continue
                 kernel, arguments, returns = method
-                compiled = compile_method(kernel, record, *arguments, returns=returns)
-                table[k, 0], table[k, column] = record.address, compiled.address
+                table[k, 0] = record.address
+                table[k, column] = _address(kernel, record, arguments, returns)
         self.compile_seconds += time.perf_counter() - started
         return table

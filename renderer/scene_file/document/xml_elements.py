@@ -118,9 +118,9 @@ def check_attributes(
     """
     for name in needed:
         required(element, name)
-    known = {*needed, *optional}
-    if unknown := sorted(element.attributes.keys() - known):
+    if unknown := [n for n in element.attributes if n not in needed and n not in optional]:
+        known = {*needed, *optional}
         raise SceneError(
-            f'{element.location}: <{element.tag}> has no attribute "{unknown[0]}"; '
+            f'{element.location}: <{element.tag}> has no attribute "{min(unknown)}"; '
             f"it takes: {', '.join(sorted(known))}"
         )

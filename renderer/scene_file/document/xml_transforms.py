@@ -38,13 +38,13 @@ def fold_steps(steps: list[XmlElement], reading: Reading) -> Matrix:
         If a step is unknown or malformed, or the product overflows.
     """
     matrix = np.eye(4)
-    for step in steps:
-        with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        for step in steps:
             matrix = _step(step, reading) @ matrix
-        if not np.isfinite(matrix).all():
-            raise SceneError(
-                f"{step.location}: the transform is not finite after <{step.tag}>"
-            )
+            if not np.isfinite(matrix).all():
+                raise SceneError(
+                    f"{step.location}: the transform is not finite after <{step.tag}>"
+                )
     return matrix
 
 

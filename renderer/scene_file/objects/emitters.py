@@ -13,6 +13,7 @@ from renderer.scene_file.description import Emitter, Radiance
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
+from renderer.scene_file.reach import check_place
 from renderer.scene_file.reading import Reading
 
 
@@ -69,4 +70,5 @@ def _read(element: Element, reading: Reading) -> Any:
             "sampling_weight", f"{weight:g}", "1: lights are chosen with equal probability"
         )
     properties.finish()
+    check_place(described, properties)
     return described

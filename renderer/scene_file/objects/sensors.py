@@ -16,6 +16,7 @@ from renderer.scene_file.objects.films import read_film
 from renderer.scene_file.objects.samplers import read_sampler
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
+from renderer.scene_file.reach import check_camera
 from renderer.scene_file.reading import Reading
 
 _SCALE = 1e-3  # how far from a rotation to_world may be; Mitsuba's own bound
@@ -33,6 +34,7 @@ def read_sensor(element: Element, reading: Reading) -> Sensor:
     properties = Properties(element, reading)
     sensor: Sensor = registered_kinds("sensor")[element.plugin].read(properties)
     properties.finish()
+    check_camera(sensor, properties)
     return sensor
 
 
