@@ -59,7 +59,7 @@ def make_rays(firsts, seconds, starts, aimed, first, count, origin, direction): 
             ex = seconds[e, 0] - firsts[e, 0]
             ey = seconds[e, 1] - firsts[e, 1]
             ez = seconds[e, 2] - firsts[e, 2]
-            along = 0.0 if i % 8 == 0 else _number(ray, 6)
+            along = 0.0 if ray % np.uint64(8) == np.uint64(0) else _number(ray, 6)
             exponent = NEAREST + (FARTHEST - NEAREST) * _number(ray, 7)
             aside = math.sqrt(ex * ex + ey * ey + ez * ez) * 10.0**exponent
             x = firsts[e, 0] + along * ex + aside * x - ox

@@ -6,7 +6,8 @@ counted, and is no fault: a *leak* is a ray that is lost although it meets a tri
 whatever the rounding of the test, or comes near none (`rounding`), or that one structure
 loses and another does not: all structures trace the same rays. Half of the rays go
 anywhere; the others are aimed past an edge or a vertex, at distances from 10^-8 to 10^-2
-of the edge's length.
+of the edge's length. A ray that leaks and meets the mesh again from outside, as it may in
+the ring, is not noticed; the balls have no such place for the most part.
 """
 
 from __future__ import annotations
@@ -165,7 +166,7 @@ def _fault(lost: _Lost) -> str:
         return (
             f"though it meets a triangle by {lost.certainty:.3g} times what rounding can do"
         )
-    if lost.certainty < -1.0:
+    if not lost.certainty >= -1.0:  # nor is it a number
         return "and no triangle is near it"
     if len(lost.structures) < lost.asked:
         return f"by {len(lost.structures)} of {lost.asked} structures"
