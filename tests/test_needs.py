@@ -326,14 +326,18 @@ def test_a_record_says_whether_it_is_whole(found, tmp_path, monkeypatch, end, st
 def interrupted(found, path, tmp_path, monkeypatch):
     """Measure one of two scenes; return the folder and the scenes that were asked for."""
     now = {"commit": "abc", "versions": {"numpy": "2"}}
-    monkeypatch.setattr(command, "circumstances", lambda *_: dict(now))
+
+    def circumstances(module, words):
+        return {**now, "command": shlex.join(["python", "-m", module, *words])}
+
+    monkeypatch.setattr(command, "circumstances", circumstances)
     asked = []
 
     def measured(scene, *_):
         asked.append(str(scene))
         if scene.name == "b.xml" and len(asked) == 2:
             raise KeyboardInterrupt
-        return replace(found[0], scene=str(scene), spp=32, seeds=6, tolerance=0.01), None
+        return replace(found[0], scene=str(scene)), None
 
     monkeypatch.setattr(command, "_measured", measured)
     assert main(["a.xml", "b.xml", "--out", str(tmp_path)]) == 130
@@ -358,8 +362,8 @@ def test_a_run_goes_on_with_the_scenes_that_are_missing(interrupted, found):
         ({"commit": "def"}, [], "of commit abc, here is def"),
         ({"commit": "abc-dirty"}, [], "of commit abc, here is abc-dirty"),
         ({"versions": {}}, [], "other versions of libraries"),
-        ({}, ["--seeds", "7"], "a.xml was measured with other options"),
-        ({}, ["-D", "spp=3"], "a.xml was measured with other options"),
+        ({}, ["--timed", "7"], "measured with other options: a.xml b.xml"),
+        ({}, ["-D", "spp=3"], "measured with other options: a.xml b.xml"),
     ],
 )
 def test_a_run_goes_on_with_nothing_else(interrupted, capsys, change, words, told):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -95,11 +96,15 @@ def _before(
         raise ReportError(f"{file}: of commit {record.commit}, here is {now.commit}")
     if record.versions != now.versions:
         raise ReportError(f"{file}: measured with other versions of libraries")
-    for scene in record.scenes:
-        had = scene.spp, scene.seeds, scene.tolerance
-        if had != (given.spp, given.seeds, given.tolerance) or given.define:
-            raise ReportError(f"{file}: {scene.scene} was measured with other options")
+    words = shlex.split(record.command)[3:]  # after python -m reports.needs
+    if _options(_parser().parse_args(words)) != _options(given):
+        raise ReportError(f"{file}: measured with other options: {shlex.join(words)}")
     return {scene.scene: scene for scene in record.scenes}
+
+
+def _options(given: argparse.Namespace) -> tuple[object, ...]:
+    """Return what decides the numbers of a scene."""
+    return given.spp, given.seeds, given.tolerance, given.timed, given.define
 
 
 def _measured(
