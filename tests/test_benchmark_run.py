@@ -84,6 +84,25 @@ def test_equal_means_pass_and_a_shift_of_ten_errors_does_not() -> None:
     shifted = turns.compare_means(noisy(0.5, 0.01), noisy(0.55, 0.01), seeds, 1)
     assert not shifted.passed
     assert shifted.z[0] == pytest.approx(-10.0, rel=0.6)
+    assert 6.0 < shifted.limit < 8.0  # 14 degrees of freedom
+
+
+def test_equal_means_are_stopped_as_often_as_is_said(monkeypatch) -> None:
+    """Where one side is much noisier, with alpha 1 %: 20 of 2000 pairs of 8 seeds, +- 13.
+
+    13 are three standard errors. By the limits of normal noise it would be 130.
+    """
+    monkeypatch.setattr(turns, "ALPHA", 0.01)
+    pairs = np.random.default_rng(1).normal(0.5, 0.01, (2000, 16, 3))
+    pairs[:, 8:] = 0.5 + (pairs[:, 8:] - 0.5) / 100.0
+    stopped = 0
+    for means in pairs:
+
+        def drawn(seed: int, spp: int, means: Any = means) -> Render:
+            return Render(0.1, tuple(means[seed]))
+
+        stopped += not turns.compare_means(drawn, drawn, range(8), 1).passed
+    assert 7 <= stopped <= 33
 
 
 def test_means_without_noise_are_compared_up_to_rounding() -> None:
@@ -97,9 +116,13 @@ def test_means_without_noise_are_compared_up_to_rounding() -> None:
 def test_means_that_are_no_numbers_do_not_pass() -> None:
     """In whatever channel: `max` of numbers and a NaN depends on their order."""
     for channel in range(3):
-        z = [1.0, 1.0, 2.0]
-        z[channel] = math.nan
-        assert not turns.MeansCompared(tuple(z), (0, 0, 0), (0, 0, 0)).passed  # type: ignore[arg-type]
+
+        def broken(seed: int, spp: int, channel: int = channel) -> Render:
+            mean = list(noisy(0.5, 0.01)(seed, spp).mean)
+            mean[channel] = math.nan
+            return Render(0.1, tuple(mean))  # type: ignore[arg-type]
+
+        assert not turns.compare_means(broken, noisy(0.5, 0.01), range(8), 1).passed
 
 
 def test_timed_mitsuba_renders_the_file_and_stays_alive(room: Path) -> None:

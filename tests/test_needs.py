@@ -322,6 +322,59 @@ def test_a_record_says_whether_it_is_whole(found, tmp_path, monkeypatch, end, st
     assert len(record["scenes"]) == (2 if end is None else 1)
 
 
+@pytest.fixture
+def interrupted(found, path, tmp_path, monkeypatch):
+    """Measure one of two scenes; return the folder and the scenes that were asked for."""
+    now = {"commit": "abc", "versions": {"numpy": "2"}}
+
+    def circumstances(module, words):
+        return {**now, "command": shlex.join(["python", "-m", module, *words])}
+
+    monkeypatch.setattr(command, "circumstances", circumstances)
+    asked = []
+
+    def measured(scene, *_):
+        asked.append(str(scene))
+        if scene.name == "b.xml" and len(asked) == 2:
+            raise KeyboardInterrupt
+        return replace(found[0], scene=str(scene)), None
+
+    monkeypatch.setattr(command, "_measured", measured)
+    assert main(["a.xml", "b.xml", "--out", str(tmp_path)]) == 130
+    return tmp_path, asked, now
+
+
+def test_a_run_goes_on_with_the_scenes_that_are_missing(interrupted, found):
+    folder, asked, _ = interrupted
+    assert main(["a.xml", "b.xml", "--out", str(folder), "--resume"]) == 0
+    assert asked == ["a.xml", "b.xml", "b.xml"]
+    record = json.loads((folder / "data" / "needs.json").read_text())
+    assert record["whole"] and [one["scene"] for one in record["scenes"]] == asked[:2]
+    page = (folder / "needs.html").read_text()
+    assert page.count(found[0].command) >= 2
+    assert main(["a.xml", "b.xml", "--out", str(folder)]) == 0
+    assert asked[3:] == ["a.xml", "b.xml"]  # who does not ask for it has all anew
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "told"),
+    [
+        ({"commit": "def"}, [], "of commit abc, here is def"),
+        ({"commit": "abc-dirty"}, [], "of commit abc, here is abc-dirty"),
+        ({"versions": {}}, [], "other versions of libraries"),
+        ({}, ["--timed", "7"], "measured with other options: a.xml b.xml"),
+        ({}, ["-D", "spp=3"], "measured with other options: a.xml b.xml"),
+    ],
+)
+def test_a_run_goes_on_with_nothing_else(interrupted, capsys, change, words, told):
+    folder, asked, now = interrupted
+    before = (folder / "data" / "needs.json").read_bytes()
+    now.update(change)
+    assert main(["a.xml", "b.xml", "--out", str(folder), "--resume", *words]) == 2
+    assert told in capsys.readouterr().err
+    assert len(asked) == 2 and (folder / "data" / "needs.json").read_bytes() == before
+
+
 def test_refusals(path, tmp_path, capsys):
     assert main([str(tmp_path / "none.xml"), "--out", str(tmp_path)]) == 1
     assert "none.xml: no such scene file" in capsys.readouterr().err

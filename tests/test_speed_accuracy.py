@@ -326,7 +326,8 @@ def noisy_picture(seed, spp):
 def fake(room, tmp_path, monkeypatch):
     """Run the command with two variants and our samplers, all made up; give its status."""
 
-    def ours(scene, threads, sampler, integrator=""):
+    def ours(scene, threads, sampler, ray_offset, integrator=""):
+        assert ray_offset == "mitsuba"  # the reference is Mitsuba's
         brighter = 0.5 * (FakeMitsuba.shift == ("ours", sampler))
         return lambda seed, spp: (0.1, noisy_picture(seed + 50, spp) + brighter)
 
@@ -392,6 +393,23 @@ def test_large_scenes_are_written_and_measured_with_one_peer(fake, tmp_path, mon
     for one in measured(tmp_path)["noisy"]:
         assert one["unavailable"] == {"mitsuba llvm_ad_rgb": "not today"}
         assert {c["renderer"] for c in one["curves"]} == {OURS, PEER}
+
+
+def test_mitsubas_ray_offset_lets_light_in_where_shadows_begin():
+    """With the same random numbers it adds some in few pixels, and takes none away.
+
+    More than noise leaves of the mean, so that comparisons use it on both sides.
+    """
+    with written(["ball-and-sun"], frequency=32) as (path,):
+        scene = renderer.load_file(path, width="96", height="54")
+    tight, theirs = (
+        renderer.render(scene, 64, 1, 1, sampler="sobol", ray_offset=rule).pixels
+        for rule in ("tight", noisy_scenes.RAY_OFFSET)
+    )
+    added = theirs.astype(float) - tight
+    assert added.min() >= 0.0
+    assert 5e-5 < added.sum() / tight.sum(dtype=float) < 3e-4  # 1.3e-4
+    assert np.mean(added > 0.0) < 0.02
 
 
 def test_a_large_scene_is_what_was_asked_for():

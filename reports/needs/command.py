@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -19,11 +21,12 @@ from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA, NeedsRecord, SceneNeeds
 from reports.needs.study import TIMED, Study, measure
 from reports.needs.table import print_table
-from reports.records.json_file import write_json
+from reports.records.errors import ReportError
+from reports.records.json_file import read_json, write_json
 
 SCENES = Path(__file__).parents[2] / "scenes"
 DEFAULT_OUT = Path("reports/out")
-REFUSED, INTERRUPTED = 1, 130
+REFUSED, WRONG_USE, INTERRUPTED = 1, 2, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,37 +40,71 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0; 1 if a scene was refused; 130 if interrupted.
+        0; 1 if a scene was refused; 2 if there is nothing to resume; 130 if interrupted.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = _parser().parse_args(words)
     console, log = Console(), Console(stderr=True)
-    found: list[tuple[SceneNeeds, Study]] = []
+    found: list[tuple[SceneNeeds, Study | None]] = []
     status = 0
+    file = given.out / "data" / "needs.json"
+    record = NeedsRecord(**circumstances("reports.needs", words), whole=False, scenes=[])
+    try:
+        before = _before(file, record, given) if given.resume else {}
+    except ReportError as error:
+        log.print(f"reports.needs: {error}", markup=False, soft_wrap=True)
+        return WRONG_USE
     try:
         for path in _paths(given.scenes):
             log.print(str(path), markup=False, soft_wrap=True)
             try:
-                found.append(_measured(path, given, log))
+                done = before.get(str(path))
+                found.append((done, None) if done else _measured(path, given, log))
             except SceneError as error:
                 log.print(f"error: {error}", markup=False, soft_wrap=True)
                 status = REFUSED
                 continue
             print_table(found[-1][0], console)
+            record = replace(record, scenes=[needs for needs, _ in found])
+            write_json(file, record, SCHEMA)  # what takes this long is not lost
     except KeyboardInterrupt:
         status = INTERRUPTED  # what is measured is worth a page
     if not found:
         return status
-    record = NeedsRecord(
-        **circumstances("reports.needs", words),
-        whole=status == 0,
-        scenes=[needs for needs, _ in found],
-    )
-    write_json(given.out / "data" / "needs.json", record, SCHEMA)
+    record = replace(record, whole=status == 0)
+    write_json(file, record, SCHEMA)
     page = given.out / "needs.html"
     write_atomically(page, needs_page(record, [study for _, study in found]).encode())
     console.print(f"The page: {page}", markup=False, soft_wrap=True)
     return status
+
+
+def _before(
+    file: Path, now: NeedsRecord, given: argparse.Namespace
+) -> dict[str, SceneNeeds]:
+    """Return the scenes that a record has of today's sources and options, by path.
+
+    Raises
+    ------
+    ReportError
+        If it is of others: one record is of one commit.
+    """
+    if not file.exists():
+        return {}
+    record = read_json(file, NeedsRecord, SCHEMA)
+    if record.commit != now.commit or now.commit.endswith(("-dirty", "unknown")):
+        raise ReportError(f"{file}: of commit {record.commit}, here is {now.commit}")
+    if record.versions != now.versions:
+        raise ReportError(f"{file}: measured with other versions of libraries")
+    words = shlex.split(record.command)[3:]  # after python -m reports.needs
+    if _options(_parser().parse_args(words)) != _options(given):
+        raise ReportError(f"{file}: measured with other options: {shlex.join(words)}")
+    return {scene.scene: scene for scene in record.scenes}
+
+
+def _options(given: argparse.Namespace) -> tuple[object, ...]:
+    """Return what decides the numbers of a scene."""
+    return given.spp, given.seeds, given.tolerance, given.timed, given.define
 
 
 def _measured(
@@ -135,6 +172,12 @@ def _parser() -> argparse.ArgumentParser:
         type=definition,
         metavar="name=value",
         help="replace a <default> of the file (default: the test size of its proof.toml)",
+    )
+    add(
+        "--resume",
+        action="store_true",
+        help="take the scenes that data/needs.json has already of this commit and these "
+        "options; their pictures are not shown",
     )
     add("--out", type=Path, default=DEFAULT_OUT, help="folder (default: reports/out)")
     return parser

@@ -34,7 +34,7 @@ class Shown:
     pictures: list[Any]  # words, data URI, scale, loss: of each difference
 
 
-def needs_page(record: NeedsRecord, studies: Sequence[Study] = ()) -> str:
+def needs_page(record: NeedsRecord, studies: Sequence[Study | None] = ()) -> str:
     """Return the whole page as HTML; without studies, which no file holds, no pictures."""
     pairs = zip_longest(record.scenes, studies)
     shown = [

@@ -72,7 +72,7 @@ def _soaked(soak: Soak, study: Study, given: argparse.Namespace, show: Show) -> 
     cpu = str(soak.machine.get("cpu", "unknown"))
     part = part.begun(Session(soak.created, soak.commit, cpu))
     start = last = written = time.monotonic()
-    steps = study.steps(part.done, start + given.budget)
+    steps = study.steps(part, start + given.budget)
     try:
         for step in steps:
             now = time.monotonic()

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from reports.soak import rays, self_hits
+from reports.soak import self_hits
 from reports.soak.damaged_files import damaged_file_steps
 from reports.soak.growth import growth_steps
 from reports.soak.interrupts import interrupt_steps
+from reports.soak.rays import trial as rays
 from reports.soak.record import Part, Step
 
 
@@ -21,7 +22,7 @@ class Study:
     unit: str
     wanted: int  # of the unit, over all sessions
     about: str
-    steps: Callable[[int, float], Iterator[Step]]  # (done so far, deadline)
+    steps: Callable[[Part, float], Iterator[Step]]  # (what was done, deadline)
     # of some of its counts, by name: sums hide that one of them is behind
     wanted_of: Mapping[str, int] = field(default_factory=dict)
 
@@ -32,21 +33,30 @@ class Study:
         )
 
 
+def _from_number(
+    steps: Callable[[int, float], Iterator[Step]],
+) -> Callable[[Part, float], Iterator[Step]]:
+    """Return the steps of a trial that goes on from the number of what was done."""
+    return lambda part, deadline: steps(part.done, deadline)
+
+
 STUDIES = (
     Study(
         "rays",
         "Rays in closed meshes",
         "rays",
         sum(rays.WANTED.values()),
-        "Rays from inside of five closed meshes, half of them in one of 80 triangles, "
-        f"the same for each of {len(rays.STRUCTURES)} structures (but that brute force has "
-        "smaller meshes in the place of large ones), asked for the nearest hit one by one "
-        "and in packets, and for any hit. "
+        "Rays from inside of six closed meshes, most of them in one of 20 triangles, "
+        f"the same for each of {len(rays.STRUCTURES)} structures (but that brute force, "
+        "boxes and the BSP tree have the smallest mesh in the place of large ones), asked "
+        "for the nearest hit one by one and in packets, and for any hit. "
         "Half go anywhere, half are aimed to pass edges and vertices at 10^-8 to 10^-2 "
-        "of an edge. A leak is a ray that meets nothing although its line, in double "
-        f"precision, keeps {rays.BOUND:g} of the largest coordinate away from every edge. "
-        "Nearer rays may be lost, because neighbouring triangles do not share their edge "
-        "exactly; they are counted beside it.",
+        "of an edge. A leak is a ray that meets nothing although it meets a triangle by "
+        "more than the rounding of the test can do, for this ray and triangle, or although "
+        "another structure finds a hit. Nearer to an edge a ray may be lost, because "
+        "neighbouring triangles do not share it exactly; these are counted beside it. (The "
+        "first 2.2 * 10^9 rays were judged by a fixed distance, 10^-6 of the largest "
+        "coordinate.)",
         rays.ray_steps,
         rays.WANTED,
     ),
@@ -59,7 +69,7 @@ STUDIES = (
         "sizes away, rays leave into the hemisphere above each hit, and none may meet "
         "anything within a thousandth of the shape. Four shapes that this renderer lacks "
         "have their nearest kin.",
-        self_hits.self_hit_steps,
+        _from_number(self_hits.self_hit_steps),
     ),
     Study(
         "damaged-files",
@@ -72,7 +82,7 @@ STUDIES = (
         "It must end in a SceneError or a finite picture, within 10 s of processor time "
         "and 1 GiB; a warning of NumPy is a fault too. Films above 16384 pixels and paths "
         "above 64 bounces or samples of light are read and not rendered.",
-        damaged_file_steps,
+        _from_number(damaged_file_steps),
     ),
     Study(
         "interrupts",
@@ -84,7 +94,7 @@ STUDIES = (
         "picture that cannot be read, another file, another status and a program that goes "
         "on are faults. Python itself, before it comes to the program's first line, "
         "answers as Python does.",
-        interrupt_steps,
+        _from_number(interrupt_steps),
     ),
     Study(
         "growth",
@@ -96,6 +106,6 @@ STUDIES = (
         "tested for a trend (Kendall's S against random orders of the blocks). Growth is "
         "p <= 0.001 and 1 MiB or more: blocks without a trend alarm in at most 0.1 % of "
         "all processes.",
-        growth_steps,
+        _from_number(growth_steps),
     ),
 )

@@ -126,7 +126,7 @@ def measure(given: BenchmarkSettings, command: str, progress: Progress) -> Bench
             seeds=len(CHECK_SEEDS),
             spp=CHECK_SPP,
             z=means.z,
-            limit=turns.LIMIT,
+            limit=means.limit,
             ours_mean=means.first,
             reference_mean=means.second,
         ),

@@ -1,0 +1,1 @@
+"""Rays from inside of closed meshes, by every structure: none may be lost."""
