@@ -75,7 +75,7 @@ class Rendering:
         self._packed_filter = pack(self.rfilter)
         shape = film_shape(scene, plan)
         self.channels, self.border = shape.channels, shape.border
-        asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
+        asked = max(1, self.kernel_scene.lights.asked.size) if plan.every_light else 1
         self._part = max(1, SAMPLES_PER_JOB // asked)
         self.use_film(Film(*shape) if band is None else Band(shape, band))
         # what a sitting says about itself
