@@ -68,9 +68,7 @@ def test_a_tilted_plane_over_a_black_floor(degrees, choice):
     camera = sensor(target + 0.25 * normal, target, up=up, **VIEWS)
     content = under_sky(camera, tilted, square(0, 5e5, diffuse(0.0)))
     expected = RHO * (1 + np.cos(tilt)) / 2
-    assert_mean(
-        content, expected, within=1e-3, integrator="path", light_choice=choice
-    )
+    assert_mean(content, expected, within=1e-3, integrator="path", light_choice=choice)
 
 
 @pytest.mark.parametrize("choice", CHOICES)

@@ -41,7 +41,9 @@ from renderer.stages.caustics import (
 
 _NO_CHOICE = np.zeros((0, 3), np.int64)
 _NO_IDS = np.zeros(0, np.int32)
-NO_LIGHTS = Lights(0, np.zeros(1, np.int32), _NO_IDS, np.zeros((0, 4), np.int64), _NO_CHOICE)
+NO_LIGHTS = Lights(
+    0, np.zeros(1, np.int32), _NO_IDS, np.zeros((0, 4), np.int64), _NO_CHOICE
+)
 
 
 def light_methods(
