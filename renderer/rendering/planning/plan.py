@@ -193,7 +193,8 @@ def make_plan(
     light_choice : str, optional
         Where one of several lights is asked at a point: `importance`, by what each can give
         there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
-        paths or their second moments are asked for.
+        paths or their second moments are asked for. With `importance` an even sky is not
+        one of them where BSDF samples are followed, which find it with less noise.
 
     Raises
     ------
