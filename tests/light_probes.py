@@ -127,7 +127,7 @@ class LightProbe:
         camera = {"type": "perspective"}
         content = {"type": "scene", "camera": camera, **shining, **emitters}
         self.scene = renderer.load_dict(content)
-        plan = make_plan(self.scene, integrator="path")
+        plan = make_plan(self.scene, integrator="path", light_choice="uniform")
         plan = dataclasses.replace(plan, replay=replay)
         self.inputs = Inputs(self.scene, plan, way=way_of(plan, None))
         self.surfaces = self.inputs.tables.surfaces

@@ -7,7 +7,7 @@ import pytest
 
 import renderer.stages.film
 from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.batch import CAPACITY, make_workspace
 from renderer.kernels.records.tile import TILE_SIZE, Tile
 from renderer.kinds.sampling.numbers_and_warps import Independent
 from renderer.scene.reconstruction import lookup_weight, pixels_touched
@@ -17,14 +17,18 @@ from renderer.stages.film import (
     BOX,
     Film,
     add_to_tile,
+    close_sums,
     filter_border,
     filter_table,
+    open_sums,
 )
 
 
 @entry_kernel
-def run_add_to_tile(rfilter, tile, film, radiance, sums, border):
-    add_to_tile(rfilter, tile, film, radiance, sums, border)
+def run_add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
+    open_sums(rfilter, sums, splats)
+    add_to_tile(rfilter, tile, film, radiance, sums, splats, border)
+    close_sums(rfilter, sums, splats)
 
 
 @entry_kernel
@@ -100,12 +104,13 @@ def by_hand(rfilter, tiles, window, sample_count):
 
 def by_kernel(rfilter, film, sample_count, constant=None):
     table, border = pack(filter_table(rfilter)), film.grid.border
+    splats = make_workspace(channels=CHANNELS, splat_size=TILE_SIZE + 2 * border).splats
     for tile, sums in zip(film.tiles, film.sums, strict=True):
         for sample in range(sample_count):
             positions, radiance, _ = samples(tile, sample)
             if constant is not None:
                 radiance[:] = constant
-            run_add_to_tile(table, tile, positions, radiance, sums, border)
+            run_add_to_tile(table, tile, positions, radiance, sums, splats, border)
     return film
 
 
@@ -185,7 +190,7 @@ def test_sums_are_double():
     radiance = np.full((CHANNELS, CAPACITY), 0.1, np.float32)
     positions = np.zeros((2, CAPACITY), np.float32)
     for _ in range(1000):
-        run_add_to_tile(pack(BOX), tile, positions, radiance, sums, 0)
+        run_add_to_tile(pack(BOX), tile, positions, radiance, sums, np.zeros(0), 0)
     np.testing.assert_allclose(sums[-1] - 2.0**24, 1000, rtol=0)
     tenth = float(np.float32(0.1))
     np.testing.assert_allclose(sums[0] - 2.0**24, 1000 * tenth, rtol=1e-6)

@@ -114,11 +114,15 @@ def lamps(count: int) -> dict[str, Any]:
 
 
 class Probe:
-    """The choice at one point after another, of a scene with the sampler `independent`."""
+    """The choice at one point after another, of a scene with the sampler `independent`.
+
+    An even sky is one of the lights here, as environment maps are.
+    """
 
     def __init__(self, content: dict[str, Any]) -> None:
         self.scene = renderer.load_dict(content)
-        self.inputs = Inputs(self.scene, make_plan(self.scene, integrator="path"))
+        plan = make_plan(self.scene, integrator="path")
+        self.inputs = Inputs(self.scene, dataclasses.replace(plan, finds_sky=False))
         self.lights = pack(self.inputs.record.lights)
         kept = (packed.record for packed in self.inputs.tables.kept)
         (self.choice,) = (record for record in kept if isinstance(record, LightChoice))
@@ -262,7 +266,8 @@ def test_the_trees_hold_every_light_once(many):
 
 def test_the_simple_path_tracer_chooses_alike(few):
     """Its bounds are made from the description by code of its own."""
-    slow = SlowChoice(SlowScene(few.scene.description).lights)
+    scene = SlowScene(few.scene.description)
+    slow = SlowChoice([*scene.lights, scene.environment])  # the sky is the last
     for place in PLACES:
         expected = walked(few.choice, place, UP)
         chosen = [slow.probability(np.array(place), UP, k) for k in range(few.choice.count)]

@@ -20,7 +20,7 @@ from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive
-from renderer.stages.film import add_to_tile, clear
+from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.scatter import scatter
@@ -80,10 +80,12 @@ def trace_several(scene, tile, sample, work):
 @entry_kernel
 def render_several(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
     """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    open_sums(rfilter, sums, work.splats)
     for sample in range(first_sample, end_sample):
         clear(work.radiance)
         trace_several(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
+    close_sums(rfilter, sums, work.splats)
 
 
 def _read(properties: Properties) -> Integrator:

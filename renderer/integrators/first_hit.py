@@ -32,7 +32,7 @@ from renderer.kinds.bsdfs.kind import (
 from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.derivatives import differentiate
-from renderer.stages.film import add_to_tile, clear
+from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import frame_at, load_constants, show_bsdf
@@ -201,7 +201,9 @@ def trace_first_hits(scene, tile, sample, work):
 @entry_kernel
 def render_first_hits(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
     """Add samples first_sample .. end_sample - 1 of a tile's AOVs to `sums`."""
+    open_sums(rfilter, sums, work.splats)
     for sample in range(first_sample, end_sample):
         clear(work.radiance)
         trace_first_hits(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
+    close_sums(rfilter, sums, work.splats)

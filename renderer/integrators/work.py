@@ -14,7 +14,7 @@ from renderer.kernels.records.tally import ROWS
 from renderer.picture.heat_map import heat_map
 from renderer.scene_file.description import Integrator
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.film import add_to_tile, clear
+from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect
 
 COLOURS = (
@@ -38,10 +38,12 @@ def trace_work(scene, tile, sample, work):
 @entry_kernel
 def render_work(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
     """Add the work of samples first_sample .. end_sample - 1 of a tile to `sums`."""
+    open_sums(rfilter, sums, work.splats)
     for sample in range(first_sample, end_sample):
         clear(work.radiance)
         trace_work(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, border)
+        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
+    close_sums(rfilter, sums, work.splats)
 
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:

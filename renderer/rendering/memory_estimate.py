@@ -218,6 +218,7 @@ def _workspace(scene: Scene, plan: Plan, shape: FilmShape) -> int:
     work = workspace_of(
         plan,
         shape.channels,
+        shape.border,
         kinds=len(scene.materials.kinds),
         parameters=_PARAMETERS,
         previous_points=plan.replay,

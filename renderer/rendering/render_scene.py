@@ -105,7 +105,8 @@ def render(
         it needs; one of a large film alone can go into a file (`render_to_file`).
     light_choice : str, optional
         Where a method asks one of several lights at each point: `importance` (the default)
-        takes it by what it can give there, `uniform` each as often as any other.
+        takes it by what it can give there, `uniform` each as often as any other. With
+        `importance` an even sky is left to the BSDFs' samples where paths follow them.
 
     Returns
     -------

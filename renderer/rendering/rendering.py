@@ -15,6 +15,7 @@ from renderer.integrators.whitted import REGION
 from renderer.kernels.jit import Packed, compiled_for, pack
 from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
+from renderer.kernels.records.tile import TILE_SIZE
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.band import Band, FilmShape
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
@@ -75,7 +76,7 @@ class Rendering:
         self._packed_filter = pack(self.rfilter)
         shape = film_shape(scene, plan)
         self.channels, self.border = shape.channels, shape.border
-        asked = max(1, self.kernel_scene.lights.count) if plan.every_light else 1
+        asked = max(1, self.kernel_scene.lights.asked.size) if plan.every_light else 1
         self._part = max(1, SAMPLES_PER_JOB // asked)
         self.use_film(Film(*shape) if band is None else Band(shape, band))
         # what a sitting says about itself
@@ -117,6 +118,7 @@ class Rendering:
         return workspace_of(
             self.plan,
             channels,
+            self.border,
             kinds=len(bsdfs.methods),
             parameters=len(bsdfs.values),
             previous_points=self.variant.previous_points,
@@ -220,9 +222,18 @@ class Rendering:
 
 
 def workspace_of(
-    plan: Plan, channels: int, *, kinds: int, parameters: int, previous_points: bool
+    plan: Plan,
+    channels: int,
+    border: int,
+    *,
+    kinds: int,
+    parameters: int,
+    previous_points: bool,
 ) -> Workspace:
-    """Allocate what one thread works in; the arguments are those of `make_workspace`."""
+    """Allocate what one thread works in.
+
+    `border` is the film's, the other arguments are those of `make_workspace`.
+    """
     depths, capacity = 1, CAPACITY
     if plan.kind.splits:
         depths = plan.max_depth + 1
@@ -237,6 +248,7 @@ def workspace_of(
         parameters=parameters,
         counted=plan.kind.counts_work,
         previous_points=previous_points,
+        splat_size=TILE_SIZE + 2 * border if border else 0,
     )
 
 

@@ -10,11 +10,22 @@ from renderer.scene_file.description import (
 )
 
 
-def has_extended_lights(description: SceneDescription) -> bool:
-    """Return whether there are lights that a ray can meet: shapes, environments."""
+def has_extended_lights(
+    description: SceneDescription, *, but_even_sky: bool = False
+) -> bool:
+    """Return whether there are lights that a ray can meet: shapes, environments.
+
+    Without the even sky, if it is to be left out.
+    """
+    emitters = map(plugin_of, description.emitters)
     return any(shape.radiance is not None for shape in description.shapes) or any(
-        plugin_of(emitter).environment for emitter in description.emitters
+        kind.environment and not (but_even_sky and kind.even) for kind in emitters
     )
+
+
+def has_even_sky(description: SceneDescription) -> bool:
+    """Return whether there is an environment of one radiance from everywhere."""
+    return any(plugin_of(emitter).even for emitter in description.emitters)
 
 
 def has_textured_lamps(description: SceneDescription) -> bool:

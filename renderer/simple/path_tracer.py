@@ -98,13 +98,14 @@ def emission(
 ) -> Vector:
     """Return L_e of what a ray from p has met, as far as it counts for this way to it.
 
-    `pdf` is that of the ray, 0 where no light was asked instead, at the point `before`.
+    `pdf` is that of the ray, 0 where no light was asked instead, at the point `before`; the
+    sky is never asked.
     """
     light = scene.environment if hit is None else hit.light
     if light is None:
         return np.zeros(3)
     weight = 1.0
-    if pdf > 0 and before is not None:
+    if pdf > 0 and before is not None and light is not scene.environment:
         chosen = scene.choice.probability(
             before.x, before.normal, scene.lights.index(light)
         )

@@ -44,10 +44,13 @@ class Scene:
             zip(order.of_emitters, description.emitters, strict=True)
         )
         numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
-        self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
-        self.choice = LightChoice(self.lights)
         skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
         self.environment = skies[0] if skies else None
+        # Those that are sampled. The sky shines alike from everywhere: directions that the
+        # BSDF chooses find it best.
+        lights = [numbered[i] for i in sorted(numbered) if i >= 0]
+        self.lights = [light for light in lights if light is not self.environment]
+        self.choice = LightChoice(self.lights)
 
 
 def _check(description: SceneDescription) -> None:

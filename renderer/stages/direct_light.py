@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits, popcount
-from renderer.kernels.lanes.memory import append_row, load_row
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
 from renderer.kernels.lanes.vectors import append3, length, load3
 from renderer.kernels.records.kernel_scene import (
     CHOOSE_BY_IMPORTANCE,
@@ -37,7 +37,17 @@ BEFORE_LIGHT = np.float32(1.0 - 15000.0 * 2.0**-24)
 @kernel
 def lights_asked(lights, settings):
     """Return how many lights are sampled at each surface point."""
-    return min(np.int64(1), lights.count) if settings.every_light == 0 else lights.count
+    asked = np.int64(lights.asked.size)
+    return min(np.int64(1), asked) if settings.every_light == 0 else asked
+
+
+@kernel
+def _number_in_file(lights, samples, count):
+    """Go from one of the lights that are asked to its number among all."""
+    for i in range(0, count, 16):
+        chosen = load_row(samples.light, 0, i)
+        valid = first_lanes(count - i)
+        store_row(samples.light, 0, i, gather_row(lights.asked, 0, chosen, valid))
 
 
 @kernel
@@ -69,19 +79,22 @@ def sample_lights(scene, turn, tile, sample, bounce, work, count):
                 sample,
                 block,
                 turn if scene.settings.every_light != 0 else np.int64(-1),
-                lights.count,
+                lights.asked.size,
                 points.slot,
                 count,
                 work.numbers,
                 samples.light,
             ),
         )
+        if lights.asked.size != lights.count:
+            _number_in_file(lights, samples, count)
     for kind in range(lights.methods.shape[0]):
-        call(
-            lights.methods[kind, SAMPLE_LIGHT],
-            lights.methods[kind, RECORD],
-            (points, work.numbers, samples, count),
-        )
+        if lights.methods[kind, SAMPLE_LIGHT] != 0:
+            call(
+                lights.methods[kind, SAMPLE_LIGHT],
+                lights.methods[kind, RECORD],
+                (points, work.numbers, samples, count),
+            )
     if by_importance:
         divide_by_probability(samples, work.numbers, count)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import entry_kernel, kernel
-from renderer.kernels.lanes.functions import lane_index_4, select, to_double
+from renderer.kernels.lanes.functions import lane_index_4, select, to_double, to_f32
 from renderer.kernels.lanes.memory import load_four, load_one, store_one, store_row
 from renderer.kernels.records.batch import CAPACITY
 from renderer.kernels.records.tile import TILE_SIZE, Tile, slot_pixel
@@ -89,35 +89,83 @@ def _add_to_own_pixels(tile, radiance, sums):
 
 
 @kernel
-def _add_one(rfilter, x, y, slot, radiance, sums):
+def _four_numbers(radiance, slot, first, channels):
+    """Return numbers `first` .. first + 3 of a sample; the last of all is its weight, 1."""
+    four = to_double(to_f32(lane_index_4()))
+    value = four * 0.0
+    for k in range(4):
+        c = first + k
+        if c < channels:
+            number = np.float64(load_one(radiance, c, slot))
+        else:
+            number = 1.0 if c == channels else 0.0
+        value = select(lane_index_4() == np.int32(k), (four * 0.0 + 1.0) * number, value)
+    return value
+
+
+@kernel
+def open_sums(rfilter, sums, splats):
+    """Copy a tile's sums to where a pixel's numbers lie side by side, for `add_to_tile`."""
+    if rfilter.weights.size != 0:
+        _copy(sums, splats, True)
+
+
+@kernel
+def close_sums(rfilter, sums, splats):
+    """Copy them back."""
+    if rfilter.weights.size != 0:
+        _copy(sums, splats, False)
+
+
+@kernel
+def _copy(sums, splats, there):
+    numbers, size = sums.shape[0], sums.shape[2]
+    for c in range(numbers):
+        plane, first = sums[c], (c // 4) * 4 * size * size + c % 4
+        for row in range(size):
+            for column in range(size):
+                i = first + 4 * (row * size + column)
+                if there:
+                    store_one(splats, 0, i, load_one(plane, row, column))
+                else:
+                    store_one(plane, row, column, load_one(splats, 0, i))
+
+
+@kernel
+def _add_one(rfilter, x, y, slot, radiance, sums, splats):
     """Add the sample of a slot, at (x, y) in the sums, to all pixels that it reaches.
 
-    A pixel's centre is a whole number here. Number by number: with eight columns at once
-    this took three times as long, as what a sample has just stored, others load in part.
+    A pixel's centre is a whole number here. A pixel's numbers are added together: with
+    several columns at once, what a sample has just stored the next one loads in part, and
+    has to wait for it.
     """
-    channels = sums.shape[0] - 1
+    channels, size = sums.shape[0] - 1, sums.shape[2]
+    pixels, groups = size * size, channels // 4 + 1
     weights, radius = rfilter.weights, rfilter.radius
     steps = weights.size - 1
     scale = steps / radius
     left, right = int(np.ceil(x - radius)), int(x + radius)
-    for row in range(int(np.ceil(y - radius)), int(y + radius) + 1):
-        of_row = load_one(weights, 0, min(int(abs(row - y) * scale), steps))
-        for column in range(left, right + 1):
-            of_column = load_one(weights, 0, min(int(abs(column - x) * scale), steps))
-            weight = of_row * of_column
-            for c in range(channels):
-                plane = sums[c]
-                more = weight * load_one(radiance, c, slot)
-                store_one(plane, row, column, load_one(plane, row, column) + more)
-            plane = sums[channels]
-            store_one(plane, row, column, load_one(plane, row, column) + weight)
+    of_columns = 4 * pixels * groups - left
+    for column in range(left, right + 1):
+        step = min(int(abs(column - x) * scale), steps)
+        store_one(splats, 0, of_columns + column, load_one(weights, 0, step))
+    for group in range(groups):
+        value = _four_numbers(radiance, slot, 4 * group, channels)
+        for row in range(int(np.ceil(y - radius)), int(y + radius) + 1):
+            of_row = load_one(weights, 0, min(int(abs(row - y) * scale), steps))
+            first = 4 * (group * pixels + row * size)
+            for column in range(left, right + 1):
+                weight = of_row * load_one(splats, 0, of_columns + column)
+                i = first + 4 * column
+                store_row(splats, 0, i, load_four(splats, 0, i) + value * weight)
 
 
 @kernel
-def add_to_tile(rfilter, tile, film, radiance, sums, border):
+def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
     """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums.
 
-    `film` has the samples' places on the full film, (2, slots) in pixels.
+    `film` has the samples' places on the full film, (2, slots) in pixels. But for the box,
+    samples are added to `splats`, between `open_sums` and `close_sums`.
     """
     square_sums(rfilter.squares, radiance)
     if rfilter.weights.size == 0:  # the box
@@ -129,7 +177,7 @@ def add_to_tile(rfilter, tile, film, radiance, sums, border):
             # the sample's place in the sums, whose pixel 0 lies `border` before the tile
             px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5
             py = np.float64(load_one(film, 1, slot)) - tile.y + border - 0.5
-            _add_one(rfilter, px, py, slot, radiance, sums)
+            _add_one(rfilter, px, py, slot, radiance, sums, splats)
 
 
 ALONE = 2**17  # pixels that one thread develops while others would start

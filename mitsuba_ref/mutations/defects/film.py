@@ -142,8 +142,9 @@ DEFECTS = (
         (
             Edit(
                 "stages/film.py",
-                "store_one(plane, row, column, load_one(plane, row, column) + weight)",
-                "store_one(plane, row, column, load_one(plane, row, column) + 1.0)",
+                "load_four(splats, 0, i) + value * weight)",
+                "load_four(splats, 0, i) + select(lane_index_4() == np.int32(channels - 4 "
+                "* group), value, value * weight))",
             ),
         ),
         scene="cropped-film",

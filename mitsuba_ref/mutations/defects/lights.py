@@ -11,7 +11,7 @@ DEFECTS = (
         (
             Edit(
                 "kinds/lights/weights.py",
-                "return np.float32(1.0 / lights.count)",
+                "return np.float32(1.0 / lights.asked.size)",
                 "return np.float32(1.0 / (lights.count + 1))",
             ),
         ),
@@ -128,7 +128,7 @@ DEFECTS = (
                 "_FOUR_PI = np.float32(2.0 * np.pi)",
             ),
         ),
-        scene="grey-furnace",
+        scene="emitters",
         tests=("test_closed_forms.py::test_sky_over_a_convex_body",),
     ),
     Mutation(

@@ -102,6 +102,7 @@ class Workspace(NamedTuple):
     order: NDArray[np.int32]  # (n,) hits sorted by what they need next
     ends: NDArray[np.int64]  # (kinds + 1,) where each kind of BSDF begins and ends in it
     radiance: NDArray[np.float32]  # (channels, n) of each pixel of the tile
+    splats: NDArray[np.float64]  # a tile's sums, pixel by pixel, and a row of weights
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
     tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: nobody counts
 
@@ -118,6 +119,13 @@ def _numbers(capacity: int) -> NDArray[np.int32]:
     return np.zeros(capacity + PADDING, np.int32)
 
 
+def _aligned(count: int) -> NDArray[np.float64]:
+    """Return numbers of which eight, and so four, share a cache line."""
+    raw = np.zeros(count + 8)
+    first = -(raw.ctypes.data // 8) % 8
+    return raw[first : first + count]
+
+
 def make_workspace(
     *,
     ray_capacity: int = CAPACITY,
@@ -128,6 +136,7 @@ def make_workspace(
     counted: bool = False,
     previous_points: bool = False,
     capacity: int = CAPACITY,
+    splat_size: int = 0,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -149,6 +158,9 @@ def make_workspace(
         Whether each ray keeps the exact position that it comes from.
     capacity : int
         Paths of a batch.
+    splat_size : int
+        Pixels on a side of a tile with the filter's border; 0 for the box, which needs no
+        room.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -208,6 +220,7 @@ def make_workspace(
         _numbers(n),
         np.zeros(kinds + 1, np.int64),
         _rows(channels, capacity),
+        _aligned((channels // 4 + 1) * 4 * splat_size**2 + splat_size),
         np.zeros(depths, np.int64),
         make_tally(ray_capacity) if counted else None,
     )

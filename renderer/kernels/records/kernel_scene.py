@@ -100,6 +100,7 @@ class Lights(NamedTuple):
 
     count: int
     kind: NDArray[np.int32]  # (n,) row of `methods`
+    asked: NDArray[np.int32]  # those that are sampled; the others are only found
     methods: Methods
     # One row where one of several is chosen at a point by what it can give there. None: all
     # are asked, or one that the sampler chooses, each as often as any other.

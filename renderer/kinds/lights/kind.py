@@ -62,6 +62,10 @@ class LightPlugin:
     environment
         Whether rays that hit nothing find it: `environment_light` is implemented for it.
         A scene has one at most.
+    even
+        Whether it is an environment of one radiance from everywhere: BSDF samples alone,
+        which go where the BSDF reflects most, then find it with less noise than light
+        samples, or both together (`Plan.finds_sky`).
     """
 
     name: str
@@ -74,6 +78,7 @@ class LightPlugin:
     on_shapes: bool = False
     at_infinity: bool = False
     environment: bool = False
+    even: bool = False
 
 
 @interface

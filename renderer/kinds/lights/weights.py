@@ -11,14 +11,14 @@ from renderer.kinds.sampling.numbers_and_warps import power_heuristic
 
 @kernel
 def light_probability(lights, settings):
-    """Return the probability that a given light is sampled, the same for all of them.
+    """Return the probability that an asked light is sampled, the same for all of them.
 
     1 where it differs: light samples and rays that find a light then have it in their
     densities (`choice.choose`).
     """
     if settings.every_light != 0 or lights.choice.shape[0] != 0:
         return np.float32(1.0)
-    return np.float32(1.0 / lights.count)
+    return np.float32(1.0 / lights.asked.size)
 
 
 @kernel

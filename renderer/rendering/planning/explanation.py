@@ -167,16 +167,23 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
         Where it is said.
     """
     what = "multiple importance sampling"
+    if plan.finds_sky:
+        why.say("sky", "found by BSDF samples alone: it is the same from everywhere")
     if plan.weigh:
         by = "light samples and BSDF samples that hit a light, by the power heuristic"
         if plan.strategy == "lights":
             what, by = "light samples alone", "BSDF samples count where they find nothing"
         why.say("weights", f"{what}: {by}")
         return
+    if plan.strategy == "bsdfs" and plan.finds_sky:
+        why.say("left out", f"{what}, light samples: there is no light but the sky")
+        return
     if plan.strategy != "both":
         why.say("weights", f"{_ALONE[plan.strategy]}, as simplified")
         return
-    if not extended:
+    if plan.finds_sky:
+        reason = "no other light can be hit"
+    elif not extended:
         what += ", emission at hits"
         lights = bool(scene.description.emitters)
         reason = "all lights are points or directions" if lights else "there is no light"

@@ -31,6 +31,7 @@ from renderer.rendering.planning.explanation import (
 from renderer.rendering.planning.restriction import restrict
 from renderer.replay.refusals import check_replay
 from renderer.scene.light_properties import (
+    has_even_sky,
     has_extended_lights,
     has_lights_beside_their_samples,
 )
@@ -71,6 +72,9 @@ class Plan(Decision):
     moments: Moments | None = None  # second moments stand beside the picture
     strategy: str = "both"  # or "lights", "bsdfs": the one way to find light
     caustics: bool = True  # paths may be, if the scene has what it takes
+    # An even sky is left to BSDF samples: no light sample is taken of it, nothing weighed.
+    # A diffuse point that sees nothing else has no noise then, and no shadow ray.
+    finds_sky: bool = False
     rays: RayCounts = USUAL_RAYS
     lines: tuple[str, ...] = ()
 
@@ -189,7 +193,8 @@ def make_plan(
     light_choice : str, optional
         Where one of several lights is asked at a point: `importance`, by what each can give
         there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
-        paths or their second moments are asked for.
+        paths or their second moments are asked for. With `importance` an even sky is not
+        one of them where BSDF samples are followed, which find it with less noise.
 
     Raises
     ------
@@ -219,14 +224,13 @@ def _make_plan(
     threads: int,
     light_choice: str | None,
 ) -> Plan:
-    plan = _decide(scene, integrator, sampler, spp)
-    choice = _known_light_choice(light_choice, plan)
-    plan = dataclasses.replace(plan, light_choice=choice)
+    plan = _decide(scene, integrator, sampler, spp, light_choice)
     why = Explanation(list(plan.lines))
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
-    lights = emitting + len(scene.description.emitters) if plan.every_light else 1
+    asked = emitting + len(scene.description.emitters) - plan.finds_sky
+    lights = asked if plan.every_light else 1
     camera = scene.description.camera
-    explain_light_choice(plan, emitting + len(scene.description.emitters), why)
+    explain_light_choice(plan, asked, why)
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
     return dataclasses.replace(
@@ -246,22 +250,27 @@ def _known_ray_offset(name: str | None, replay: bool) -> str:
     return name
 
 
-def _known_light_choice(name: str | None, plan: Plan) -> str:
+def _known_light_choice(name: str | None, asked: Integrator, replay: bool) -> str:
     if name not in (None, *LIGHT_CHOICES):
         known = ", ".join(LIGHT_CHOICES)
         raise SceneError(f"light choice {name!r} is unknown; there are: {known}")
-    if plan.replay and name == "importance":
+    if replay and name == "importance":
         raise SceneError("light choice 'importance': a replay takes Mitsuba's, 'uniform'")
-    as_mitsuba = plan.replay or plan.moments is not None
+    as_mitsuba = replay or asked.moments is not None
     return name or ("uniform" if as_mitsuba else "importance")
 
 
 def _decide(
-    scene: Scene, integrator: str | None, sampler: str | None, spp: int | None
+    scene: Scene,
+    integrator: str | None,
+    sampler: str | None,
+    spp: int | None,
+    light_choice: str | None,
 ) -> Plan:
     why = Explanation()
     asked = _choose_integrator(scene, integrator)
     replay = sampler == REPLAY
+    choice = _known_light_choice(light_choice, asked, replay)
     # a leaner method gives the same answer, but not by the same paths, nor the same moments
     reduce = integrator in (None, "auto") and not replay and asked.moments is None
     chosen_sampler = _choose_sampler(scene, sampler)
@@ -293,21 +302,34 @@ def _decide(
         check_replay(asked, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
     depth = decision.max_depth
+    strategy, finds_sky = restriction.strategy, False
+    if choice == "importance" and decision.follow and materials.smooth and depth > 1:
+        finds_sky = (
+            has_even_sky(scene.description)
+            and strategy == "both"
+            and restriction.caustics
+            and max(decision.light_samples, decision.bsdf_samples) == 1
+        )
+    weighed = has_extended_lights(scene.description, but_even_sky=finds_sky)
+    if finds_sky and not weighed and len(scene.description.emitters) == 1:
+        strategy = "bsdfs"
     plan = Plan(
         **vars(decision),
-        weigh=extended
+        weigh=weighed
         and decision.follow
         and materials.smooth
         and depth > 1
-        and restriction.strategy != "bsdfs",
+        and strategy != "bsdfs",
         hide_emitters=asked.hide_emitters,
         transparent=case.transparent,
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,
         replay=replay,
         moments=asked.moments,
-        strategy=restriction.strategy,
+        strategy=strategy,
         caustics=restriction.caustics,
+        light_choice=choice,
+        finds_sky=finds_sky,
     )
     if plan.moments is not None:
         why.say("moments", "the means of the squares of single samples, as in Mitsuba")

@@ -138,7 +138,11 @@ class _SceneTables:
         lights, choice = NO_LIGHTS, None
         if lit and plan.by_importance:
             choice = scene.once(
-                ("choice of lights", by_pair), choice_of_light, scene, by_pair
+                ("choice of lights", by_pair, plan.finds_sky),
+                choice_of_light,
+                scene,
+                by_pair,
+                plan.finds_sky,
             )
         if plan.kind.sees_lights and has_lights(scene):
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
@@ -151,6 +155,7 @@ class _SceneTables:
                 lit,
                 choice,
                 plan.caustics,
+                plan.finds_sky,
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)

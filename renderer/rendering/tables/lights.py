@@ -16,6 +16,7 @@ from renderer.kinds.lights.choice.choose import (
     weigh_found_lights,
 )
 from renderer.kinds.lights.choice.tree import light_choice
+from renderer.kinds.lights.constant import ConstantLights
 from renderer.kinds.lights.environment import add_environment, environment_light
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
 from renderer.kinds.lights.registry import plugin_of
@@ -39,7 +40,10 @@ from renderer.stages.caustics import (
 )
 
 _NO_CHOICE = np.zeros((0, 3), np.int64)
-NO_LIGHTS = Lights(0, np.zeros(1, np.int32), np.zeros((0, 4), np.int64), _NO_CHOICE)
+_NO_IDS = np.zeros(0, np.int32)
+NO_LIGHTS = Lights(
+    0, np.zeros(1, np.int32), _NO_IDS, np.zeros((0, 4), np.int64), _NO_CHOICE
+)
 
 
 def light_methods(
@@ -51,12 +55,13 @@ def light_methods(
     lit: bool,
     choice: LightChoice | None,
     caustics: bool,
+    finds_sky: bool,
 ) -> Lights:
     """Return the tables of all lights.
 
     `lit`: they are sampled; else they shine only on those who look at them. `choice` is
     that of one of several at a point, None for all of them or one at random. `caustics`:
-    they shine on those paths too.
+    they shine on those paths too. `finds_sky`: an even sky is not sampled.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -66,9 +71,14 @@ def light_methods(
     sky_kernel = add_environment if caustics else add_environment_but_caustics
     sky = (sky_kernel, (*given, work.rays, work.hits, INT, INT, ROWS), NOTHING)
     rows = []
+    asked = np.arange(lights.count, dtype=np.int32)
     for k, table in enumerate(lights.tables):
+        left_out = finds_sky and isinstance(table, ConstantLights)
+        if left_out:
+            asked = asked[lights.kind[asked] != k]
+            table = table._replace(density=0.0)
         methods = [
-            sample if lit else None,
+            sample if lit and not left_out else None,
             emission if emitted_light.has(type(table)) else None,
             sky if environment_light.has(type(table)) else None,
         ]
@@ -76,7 +86,7 @@ def light_methods(
     chosen = (
         _NO_CHOICE if choice is None else _choice_methods(tables, choice, shapes, settings)
     )
-    return Lights(lights.count, lights.kind, tables.table(rows, 3), chosen)
+    return Lights(lights.count, lights.kind, asked, tables.table(rows, 3), chosen)
 
 
 def _choice_methods(
@@ -93,16 +103,23 @@ def _choice_methods(
     return tables.table([(tables.pack(choice), methods)], 2)
 
 
-def choice_of_light(scene: Scene, by_pair: bool) -> LightChoice | None:
+def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice | None:
     """Return how one of several lights is chosen; None for uniformly.
 
-    `by_pair`: the first number of a draw is better spread than the fourth.
+    `by_pair`: the first number of a draw is better spread than the fourth. `finds_sky`: an
+    even sky is none of them.
     """
     sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
     bounds = light_bounds(scene)
-    if len(bounds) < 2:
-        return None
     order, emitters = light_order(scene.description), scene.description.emitters
+    asked = set(range(len(bounds)))
+    if finds_sky:
+        pairs = zip(order.of_emitters, emitters, strict=True)
+        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
+    if len(asked) < 2:
+        return None
     skies = [plugin_of(emitter).environment for emitter in emitters]
     environment = order.of_emitters[skies.index(True)] if any(skies) else -1
-    return light_choice(bounds, sides, environment, by_pair=by_pair)
+    if environment not in asked:
+        environment = -1
+    return light_choice(bounds, sides, environment, by_pair=by_pair, asked=sorted(asked))

@@ -52,7 +52,8 @@ _LARGEST = np.float32(3.0e38)
 class LightChoice(NamedTuple):
     """All lights; the finite ones in trees where they are many."""
 
-    count: int  # of lights
+    count: int  # of lights that may be chosen
+    asked: NDArray[np.int32]  # (count,) these lights
     nodes: LightNodes
     children: NDArray[np.int32]  # (m,) how many, side by side; 0: it is a light
     child: NDArray[np.int32]  # (m,) the first of them, or the light
@@ -60,8 +61,8 @@ class LightChoice(NamedTuple):
     width: int  # children at most
     entries: NDArray[np.int32]  # (e,) the nodes that are all asked
     at_infinity: NDArray[np.int32]  # (e,) 1: that light is
-    entry: NDArray[np.int32]  # (count,) where in `entries` a light is
-    rank: NDArray[np.int32]  # (count,) of a light, from left to right in its tree
+    entry: NDArray[np.int32]  # (lights,) where in `entries` a light is
+    rank: NDArray[np.int32]  # (lights,) of a light, from left to right in its tree
     sides: NDArray[np.int32]  # (BSDFs,) IN_FRONT, BOTH_SIDES or ANY_NORMAL
     environment: int  # light that a ray finds which hits nothing, -1: none
     by_pair: int  # 1: the first number of a draw chooses, 0: the fourth
@@ -176,6 +177,7 @@ def walk(choice, receiver, wanted, light, number, valid):
     uniform = select(known, splat_f32(UNIFORM), splat_f32(1.0))
     by_chance = number < uniform
     any_light, any_rest = choose_one(_unit(number / uniform), choice.count)
+    any_light = gather_row(choice.asked, 0, any_light, valid)
     light = select(wanted, light, any_light)
 
     wanted = wanted | by_chance

@@ -45,7 +45,12 @@ class _Tree(NamedTuple):
 
 
 def light_choice(
-    bounds: Sequence[LightBounds], sides: Any, environment: int, *, by_pair: bool
+    bounds: Sequence[LightBounds],
+    sides: Any,
+    environment: int,
+    *,
+    by_pair: bool,
+    asked: Sequence[int] | None = None,
 ) -> LightChoice | None:
     """Return the record that lights are chosen by; None for too many at infinity.
 
@@ -56,13 +61,16 @@ def light_choice(
     sides
         (BSDFs,) `importance.IN_FRONT`, `BOTH_SIDES` or `ANY_NORMAL`.
     environment
-        The light that rays find which hit nothing, or -1.
+        The light that rays find which hit nothing, or -1, as for one that is not asked.
     by_pair
         The first number of a draw is better spread than the fourth, and chooses where
         enough is left of it.
+    asked
+        Which lights may be chosen; None: all.
     """
+    able = np.arange(len(bounds)) if asked is None else np.array(asked)
     table = _Columns.of(bounds)
-    finite, infinite = (np.flatnonzero(table.at_infinity == k) for k in (False, True))
+    finite, infinite = (able[table.at_infinity[able] == k] for k in (False, True))
     listed = min(LISTED, MOST_ENTRIES - len(infinite))
     if listed < 1:
         return None
@@ -102,7 +110,8 @@ def light_choice(
         )
     )
     return LightChoice(
-        len(bounds),
+        len(able),
+        np.ascontiguousarray(able, np.int32),
         _nodes(table, below),
         children,
         child,
@@ -114,7 +123,7 @@ def light_choice(
         rank,
         sides,
         environment,
-        int(by_pair and len(bounds) <= MOST_BY_PAIR * UNIFORM),
+        int(by_pair and len(able) <= MOST_BY_PAIR * UNIFORM),
     )
 
 

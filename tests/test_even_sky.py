@@ -1,0 +1,96 @@
+"""A sky of one radiance is left to the BSDFs' samples: where, and what it gives then.
+
+What its pictures are is known elsewhere too: shares of the sky (test_sky_light.py),
+furnaces (test_furnaces.py), the same choice of lights with and without it
+(test_light_choice.py) and the same paths in the simple path tracer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from kernel_probes import Inputs
+from small_scenes import diffuse, floor, pixels, scene, sensor, sky, sphere, sun
+
+import renderer
+from renderer.kernels.records.kernel_scene import ENVIRONMENT, SAMPLE_LIGHT
+from renderer.rendering.planning.plan import make_plan
+
+CAMERA = sensor((0, -2, 6), (0, 0, 0), fov=20, size=(12, 8), spp=1, jitter=True)
+RHO, SKY, SUN = 0.5, 0.75, 2.0
+DOWN = (0.0, 0.6, -0.8)
+LAMP = {
+    **sphere(diffuse(0.0), center=(3, 0, 3), radius=0.2),
+    "emitter": {"type": "area", "radiance": 5.0},
+}
+
+
+def plan_of(*parts, asked="path", settings=None, **choices):
+    loaded = renderer.load_dict(scene(CAMERA, asked, *parts, **(settings or {})))
+    return loaded, make_plan(loaded, **choices)
+
+
+@pytest.mark.parametrize("method", ["path", "direct"])
+@pytest.mark.parametrize("order", [(sky, sun), (sun, sky)], ids=["sky first", "sun first"])
+def test_an_open_floor_has_no_noise(method, order):
+    """Each sample has rho (L + E cos / pi): the sun is always asked, the sky never.
+
+    `path` asks one light at a point, `direct` all of them. One asked by a wrong number, or
+    a sun asked in half of the cases, is seen in the first sample.
+    """
+    made = {sky: sky(SKY), sun: sun(DOWN, SUN)}
+    content = scene(CAMERA, "path", floor(RHO, half=1e3), *(made[k] for k in order))
+    picture = pixels(content, integrator=method, sampler="sobol")
+    expected = RHO * (SKY + SUN * 0.8 / np.pi)
+    assert picture == pytest.approx(expected, rel=2e-5)
+
+
+def test_three_lights_of_which_two_are_asked():
+    """Two suns alike are each asked in half of the cases, wherever the sky stands."""
+    suns = sun(DOWN, SUN), sun((0.0, -0.6, -0.8), SUN)
+    for parts in ((sky(SKY), *suns), (suns[0], sky(SKY), suns[1]), (*suns, sky(SKY))):
+        content = scene(CAMERA, "path", floor(RHO, half=1e3), *parts, max_depth=3)
+        expected = RHO * (SKY + 2 * SUN * 0.8 / np.pi)
+        assert pixels(content) == pytest.approx(expected, rel=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("parts", "strategy", "weigh"),
+    [
+        ((sky(),), "bsdfs", False),
+        ((sky(), sun(DOWN)), "both", False),
+        ((sky(), LAMP), "both", True),
+    ],
+    ids=["alone", "with a sun", "with a lamp"],
+)
+def test_what_is_planned_and_compiled(parts, strategy, weigh):
+    """No method samples it, and one finds it; weights are of the other lights alone."""
+    loaded, plan = plan_of(floor(), *parts)
+    assert (plan.finds_sky, plan.strategy, plan.weigh) == (True, strategy, weigh)
+    assert any(line.startswith("sky ") for line in plan.lines)
+    lights = Inputs(loaded, plan).record.lights
+    (found,) = np.flatnonzero(lights.methods[:, ENVIRONMENT])
+    assert lights.methods[found, SAMPLE_LIGHT] == 0
+    assert found not in lights.kind[lights.asked]
+    others = np.delete(lights.methods[:, SAMPLE_LIGHT], found)
+    assert (others != 0).all() and len(lights.asked) == len(others)
+
+
+@pytest.mark.parametrize(
+    ("asked", "settings", "choices"),
+    [
+        ("path", {}, {"light_choice": "uniform"}),
+        ("path", {}, {"sampler": "mitsuba"}),
+        ("path", {"max_depth": 1}, {}),
+        ("whitted", {}, {}),
+        ("direct", {"emitter_samples": 4, "bsdf_samples": 1}, {}),
+        ("direct", {"bsdf_samples": 0}, {}),
+    ],
+    ids=["uniform", "replay", "no bounce", "whitted", "several", "lights alone"],
+)
+def test_who_samples_it_still(asked, settings, choices):
+    """Mitsuba's estimator, and whoever follows no BSDF samples, or counts on others."""
+    parts = floor(), sky(), sun(DOWN)
+    _, plan = plan_of(*parts, asked=asked, settings=settings, **choices)
+    assert not plan.finds_sky
+    assert not any(line.startswith("sky ") for line in plan.lines)
