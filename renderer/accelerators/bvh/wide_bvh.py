@@ -50,6 +50,7 @@ class WideBvh(NamedTuple):
     order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
     blocks: Any  # primitives, eight a leaf
     few: int  # fewer rays go one by one
+    pair_of: NDArray[np.int32]  # (nodes * 8,) of each child, its node in `pairs`
     pairs: PairedBvh
 
 
@@ -67,7 +68,7 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
     child = tree.child.copy()
     child[leaves] = block_starts
     blocks = blocks_of(group, columns)
-    octets = collapse(tree.bounds, child, tree.count)
+    octets, pair_of = collapse(tree.bounds, child, tree.count)
     floats, integers = octets.view(np.float32), octets.view(np.int32)
     pairs = pack_pairs(tree.bounds, child, tree.count)
     return WideBvh(
@@ -77,6 +78,7 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
         far_to_near(floats, integers, octets),
         blocks,
         FEW if len(tree.order) <= LARGE else FEW_IN_LARGE,
+        pair_of,
         PairedBvh(pairs.view(np.float32), pairs.view(np.int32), blocks),
     )
 
@@ -84,13 +86,13 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
 @method_kernel
 def closest_hit_wide_bundles(accel, rays, hits, first, count, tally):
     """Update `hits` of coherent rays first to first + count - 1."""
-    closest_hit_bundles(accel.pairs, rays, hits, first, count, tally)
+    closest_hit_bundles(accel, rays, hits, first, count, tally)
 
 
 @method_kernel
 def any_hit_wide_bundles(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` coherent shadow rays."""
-    any_hit_bundles(accel.pairs, shadow_rays, count, tally)
+    any_hit_bundles(accel, shadow_rays, count, tally)
 
 
 @method_kernel
