@@ -164,15 +164,17 @@ def _closest_hits(accel, rays, hits, first, count, tally, entries):
         left = first + count - i
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
-        bundle = _bundle_of(origin, direction)
-        signs = _signs(direction)
         # lanes beyond the last ray end before they begin
         traced = first_lanes(left) & is_finite_ray(origin, direction)
+        depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
+        if depth == 0:
+            continue
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
         t = select(traced, load_row(hits.t, 0, i), -1.0)
         prim = load_row(hits.prim, 0, i)
         nearest = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
-        depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
-        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
         while depth > 0:
             note_packet_stack(tally, i, left, depth)
             depth -= 1
@@ -237,14 +239,16 @@ def _any_hits(accel, shadow_rays, first, count, tally, entries):
         left = first + count - i
         origin = load3(shadow_rays.origin, i)
         direction = load3(shadow_rays.direction, i)
-        bundle = _bundle_of(origin, direction)
-        signs = _signs(direction)
         traced = first_lanes(left) & is_finite_ray(origin, direction)
         t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
         before = load_row(shadow_rays.blocked, 0, i) != 0
         blocked = before | ~traced
         depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
         add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
+        if depth == 0:
+            continue
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
         while depth > 0 and mask_bits(blocked) != 0xFFFF:
             note_packet_stack(tally, i, left, depth)
             depth -= 1
