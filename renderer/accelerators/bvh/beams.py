@@ -193,9 +193,7 @@ def _bundle_beam(beam, alike, origin, direction, traced):
 
 @kernel
 def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
-    """Push the entries that 16 rays may meet, the nearest last; return how many."""
-    if count == 0:
-        return np.int64(0)
+    """Push the entries that 16 rays may meet, the nearest last; return beam and number."""
     b = _bundle_beam(beam, alike, origin, direction, traced)
     boxes, zero = entries.boxes, splat_f32(0.0)
     depth = np.int64(0)
@@ -234,7 +232,47 @@ def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
         met = (enter <= leave * STRETCH) & first_lanes(begin + count - i)
         append_row(entries.stack, 0, depth, load_row(entries.nodes, 1, i), met)
         depth += popcount(mask_bits(met))
-    return depth
+    return b, depth
+
+
+@kernel
+def meets_in_leaf(boxes, block, beam):
+    """Return the bits of those primitives of a block that the rays of a beam may meet."""
+    b = beam
+    lower = load_eight(boxes, block, 0)
+    zero = as_f32(as_i32(lower) & 0)
+    enter, leave = zero, zero + np.float32(np.inf)
+    enter, leave = _between(
+        enter,
+        leave,
+        lower,
+        load_eight(boxes, block, 24),
+        b.low.x,
+        b.high.x,
+        b.least.x,
+        b.most.x,
+    )
+    enter, leave = _between(
+        enter,
+        leave,
+        load_eight(boxes, block, 8),
+        load_eight(boxes, block, 32),
+        b.low.y,
+        b.high.y,
+        b.least.y,
+        b.most.y,
+    )
+    enter, leave = _between(
+        enter,
+        leave,
+        load_eight(boxes, block, 16),
+        load_eight(boxes, block, 40),
+        b.low.z,
+        b.high.z,
+        b.least.z,
+        b.most.z,
+    )
+    return mask_bits(enter <= leave * STRETCH)
 
 
 @kernel

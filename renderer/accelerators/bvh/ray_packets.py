@@ -17,6 +17,7 @@ from renderer.accelerators.bvh.beams import (
     Entries,
     begin_bundle,
     find_entries,
+    meets_in_leaf,
 )
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
@@ -31,6 +32,7 @@ from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
     lane,
+    lowest_bit,
     mask_bits,
     maximum,
     minimum,
@@ -166,7 +168,7 @@ def _closest_hits(accel, rays, hits, first, count, tally, entries):
         direction = load3(rays.direction, i)
         # lanes beyond the last ray end before they begin
         traced = first_lanes(left) & is_finite_ray(origin, direction)
-        depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
         add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
         if depth == 0:
             continue
@@ -186,17 +188,14 @@ def _closest_hits(accel, rays, hits, first, count, tally, entries):
             child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
             size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
             if size > 0:
-                nearest = nearest_of(
-                    primitives,
-                    child,
-                    child + size,
-                    origin,
-                    direction,
-                    nearest,
-                    tally,
-                    i,
-                    left,
-                )
+                add_to_packet(tally, BOXES, i, left, 1)
+                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
+                while bits != 0:
+                    k = child + lowest_bit(bits)
+                    bits &= bits - 1
+                    nearest = nearest_of(
+                        primitives, k, k + 1, origin, direction, nearest, tally, i, left
+                    )
                 continue
             order = -1 - size
             second = ((signs >> (order >> 1)) ^ order) & 1
@@ -243,7 +242,7 @@ def _any_hits(accel, shadow_rays, first, count, tally, entries):
         t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
         before = load_row(shadow_rays.blocked, 0, i) != 0
         blocked = before | ~traced
-        depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
         add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
         if depth == 0:
             continue
@@ -261,18 +260,23 @@ def _any_hits(accel, shadow_rays, first, count, tally, entries):
             child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
             size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
             if size > 0:
-                blocked = blocked_by(
-                    primitives,
-                    child,
-                    child + size,
-                    origin,
-                    direction,
-                    t_max,
-                    blocked,
-                    tally,
-                    i,
-                    left,
-                )
+                add_to_packet(tally, BOXES, i, left, 1)
+                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
+                while bits != 0:
+                    k = child + lowest_bit(bits)
+                    bits &= bits - 1
+                    blocked = blocked_by(
+                        primitives,
+                        k,
+                        k + 1,
+                        origin,
+                        direction,
+                        t_max,
+                        blocked,
+                        tally,
+                        i,
+                        left,
+                    )
                 continue
             order = -1 - size
             second = ((signs >> (order >> 1)) ^ order) & 1
