@@ -216,6 +216,8 @@ def render_frames(
 def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> Image:
     """Trace, and return the picture."""
     rendering, options = prepared.rendering, prepared.of_colors
+    if prepared.goal is None and prepared.kept is None and options.cluster is None:
+        rendering.keep_no_sums()
     complete = rendering.run(progress, prepared.goal, prepared.kept, options.cluster)
     if rendering.trouble and rendering.samples_done == 0:
         raise ClusterError(rendering.trouble)
@@ -241,7 +243,7 @@ def image_of(
     plan, accuracy = rendering.plan, rendering.accuracy
     asked = rendering.scene.description.integrator
     show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
-    shown = show(rendering.film.develop(rendering.threads), asked)
+    shown = show(rendering.develop(), asked)
     return Image(
         np.ascontiguousarray(shown.pixels),
         aovs=shown.aovs,

@@ -19,6 +19,7 @@ from renderer.kernels.records.tile import TILE_SIZE
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.band import Band, FilmShape
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
+from renderer.rendering.finished_tiles import FinishedTiles
 from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.sitting import Progress, Sitting
@@ -90,6 +91,7 @@ class Rendering:
     def use_film(self, film: Film) -> None:
         """Begin anew, with another film of the same kind."""
         self.film = film
+        self._finished: FinishedTiles | None = None  # tiles that need no sums any more
         self.work = Work(len(film.tiles), film.grid.layers, self._part)
         self.samples_of_place = np.zeros(self.work.places, np.int64)
         pixels = [tile.width * tile.height for tile in film.tiles]
@@ -130,7 +132,11 @@ class Rendering:
         Threads may be at different places at the same time, each with its own number.
         """
         begin = int(self.samples_of_place[place])
-        self.add_to(self.film.sums[place], place, begin, end, thread)
+        if self._finished is not None:
+            self.add_to(self._finished.sums(thread), place, begin, end, thread)
+            self._finished.finish(place, thread)
+        else:
+            self.add_to(self.film.sums[place], place, begin, end, thread)
         if end > begin:
             self.samples_of_place[place] = end
 
@@ -219,6 +225,20 @@ class Rendering:
             If the checkpoint does not fit.
         """
         return Sitting(self, progress, goal, checkpoint, team).run()
+
+    def keep_no_sums(self) -> None:
+        """Let `run` develop each tile when it has its samples, if that is in one job.
+
+        Without a goal, a checkpoint or a team; what `film` holds is nothing then.
+        """
+        if self.plan.spp <= self._part and self.film.has_separate_tiles:
+            self._finished = FinishedTiles(self.film, self.threads)
+
+    def develop(self) -> NDArray[np.float32]:
+        """Return what `Film.develop` does, of the samples that there are."""
+        if self._finished is not None:
+            return self._finished.picture
+        return self.film.develop(self.threads)
 
 
 def workspace_of(

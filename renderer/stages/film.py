@@ -7,12 +7,13 @@ depends on which thread was first, and threads share no memory that they write t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.jit import compiled_for, entry_kernel, kernel
 from renderer.kernels.lanes.functions import lane_index_4, select, to_double, to_f32
 from renderer.kernels.lanes.memory import load_four, load_one, store_one, store_row
 from renderer.kernels.records.batch import CAPACITY
@@ -194,7 +195,7 @@ class TileGrid(NamedTuple):
 
 
 @entry_kernel
-def _develop_rows(lines, grid, picture, totals, first, end):
+def _develop_rows(lines, grid, picture, totals, first, end, to_x, to_y):
     """Write rows first .. end - 1 of sum(w v) / sum(w); 0 where there is no weight.
 
     A row of the picture is added up line by line of the tiles, as they lie in memory: pixel
@@ -209,9 +210,11 @@ def _develop_rows(lines, grid, picture, totals, first, end):
     picture
         (height, width * channels).
     totals
-        (channels + 1, width) to work in.
+        (channels + 1, width of the window) to work in.
     first, end
-        Rows of the picture.
+        Rows of the window.
+    to_x, to_y
+        Where in the picture the window begins.
     """
     channels, width, size = totals.shape[0] - 1, totals.shape[1], lines.shape[1]
     for y in range(first, end):
@@ -237,7 +240,8 @@ def _develop_rows(lines, grid, picture, totals, first, end):
             weight = load_one(totals, channels, x)
             inverse = 1.0 / weight if weight != 0.0 else 0.0
             for c in range(channels):
-                store_one(picture, y, x * channels + c, load_one(totals, c, x) * inverse)
+                at = (to_x + x) * channels + c
+                store_one(picture, to_y + y, at, load_one(totals, c, x) * inverse)
 
 
 def develop_rows(
@@ -259,7 +263,22 @@ def develop_rows(
         np.empty((channels + 1, width)),
         first,
         end,
+        0,
+        0,
     )
+
+
+def compiled_development() -> Callable[..., None]:
+    """Return the kernel that develops, without Numba's look at each argument.
+
+    Its parameters are those of `_develop_rows`. A call of the kernel itself would take as
+    long as what it does for a tile.
+    """
+    nothing = np.empty((0, 0)), TileGrid(0, 0, 0, 0, 0), np.empty((0, 0), np.float32)
+    found: Callable[..., None] = compiled_for(
+        _develop_rows, *nothing, np.empty((0, 0)), 0, 0, 0, 0
+    )
+    return found
 
 
 class Film:
@@ -315,6 +334,12 @@ class Film:
         self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
         size = TILE_SIZE + 2 * border
         self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
+
+    @property
+    def has_separate_tiles(self) -> bool:
+        """Whether each pixel of the window is a matter of one sum alone."""
+        grid = self.grid
+        return grid.border == grid.beyond == 0 and grid.layers == 1
 
     def compile(self) -> None:
         """Compile what `develop` calls, or load it."""

@@ -12,6 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.accelerators.bvh.beams import (
+    ROOM,
+    Entries,
+    begin_bundle,
+    find_entries,
+    meets_in_leaf,
+)
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
 from renderer.accelerators.rays.packets import (
@@ -25,6 +32,7 @@ from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
     lane,
+    lowest_bit,
     mask_bits,
     maximum,
     minimum,
@@ -32,7 +40,12 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.kernels.lanes.local import local_i32
+from renderer.kernels.lanes.local import (
+    local_f32,
+    local_i32,
+    local_rows_f32,
+    local_rows_i32,
+)
 from renderer.kernels.lanes.memory import load_one, load_row, store_one, store_row
 from renderer.kernels.lanes.vectors import load3, vec3
 from renderer.kernels.records.tally import (
@@ -42,7 +55,10 @@ from renderer.kernels.records.tally import (
     note_packet_stack,
 )
 
-STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
+# At most `MAX_DEPTH` = 60 edges to a leaf, and what a bundle begins with
+STACK = 64 + ROOM
+_LISTS = 2 * ROOM
+BATCH = 1024  # rays that are looked at together before they go in bundles
 # A direction's components are taken to be at least this share of the largest: the ray is
 # moved by less than a rounding error, and no product below is 0 * inf or overflows.
 LEAST_COMPONENT = np.float32(1e-12)
@@ -127,21 +143,40 @@ def _signs(direction):
 @kernel
 def closest_hit_bundles(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
-    floats, integers, primitives = accel.floats, accel.integers, accel.primitives
-    stack = local_i32(STACK)
+    entries = Entries(
+        local_rows_f32(6, _LISTS),
+        local_rows_i32(2, _LISTS),
+        local_f32(48),
+        local_i32(STACK),
+    )
+    for begin in range(first, first + count, BATCH):
+        n = min(first + count - begin, BATCH)
+        _closest_hits(accel, rays, hits, begin, n, tally, entries)
+
+
+@kernel
+def _closest_hits(accel, rays, hits, first, count, tally, entries):
+    pairs = accel.pairs
+    floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
+    stack = entries.stack
+    beam, alike, begin, n = find_entries(accel, rays, hits.t, first, count, entries)
+    if n == 0:
+        return
     for i in range(first, first + count, 16):
         left = first + count - i
         origin = load3(rays.origin, i)
         direction = load3(rays.direction, i)
-        bundle = _bundle_of(origin, direction)
-        signs = _signs(direction)
         # lanes beyond the last ray end before they begin
         traced = first_lanes(left) & is_finite_ray(origin, direction)
+        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
+        if depth == 0:
+            continue
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
         t = select(traced, load_row(hits.t, 0, i), -1.0)
         prim = load_row(hits.prim, 0, i)
         nearest = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
-        stack[0] = 0
-        depth = np.int64(1)
         while depth > 0:
             note_packet_stack(tally, i, left, depth)
             depth -= 1
@@ -153,17 +188,14 @@ def closest_hit_bundles(accel, rays, hits, first, count, tally):
             child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
             size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
             if size > 0:
-                nearest = nearest_of(
-                    primitives,
-                    child,
-                    child + size,
-                    origin,
-                    direction,
-                    nearest,
-                    tally,
-                    i,
-                    left,
-                )
+                add_to_packet(tally, BOXES, i, left, 1)
+                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
+                while bits != 0:
+                    k = child + lowest_bit(bits)
+                    bits &= bits - 1
+                    nearest = nearest_of(
+                        primitives, k, k + 1, origin, direction, nearest, tally, i, left
+                    )
                 continue
             order = -1 - size
             second = ((signs >> (order >> 1)) ^ order) & 1
@@ -182,20 +214,40 @@ def closest_hit_bundles(accel, rays, hits, first, count, tally):
 @kernel
 def any_hit_bundles(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
-    floats, integers, primitives = accel.floats, accel.integers, accel.primitives
-    stack = local_i32(STACK)
-    for i in range(0, count, 16):
-        left = count - i
+    entries = Entries(
+        local_rows_f32(6, _LISTS),
+        local_rows_i32(2, _LISTS),
+        local_f32(48),
+        local_i32(STACK),
+    )
+    for begin in range(0, count, BATCH):
+        n = min(count - begin, BATCH)
+        _any_hits(accel, shadow_rays, np.int64(begin), n, tally, entries)
+
+
+@kernel
+def _any_hits(accel, shadow_rays, first, count, tally, entries):
+    pairs = accel.pairs
+    floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
+    stack = entries.stack
+    ends = shadow_rays.t_max
+    beam, alike, begin, n = find_entries(accel, shadow_rays, ends, first, count, entries)
+    if n == 0:
+        return
+    for i in range(first, first + count, 16):
+        left = first + count - i
         origin = load3(shadow_rays.origin, i)
         direction = load3(shadow_rays.direction, i)
-        bundle = _bundle_of(origin, direction)
-        signs = _signs(direction)
         traced = first_lanes(left) & is_finite_ray(origin, direction)
         t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
         before = load_row(shadow_rays.blocked, 0, i) != 0
         blocked = before | ~traced
-        stack[0] = 0
-        depth = np.int64(1)
+        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
+        if depth == 0:
+            continue
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
         while depth > 0 and mask_bits(blocked) != 0xFFFF:
             note_packet_stack(tally, i, left, depth)
             depth -= 1
@@ -208,18 +260,23 @@ def any_hit_bundles(accel, shadow_rays, count, tally):
             child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
             size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
             if size > 0:
-                blocked = blocked_by(
-                    primitives,
-                    child,
-                    child + size,
-                    origin,
-                    direction,
-                    t_max,
-                    blocked,
-                    tally,
-                    i,
-                    left,
-                )
+                add_to_packet(tally, BOXES, i, left, 1)
+                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
+                while bits != 0:
+                    k = child + lowest_bit(bits)
+                    bits &= bits - 1
+                    blocked = blocked_by(
+                        primitives,
+                        k,
+                        k + 1,
+                        origin,
+                        direction,
+                        t_max,
+                        blocked,
+                        tally,
+                        i,
+                        left,
+                    )
                 continue
             order = -1 - size
             second = ((signs >> (order >> 1)) ^ order) & 1

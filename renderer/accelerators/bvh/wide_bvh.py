@@ -50,6 +50,8 @@ class WideBvh(NamedTuple):
     order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
     blocks: Any  # primitives, eight a leaf
     few: int  # fewer rays go one by one
+    boxes: NDArray[np.float32]  # (blocks, 6 * 8) lower, then upper corners of primitives
+    pair_of: NDArray[np.int32]  # (nodes * 8,) of each child, its node in `pairs`
     pairs: PairedBvh
 
 
@@ -67,7 +69,7 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
     child = tree.child.copy()
     child[leaves] = block_starts
     blocks = blocks_of(group, columns)
-    octets = collapse(tree.bounds, child, tree.count)
+    octets, pair_of = collapse(tree.bounds, child, tree.count)
     floats, integers = octets.view(np.float32), octets.view(np.int32)
     pairs = pack_pairs(tree.bounds, child, tree.count)
     return WideBvh(
@@ -77,20 +79,33 @@ def build_wide(extents: Extents, group: PrimitiveGroup) -> WideBvh:
         far_to_near(floats, integers, octets),
         blocks,
         FEW if len(tree.order) <= LARGE else FEW_IN_LARGE,
+        _boxes_in_blocks(extents, columns),
+        pair_of,
         PairedBvh(pairs.view(np.float32), pairs.view(np.int32), blocks),
     )
+
+
+def _boxes_in_blocks(extents: Extents, columns: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Return the boxes of the primitives of each block; an empty place is met by no ray."""
+    found = np.full((len(columns) // WIDTH, 6, WIDTH), np.inf, np.float32)
+    found[:, 3:] = -np.inf
+    filled = np.flatnonzero(columns >= 0)
+    block, k = np.divmod(filled, WIDTH)
+    found[block, :3, k] = extents.lower[:, columns[filled]].T
+    found[block, 3:, k] = extents.upper[:, columns[filled]].T
+    return found.reshape(len(found), 6 * WIDTH)
 
 
 @method_kernel
 def closest_hit_wide_bundles(accel, rays, hits, first, count, tally):
     """Update `hits` of coherent rays first to first + count - 1."""
-    closest_hit_bundles(accel.pairs, rays, hits, first, count, tally)
+    closest_hit_bundles(accel, rays, hits, first, count, tally)
 
 
 @method_kernel
 def any_hit_wide_bundles(accel, shadow_rays, count, tally):
     """Set `blocked` of the first `count` coherent shadow rays."""
-    any_hit_bundles(accel.pairs, shadow_rays, count, tally)
+    any_hit_bundles(accel, shadow_rays, count, tally)
 
 
 @method_kernel

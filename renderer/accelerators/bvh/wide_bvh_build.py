@@ -51,7 +51,7 @@ def pack_pairs(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
 @entry_kernel
 def _pack(bounds, child, count, floats, integers):
     for node in range(len(count)):
-        to = PAIR_WORDS * (node + 1 if node > 0 else 0)
+        to = PAIR_WORDS * _in_pairs(node)
         for j in range(6):
             floats[to + j] = bounds[node, j]
         if count[node] > 0:
@@ -60,6 +60,12 @@ def _pack(bounds, child, count, floats, integers):
         else:
             integers[to + PAIR_CHILD] = child[node] + 1
             integers[to + PAIR_COUNT] = -1 - _order_of(bounds, child[node])
+
+
+@kernel
+def _in_pairs(node):
+    """Return where a node of the binary tree is among the pairs."""
+    return node + 1 if node > 0 else 0
 
 
 @kernel
@@ -76,8 +82,12 @@ def _order_of(bounds, first):
     return order
 
 
-def collapse(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
-    """Return the nodes of eight; a leaf's `child` is eight times the number of its block.
+def collapse(
+    bounds: Any, child: Any, count: Any
+) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+    """Return the nodes of eight, and where each child is among the pairs.
+
+    A leaf's `child` is eight times the number of its block.
 
     From the two children of a node on, the one with the largest surface is replaced by its
     own two children until there are eight: it is the one most likely to be met
@@ -86,6 +96,7 @@ def collapse(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
     most = max(1, np.count_nonzero(count))
     memory = aligned_bytes(WIDE_BYTES * most)
     waiting = np.zeros((len(count) + 1, 2), np.int32)  # binary node, wide node
+    pair_of = np.zeros(8 * most, np.int32)
     nodes = _collapse(
         bounds,
         child,
@@ -94,12 +105,13 @@ def collapse(bounds: Any, child: Any, count: Any) -> NDArray[np.uint8]:
         memory.view(np.int32),
         memory,
         waiting,
+        pair_of,
     )
-    return memory[: WIDE_BYTES * nodes]
+    return memory[: WIDE_BYTES * nodes], pair_of[: 8 * nodes]
 
 
 @entry_kernel
-def _collapse(bounds, child, count, floats, integers, octets, waiting):
+def _collapse(bounds, child, count, floats, integers, octets, waiting, pair_of):
     top = 1
     nodes = 1
     members = local_i32(8)
@@ -112,6 +124,7 @@ def _collapse(bounds, child, count, floats, integers, octets, waiting):
         for k in range(size):
             m = members[k]
             place = WIDE_WORDS * wide + CHILD + k
+            pair_of[8 * wide + k] = _in_pairs(m)
             if count[m] > 0:
                 integers[place] = ~(child[m] >> 3)
                 continue

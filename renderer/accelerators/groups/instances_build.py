@@ -81,7 +81,7 @@ def build_instances(
 
 def build_nodes(tree: BvhTree) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
     """Return nodes of eight, and the order of their children."""
-    octets = collapse(tree.bounds, tree.child, tree.count)
+    octets, _ = collapse(tree.bounds, tree.child, tree.count)
     return octets, far_to_near(octets.view(np.float32), octets.view(np.int32), octets)
 
 
