@@ -356,6 +356,16 @@ def test_a_run_goes_on_with_the_scenes_that_are_missing(interrupted, found):
     assert asked[3:] == ["a.xml", "b.xml"]  # who does not ask for it has all anew
 
 
+def test_an_interrupt_loses_no_scene_further_down(interrupted):
+    folder, asked, _ = interrupted
+    asked.clear()  # the second scene that is asked for, if b.xml, is interrupted
+    words = ["--out", str(folder), "--resume"]
+    assert main(["c.xml", "b.xml", "a.xml", *words]) == 130
+    record = json.loads((folder / "data" / "needs.json").read_text())
+    assert [one["scene"] for one in record["scenes"]] == ["c.xml", "a.xml"]
+    assert not record["whole"]
+
+
 @pytest.mark.parametrize(
     ("change", "words", "told"),
     [

@@ -49,24 +49,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     status = 0
     file = given.out / "data" / "needs.json"
     record = NeedsRecord(**circumstances("reports.needs", words), whole=False, scenes=[])
+    paths = _paths(given.scenes)
     try:
         before = _before(file, record, given) if given.resume else {}
     except ReportError as error:
         log.print(f"reports.needs: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
+    before = {str(path): before[str(path)] for path in paths if str(path) in before}
     try:
-        for path in _paths(given.scenes):
+        for path in paths:
             log.print(str(path), markup=False, soft_wrap=True)
             try:
-                done = before.get(str(path))
+                done = before.pop(str(path), None)
                 found.append((done, None) if done else _measured(path, given, log))
             except SceneError as error:
                 log.print(f"error: {error}", markup=False, soft_wrap=True)
                 status = REFUSED
                 continue
             print_table(found[-1][0], console)
-            record = replace(record, scenes=[needs for needs, _ in found])
-            write_json(file, record, SCHEMA)  # what takes this long is not lost
+            # what takes this long is not lost, nor what is further down from before
+            record = replace(record, scenes=[*(one for one, _ in found), *before.values()])
+            write_json(file, record, SCHEMA)
     except KeyboardInterrupt:
         status = INTERRUPTED  # what is measured is worth a page
     if not found:
