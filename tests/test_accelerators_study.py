@@ -104,6 +104,12 @@ def test_displaced_ball_is_closed() -> None:
     assert len(edges) == 3 * mesh.triangles // 2
 
 
+def test_all_of_the_displaced_ball_looks_outward() -> None:
+    """Half of its faces looked inward once: black under one-sided materials."""
+    corners = displaced_icosphere(5).vertices[displaced_icosphere(5).faces]
+    assert np.linalg.det(corners).min() > 0.0
+
+
 def test_stadium_is_a_thousand_times_the_ball() -> None:
     mesh = teapot_in_a_stadium()
     size = [np.ptp(mesh.vertices[np.unique(mesh.faces[part])], axis=0).max()

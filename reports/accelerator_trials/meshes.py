@@ -101,7 +101,9 @@ def displaced_icosphere(frequency: int) -> StudyMesh:
         # vertices of their common edge by the same sums, and the ball is closed.
         order = np.argsort(face)
         points.append(weights[:, order] @ corners[face])
-        faces.append(cut + number * len(weights))
+        triangle = points[-1][place[[0, frequency, 0], [0, 0, frequency]]]
+        inward = np.linalg.det(triangle) < 0.0
+        faces.append((cut[:, ::-1] if inward else cut) + number * len(weights))
     p = np.concatenate(points)
     p /= np.linalg.norm(p, axis=1, keepdims=True)
     return StudyMesh(
