@@ -281,6 +281,11 @@ def test_a_light_that_stands_too_far_away_is_refused(light: str, name: str) -> N
             "focus_distance",
         ),
         ('thinlens">\n<float name="aperture_radius" value="1e19"/>', "aperture_radius"),
+        (  # the default of the focus
+            'thinlens"><float name="aperture_radius" value="1"/>\n'
+            '<float name="far_clip" value="3e38"/>',
+            "far_clip",
+        ),
         (
             'perspective">\n<float name="principal_point_offset_y" value="-1e38"/>',
             "principal_point_offset_y",

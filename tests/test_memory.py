@@ -323,7 +323,7 @@ def test_what_a_render_takes_is_known_before(files: Path, name: str) -> None:
 
 
 def test_what_the_tree_of_a_group_takes_is_known_before(files: Path) -> None:
-    """A mesh below, a cube above: what is chosen for twelve triangles is not asked."""
+    """A mesh below, a cube above: what is chosen for that says nothing of the mesh."""
     xml = BOX.format(integrator="", side=32).replace(MESH, GROUP)
     scene = renderer.load_string(xml, base_dir=files)
     build_accelerators(scene, "auto")  # what is compiled is no part of it

@@ -142,6 +142,17 @@ def test_singular_transform(plugin: str, steps: str) -> None:
     assert "singular" in message
 
 
+@pytest.mark.parametrize("plugin", ["rectangle", "disk", "sphere", "cylinder", "cube"])
+def test_a_transform_without_an_inverse_in_single_precision(plugin: str) -> None:
+    """With a bump on it a RuntimeWarning: case 307457 of the soak's damaged files."""
+    message = error_of(
+        f'<shape type="{plugin}">\n<transform name="to_world"><scale value="1e-45"/>'
+        "</transform></shape>"
+    )
+    assert message.startswith(f'<string>:3: shape "{plugin}", property "to_world": found ')
+    assert "shrinks to less than 1e-38" in message
+
+
 def test_small_and_large_scales_are_not_singular() -> None:
     for factor in ("1e-6", "1e6"):
         ours(DISK.format(f'<scale value="{factor}"/>'))

@@ -199,14 +199,16 @@ def test_only_threads_for_kernels_have_their_stack(monkeypatch):
     start, sizes = _thread.start_new_thread, []
 
     def noted(*given):
-        sizes.append(_thread.stack_size())
+        sizes.append(_thread.stack_size(STACK))
         return start(*given)
 
     monkeypatch.setattr(_thread, "start_new_thread", noted)
-    before = _thread.stack_size()
+    usual = 1 << 20
+    before = _thread.stack_size(usual)
     in_threads(2, 2, lambda job: None)
     in_own_thread(lambda: None)
-    assert sizes == [STACK] * 3 and _thread.stack_size() == before
+    after = _thread.stack_size(before)  # to ask is to set
+    assert sizes == [STACK] * 3 and after == usual
 
 
 def test_an_error_in_a_thread_of_its_own_is_raised_here():

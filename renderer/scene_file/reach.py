@@ -23,7 +23,7 @@ FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
 _PLACING = (
     *("center", "radius", "p0", "p1", "bounds_min", "bounds_max", "to_world"),
     "position",  # of a light
-    *("aperture_radius", "focus_distance"),
+    *("aperture_radius", "focus_distance", "far_clip"),  # the default of the focus
     *("principal_point_offset_x", "principal_point_offset_y"),
 )
 # two factors whose product is too far: one of them is at least this large

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
+_SMALLEST = 1e-38  # of a column's length: the largest float32 is 3.4e38
 _SINGULAR = 1e-12  # of |det| against the product of the column lengths
 
 
@@ -157,6 +158,10 @@ def why_unusable(matrix: Matrix) -> str | None:
         return "its last row is not 0 0 0 1 (only affine transforms are possible)"
     if is_singular(matrix[:3, :3]):
         return "it is singular (it flattens space, so it has no inverse)"
+    if column_lengths(matrix).min() < _SMALLEST:
+        return (
+            f"it shrinks to less than {_SMALLEST:g}, whose inverse leaves single precision"
+        )
     return None
 
 

@@ -55,8 +55,9 @@ def request_of(rendering: Rendering) -> Content:
     scene = rendering.scene
     if rendering.plan.replay:
         raise ClusterError(
-            "a replay of Mitsuba's random numbers goes on from sample to sample and cannot "
-            "be dealt out; render it without a cluster"
+            "a replay of Mitsuba's random numbers has a stream for each pixel, which each "
+            "sample leaves where the next one begins; these stay in one process, as they "
+            "are not sent with the sums; render it without a cluster"
         )
     request = Request(
         PluginFiles(), scene.description, rendering.plan, rendering.accel, rendering.seed
