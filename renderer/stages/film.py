@@ -92,15 +92,15 @@ def _add_to_own_pixels(tile, radiance, sums):
 @kernel
 def _four_numbers(radiance, slot, first, channels):
     """Return numbers `first` .. first + 3 of a sample; the last of all is its weight, 1."""
-    four = to_double(to_f32(lane_index_4()))
-    value = four * 0.0
+    zero = to_double(to_f32(lane_index_4())) * 0.0  # a constant of four lanes
+    value = zero
     for k in range(4):
         c = first + k
         if c < channels:
             number = np.float64(load_one(radiance, c, slot))
         else:
             number = 1.0 if c == channels else 0.0
-        value = select(lane_index_4() == np.int32(k), (four * 0.0 + 1.0) * number, value)
+        value = select(lane_index_4() == np.int32(k), (zero + 1.0) * number, value)
     return value
 
 

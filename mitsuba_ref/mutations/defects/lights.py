@@ -128,7 +128,7 @@ DEFECTS = (
                 "_FOUR_PI = np.float32(2.0 * np.pi)",
             ),
         ),
-        scene="emitters",
+        scene="grey-furnace",
         tests=("test_closed_forms.py::test_sky_over_a_convex_body",),
     ),
     Mutation(

@@ -27,7 +27,6 @@ class ConstantLights(NamedTuple):
 
     radiance: NDArray[np.float32]  # (3, 1)
     distance: float  # beyond the whole scene
-    density: float = float(SPHERE_PDF)  # [1/sr] of light samples; 0: there are none
 
 
 def read(properties: Any) -> ConstantLight:
@@ -63,7 +62,7 @@ def sample_constant(constants, kind, light, mask, position, x, y, z):
 @environment_light.by(ConstantLights)
 @kernel
 def _constant_light(constants, direction, mask):
-    return column(constants.radiance, 0), splat_f32(np.float32(constants.density))
+    return column(constants.radiance, 0), splat_f32(SPHERE_PDF)
 
 
 CONSTANT = LightPlugin(

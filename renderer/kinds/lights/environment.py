@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from renderer.kernels.jit import interface, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits
 from renderer.kernels.lanes.memory import load_row
@@ -23,7 +25,7 @@ def environment_light(lights: Any, direction: Any, mask: Any) -> Any:
 @method_kernel
 def add_environment(kind, settings, lights, rays, hits, first, count, radiance):
     """Add the environment for the rays that have hit nothing."""
-    probability = light_probability(lights, settings)
+    probability = light_probability(lights, settings) * np.float32(kind.sampled)
     for i in range(first, first + count, 16):
         valid = first_lanes(first + count - i)
         missed = valid & (load_row(hits.prim, 0, i) < 0)

@@ -32,6 +32,7 @@ class LightKind(NamedTuple):
     index: int  # its row of `Lights.methods`
     kind: NDArray[np.int32]  # that of every light
     arithmetic: Any
+    sampled: float  # 1; 0: only found, as an even sky
 
 
 @dataclass(frozen=True)

@@ -307,7 +307,6 @@ def _decide(
         finds_sky = (
             has_even_sky(scene.description)
             and strategy == "both"
-            and restriction.caustics
             and max(decision.light_samples, decision.bsdf_samples) == 1
         )
     weighed = has_extended_lights(scene.description, but_even_sky=finds_sky)

@@ -30,7 +30,12 @@ from renderer.rendering.tables.geometry import (
     group_methods,
     surface_methods,
 )
-from renderer.rendering.tables.lights import NO_LIGHTS, choice_of_light, light_methods
+from renderer.rendering.tables.lights import (
+    NO_LIGHTS,
+    asked_lights,
+    choice_of_light,
+    light_methods,
+)
 from renderer.rendering.tables.methods import (
     COLUMN,
     INT,
@@ -155,7 +160,7 @@ class _SceneTables:
                 lit,
                 choice,
                 plan.caustics,
-                plan.finds_sky,
+                asked_lights(scene, plan.finds_sky),
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)

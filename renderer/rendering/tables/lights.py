@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
 from renderer.kernels.jit import record_type
@@ -16,7 +17,6 @@ from renderer.kinds.lights.choice.choose import (
     weigh_found_lights,
 )
 from renderer.kinds.lights.choice.tree import light_choice
-from renderer.kinds.lights.constant import ConstantLights
 from renderer.kinds.lights.environment import add_environment, environment_light
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
 from renderer.kinds.lights.registry import plugin_of
@@ -55,13 +55,13 @@ def light_methods(
     lit: bool,
     choice: LightChoice | None,
     caustics: bool,
-    finds_sky: bool,
+    asked: NDArray[np.int32],
 ) -> Lights:
     """Return the tables of all lights.
 
     `lit`: they are sampled; else they shine only on those who look at them. `choice` is
     that of one of several at a point, None for all of them or one at random. `caustics`:
-    they shine on those paths too. `finds_sky`: an even sky is not sampled.
+    they shine on those paths too. `asked` are the lights that are sampled.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -71,18 +71,15 @@ def light_methods(
     sky_kernel = add_environment if caustics else add_environment_but_caustics
     sky = (sky_kernel, (*given, work.rays, work.hits, INT, INT, ROWS), NOTHING)
     rows = []
-    asked = np.arange(lights.count, dtype=np.int32)
     for k, table in enumerate(lights.tables):
-        left_out = finds_sky and isinstance(table, ConstantLights)
-        if left_out:
-            asked = asked[lights.kind[asked] != k]
-            table = table._replace(density=0.0)
+        sampled = k in lights.kind[asked]
         methods = [
-            sample if lit and not left_out else None,
+            sample if lit and sampled else None,
             emission if emitted_light.has(type(table)) else None,
             sky if environment_light.has(type(table)) else None,
         ]
-        rows.append((tables.pack(LightKind(table, k, lights.kind, arithmetic)), methods))
+        record = LightKind(table, k, lights.kind, arithmetic, float(sampled))
+        rows.append((tables.pack(record), methods))
     chosen = (
         _NO_CHOICE if choice is None else _choice_methods(tables, choice, shapes, settings)
     )
@@ -103,6 +100,16 @@ def _choice_methods(
     return tables.table([(tables.pack(choice), methods)], 2)
 
 
+def asked_lights(scene: Scene, finds_sky: bool) -> NDArray[np.int32]:
+    """Return the numbers of the lights that are sampled: all, or all but an even sky."""
+    order, emitters = light_order(scene.description), scene.description.emitters
+    asked = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
+    if finds_sky:
+        pairs = zip(order.of_emitters, emitters, strict=True)
+        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
+    return np.array(sorted(asked), np.int32)
+
+
 def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice | None:
     """Return how one of several lights is chosen; None for uniformly.
 
@@ -111,15 +118,12 @@ def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice
     """
     sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
     bounds = light_bounds(scene)
-    order, emitters = light_order(scene.description), scene.description.emitters
-    asked = set(range(len(bounds)))
-    if finds_sky:
-        pairs = zip(order.of_emitters, emitters, strict=True)
-        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
+    asked = asked_lights(scene, finds_sky)
     if len(asked) < 2:
         return None
+    order, emitters = light_order(scene.description), scene.description.emitters
     skies = [plugin_of(emitter).environment for emitter in emitters]
     environment = order.of_emitters[skies.index(True)] if any(skies) else -1
     if environment not in asked:
         environment = -1
-    return light_choice(bounds, sides, environment, by_pair=by_pair, asked=sorted(asked))
+    return light_choice(bounds, sides, environment, by_pair=by_pair, asked=asked)

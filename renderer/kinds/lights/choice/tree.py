@@ -50,7 +50,7 @@ def light_choice(
     environment: int,
     *,
     by_pair: bool,
-    asked: Sequence[int] | None = None,
+    asked: NDArray[np.int32] | None = None,
 ) -> LightChoice | None:
     """Return the record that lights are chosen by; None for too many at infinity.
 
@@ -68,7 +68,7 @@ def light_choice(
     asked
         Which lights may be chosen; None: all.
     """
-    able = np.arange(len(bounds)) if asked is None else np.array(asked)
+    able = np.arange(len(bounds)) if asked is None else asked
     table = _Columns.of(bounds)
     finite, infinite = (able[table.at_infinity[able] == k] for k in (False, True))
     listed = min(LISTED, MOST_ENTRIES - len(infinite))
