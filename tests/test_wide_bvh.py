@@ -89,6 +89,14 @@ def lose_a_leafs_last(accel):
     counts[np.flatnonzero(counts > 1)[0]] -= 1
 
 
+def shrink_a_primitives_box(accel):
+    accel.boxes[0, 0] += 1.0
+
+
+def lead_across_to_another(accel):
+    accel.pair_of[0] = accel.pair_of[1]
+
+
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
@@ -100,6 +108,8 @@ def lose_a_leafs_last(accel):
         (lose_a_primitive, "499 of 500"),
         (shrink_a_pair, "pair node"),
         (lose_a_leafs_last, "other primitives"),
+        (shrink_a_primitives_box, "boxes of other primitives"),
+        (lead_across_to_another, "hold other blocks"),
     ],
 )
 def test_a_broken_tree_is_found(tree, fault, message):

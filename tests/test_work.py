@@ -66,3 +66,22 @@ def test_places_that_have_come_unequally_far_end_as_the_same_picture():
     assert second.run()
     assert second.samples_done == second.samples_in_all == whole.samples_done
     assert np.array_equal(second.film.sums, whole.film.sums)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_tiles_that_are_developed_one_by_one_are_those_of_the_film(threads):
+    """On a crop window that begins and ends inside of tiles of the full film."""
+    text = (SCENES / "appel-teapot" / "scene.xml").read_text()
+    crop = {"width": 150, "height": 110, "offset_x": 37, "offset_y": 21}
+    lines = "".join(f'<integer name="crop_{k}" value="{v}"/>' for k, v in crop.items())
+    text = text.replace('<rfilter type="box"/>', f'<rfilter type="box"/>{lines}')
+    folder = SCENES / "appel-teapot"
+    scene = renderer.load_string(text, base_dir=folder, width=300, height=200)
+    plan = make_plan(scene, spp=2, sampler="independent")
+    whole, by_tile = (
+        Rendering(scene, plan, accel="auto", seed=5, threads=threads) for _ in range(2)
+    )
+    by_tile.keep_no_sums()
+    assert whole.run() and by_tile.run()
+    assert whole.develop().any() and not by_tile.film.sums.any()
+    assert np.array_equal(by_tile.develop(), whole.develop())

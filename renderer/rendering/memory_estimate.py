@@ -28,7 +28,7 @@ _OF_STRUCTURE = {
     "bvh": 220,
     "bvh-median": 220,
     "bvh-middle": 220,
-    "wide": 250,
+    "wide": 290,
     "grid": 330,
     "grid-without-mailboxes": 330,
     "grid-clusters": 450,

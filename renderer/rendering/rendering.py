@@ -232,6 +232,7 @@ class Rendering:
         Without a goal, a checkpoint or a team; what `film` holds is nothing then.
         """
         if self.plan.spp <= self._part and self.film.has_separate_tiles:
+            self.film.compile()
             self._finished = FinishedTiles(self.film, self.threads)
 
     def develop(self) -> NDArray[np.float32]:

@@ -39,6 +39,8 @@ def validate_wide(accel: Any, extents: Extents) -> None:
     validate_wide_nodes(accel.octets, lower, upper)
     _validate_orders(accel.integers, accel.order)
     _validate_pairs(accel.pairs, accel.blocks, lower, upper)
+    _validate_boxes(accel, extents)
+    _validate_ways_across(accel)
 
 
 def _block_boxes(blocks: Any, extents: Extents) -> tuple[Any, Any]:
@@ -93,6 +95,40 @@ def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
                 raise ValueError(f"wide node {node}: box {k} does not hold its contents")
             held_low[node] = np.minimum(held_low[node], a)
             held_high[node] = np.maximum(held_high[node], b)
+
+
+def _validate_boxes(accel: Any, extents: Extents) -> None:
+    """Check that the boxes of each block are those of its primitives."""
+    ids = accel.blocks.id
+    filled = np.flatnonzero(ids >= 0)
+    column = np.searchsorted(np.sort(ids[filled]), ids[filled])
+    boxes = accel.boxes.reshape(-1, 6, WIDTH).swapaxes(1, 2).reshape(-1, 6)[filled]
+    if not np.array_equal(boxes.T, np.vstack((extents.lower, extents.upper))[:, column]):
+        raise ValueError("a block of the wide tree has boxes of other primitives")
+
+
+def _validate_ways_across(accel: Any) -> None:
+    """Check that wide nodes and pairs hold the same where one leads to the other."""
+    children = accel.integers.reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8]
+    links = accel.pairs.integers.reshape(-1, PAIR_WORDS)[:, PAIR_CHILD:]
+    across = accel.pair_of.reshape(-1, 8)
+
+    def blocks_below(pair: int) -> set[int]:
+        child, count = (int(k) for k in links[pair])
+        if count > 0:
+            return {child // WIDTH}
+        return blocks_below(child) | blocks_below(child + 1)
+
+    held: dict[int, set[int]] = {}
+    for node in range(len(children) - 1, -1, -1):  # children come after their parents
+        held[node] = set()
+        for c, pair in zip(children[node], across[node], strict=True):
+            if c == 0:
+                continue
+            below = {~int(c)} if c < 0 else held[int(c)]
+            if blocks_below(int(pair)) != below:
+                raise ValueError(f"wide node {node}: its pairs hold other blocks")
+            held[node] |= below
 
 
 def _validate_orders(integers: Any, order: Any) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
+from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.accelerators.groups.accelerators import Accelerators
 from renderer.kernels.jit import record_type
@@ -29,11 +30,12 @@ from renderer.stages.surface import locate
 
 
 def group_methods(
-    tables: MethodTables, accelerators: Accelerators, plan: Plan, lit: bool
+    tables: MethodTables, accelerators: Accelerators, plan: Plan, lit: bool, lamps: bool
 ) -> NDArray[np.int64]:
     """Return the methods that trace rays through accelerators.
 
-    `lit`: shadow rays are cast.
+    `lit`: shadow rays are cast; `lamps`: some of them to anywhere on a lamp, so that those
+    of neighbours part company and streams take them better than bundles.
     """
     work = work_types()
     tally = types.Array(types.int32, 2, "C") if plan.kind.counts_work else NOTHING
@@ -48,7 +50,9 @@ def group_methods(
         deep = plan.max_depth > 1
         methods.append((t.closest_hit, closest, NOTHING) if deep else None)
         if lit:
-            methods.append((t.any_hit_coherent, blocked, NOTHING))
+            parting = lamps and isinstance(accelerator, WideBvh)
+            together = t.any_hit if parting else t.any_hit_coherent
+            methods.append((together, blocked, NOTHING))
             methods.append((t.any_hit, blocked, NOTHING))
         rows.append((tables.pack(accelerator), methods))
     return tables.table(rows, 4)

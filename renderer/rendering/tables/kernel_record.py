@@ -47,7 +47,7 @@ from renderer.rendering.tables.methods import (
 )
 from renderer.rendering.tables.variant import Variant
 from renderer.scene.light_order import light_order
-from renderer.scene.light_properties import has_textured_lamps
+from renderer.scene.light_properties import has_extended_lights, has_textured_lamps
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
@@ -133,12 +133,13 @@ class _SceneTables:
         lit = plan.asks_lights and scene.materials.smooth and has_lights(scene)
 
         accelerators = build_accelerators(scene, accel, plan.rays)
-        groups = camera_groups = group_methods(tables, accelerators, plan, lit)
+        lamps = has_extended_lights(scene.description)
+        groups = camera_groups = group_methods(tables, accelerators, plan, lit, lamps)
         if plan.hide_emitters:
             seen = build_accelerators(
                 scene, accel, plan.rays, without_emitters_of=accelerators
             )
-            camera_groups = group_methods(tables, seen, plan, lit)
+            camera_groups = group_methods(tables, seen, plan, lit, lamps)
 
         lights, choice = NO_LIGHTS, None
         if lit and plan.by_importance:
