@@ -53,7 +53,7 @@ class Interrupts:
     ) -> None:
         """Give the signal back."""
         if self._previous is not None:
-            if self.count and _came_of_an_interrupt(error):
+            if self.count and error is not None and _came_of_an_interrupt(error):
                 _HALF_DONE.append(error)
             signal.signal(signal.SIGINT, self._previous)
             sys.unraisablehook = self._previous_hook
