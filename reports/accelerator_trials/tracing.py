@@ -210,6 +210,7 @@ def tallied(
     tally = np.zeros((len(query.rays.count), ROWS, query.rays.t_max.shape[1]), np.int32)
     # by its address: an entry that is given the choice compiles both ways
     ways, packed, rays = TRAVERSALS[type(accel)], pack(accel), query.rays
+    given: tuple[Any, ...]
     first = rays.origin[0], rays.direction[0]
     if kind.any_hit:
         kernel = ways.any_hit_coherent if together else ways.any_hit
