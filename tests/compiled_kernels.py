@@ -58,6 +58,7 @@ print(json.dumps(compiled_kernels.recorded(lambda: {statement})))
 """
     paths = os.pathsep.join([str(root), str(Path(__file__).parent)])
     environment = os.environ | {"LIGHTPROOF_CACHE": str(cache), "PYTHONPATH": paths}
+    environment["NUMBA_OPT"] = "1"  # which kernels they are is the question, not how fast
     command = [sys.executable, "-c", program]
     done = subprocess.run(
         command, env=environment, cwd=root, capture_output=True, text=True, check=True

@@ -11,6 +11,7 @@ from compiled_kernels import ROOT, Compiled, compiled_by
 from small_scenes import box, diffuse, glass, mirror, rectangle, scene, sensor, sphere
 
 import renderer
+import renderer.stages.scatter  # fills the set of methods, also where this file runs alone
 from renderer.kernels.jit.linking import SEPARATE
 
 BSDFS: dict[str, dict[str, Any]] = {

@@ -81,6 +81,21 @@ def test_what_an_interrupt_leaves_half_made_is_not_taken_apart(monkeypatch) -> N
     assert gone
 
 
+def test_errors_that_are_not_an_interrupts_are_let_go(monkeypatch) -> None:
+    """With all that their frames hold, such as pictures, also after an interrupt."""
+    monkeypatch.setattr("renderer.command.interrupts._HALF_DONE", kept := [])
+    for error in (ValueError("a"), KeyboardInterrupt(), ImportError("b")):
+        with pytest.raises(type(error)), Interrupts() as interrupts:
+            interrupts.held = True
+            signal.raise_signal(signal.SIGINT)
+            try:
+                if isinstance(error, ImportError):
+                    raise KeyboardInterrupt
+            finally:
+                raise error
+    assert list(map(type, kept)) == [KeyboardInterrupt, ImportError]
+
+
 def test_other_errors_that_are_lost_are_still_shown(monkeypatch) -> None:
     shown = []
     monkeypatch.setattr(sys, "unraisablehook", shown.append)

@@ -193,6 +193,16 @@ def test_a_refusal_arrives_as_what_it_is(tmp_path):
             mutant.render(dataclasses.replace(request(), path=str(scene)))
 
 
+def test_kernels_are_compiled_again_only_where_one_is_changed(tmp_path, monkeypatch):
+    """And then in a cache of the mutant's own: nobody else may find them."""
+    monkeypatch.setenv("LIGHTPROOF_CACHE", "ours")
+    for made in named(["gamma-twice", "tiles-in-reverse", "mirrored-picture"]):
+        with Mutant(made, 6.0, tmp_path) as mutant:
+            own = str(mutant.folder / "cache")
+            expected = own if made.name == "mirrored-picture" else "ours"
+            assert mutant._environment()["LIGHTPROOF_CACHE"] == expected
+
+
 def test_tests_that_do_not_end_are_stopped(tmp_path):
     made = mutation(("picture/srgb.py", "def srgb", "while True: pass\n\ndef srgb"))
     with Mutant(made, 6.0, tmp_path) as mutant:

@@ -26,6 +26,7 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaCrashed, MitsubaError, MitsubaTimeout
 from mitsuba_ref.reference.json_process import JsonProcess
 from renderer.errors import NotReplayable, SceneError
+from renderer.kernels.jit.cache import KERNEL_FOLDERS
 
 TIME_LIMIT = 240.0
 """Seconds for one picture or one run of tests, compilation included: a mutation may make a
@@ -181,10 +182,12 @@ class Mutant:
 
     def _environment(self) -> dict[str, str]:
         paths = [str(self.folder), str(ROOT)]
-        return {
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join(paths),
-            # kernels and whatever else the mutant keeps: deleted with its folder
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        edited = {edit.file.partition("/")[0] for edit in self.mutation.edits}
+        if edited.isdisjoint(KERNEL_FOLDERS):
+            return environment  # its kernels are the renderer's own, and kept by content
+        return environment | {
+            # deleted with its folder
             "LIGHTPROOF_CACHE": str(self.folder / "cache"),
             # Pictures are small and compiling is all the time there is: 36 % less of it
             # on the Cornell box. IEEE arithmetic is the same at any level.

@@ -44,7 +44,7 @@ UNLIKE_NOISE = 0.1
 ratio 11, right pictures were 0.076 from relabelled ones and alarmed. Four scenes with equal
 noise, 15 pairs each: at most 0.09, as a rule below 0.04."""
 
-CHUNK = 4_000_000  # products of deals and pixels at a time, 32 MB
+CHUNK = 50_000  # products of deals and pixels at a time: what a core's cache holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,15 +139,13 @@ def _cumulative(values: Floats, dealt: Labels) -> Floats:
     # Ascending in z^2, hence descending in p: from p = 1 down to p = 0.
     quantiles = special.chdtri(1, 1.0 - np.arange(BINS) / BINS).astype(np.float32)
     rows = max(1, CHUNK // values.shape[1])
-    counts = np.empty((len(labels), BINS))
+    below = np.empty((len(labels), BINS))
     for first in range(0, len(labels), rows):
         squares = _normal_squares(labels[first : first + rows], centred)
-        bins = np.searchsorted(quantiles, squares, side="right") - 1
-        bins += BINS * np.arange(len(bins))[:, None]
-        counts[first : first + rows] = np.bincount(
-            bins.ravel(), minlength=len(bins) * BINS
-        ).reshape(-1, BINS)
-    below = np.cumsum(counts[:, ::-1], axis=1) / values.shape[1]
+        squares.sort(axis=1)  # half the time of looking each of them up in the quantiles
+        for k, row in enumerate(squares, first):
+            below[k] = len(row) - np.searchsorted(row, quantiles)[::-1]
+    below /= values.shape[1]
     return np.concatenate([np.zeros((len(below), 1)), below], axis=1)
 
 

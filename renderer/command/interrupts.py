@@ -26,8 +26,8 @@ class Interrupts:
     prints it. Numba has such callbacks, and one interrupt of 200 fell into one of them: it
     comes again as soon as the callback is over.
 
-    What was half done is kept until the process ends: objects of LLVM that an interrupt
-    left half made failed when Python took them apart (one of 220), or crashed (one of 950).
+    What an interrupt left half done is kept until the process ends: objects of LLVM that
+    were half made failed when Python took them apart (one of 220), or crashed (one of 950).
     """
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class Interrupts:
     ) -> None:
         """Give the signal back."""
         if self._previous is not None:
-            if self.count and error is not None:
+            if self.count and error is not None and _came_of_an_interrupt(error):
                 _HALF_DONE.append(error)
             signal.signal(signal.SIGINT, self._previous)
             sys.unraisablehook = self._previous_hook
@@ -83,6 +83,13 @@ class Interrupts:
             return
         self.count -= 1
         _thread.start_new_thread(_interrupt_soon, ())
+
+
+def _came_of_an_interrupt(error: BaseException | None) -> bool:
+    """Return whether an error is an interrupt, or was raised while one passed."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _interrupt_soon() -> None:

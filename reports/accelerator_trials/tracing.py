@@ -14,11 +14,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import typeof
 from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
-from renderer.accelerators.dispatch import any_hit, closest_hit
-from renderer.kernels.jit import entry_kernel
+from renderer.accelerators.dispatch import TRAVERSALS, any_hit, closest_hit
+from renderer.kernels.jit import call, compile_method, entry_kernel, pack
 from renderer.kernels.records.batch import CAPACITY
 from renderer.kernels.records.tally import ROWS
 from renderer.stages.intersect import reset_hits
@@ -80,7 +81,7 @@ def trace_any(accel, rays, blocked, chosen, first, end, coherent):  # type: igno
 
 
 @entry_kernel
-def count_closest(accel, rays, hits, ends, chosen, coherent, tally):  # type: ignore[no-untyped-def]
+def count_closest(method, record, rays, hits, ends, chosen, tally):  # type: ignore[no-untyped-def]
     """Do as `trace_closest`, one thread, and count: tally is (batches, ROWS, stride)."""
     for b in chosen:
         batch = BatchRays(rays.origin[b], rays.direction[b])
@@ -90,18 +91,18 @@ def count_closest(accel, rays, hits, ends, chosen, coherent, tally):  # type: ig
         if ends:
             for i in range(count):
                 found.t[i] = rays.t_max[b, i]
-        closest_hit(accel, batch, found, 0, count, coherent, tally[b])
+        call(method, record, (batch, found, 0, count, tally[b]))
 
 
 @entry_kernel
-def count_any(accel, rays, blocked, chosen, coherent, tally):  # type: ignore[no-untyped-def]
+def count_any(method, record, rays, blocked, chosen, tally):  # type: ignore[no-untyped-def]
     """Do as `trace_any`, one thread, and count."""
     for b in chosen:
         blocked[b, :] = 0
         batch = BatchShadowRays(
             rays.origin[b], rays.direction[b], rays.t_max[b], blocked[b]
         )
-        any_hit(accel, batch, rays.count[b], coherent, tally[b])
+        call(method, record, (batch, rays.count[b], tally[b]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,11 +208,23 @@ def tallied(
     kind = RAY_KINDS[query.kind]
     together = kind.coherent if coherent is None else coherent
     tally = np.zeros((len(query.rays.count), ROWS, query.rays.t_max.shape[1]), np.int32)
+    # by its address: an entry that is given the choice compiles both ways
+    ways, packed, rays = TRAVERSALS[type(accel)], pack(accel), query.rays
+    given: tuple[Any, ...]
+    first = rays.origin[0], rays.direction[0]
     if kind.any_hit:
-        count_any(accel, query.rays, query.blocked, chosen, together, tally)
+        kernel = ways.any_hit_coherent if together else ways.any_hit
+        batch = BatchShadowRays(*first, rays.t_max[0], query.blocked[0])
+        given = (batch, 0, tally[0])
+        method = compile_method(kernel, packed, *map(typeof, given))
+        count_any(*method, rays, query.blocked, chosen, tally)
     else:
+        kernel = ways.closest_hit_coherent if together else ways.closest_hit
+        found = BatchHits(*(row[0] for row in query.hits))
+        given = (BatchRays(*first), found, 0, 0, tally[0])
+        method = compile_method(kernel, packed, *map(typeof, given))
         ends = query.kind == "shadow_nearest"
-        count_closest(accel, query.rays, query.hits, ends, chosen, together, tally)
+        count_closest(*method, rays, query.hits, ends, chosen, tally)
     part = query.rays._replace(count=query.rays.count[chosen])
     return np.stack([flat(tally[chosen, row], part) for row in range(ROWS)])
 

@@ -29,6 +29,11 @@ from renderer.accelerators.bvh.octants import (
     write_octants,
 )
 from renderer.accelerators.bvh.stream_leaves import ENDED, held, meet_leaf
+from renderer.accelerators.bvh.stream_stack import (
+    WAITING_WORDS,
+    pop_child,
+    push_children,
+)
 from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -44,7 +49,6 @@ from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
     mask_bits,
-    mask_of,
     maximum,
     minimum,
     popcount,
@@ -75,13 +79,7 @@ NEAR = np.float32(8.0)
 # A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
 _LEVEL = ROW + ROW // 2 + 32
 _LISTS = (MAX_DEPTH + 2) * _LEVEL
-# words of a child that waits on the stack
-_NODE = 0  # or ~block
-_LIST = 1  # where its parent's list begins
-_LENGTH = 2  # of that list
-_MASKS = 3  # where the bits of those that entered the child begin, eight words apart
-_WORD = 4
-_STACK = _WORD * STACK
+_STACK = WAITING_WORDS * STACK
 
 
 class _Stream(NamedTuple):
@@ -157,8 +155,7 @@ def _descend(accel, query, stream, n, short, octant, margin, tally):
         if depth == 0:
             break
         depth -= 1
-        node = np.int64(load_one(stream.stack, 0, _WORD * depth + _NODE))
-        place, m = _list_of_child(stream, _WORD * depth)
+        node, place, m = pop_child(stream, depth)
 
 
 # ------------------------------------------------------------------------- nodes
@@ -175,18 +172,7 @@ def _divide(accel, node, octant, margin, stream, place, m, depth):
     masks = (place + m + 15) & ~15
     for i in range(0, m, 16):
         _enter_children(stream, place + i, m - i, masks + i // 2, size)
-    order = np.int64(load_one(accel.order, 0, 8 * node + octant))
-    for _ in range(size):
-        # without a branch: what no ray has entered is written over
-        k = order & 7
-        order >>= 4
-        at = _WORD * depth
-        store_one(stream.stack, 0, at + _NODE, load_one(accel.integers, 0, word + k))
-        store_one(stream.stack, 0, at + _LIST, place)
-        store_one(stream.stack, 0, at + _LENGTH, m)
-        store_one(stream.stack, 0, at + _MASKS, masks + k)
-        depth += 1 if load_one(stream.entered, 0, k) != 0 else 0
-    return depth
+    return push_children(accel, node, octant, size, stream, place, m, masks, depth)
 
 
 @kernel
@@ -232,23 +218,6 @@ def _enter_children(stream, place, left, masks, size):
         bits = mask_bits(enter <= minimum(leave * STRETCH, t))
         store_one(stream.lists, 0, masks + k, bits)
         store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
-
-
-@kernel
-def _list_of_child(stream, at):
-    """Write the list of the child at a place of the stack; return where, and its length."""
-    lists = stream.lists
-    parent = np.int64(load_one(stream.stack, 0, at + _LIST))
-    length = np.int64(load_one(stream.stack, 0, at + _LENGTH))
-    masks = np.int64(load_one(stream.stack, 0, at + _MASKS))
-    # behind the masks, and so behind all that waits
-    place = (masks + (length + 15) // 16 * 8 + 15) & ~15
-    m = np.int64(0)
-    for i in range(0, length, 16):
-        bits = np.int64(load_one(lists, 0, masks + i // 2))
-        append_row(lists, 0, place + m, load_row(lists, 0, parent + i), mask_of(bits))
-        m += popcount(bits)
-    return place, m
 
 
 # --------------------------------------------------------------------- short lists

@@ -20,6 +20,11 @@ import numpy as np
 
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
 from renderer.accelerators.bvh.octants import ROW, STREAM
+from renderer.accelerators.bvh.stream_stack import (
+    WAITING_WORDS,
+    pop_child,
+    push_children,
+)
 from renderer.accelerators.bvh.wide_bvh_build import (
     CHILD,
     WIDE_WORDS,
@@ -50,17 +55,13 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     lane_index,
     mask_bits,
-    mask_of,
     popcount,
     splat_i32,
 )
 from renderer.kernels.lanes.local import local_i32, local_rows_f32
 from renderer.kernels.lanes.memory import (
-    append_row,
     load_eight,
     load_one,
-    load_row,
-    store_one,
     store_row,
 )
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
@@ -71,13 +72,7 @@ _LEVELS = 2 * (MAX_DEPTH + 4)
 # A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
 _LEVEL = ROW + ROW // 2 + 32
 _LISTS = _LEVELS * _LEVEL
-# words of a child that waits on the stack
-_NODE = 0  # or ~leaf
-_LIST = 1  # where its parent's list begins
-_LENGTH = 2  # of that list
-_MASKS = 3  # where the bits of those that entered the child begin, eight words apart
-_WORD = 4
-_STACK = _WORD * 8 * _LEVELS
+_STACK = WAITING_WORDS * 8 * _LEVELS
 
 
 class _Stream(NamedTuple):
@@ -150,8 +145,7 @@ def _descend(instances, query, instance, stream, n, node, tally):
         if depth == 0:
             break
         depth -= 1
-        node = np.int64(load_one(stream.stack, 0, _WORD * depth + _NODE))
-        place, m = _list_of_child(stream, _WORD * depth)
+        node, place, m = pop_child(stream, depth)
 
 
 @kernel
@@ -181,40 +175,12 @@ def _divide(nodes, node, stream, place, m, depth):
             a, b, c = enter_children(stream, place + i, m - i, masks + i // 2, size)
             x, y, z = x + a, y + b, z + c
         octant = _most(x, m) | (_most(y, m) << 1) | (_most(z, m) << 2)
-    order = np.int64(load_one(nodes.order, 0, 8 * node + octant))
-    for _ in range(size):
-        # without a branch: what no ray has entered is written over
-        k = order & 7
-        order >>= 4
-        at = _WORD * depth
-        store_one(stream.stack, 0, at + _NODE, load_one(nodes.integers, 0, word + k))
-        store_one(stream.stack, 0, at + _LIST, place)
-        store_one(stream.stack, 0, at + _LENGTH, m)
-        store_one(stream.stack, 0, at + _MASKS, masks + k)
-        depth += 1 if load_one(stream.entered, 0, k) != 0 else 0
-    return depth
+    return push_children(nodes, node, octant, size, stream, place, m, masks, depth)
 
 
 @kernel
 def _most(down, m):
     return np.int64(1) if 2 * down > m else np.int64(0)
-
-
-@kernel
-def _list_of_child(stream, at):
-    """Write the list of the child at a place of the stack; return where, and its length."""
-    lists = stream.lists
-    parent = np.int64(load_one(stream.stack, 0, at + _LIST))
-    length = np.int64(load_one(stream.stack, 0, at + _LENGTH))
-    masks = np.int64(load_one(stream.stack, 0, at + _MASKS))
-    # behind the masks, and so behind all that waits
-    place = (masks + (length + 15) // 16 * 8 + 15) & ~15
-    m = np.int64(0)
-    for i in range(0, length, 16):
-        bits = np.int64(load_one(lists, 0, masks + i // 2))
-        append_row(lists, 0, place + m, load_row(lists, 0, parent + i), mask_of(bits))
-        m += popcount(bits)
-    return place, m
 
 
 # ---------------------------------------------------------------------- counting

@@ -16,7 +16,7 @@ from renderer.accelerators.extents import Extents
 
 _PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 _FACES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
-_CHUNK = 200_000
+_CHUNK = 2_000  # what a core's cache holds
 
 
 def reaches_into(
@@ -44,30 +44,45 @@ def reaches_into(
 
 
 def _reaches_into(extents, columns, lower, upper):
+    # a row for each component: NumPy is slow along rows of three
     grow = 0.5 * extents.pad
     # of a disk, whose hull is a square, the box has something to say too
-    lower = np.maximum(lower, extents.lower.T[columns].astype(np.float64) - grow)
-    upper = np.minimum(upper, extents.upper.T[columns].astype(np.float64) + grow)
-    apart = (lower > upper).any(axis=1)
-    points = extents.points.transpose(2, 1, 0)[columns].astype(np.float64)
+    lower = np.maximum(lower.T, extents.lower[:, columns].astype(np.float64) - grow)
+    upper = np.minimum(upper.T, extents.upper[:, columns].astype(np.float64) + grow)
+    reaches = (lower <= upper).all(axis=0)
+    lower, upper, columns = lower[:, reaches], upper[:, reaches], columns[reaches]
+    points = extents.points[:, :, columns].astype(np.float64)
     growth = extents.radius[columns] + grow
     centre, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    points -= centre[:, None]
+    apart = np.zeros(len(columns), bool)
     for axis in _axes(points):
-        along = np.einsum("mij,mj->mi", points - centre[:, None], axis)
-        reach = (half * np.abs(axis)).sum(axis=1) + growth * np.linalg.norm(axis, axis=1)
-        apart |= (along.min(axis=1) > reach) | (along.max(axis=1) < -reach)
-    return ~apart
+        along = _dot(points, axis[:, None])
+        reach = _dot(half, np.abs(axis)) + growth * np.sqrt(_dot(axis, axis))
+        apart |= (along.min(axis=0) > reach) | (along.max(axis=0) < -reach)
+    reaches[reaches] = ~apart
+    return reaches
 
 
 def _axes(points):
-    """Yield all axes (m, 3) along which hulls and boxes can be apart."""
+    """Yield all axes (3, m) along which hulls and boxes can be apart."""
     edges = {(a, b): points[:, b] - points[:, a] for a, b in _PAIRS}
     for unit in np.eye(3):
-        yield np.broadcast_to(unit, (len(points), 3))
+        unit = np.broadcast_to(unit[:, None], (3, points.shape[2]))
+        yield unit
         for edge in edges.values():
-            yield np.cross(edge, unit)
+            yield _cross(edge, unit)
     for a, b, c in _FACES:
-        yield np.cross(edges[a, b], edges[a, c])
+        yield _cross(edges[a, b], edges[a, c])
+
+
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a, b):
+    (ax, ay, az), (bx, by, bz) = a, b
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def require_none(what: str, numbers: NDArray[np.int64], fault: str) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.bvh.bvh import origin_margins, packet_enters
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.packets import Nearest, blocked_by, nearest_in_order
-from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.jit import interface, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
@@ -30,6 +30,7 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.local import local_i32
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, scatter_row
 from renderer.kernels.lanes.vectors import gather3, load3
+from renderer.kernels.records.batch import Hits, ShadowRays
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, add_to_packet
 
 MOST = 8  # boxes: their lists lie on the processor's stack, 35 KB
@@ -163,11 +164,23 @@ def _count(tally, lists, place, count, primitives):
 @method_kernel
 def closest_hit_boxes(accel, rays, hits, first, count, tally):
     """Update `hits` of rays first to first + count - 1 with nearer hits."""
+    _visit(accel, rays, hits.t, hits, first, count, tally)
+
+
+@method_kernel
+def any_hit_boxes(accel, shadow_rays, count, tally):
+    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
+    _visit(accel, shadow_rays, shadow_rays.t_max, shadow_rays, 0, count, tally)
+
+
+@kernel
+def _visit(accel, rays, ends, found, first, count, tally):
+    """Test the rays that enter a box against its primitives, one box after the other."""
     lists, many = local_i32(_LISTS), local_i32(MOST)
     for begin in range(first, first + count, _BATCH):
         n = min(first + count - begin, _BATCH)
         _list_entering(
-            accel.bounds, rays.origin, rays.direction, hits.t, begin, n, lists, many, tally
+            accel.bounds, rays.origin, rays.direction, ends, begin, n, lists, many, tally
         )
         for box in range(accel.bounds.shape[0]):
             start, end = accel.start[box], accel.start[box + 1]
@@ -175,15 +188,20 @@ def closest_hit_boxes(accel, rays, hits, first, count, tally):
             for j in range(0, many[box], 16):
                 live = first_lanes(many[box] - j)
                 ray = load_row(lists, 0, box * _ROW + j)
-                _meet(accel.primitives, start, end, rays, hits, ray, live)
+                origin = gather3(rays.origin, ray, live)
+                direction = gather3(rays.direction, ray, live)
+                t = select(live, gather_row(ends, 0, ray, live), splat_f32(-1.0))
+                _meet(found, accel.primitives, start, end, origin, direction, t, ray, live)
 
 
+@interface
+def _meet(found, primitives, start, end, origin, direction, t, ray, live):
+    """Test 16 rays up to t against the primitives of a box, and store what they meet."""
+
+
+@_meet.by(Hits)
 @kernel
-def _meet(primitives, start, end, rays, hits, ray, live):
-    """Test 16 rays against the primitives of a box."""
-    origin = gather3(rays.origin, ray, live)
-    direction = gather3(rays.direction, ray, live)
-    t = select(live, gather_row(hits.t, 0, ray, live), splat_f32(-1.0))
+def _meet_nearest(hits, primitives, start, end, origin, direction, t, ray, live):
     prim = gather_row(hits.prim, 0, ray, live)
     before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
     near = nearest_in_order(primitives, start, end, origin, direction, before)
@@ -195,37 +213,13 @@ def _meet(primitives, start, end, rays, hits, ray, live):
         scatter_row(hits.v, 0, ray, near.v, found)
 
 
-@method_kernel
-def any_hit_boxes(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
-    lists, many = local_i32(_LISTS), local_i32(MOST)
-    origins, directions, ends = (
-        shadow_rays.origin,
-        shadow_rays.direction,
-        shadow_rays.t_max,
+@_meet.by(ShadowRays)
+@kernel
+def _meet_any(shadow_rays, primitives, start, end, origin, direction, t, ray, live):
+    before = gather_row(shadow_rays.blocked, 0, ray, live) != 0
+    given = before | ~live
+    zero = np.int64(0)
+    blocked = blocked_by(
+        primitives, start, end, origin, direction, t, given, None, zero, zero
     )
-    for begin in range(0, count, _BATCH):
-        n = min(count - begin, _BATCH)
-        _list_entering(
-            accel.bounds, origins, directions, ends, begin, n, lists, many, tally
-        )
-        for box in range(accel.bounds.shape[0]):
-            start, end = accel.start[box], accel.start[box + 1]
-            _count(tally, lists, box * _ROW, many[box], end - start)
-            for j in range(0, many[box], 16):
-                live = first_lanes(many[box] - j)
-                ray = load_row(lists, 0, box * _ROW + j)
-                before = gather_row(shadow_rays.blocked, 0, ray, live) != 0
-                blocked = blocked_by(
-                    accel.primitives,
-                    start,
-                    end,
-                    gather3(origins, ray, live),
-                    gather3(directions, ray, live),
-                    gather_row(ends, 0, ray, live),
-                    before | ~live,
-                    None,
-                    np.int64(0),
-                    np.int64(0),
-                )
-                scatter_row(shadow_rays.blocked, 0, ray, splat_i32(1), blocked & live)
+    scatter_row(shadow_rays.blocked, 0, ray, splat_i32(1), blocked & live)

@@ -72,8 +72,8 @@ KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 @functools.cache
 def file_digest(path: str) -> str:
     """Return a short hash of a source file's content, and of what it imports beside it."""
-    contents = b"\0".join(file.read_bytes() for file in with_neighbours(path))
-    return hashlib.sha256(contents).hexdigest()[:16]
+    digests = b"".join(_read(file)[0] for file in with_neighbours(path))
+    return hashlib.sha256(digests).hexdigest()[:16]
 
 
 def with_neighbours(path: str | Path) -> list[Path]:
@@ -90,8 +90,7 @@ def with_neighbours(path: str | Path) -> list[Path]:
         if file in found or (found and _PACKAGE in file.parents):
             continue
         found[file] = None
-        state = file.stat()
-        for module in _imported_by(file, state.st_mtime_ns, state.st_size):
+        for module in _read(file)[1]:
             if module not in asked:
                 asked.add(module)
                 beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
@@ -99,14 +98,25 @@ def with_neighbours(path: str | Path) -> list[Path]:
     return list(found)
 
 
+def _read(file: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Return a file's hash, and where modules may lie that it imports."""
+    state = file.stat()
+    return _read_version(file, state.st_mtime_ns, state.st_size)
+
+
 @functools.cache  # forty files of this repository meet each other's imports
-def _imported_by(file: Path, written: int, size: int) -> tuple[Path, ...]:
+def _read_version(file: Path, written: int, size: int) -> tuple[bytes, tuple[Path, ...]]:
+    content = file.read_bytes()
+    return hashlib.sha256(content).digest(), _imported_by(file, content)
+
+
+def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
     """Return where modules may lie that a file imports, inside functions too.
 
     The first name counts: of a package all files are taken.
     """
     try:
-        tree = ast.parse(file.read_bytes())
+        tree = ast.parse(content)
     except SyntaxError:
         return ()  # whoever imports it will say so
     around = file.parent  # of a package: the folder in which its name is looked up

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import functools
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +23,11 @@ from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
 from renderer.kinds.sampling.arithmetic import to_world
 
-# annotations by name; a scene asks for those of each BSDF a dozen times, 20 us each
-hints_of = functools.cache(typing.get_type_hints)
+
+@functools.cache  # a scene asks for those of each BSDF a dozen times, 20 us each
+def hints_of(parameters: type) -> Mapping[str, Any]:
+    """Return the annotations of a kind's parameters by name."""
+    return MappingProxyType(typing.get_type_hints(parameters))
 
 
 class Color:
