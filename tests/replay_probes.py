@@ -38,7 +38,8 @@ from renderer.stages.shading_frame import frame_at
 
 def replay_inputs(scene: Scene) -> Inputs:
     """What the kernels get for a replay of Mitsuba's path integrator."""
-    plan = dataclasses.replace(make_plan(scene, integrator="path"), replay=True)
+    plan = make_plan(scene, integrator="path", light_choice="uniform")
+    plan = dataclasses.replace(plan, replay=True)
     return Inputs(scene, plan, way=way_of(plan, None))
 
 
