@@ -94,3 +94,16 @@ def test_who_samples_it_still(asked, settings, choices):
     _, plan = plan_of(*parts, asked=asked, settings=settings, **choices)
     assert not plan.finds_sky
     assert not any(line.startswith("sky ") for line in plan.lines)
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.05])
+def test_a_lobe_that_bsdf_samples_neglect_keeps_its_light_samples(rate):
+    """At rate 0 no BSDF sample goes through the sheet: half of the light would be lost."""
+    sheet = {"type": "principledthin", "diff_trans": 1.0, "roughness": 0.5}
+    sheet["diffuse_transmittance_sampling_rate"] = rate
+    _, plan = plan_of(floor() | {"bsdf": sheet}, sky(SKY))
+    assert not plan.finds_sky
+    sheet["diffuse_transmittance_sampling_rate"] = 0.5
+    for around in (lambda bsdf: bsdf, lambda bsdf: {"type": "mask", "inside": bsdf}):
+        _, plan = plan_of(floor() | {"bsdf": around(sheet)}, sky(SKY))
+        assert plan.finds_sky

@@ -132,13 +132,14 @@ class Rendering:
         Threads may be at different places at the same time, each with its own number.
         """
         begin = int(self.samples_of_place[place])
+        if end <= begin:
+            return
         if self._finished is not None:
             self.add_to(self._finished.sums(thread), place, begin, end, thread)
             self._finished.finish(place, thread)
         else:
             self.add_to(self.film.sums[place], place, begin, end, thread)
-        if end > begin:
-            self.samples_of_place[place] = end
+        self.samples_of_place[place] = end
 
     def add_to(
         self, sums: NDArray[np.float64], place: int, begin: int, end: int, thread: int

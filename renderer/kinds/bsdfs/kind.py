@@ -139,6 +139,9 @@ class BsdfKind:
         Whether the transmitted lobe goes straight on.
     variants
         Kinds that `read` may choose in its place; they are no plugins themselves.
+    reaches_all
+        BSDF of the description -> whether `sample` goes wherever `eval_pdf` is not 0, and
+        neglects no lobe; None: so it is for all of the kind.
     """
 
     name: str
@@ -156,6 +159,7 @@ class BsdfKind:
     delta_pdf: Any = None
     straight: bool = False
     variants: tuple[BsdfKind, ...] = ()
+    reaches_all: Callable[[Any], bool] | None = None
     normal = None  # the AOV `sh_normal` shows that of the surface
 
     @property

@@ -81,6 +81,8 @@ class PrincipledGlass(NamedTuple):
 
 _SCALARS = Principled._fields[2:10]  # 0 where a file is silent
 _RATES = Principled._fields[-3:]
+# of the largest rate: below this light samples find what the lobe reflects with less noise
+_NEGLECTED = 0.1
 
 
 def read(properties: Any) -> OtherBsdf:
@@ -106,6 +108,12 @@ def read_common(
         **{name: read_scalar_texture(properties, name, 0.0) for name in scalars},
         **{name: properties.number(name, 1.0) for name in rates},
     }
+
+
+def samples_each_lobe(bsdf: OtherBsdf) -> bool:
+    """Return whether the file's rates of sampling neglect no lobe, or leave it out."""
+    rates = [float(v) for k, v in bsdf.values.items() if k.endswith("_sampling_rate")]
+    return min(rates) >= _NEGLECTED * max(rates) > 0.0
 
 
 def _read_eta(properties: Any, transmits: bool) -> float:
@@ -312,6 +320,7 @@ PRINCIPLED_GLASS = BsdfKind(
     albedo=albedo,
     transmits=True,
     oriented=True,
+    reaches_all=samples_each_lobe,
 )
 PRINCIPLED = BsdfKind(
     "principled",
@@ -323,4 +332,5 @@ PRINCIPLED = BsdfKind(
     albedo=albedo,
     oriented=True,
     variants=(PRINCIPLED_GLASS,),
+    reaches_all=samples_each_lobe,
 )

@@ -16,7 +16,7 @@ from renderer.kinds.bsdfs.microfacets import (
     unshadowed,
 )
 from renderer.kinds.bsdfs.mirror import reflect
-from renderer.kinds.bsdfs.principled import albedo, read_common
+from renderer.kinds.bsdfs.principled import albedo, read_common, samples_each_lobe
 from renderer.kinds.bsdfs.principled_lobes import (
     diffuse_shape,
     ggx_facets,
@@ -169,4 +169,5 @@ PRINCIPLEDTHIN = BsdfKind(
     albedo=albedo,
     transmits=True,
     oriented=True,
+    reaches_all=samples_each_lobe,
 )

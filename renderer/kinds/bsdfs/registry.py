@@ -198,6 +198,19 @@ def kind_of(bsdf: Any) -> BsdfKind | Structure:
     return Structure(wrapper, tuple(inside))
 
 
+def reaches_all(bsdf: Any) -> bool:
+    """Return whether BSDF samples alone find all light that it reflects.
+
+    Of a user's BSDF nobody knows: light samples may be what reaches the rest.
+    """
+    if names := nested_names(bsdf):
+        return all(reaches_all(getattr(bsdf, name)) for name in names)
+    kind = kind_of(bsdf)
+    if isinstance(kind, Structure):
+        return True
+    return not kind.source and (kind.reaches_all is None or kind.reaches_all(bsdf))
+
+
 def nested_names(bsdf: Any) -> tuple[str, ...]:
     """Return the attributes of a BSDF of the description that are BSDFs themselves."""
     wrapper = WRAPPERS.get(bsdf.plugin)

@@ -65,8 +65,8 @@ class LightPlugin:
         A scene has one at most.
     even
         Whether it is an environment of one radiance from everywhere: BSDF samples alone,
-        which go where the BSDF reflects most, then find it with less noise than light
-        samples, or both together (`Plan.finds_sky`).
+        which go where the BSDF reflects most, then mostly find it with less noise than
+        light samples, or both together (`Plan.finds_sky`).
     """
 
     name: str

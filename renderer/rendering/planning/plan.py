@@ -14,6 +14,7 @@ from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.errors import SceneError
 from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.registry import INTEGRATORS
+from renderer.kinds.bsdfs.registry import reaches_all
 from renderer.kinds.lights.registry import plugin_of
 from renderer.names import LIGHT_CHOICES, REPLAY, SAMPLERS
 from renderer.rendering.planning.expected_rays import expected_rays
@@ -194,7 +195,8 @@ def make_plan(
         Where one of several lights is asked at a point: `importance`, by what each can give
         there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
         paths or their second moments are asked for. With `importance` an even sky is not
-        one of them where BSDF samples are followed, which find it with less noise.
+        one of them where BSDF samples are followed, which mostly find it with less
+        noise.
 
     Raises
     ------
@@ -228,7 +230,7 @@ def _make_plan(
     why = Explanation(list(plan.lines))
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
     asked = emitting + len(scene.description.emitters) - plan.finds_sky
-    lights = asked if plan.every_light else 1
+    lights = max(1, asked) if plan.every_light else 1  # or the ray that finds the sky
     camera = scene.description.camera
     explain_light_choice(plan, asked, why)
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
@@ -308,6 +310,7 @@ def _decide(
             has_even_sky(scene.description)
             and strategy == "both"
             and max(decision.light_samples, decision.bsdf_samples) == 1
+            and all(map(reaches_all, scene.materials.bsdfs))
         )
     weighed = has_extended_lights(scene.description, but_even_sky=finds_sky)
     if finds_sky and not weighed and len(scene.description.emitters) == 1:

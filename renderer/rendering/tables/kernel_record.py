@@ -133,7 +133,7 @@ class _SceneTables:
         lit = plan.asks_lights and scene.materials.smooth and has_lights(scene)
 
         accelerators = build_accelerators(scene, accel, plan.rays)
-        lamps = has_extended_lights(scene.description)
+        lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
         groups = camera_groups = group_methods(tables, accelerators, plan, lit, lamps)
         if plan.hide_emitters:
             seen = build_accelerators(
