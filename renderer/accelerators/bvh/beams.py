@@ -56,7 +56,7 @@ ENTRIES = 64  # nodes that the bundles of a batch begin with at most
 ROOM = ENTRIES + 16  # of a list, so that 16 may be read behind its last
 # An axis tells nothing where directions go both ways, or nearly along the planes: less
 # than this share of the largest component.
-_LEAST_SLOPE = np.float32(1e-6)
+_LEAST_SHARE = np.float32(1e-6)
 
 
 class Beam(NamedTuple):
@@ -128,11 +128,11 @@ def _beam(low, high, least, most):
     """Return the beam of the least and most origins and directions."""
     x = max(abs(least.x), abs(most.x))
     y = max(abs(least.y), abs(most.y))
-    slope = max(max(x, y), max(abs(least.z), abs(most.z))) * _LEAST_SLOPE
+    limit = max(max(x, y), max(abs(least.z), abs(most.z))) * _LEAST_SHARE
     one, zero = np.float32(1.0), np.float32(0.0)
-    tells_x = (least.x > slope) | (most.x < -slope)
-    tells_y = (least.y > slope) | (most.y < -slope)
-    tells_z = (least.z > slope) | (most.z < -slope)
+    tells_x = (least.x > limit) | (most.x < -limit)
+    tells_y = (least.y > limit) | (most.y < -limit)
+    tells_z = (least.z > limit) | (most.z < -limit)
     return Beam(
         low,
         high,

@@ -2,7 +2,8 @@
 
 Neighbouring camera rays visit nearly the same nodes, so each box and each primitive is
 fetched once and tested against all 16 at once; what no ray of the bundle enters is
-skipped. Measured in docs/performance.md, "Beside Embree".
+skipped. Where a bundle begins, and which primitives of a leaf it may meet, its beam tells
+(`beams`). Measured in docs/performance.md, "Beside Embree".
 """
 
 from __future__ import annotations

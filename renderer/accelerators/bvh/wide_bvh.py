@@ -2,9 +2,9 @@
 
 Rays go through it in three ways, which all find the same hits:
 
-- camera rays, and shadow rays from what they meet to lights without an extent, in bundles
-  of 16 through the binary tree that the wide one is made from; both share the leaves
-  (`ray_packets`), and the wide one tells where bundles begin (`beams`);
+- camera rays, and shadow rays from what they meet in scenes whose lights have no extent, in
+  bundles of 16 through the binary tree that the wide one is made from; both share the
+  leaves (`ray_packets`), and the wide one tells where bundles begin (`beams`);
 - what comes after a bounce in streams: all rays of a batch that enter a node are tested
   there (`ray_streams`);
 - batches of few rays, and the few rays of a stream that still go the same way, one by one
