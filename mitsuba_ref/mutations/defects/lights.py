@@ -11,7 +11,7 @@ DEFECTS = (
         (
             Edit(
                 "kinds/lights/weights.py",
-                "return np.float32(1.0 / lights.asked.size)",
+                "return np.float32(1.0 / max(1, lights.asked.size))",
                 "return np.float32(1.0 / (lights.count + 1))",
             ),
         ),
