@@ -41,8 +41,8 @@ NUMBERS = 1 << 24  # of rays, kept for each turn
 # where each costs them 3 to 100 times as much as it does the others
 SMALL = {"brute": 400, "boxes": 2000, "bsp": 2000}
 KINDS = ("random", "shadow_nearest", "shadow")  # one by one, in packets, any hit
-# from share to share of the meshes: with 54 all six have had a turn after 21 of them, and in
-# their order the first 40 shares are one mesh's
+# from share to share of the meshes: of 54, the first 21 are then of all six meshes, and in
+# their order the first 40 are of one
 STRIDE = 13
 TURNS = "turns"
 FARTHEST_LOST = "distance of a lost ray from its edge, of what rounding can do"
