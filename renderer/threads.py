@@ -22,6 +22,7 @@ PAUSE = 2e-4  # [s] while others end the jobs that they are at
 # [bytes] of a thread; the largest kernel's frame takes 0.7 MiB, and the system's default is
 # what `ulimit -s` says, where less crashes without a word
 STACK = 8 << 20
+_stack_size = _thread.allocate_lock()  # it is one setting of the whole process
 
 
 def default_threads() -> int:
@@ -72,11 +73,12 @@ class Crew:
             # A `threading.Thread` has Python code of its own. When it is forgotten, a
             # callback runs in which an interrupt is lost (10 in 40 s of trials), and the
             # wait for its beginning made a RuntimeError of another one.
-            usual = _thread.stack_size(STACK)
-            try:
-                _thread.start_new_thread(self._run, (thread,))
-            finally:
-                _thread.stack_size(usual)
+            with _stack_size:
+                usual = _thread.stack_size(STACK)
+                try:
+                    _thread.start_new_thread(self._run, (thread,))
+                finally:
+                    _thread.stack_size(usual)
 
     @property
     def done(self) -> int:

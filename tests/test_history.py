@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,6 @@ from reports.needs.record import Loss, SceneNeeds
 from reports.records import measured
 from reports.records.errors import ReportError
 from reports.records.measured import newest
-from reports.records.paths import without_paths
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.record import Part, Session, Soak, Step
@@ -74,6 +74,7 @@ def test_the_newer_of_two_records_is_read(tmp_path: Path, monkeypatch) -> None:
         (f"in {REPOSITORY}/soak.json:3: x", "in reports/measured/soak.json:3: x"),
         ('from "/a/b/.venv/bin/python"', 'from ".venv/bin/python"'),
         ('File "/usr/lib/site-packages/x.py"', 'File "site-packages/x.py"'),
+        ("a:/home/b/c,/tmp/d/e `/opt/f/g`", "a:c,e `g`"),
         ("1.5 W/m^2/sr, scenes/a/scene.xml, a / b", None),
         ("data:image/jpeg;base64,/9j/4AAQ/a https://a.b/c/d //x/y", None),
     ],
@@ -90,8 +91,10 @@ def test_a_kept_record_has_no_paths_of_the_machine(tmp_path, text, shown) -> Non
 
 @pytest.mark.parametrize("path", sorted(REPOSITORY.glob("*.json")), ids=lambda p: p.name)
 def test_the_repositorys_records_have_no_paths_of_a_machine(path: Path) -> None:
-    content = json.loads(path.read_text())
-    assert without_paths(content) == content
+    found = re.findall(
+        r"(?<![\w.~-])/(?:home|root|tmp|Users|work)/.{,40}", path.read_text()
+    )
+    assert found == []
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import proof_samples as sample
@@ -40,15 +41,18 @@ def test_missing_mutations_come_first_then_those_of_other_commits():
     assert Matrix(before, NOW, THREE).to_try() == ([third], [second])
     assert Matrix([], NOW, THREE).to_try() == (list(THREE), [])
     # what was measured with changes that no commit holds may be anything
-    dirty = f"{NOW}-dirty"
-    assert Matrix(rows_of(THREE, dirty), dirty, THREE).to_try() == ([], list(THREE))
+    for commit in (f"{NOW}-dirty", f"{OLD}-dirty", "unknown", ""):
+        uncommitted = Matrix(rows_of(THREE, commit), commit, THREE)
+        assert uncommitted.rows == []
+        assert uncommitted.to_try() == (list(THREE), [])
+        assert Matrix(rows_of(THREE, commit), NOW, THREE).rows == []
 
 
 def test_an_old_row_stays_until_there_is_a_new_one():
     first = THREE[0]
     matrix = Matrix([*rows_of(THREE, OLD), row("gone", "nowhere", OLD)], NOW, THREE)
-    matrix.add(row(first.name, first.scene))
-    matrix.add(row(UNCHANGED, first.scene, harmful=False))
+    matrix.add(row(first.name, first.scene), NOW)
+    matrix.add(row(UNCHANGED, first.scene, harmful=False), NOW)
     assert [one.mutation for one in matrix.rows] == [UNCHANGED, *(m.name for m in THREE)]
     assert [one.commit for one in matrix.rows] == [NOW, NOW, OLD, OLD]
     assert len(matrix.of_this_commit) == 2
@@ -79,6 +83,7 @@ def tried(monkeypatch):
         "circumstances",
         lambda *_: {"commit": NOW, "created": "", "command": ""},
     )
+    monkeypatch.setattr(command.machine, "current_commit", lambda: NOW)
     return names
 
 
@@ -105,6 +110,16 @@ def test_an_interrupted_run_goes_on(tried, tmp_path, capsys):
     tried.clear()
     assert command.main([*where, "--resume", str(path)]) == 0
     assert tried == []
+
+
+def test_a_row_is_of_the_commit_that_it_was_measured_with(tried, tmp_path, monkeypatch):
+    """Somebody commits while the matrix is made, which takes hours."""
+    monkeypatch.setattr(
+        command.machine, "current_commit", lambda: NOW if len(tried) < 3 else OLD
+    )
+    assert command.main(["--out", str(tmp_path)]) == 0
+    commits = Counter(one.commit for one in read_matrix_rows(tmp_path / "matrix.json"))
+    assert commits == {NOW: 2, OLD: len(tried) - 2}
 
 
 @pytest.mark.parametrize(

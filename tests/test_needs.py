@@ -17,6 +17,7 @@ from renderer.scene.simplifications.simplify import words_of
 from reports.needs import command
 from reports.needs.claims import claims_of
 from reports.needs.command import main
+from reports.needs.content import content_of
 from reports.needs.losses import loss_between
 from reports.needs.record import Claim
 from reports.needs.study import least_model, measure
@@ -325,10 +326,11 @@ def test_a_record_says_whether_it_is_whole(found, tmp_path, monkeypatch, end, st
 @pytest.fixture
 def interrupted(found, path, tmp_path, monkeypatch):
     """Measure one of two scenes; return the folder and the scenes that were asked for."""
-    now = {"commit": "abc", "versions": {"numpy": "2"}}
+    now = {"commit": "abc", "versions": {"numpy": "2"}, "files": "as they were"}
 
     def circumstances(module, words):
-        return {**now, "command": shlex.join(["python", "-m", module, *words])}
+        described = {key: now[key] for key in ("commit", "versions")}
+        return {**described, "command": shlex.join(["python", "-m", module, *words])}
 
     monkeypatch.setattr(command, "circumstances", circumstances)
     asked = []
@@ -337,9 +339,10 @@ def interrupted(found, path, tmp_path, monkeypatch):
         asked.append(str(scene))
         if scene.name == "b.xml" and len(asked) == 2:
             raise KeyboardInterrupt
-        return replace(found[0], scene=str(scene)), None
+        return replace(found[0], scene=str(scene), content=now["files"]), None
 
     monkeypatch.setattr(command, "_measured", measured)
+    monkeypatch.setattr(command, "_content", lambda *_: now["files"])
     assert main(["a.xml", "b.xml", "--out", str(tmp_path)]) == 130
     return tmp_path, asked, now
 
@@ -383,6 +386,36 @@ def test_a_run_goes_on_with_nothing_else(interrupted, capsys, change, words, tol
     assert main(["a.xml", "b.xml", "--out", str(folder), "--resume", *words]) == 2
     assert told in capsys.readouterr().err
     assert len(asked) == 2 and (folder / "data" / "needs.json").read_bytes() == before
+
+
+def test_a_scene_that_was_edited_is_measured_anew(interrupted):
+    folder, asked, now = interrupted
+    now["files"] = "edited"
+    assert main(["a.xml", "b.xml", "--out", str(folder), "--resume"]) == 0
+    assert asked[2:] == ["a.xml", "b.xml"]
+
+
+def test_no_scene_of_the_record_is_lost_when_others_are_asked_for(interrupted, capsys):
+    folder, asked, _ = interrupted
+    before = (folder / "data" / "needs.json").read_bytes()
+    assert main(["b.xml", "--out", str(folder), "--resume"]) == 2
+    assert "has scenes that are not asked for: a.xml" in capsys.readouterr().err
+    assert len(asked) == 2 and (folder / "data" / "needs.json").read_bytes() == before
+
+
+def test_the_content_of_a_scene_is_that_of_all_its_files(tmp_path):
+    mesh, scene = tmp_path / "one.obj", tmp_path / "scene.xml"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    scene.write_text(
+        '<scene version="3.0.0"><sensor type="perspective"/><shape type="obj">'
+        '<string name="filename" value="one.obj"/></shape></scene>'
+    )
+    first = content_of(renderer.load_file(scene))
+    assert first == content_of(renderer.load_file(scene))
+    mesh.write_text(mesh.read_text() + "# edited\n")
+    second = content_of(renderer.load_file(scene))
+    scene.write_text(scene.read_text() + "\n")
+    assert len({first, second, content_of(renderer.load_file(scene))}) == 3
 
 
 def test_refusals(path, tmp_path, capsys):

@@ -153,6 +153,18 @@ def test_a_transform_without_an_inverse_in_single_precision(plugin: str) -> None
     assert "shrinks to less than 1e-38" in message
 
 
+@pytest.mark.parametrize(
+    "value",
+    [
+        "1e-37 1e-37 0 0  0 1e-39 0 0  0 0 1e-37 0  0 0 0 1",  # a shear: 1e39
+        "1e-30 0 0 1e10  0 1e-30 0 0  0 0 1e-30 0  0 0 0 1",  # moved: 1e40
+    ],
+)
+def test_an_inverse_may_be_too_large_with_columns_that_are_not_small(value: str) -> None:
+    message = error_of(DISK.format(f'<matrix value="{value}"/>'))
+    assert "its inverse leaves single precision" in message
+
+
 def test_small_and_large_scales_are_not_singular() -> None:
     for factor in ("1e-6", "1e6"):
         ours(DISK.format(f'<scale value="{factor}"/>'))

@@ -61,6 +61,12 @@ def test_every_kind_of_ray_meets_every_mesh() -> None:
     assert all(count == mesh.share for (mesh, _, _), count in found.items())
 
 
+def test_a_short_run_has_every_mesh() -> None:
+    """Not 80 turns of the one with most shares before any other."""
+    found = {rays.combination(turn)[0].name for turn in range(42)}
+    assert found == {mesh.name for mesh in rays.meshes()}
+
+
 def test_every_structure_has_as_many_rays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Brute force too, which is spared the large meshes; who has enough has no more."""
     monkeypatch.setattr(rays, "EACH", 128)

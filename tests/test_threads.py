@@ -211,6 +211,29 @@ def test_only_threads_for_kernels_have_their_stack(monkeypatch):
     assert sizes == [STACK] * 3 and after == usual
 
 
+def test_crews_that_start_at_once_leave_the_stacks_size_alone(monkeypatch):
+    """Nobody sets it for the process between another one's setting and restoring."""
+    set_size, calls = _thread.stack_size, []
+
+    def noted(size):
+        calls.append(_thread.get_ident())
+        before = set_size(size)
+        time.sleep(0.001)  # who may come between does
+        return before
+
+    monkeypatch.setattr(_thread, "stack_size", noted)
+    crews = [Crew(4, 4, lambda job, thread: None) for _ in range(4)]
+    starters = [threading.Thread(target=crew.start) for crew in crews]
+    for starter in starters:
+        starter.start()
+    for starter in starters:
+        starter.join()
+    for crew in crews:
+        crew.stop()
+    assert len(calls) == 2 * 4 * len(crews)
+    assert calls[::2] == calls[1::2]  # set and restored by the same
+
+
 def test_an_error_in_a_thread_of_its_own_is_raised_here():
     with pytest.raises(ZeroDivisionError):
         in_own_thread(lambda: 1 / 0)

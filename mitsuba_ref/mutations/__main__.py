@@ -46,7 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def keep(row: Row) -> None:
         console.print(_line(row), markup=False, soft_wrap=True)
-        done.add(row)
+        # each mutant is a copy of the work tree of its hour, not of that of the start
+        done.add(row, machine.current_commit())
         write_matrix(done.rows, circumstances, path)  # an interrupt loses nothing
 
     with MitsubaWorker() as worker:

@@ -17,9 +17,10 @@ class Matrix:
     Parameters
     ----------
     before
-        Rows of earlier runs, each with its commit. What is no longer asked for is dropped.
+        Rows of earlier runs, each with its commit. What is no longer asked for is dropped,
+        and so is what was measured with sources that no commit holds.
     commit
-        Of the sources. Rows of a changed work tree ("-dirty") are tried again.
+        Of the sources at the start.
     mutations
         Of the catalogue: what is asked for.
     """
@@ -32,7 +33,7 @@ class Matrix:
         scenes = dict.fromkeys(m.scene for m in mutations)
         asked: list[Key] = [(UNCHANGED, scene) for scene in scenes]
         asked += [(m.name, m.scene) for m in mutations]
-        there = {(row.mutation, row.scene): row for row in before}
+        there = {(row.mutation, row.scene): row for row in before if _committed(row.commit)}
         self._rows = {key: there.get(key) for key in asked}
 
     @property
@@ -43,7 +44,7 @@ class Matrix:
     @property
     def of_this_commit(self) -> list[Row]:
         """Those that need not be tried again."""
-        if self._commit.endswith("-dirty"):
+        if not _committed(self._commit):
             return []
         return [row for row in self.rows if row.commit == self._commit]
 
@@ -56,6 +57,10 @@ class Matrix:
             [m for m in self._mutations if m.name in there - done],
         )
 
-    def add(self, row: Row) -> None:
-        """Put a row of this commit in its place."""
-        self._rows[row.mutation, row.scene] = replace(row, commit=self._commit)
+    def add(self, row: Row, commit: str) -> None:
+        """Put a new row in its place, of the commit whose sources it was measured with."""
+        self._rows[row.mutation, row.scene] = replace(row, commit=commit)
+
+
+def _committed(commit: str) -> bool:
+    return bool(commit) and not commit.endswith(("-dirty", "unknown"))

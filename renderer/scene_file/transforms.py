@@ -162,6 +162,10 @@ def why_unusable(matrix: Matrix) -> str | None:
         return (
             f"it shrinks to less than {_SMALLEST:g}, whose inverse leaves single precision"
         )
+    with np.errstate(over="ignore", invalid="ignore"):
+        inverse = np.linalg.inv(matrix)
+    if not np.abs(inverse).max() <= np.finfo(np.float32).max:
+        return "its inverse leaves single precision (it shrinks or shears too much)"
     return None
 
 

@@ -8,15 +8,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
+import renderer
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
 from renderer.command.options import definition
 from renderer.errors import SceneError
 from reports.argument_types import at_least
+from reports.needs.content import content_of
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA, NeedsRecord, SceneNeeds
 from reports.needs.study import TIMED, Study, measure
@@ -51,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     record = NeedsRecord(**circumstances("reports.needs", words), whole=False, scenes=[])
     paths = _paths(given.scenes)
     try:
-        before = _before(file, record, given) if given.resume else {}
+        before = _before(file, record, given, paths) if given.resume else {}
     except ReportError as error:
         log.print(f"reports.needs: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
@@ -61,7 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             log.print(str(path), markup=False, soft_wrap=True)
             try:
                 done = before.pop(str(path), None)
-                found.append((done, None) if done else _measured(path, given, log))
+                if done and done.content == _content(path, given):
+                    found.append((done, None))
+                else:
+                    found.append(_measured(path, given, log))
             except SceneError as error:
                 log.print(f"error: {error}", markup=False, soft_wrap=True)
                 status = REFUSED
@@ -83,14 +89,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _before(
-    file: Path, now: NeedsRecord, given: argparse.Namespace
+    file: Path, now: NeedsRecord, given: argparse.Namespace, paths: Sequence[Path]
 ) -> dict[str, SceneNeeds]:
     """Return the scenes that a record has of today's sources and options, by path.
 
     Raises
     ------
     ReportError
-        If it is of others: one record is of one commit.
+        If it is of others: one record is of one commit. Or if it has scenes that are not
+        asked for now, which would be lost.
     """
     if not file.exists():
         return {}
@@ -102,7 +109,12 @@ def _before(
     words = shlex.split(record.command)[3:]  # after python -m reports.needs
     if _options(_parser().parse_args(words)) != _options(given):
         raise ReportError(f"{file}: measured with other options: {shlex.join(words)}")
-    return {scene.scene: scene for scene in record.scenes}
+    before = {scene.scene: scene for scene in record.scenes}
+    if lost := before.keys() - set(map(str, paths)):
+        raise ReportError(
+            f"{file}: has scenes that are not asked for: {', '.join(sorted(lost))}"
+        )
+    return before
 
 
 def _options(given: argparse.Namespace) -> tuple[object, ...]:
@@ -110,13 +122,21 @@ def _options(given: argparse.Namespace) -> tuple[object, ...]:
     return given.spp, given.seeds, given.tolerance, given.timed, given.define
 
 
+def _parameters(path: Path, given: argparse.Namespace) -> dict[str, Any]:
+    size = read_proof(path).test if not given.define else None
+    return dict(given.define) if size is None else dict(size.parameters)
+
+
+def _content(path: Path, given: argparse.Namespace) -> str:
+    return content_of(renderer.load_file(path, **_parameters(path, given)))
+
+
 def _measured(
     path: Path, given: argparse.Namespace, log: Console
 ) -> tuple[SceneNeeds, Study]:
-    size = read_proof(path).test if not given.define else None
     return measure(
         path,
-        parameters=dict(given.define) if size is None else size.parameters,
+        parameters=_parameters(path, given),
         spp=given.spp,
         seeds=given.seeds,
         tolerance=given.tolerance,
@@ -179,8 +199,8 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--resume",
         action="store_true",
-        help="take the scenes that data/needs.json has already of this commit and these "
-        "options; their pictures are not shown",
+        help="take the scenes that data/needs.json has already of this commit, these "
+        "options and the same files; their pictures are not shown",
     )
     add("--out", type=Path, default=DEFAULT_OUT, help="folder (default: reports/out)")
     return parser

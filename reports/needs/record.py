@@ -68,6 +68,7 @@ class SceneNeeds:
     claims: list[Claim]  # of the plan: exactly 0, checked
     least: Loss | None  # None: nothing can be left out
     command: str
+    content: str = ""  # hash of all files that the scene reads; "": not noted
 
 
 @dataclass(frozen=True, kw_only=True)

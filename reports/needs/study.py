@@ -22,6 +22,7 @@ from renderer.rendering.planning.plan import MOST_SAMPLES
 from renderer.scene.scene import Scene
 from renderer.scene.simplifications.simplify import differs, offered, simplified
 from reports.needs.claims import claims_of
+from reports.needs.content import content_of
 from reports.needs.losses import loss_between
 from reports.needs.record import Claim, Loss, SceneNeeds
 
@@ -148,6 +149,7 @@ def measure(
         If something that the plan leaves out for nothing changes the picture.
     """
     scene = renderer.load_file(path, **(parameters or {}))
+    content = content_of(scene)  # before the hours in which somebody may edit it
     study = Study(scene, spp, seeds, tolerance, timed, say)
     study.start()
     changing, absent = offered(scene.description)
@@ -161,6 +163,7 @@ def measure(
     film = scene.description.camera.film
     needs = SceneNeeds(
         scene=str(path),
+        content=content,
         size=[film.crop_width, film.crop_height],
         spp=spp,
         seeds=seeds,

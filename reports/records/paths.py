@@ -8,8 +8,12 @@ from typing import Any
 
 _CLONE = Path(__file__).resolve().parents[2]
 # Of two folders or more, at the beginning of a word: what follows a letter is a unit such
-# as W/m^2/sr or a relative path, what follows a comma or a colon is data or an address.
-_PATH = re.compile(r"""(?<![^\s"'=(\[|])(?:/[\w.@+~-]+){2,}""")
+# as W/m^2/sr or a relative path, what follows a comma or a colon is data or an address
+# unless it begins with a folder that machines have.
+_PATH = re.compile(
+    r"""(?:(?<![^\s"'=(\[|`])|(?<=[:,])(?=/(?:home|root|tmp|Users|work)/))"""
+    r"""(?:/[\w.@+~-]+){2,}"""
+)
 _INSTALLED = re.compile(r"/(\.venv/|site-packages/)")
 
 

@@ -41,6 +41,9 @@ NUMBERS = 1 << 24  # of rays, kept for each turn
 # where each costs them 3 to 100 times as much as it does the others
 SMALL = {"brute": 400, "boxes": 2000, "bsp": 2000}
 KINDS = ("random", "shadow_nearest", "shadow")  # one by one, in packets, any hit
+# from share to share of the meshes: of 54, the first 21 are then of all six meshes, and in
+# their order the first 40 are of one
+STRIDE = 13
 TURNS = "turns"
 FARTHEST_LOST = "distance of a lost ray from its edge, of what rounding can do"
 
@@ -177,12 +180,13 @@ def combination(turn: int) -> tuple[ClosedMesh, str, bool]:
     """Return mesh, kind of rays and whether they are aimed at edges.
 
     Each meets each within six turns for every share of a mesh; the kinds move on by one
-    from turn to turn, so that a short run has them all.
+    from turn to turn, and the meshes take turns, so that a short run has them all.
     """
     turn, aimed = divmod(turn, 2)
     shares = [mesh for mesh in meshes() for _ in range(mesh.share)]
     rounds, place = divmod(turn, len(shares))
-    return shares[place], KINDS[(rounds + place) % len(KINDS)], aimed == 1
+    mesh = shares[STRIDE * place % len(shares)]
+    return mesh, KINDS[(rounds + place) % len(KINDS)], aimed == 1
 
 
 @functools.cache
