@@ -289,7 +289,7 @@ def test_needs_are_drawn_without_their_pictures(tmp_path: Path, monkeypatch) -> 
     loss |= {"words": ["depth=2"], "sentence": "s", "tiles_off": 1, "tiles": 4}
     needs = {field.name: 8 for field in dataclasses.fields(SceneNeeds)}
     needs |= {"scene": "box", "size": [8, 6], "losses": [loss], "least": loss}
-    needs |= {"absent": [], "claims": [], "command": "c"}
+    needs |= {"absent": [], "claims": [], "command": "c", "content": "c"}
     kept = record(1, scenes=[needs], whole=True, machine={}, versions={}) | {
         "schema": NEEDS_SCHEMA
     }
