@@ -161,6 +161,23 @@ def _between(enter, leave, lower, upper, low, high, least, most):
 
 
 @kernel
+def _meets(beam, lower, upper, zero):
+    """Return the mask of the boxes that a beam may meet; `zero`: of as many lanes."""
+    b = beam
+    leave = zero + np.float32(np.inf)
+    enter, leave = _between(
+        zero, leave, lower.x, upper.x, b.low.x, b.high.x, b.least.x, b.most.x
+    )
+    enter, leave = _between(
+        enter, leave, lower.y, upper.y, b.low.y, b.high.y, b.least.y, b.most.y
+    )
+    enter, leave = _between(
+        enter, leave, lower.z, upper.z, b.low.z, b.high.z, b.least.z, b.most.z
+    )
+    return enter <= leave * STRETCH
+
+
+@kernel
 def _bundle_beam(beam, alike, origin, direction, traced):
     """Return the beam of 16 rays; `alike` says that all rays start where `beam` does."""
     x, y, z = direction.x, direction.y, direction.z
@@ -195,41 +212,12 @@ def _bundle_beam(beam, alike, origin, direction, traced):
 def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
     """Push the entries that 16 rays may meet, the nearest last; return beam and number."""
     b = _bundle_beam(beam, alike, origin, direction, traced)
-    boxes, zero = entries.boxes, splat_f32(0.0)
+    boxes = entries.boxes
     depth = np.int64(0)
     for i in range(begin, begin + count, 16):
-        enter, leave = zero, splat_f32(np.float32(np.inf))
-        enter, leave = _between(
-            enter,
-            leave,
-            load_row(boxes, 0, i),
-            load_row(boxes, 3, i),
-            b.low.x,
-            b.high.x,
-            b.least.x,
-            b.most.x,
-        )
-        enter, leave = _between(
-            enter,
-            leave,
-            load_row(boxes, 1, i),
-            load_row(boxes, 4, i),
-            b.low.y,
-            b.high.y,
-            b.least.y,
-            b.most.y,
-        )
-        enter, leave = _between(
-            enter,
-            leave,
-            load_row(boxes, 2, i),
-            load_row(boxes, 5, i),
-            b.low.z,
-            b.high.z,
-            b.least.z,
-            b.most.z,
-        )
-        met = (enter <= leave * STRETCH) & first_lanes(begin + count - i)
+        lower = vec3(load_row(boxes, 0, i), load_row(boxes, 1, i), load_row(boxes, 2, i))
+        upper = vec3(load_row(boxes, 3, i), load_row(boxes, 4, i), load_row(boxes, 5, i))
+        met = _meets(b, lower, upper, splat_f32(0.0)) & first_lanes(begin + count - i)
         append_row(entries.stack, 0, depth, load_row(entries.nodes, 1, i), met)
         depth += popcount(mask_bits(met))
     return b, depth
@@ -238,41 +226,17 @@ def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
 @kernel
 def meets_in_leaf(boxes, block, beam):
     """Return the bits of those primitives of a block that the rays of a beam may meet."""
-    b = beam
-    lower = load_eight(boxes, block, 0)
-    zero = as_f32(as_i32(lower) & 0)
-    enter, leave = zero, zero + np.float32(np.inf)
-    enter, leave = _between(
-        enter,
-        leave,
-        lower,
-        load_eight(boxes, block, 24),
-        b.low.x,
-        b.high.x,
-        b.least.x,
-        b.most.x,
-    )
-    enter, leave = _between(
-        enter,
-        leave,
+    lower = vec3(
+        load_eight(boxes, block, 0),
         load_eight(boxes, block, 8),
-        load_eight(boxes, block, 32),
-        b.low.y,
-        b.high.y,
-        b.least.y,
-        b.most.y,
-    )
-    enter, leave = _between(
-        enter,
-        leave,
         load_eight(boxes, block, 16),
-        load_eight(boxes, block, 40),
-        b.low.z,
-        b.high.z,
-        b.least.z,
-        b.most.z,
     )
-    return mask_bits(enter <= leave * STRETCH)
+    upper = vec3(
+        load_eight(boxes, block, 24),
+        load_eight(boxes, block, 32),
+        load_eight(boxes, block, 40),
+    )
+    return mask_bits(_meets(beam, lower, upper, as_f32(as_i32(lower.x) & 0)))
 
 
 @kernel
