@@ -53,6 +53,23 @@ def test_no_ray_leaks_from_a_closed_mesh() -> None:
     assert sum(step.counts.get(lost, 0) for step in steps) > 0  # known, and not hidden
 
 
+@pytest.mark.parametrize("kind", rays.KINDS)
+@pytest.mark.parametrize(
+    "structures",
+    [
+        pytest.param(("boxes",), id="boxes"),  # which asks for the renderer's own records
+        pytest.param(rays.STRUCTURES, id="all", marks=pytest.mark.slow),  # 30 s to compile
+    ],
+)
+def test_a_structure_answers_every_kind_of_ray(
+    kind: str, structures: tuple[str, ...]
+) -> None:
+    turn = next(t for t in range(400) if rays.combination(t)[1] == kind)
+    step = rays.traced(structures, turn, 64)
+    assert step.done == 64 * len(structures)
+    assert step.faults == ()
+
+
 def test_every_kind_of_ray_meets_every_mesh() -> None:
     """In whole rounds of turns each mesh has its share of each kind."""
     shares = sum(mesh.share for mesh in rays.meshes())

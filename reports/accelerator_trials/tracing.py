@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import typeof
@@ -19,8 +19,8 @@ from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import TRAVERSALS, any_hit, closest_hit
-from renderer.kernels.jit import call, compile_method, entry_kernel, pack
-from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.jit import call, compile_method, entry_kernel, kernel, pack
+from renderer.kernels.records.batch import CAPACITY, Hits, Rays, ShadowRays
 from renderer.kernels.records.tally import ROWS
 from renderer.stages.intersect import reset_hits
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
@@ -28,29 +28,26 @@ from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 JOBS_PER_THREAD = 4  # enough to even out batches of unlike cost
 
 
-class BatchRays(NamedTuple):
-    """What a traversal reads of one batch; named as in `kernels.records.batch.Rays`."""
-
-    origin: Any  # (3, stride)
-    direction: Any  # (3, stride)
-
-
-class BatchHits(NamedTuple):
-    """The nearest hits of one batch, or of all of them in rows."""
-
-    t: Any
-    prim: Any
-    u: Any
-    v: Any
+@kernel
+def _rays_of(rays, batch, integers):  # type: ignore[no-untyped-def]
+    """Return a batch as the renderer's own record; what no traversal reads is anything."""
+    origin, row = rays.origin[batch], rays.t_max[batch]
+    return Rays(origin, rays.direction[batch], origin, row, row, integers, integers, origin)
 
 
-class BatchShadowRays(NamedTuple):
-    """What an any-hit traversal works on; named as in `records.batch.ShadowRays`."""
+@kernel
+def _hits_of(hits, batch):  # type: ignore[no-untyped-def]
+    """Return the rows of a batch."""
+    return Hits(
+        hits.t[batch], hits.prim[batch], hits.u[batch], hits.v[batch], hits.instance[batch]
+    )
 
-    origin: Any  # (3, stride)
-    direction: Any  # (3, stride)
-    t_max: Any  # (stride,)
-    blocked: Any  # (stride,) int32
+
+@kernel
+def _shadow_rays_of(rays, batch, blocked):  # type: ignore[no-untyped-def]
+    """Return a batch as the renderer's own record; what no traversal reads is anything."""
+    origin, row = rays.origin[batch], blocked[batch]
+    return ShadowRays(origin, rays.direction[batch], rays.t_max[batch], origin, row, row)
 
 
 @entry_kernel
@@ -58,8 +55,7 @@ def trace_closest(accel, rays, hits, ends, chosen, first, end, coherent):  # typ
     """Find the nearest hits of batches chosen[first:end], up to `ends` of each ray."""
     for k in range(first, end):
         b = chosen[k]
-        batch = BatchRays(rays.origin[b], rays.direction[b])
-        found = BatchHits(hits.t[b], hits.prim[b], hits.u[b], hits.v[b])
+        batch, found = _rays_of(rays, b, hits.prim[b]), _hits_of(hits, b)
         count = rays.count[b]
         reset_hits(found, 0, count)
         if ends:
@@ -74,9 +70,7 @@ def trace_any(accel, rays, blocked, chosen, first, end, coherent):  # type: igno
     for k in range(first, end):
         b = chosen[k]
         blocked[b, :] = 0
-        batch = BatchShadowRays(
-            rays.origin[b], rays.direction[b], rays.t_max[b], blocked[b]
-        )
+        batch = _shadow_rays_of(rays, b, blocked)
         any_hit(accel, batch, rays.count[b], coherent, None)
 
 
@@ -84,8 +78,7 @@ def trace_any(accel, rays, blocked, chosen, first, end, coherent):  # type: igno
 def count_closest(method, record, rays, hits, ends, chosen, tally):  # type: ignore[no-untyped-def]
     """Do as `trace_closest`, one thread, and count: tally is (batches, ROWS, stride)."""
     for b in chosen:
-        batch = BatchRays(rays.origin[b], rays.direction[b])
-        found = BatchHits(hits.t[b], hits.prim[b], hits.u[b], hits.v[b])
+        batch, found = _rays_of(rays, b, hits.prim[b]), _hits_of(hits, b)
         count = rays.count[b]
         reset_hits(found, 0, count)
         if ends:
@@ -99,9 +92,7 @@ def count_any(method, record, rays, blocked, chosen, tally):  # type: ignore[no-
     """Do as `trace_any`, one thread, and count."""
     for b in chosen:
         blocked[b, :] = 0
-        batch = BatchShadowRays(
-            rays.origin[b], rays.direction[b], rays.t_max[b], blocked[b]
-        )
+        batch = _shadow_rays_of(rays, b, blocked)
         call(method, record, (batch, rays.count[b], tally[b]))
 
 
@@ -111,7 +102,7 @@ class Query:
 
     kind: str  # one of RAY_KINDS
     rays: RayBatches
-    hits: BatchHits  # (batches, stride) each
+    hits: Hits  # (batches, stride) each
     blocked: NDArray[np.int32]  # (batches, stride)
 
     @property
@@ -124,8 +115,8 @@ def make_query(kind: str, rays: RayBatches) -> Query:
     """Return a query with room for its answers."""
     shape = rays.t_max.shape
     t, u, v = (np.zeros(shape, np.float32) for _ in range(3))
-    prim, blocked = (np.zeros(shape, np.int32) for _ in range(2))
-    return Query(kind, rays, BatchHits(t, prim, u, v), blocked)
+    prim, instance, blocked = (np.zeros(shape, np.int32) for _ in range(3))
+    return Query(kind, rays, Hits(t, prim, u, v, instance), blocked)
 
 
 def spread(batches: int, wanted: int) -> NDArray[np.int64]:
@@ -211,17 +202,17 @@ def tallied(
     # by its address: an entry that is given the choice compiles both ways
     ways, packed, rays = TRAVERSALS[type(accel)], pack(accel), query.rays
     given: tuple[Any, ...]
-    first = rays.origin[0], rays.direction[0]
     if kind.any_hit:
         kernel = ways.any_hit_coherent if together else ways.any_hit
-        batch = BatchShadowRays(*first, rays.t_max[0], query.blocked[0])
+        batch = _shadow_rays_of.py_func(rays, 0, query.blocked)
         given = (batch, 0, tally[0])
         method = compile_method(kernel, packed, *map(typeof, given))
         count_any(*method, rays, query.blocked, chosen, tally)
     else:
         kernel = ways.closest_hit_coherent if together else ways.closest_hit
-        found = BatchHits(*(row[0] for row in query.hits))
-        given = (BatchRays(*first), found, 0, 0, tally[0])
+        found = _hits_of.py_func(query.hits, 0)
+        batch = _rays_of.py_func(rays, 0, found.prim)
+        given = (batch, found, 0, 0, tally[0])
         method = compile_method(kernel, packed, *map(typeof, given))
         ends = query.kind == "shadow_nearest"
         count_closest(*method, rays, query.hits, ends, chosen, tally)
