@@ -111,7 +111,7 @@ def test_bands_give_each_row_once_and_no_sum_twice(border: int, rows: int) -> No
         assert not own[:, carried:].any()
         own[:] = by_rows[:, first : first + count]
         tiles = film.tiles[first * shape.columns :]
-        assert band.tiles == tiles[: count * shape.columns]
+        assert np.array_equal(band.tiles, tiles[: count * shape.columns])
         parts.append(band.develop(2))
         following = band.following()
         if following is None:

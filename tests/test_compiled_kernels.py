@@ -60,7 +60,7 @@ def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(around: Around) -> 
     Functions without a module are the loaders of parameters, written by a program.
     """
     names = {kernel.name for kernel in around.kernels}
-    assert {"render_paths", "reflect_light", "scatter_kind"} <= names
+    assert {"trace_paths", "reflect_light", "scatter_kind"} <= names
     for name in ("conductor", "dielectric"):
         added = rendered(name, around.cache)
         assert f"renderer.kinds.bsdfs.{name}" in {kernel.module for kernel in added}
@@ -84,7 +84,7 @@ def test_a_second_copy_of_the_sources_compiles_nothing(
     around: Around, tmp_path: Path
 ) -> None:
     """Kernels are known by what they are made of, not by where that lies."""
-    assert "render_paths" in {kernel.name for kernel in around.kernels}
+    assert "trace_paths" in {kernel.name for kernel in around.kernels}
     half_written = shutil.ignore_patterns("*.pyc.*")  # by processes of other tests
     package = Path(renderer.__file__).parent
     shutil.copytree(package, tmp_path / "renderer", ignore=half_written)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import renderer
+from renderer.rendering import finished_tiles
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.work import Work
@@ -68,20 +69,43 @@ def test_places_that_have_come_unequally_far_end_as_the_same_picture():
     assert np.array_equal(second.film.sums, whole.film.sums)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_tiles_that_are_developed_one_by_one_are_those_of_the_film(threads):
-    """On a crop window that begins and ends inside of tiles of the full film."""
+@pytest.fixture
+def plan_of_a_crop_window():
+    """It begins and ends inside of tiles of the full film: 20 tiles, 5 in a row."""
     text = (SCENES / "appel-teapot" / "scene.xml").read_text()
     crop = {"width": 150, "height": 110, "offset_x": 37, "offset_y": 21}
     lines = "".join(f'<integer name="crop_{k}" value="{v}"/>' for k, v in crop.items())
     text = text.replace('<rfilter type="box"/>', f'<rfilter type="box"/>{lines}')
     folder = SCENES / "appel-teapot"
     scene = renderer.load_string(text, base_dir=folder, width=300, height=200)
-    plan = make_plan(scene, spp=2, sampler="independent")
+    return scene, make_plan(scene, spp=2, sampler="independent")
+
+
+@pytest.mark.parametrize(("threads", "longest"), [(1, 1), (2, 1), (1, 3), (2, 8)])
+def test_tiles_that_are_developed_one_by_one_are_those_of_the_film(
+    threads, longest, plan_of_a_crop_window, monkeypatch
+):
+    """Or run by run, in a row that is no multiple of a run; stopped, and gone on."""
+    monkeypatch.setattr(finished_tiles, "RUNS_OF_A_THREAD", 1)
+    monkeypatch.setattr(finished_tiles, "MOST", longest)
     whole, by_tile = (
-        Rendering(scene, plan, accel="auto", seed=5, threads=threads) for _ in range(2)
+        Rendering(*plan_of_a_crop_window, accel="auto", seed=5, threads=threads)
+        for _ in range(2)
     )
     by_tile.keep_no_sums()
-    assert whole.run() and by_tile.run()
-    assert whole.develop().any() and not by_tile.film.sums.any()
+    runs = by_tile.finished.runs
+    assert max(end - first for first, end in runs) == min(longest, 5)
+    assert [tile for first, end in runs for tile in range(first, end)] == list(range(20))
+    assert whole.run() and whole.develop().any()
+    by_tile.finish_tiles(3, thread=0)
+    expected = np.zeros_like(whole.develop())
+    for number in range(*runs[3]):
+        tile = whole.film.tile(number)
+        x, y = tile.x - whole.film.x, tile.y - whole.film.y
+        part = np.s_[y : y + tile.height, x : x + tile.width]
+        expected[part] = whole.develop()[part]
+    assert np.array_equal(by_tile.develop(), expected)
+    assert by_tile.samples_done == 2 * by_tile.pixels_of_place[slice(*runs[3])].sum()
+    assert by_tile.run()
+    assert not by_tile.film.sums.any()
     assert np.array_equal(by_tile.develop(), whole.develop())

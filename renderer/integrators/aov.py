@@ -93,7 +93,7 @@ def _show(film: NDArray[Any], asked: Integrator) -> Shown:
 
 INTEGRATOR = IntegratorKind(
     "position, normals and other numbers of the first hit",
-    first_hit.render_first_hits,
+    first_hit.trace_first_hits,
     _decide,
     _read,
     channels=first_hit.CHANNELS,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.first_hit import CHANNELS, DEPTH, render_first_hits
+from renderer.integrators.first_hit import CHANNELS, DEPTH, trace_first_hits
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
@@ -30,7 +30,7 @@ def _show(film: NDArray[Any], asked: Integrator) -> Shown:
 
 INTEGRATOR = IntegratorKind(
     "the distance from the camera to the first hit",
-    render_first_hits,
+    trace_first_hits,
     _decide,
     _read,
     channels=CHANNELS,

@@ -12,15 +12,14 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
-from renderer.integrators.path import begin_bounce, decide_direct, render_paths
-from renderer.kernels.jit import entry_kernel, kernel
+from renderer.integrators.path import begin_bounce, decide_direct, trace_paths
+from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive
-from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.scatter import scatter
@@ -53,7 +52,7 @@ def _points(scene, work, count, samples):
     group_by_bsdf(scene, work, np.int64(KEPT), count)
 
 
-@kernel
+@method_kernel
 def trace_several(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
@@ -75,17 +74,6 @@ def trace_several(scene, tile, sample, work):
         reset_hits(hits, np.int64(0), found)
         intersect(scene.groups, rays, hits, np.int64(0), found, False, None)
         arrive(scene, work, np.int64(0), found, True)
-
-
-@entry_kernel
-def render_several(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
-    """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
-    open_sums(rfilter, sums, work.splats)
-    for sample in range(first_sample, end_sample):
-        clear(work.radiance)
-        trace_several(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
-    close_sums(rfilter, sums, work.splats)
 
 
 def _read(properties: Properties) -> Integrator:
@@ -120,10 +108,10 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 
 INTEGRATOR = IntegratorKind(
     "light that comes to a surface straight from a light source (Appel 1968)",
-    render_paths,
+    trace_paths,
     _decide,
     _read,
     sees_lights=True,
     scatters=True,
-    render_several=render_several,
+    trace_several=trace_several,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.kernels.jit import call, entry_kernel, kernel, method_kernel
+from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,
     lane,
@@ -32,7 +32,6 @@ from renderer.kinds.bsdfs.kind import (
 from renderer.kinds.sampling.arithmetic import to_local, to_world
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.derivatives import differentiate
-from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect
 from renderer.stages.materials import look_up_textures
 from renderer.stages.shading_frame import frame_at, load_constants, show_bsdf
@@ -165,7 +164,7 @@ def _shape_number(placements, hits, order, i, numbers, shape, mask):
     return select(copied, whole, number)
 
 
-@kernel
+@method_kernel
 def trace_first_hits(scene, tile, sample, work):
     """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
@@ -196,14 +195,3 @@ def trace_first_hits(scene, tile, sample, work):
         )
         _store(radiance, SHAPE_INDEX, slot, valid, to_f32(number))
     _show_bsdfs(scene, hits, work.order, points, found, radiance)
-
-
-@entry_kernel
-def render_first_hits(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
-    """Add samples first_sample .. end_sample - 1 of a tile's AOVs to `sums`."""
-    open_sums(rfilter, sums, work.splats)
-    for sample in range(first_sample, end_sample):
-        clear(work.radiance)
-        trace_first_hits(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
-    close_sums(rfilter, sums, work.splats)

@@ -65,7 +65,9 @@ class IntegratorKind:
     """All that the reader, the plan, the tables and the film have to know of one."""
 
     about: str  # for `--explain`
-    render: Any  # entry kernel: adds samples of a tile to the film's sums
+    # method kernel (scene, tile, sample, work): writes what one sample of each pixel of a
+    # tile sees to `work.radiance`, and where in the pixel it is to `work.film`
+    trace: Any
     # (case, say(topic, text)) -> Decision
     decide: Callable[[Case, Callable[[str, str], None]], Decision]
     # the plugin's own properties; None: no file can name it, `--integrator` alone
@@ -78,5 +80,5 @@ class IntegratorKind:
     splits: bool = False  # delta lobes are all followed, on a tree of rays
     first_hit: bool = False  # shows uv and albedo
     counts_work: bool = False
-    # entry kernel for several samples of lights or BSDF at a point; None: there are none
-    render_several: Any = None
+    # for several samples of lights or BSDF at a point; None: there are none
+    trace_several: Any = None

@@ -11,14 +11,13 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
-from renderer.kernels.jit import call, entry_kernel, kernel
+from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive
-from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.scatter import scatter
@@ -41,7 +40,7 @@ def begin_bounce(scene, tile, sample, work, count):
         )
 
 
-@kernel
+@method_kernel
 def trace_paths(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
@@ -70,17 +69,6 @@ def trace_paths(scene, tile, sample, work):
         reset_hits(hits, np.int64(0), count)
         intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
         bounce += 1
-
-
-@entry_kernel
-def render_paths(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
-    """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
-    open_sums(rfilter, sums, work.splats)
-    for sample in range(first_sample, end_sample):
-        clear(work.radiance)
-        trace_paths(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
-    close_sums(rfilter, sums, work.splats)
 
 
 def _read(properties: Properties) -> Integrator:
@@ -139,7 +127,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 
 INTEGRATOR = IntegratorKind(
     "light over many bounces, as the mean of random paths (Kajiya 1986)",
-    render_paths,
+    trace_paths,
     _decide,
     _read,
     described=("max_depth", "rr_depth"),

@@ -13,14 +13,13 @@ import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
 from renderer.integrators.path import decide_without_lights
-from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.jit import method_kernel
 from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 from renderer.stages.camera_rays import camera_rays
 from renderer.stages.direct_light import direct_light
 from renderer.stages.emission import arrive
-from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect, reset_hits
 from renderer.stages.materials import group_by_bsdf
 from renderer.stages.split import split
@@ -30,7 +29,7 @@ USUAL_DEPTH = 8  # where the file gives no limit: light caught in glass never le
 DEEPEST = 256  # each depth of a tree has waiting rays of its own: 130 KB
 
 
-@kernel
+@method_kernel
 def trace_ray_trees(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
@@ -57,17 +56,6 @@ def trace_ray_trees(scene, tile, sample, work):
         direct_light(scene, tile, sample, depth, work)
         waiting[depth + 1] = split(scene, work, (depth + 1) * REGION)
         depth += 1
-
-
-@entry_kernel
-def render_ray_trees(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
-    """Add samples first_sample .. end_sample - 1 of a tile to `sums`."""
-    open_sums(rfilter, sums, work.splats)
-    for sample in range(first_sample, end_sample):
-        clear(work.radiance)
-        trace_ray_trees(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
-    close_sums(rfilter, sums, work.splats)
 
 
 def _read(properties: Properties) -> Integrator:
@@ -104,7 +92,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 
 INTEGRATOR = IntegratorKind(
     "direct light, and a tree of rays through mirrors and glass (Whitted 1980)",
-    render_ray_trees,
+    trace_ray_trees,
     _decide,
     _read,
     described=("max_depth",),

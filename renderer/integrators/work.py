@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
-from renderer.kernels.jit import entry_kernel, kernel
+from renderer.kernels.jit import method_kernel
 from renderer.kernels.records.tally import ROWS
 from renderer.picture.heat_map import heat_map
 from renderer.scene_file.description import Integrator
 from renderer.stages.camera_rays import camera_rays
-from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.stages.intersect import intersect
 
 COLOURS = (
@@ -23,7 +22,7 @@ COLOURS = (
 )
 
 
-@kernel
+@method_kernel
 def trace_work(scene, tile, sample, work):
     """Write the counts of one camera ray for each pixel of a tile to `work.radiance`."""
     rays, tally = work.rays, work.tally
@@ -33,17 +32,6 @@ def trace_work(scene, tile, sample, work):
     for i in range(count):
         for row in range(ROWS):
             work.radiance[row, rays.slot[i]] = tally[row, i]
-
-
-@entry_kernel
-def render_work(scene, rfilter, tile, first_sample, end_sample, work, sums, border):
-    """Add the work of samples first_sample .. end_sample - 1 of a tile to `sums`."""
-    open_sums(rfilter, sums, work.splats)
-    for sample in range(first_sample, end_sample):
-        clear(work.radiance)
-        trace_work(scene, tile, sample, work)
-        add_to_tile(rfilter, tile, work.film, work.radiance, sums, work.splats, border)
-    close_sums(rfilter, sums, work.splats)
 
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
@@ -61,7 +49,7 @@ def _show(film: NDArray[Any], asked: Integrator) -> Shown:
 
 INTEGRATOR = IntegratorKind(
     "nodes, box tests and primitive tests of the search for the nearest hit",
-    render_work,
+    trace_work,
     _decide,
     channels=ROWS,  # of `work.radiance`: the tally's rows
     show=_show,

@@ -1,9 +1,10 @@
-"""A picture whose tiles are developed one by one, as soon as all their samples are there.
+"""A picture whose tiles are developed as soon as all their samples are there.
 
 Where nobody asks for the film's sums again, the sums of a tile need no memory that lasts:
-each thread has those of one tile, which stay in its cache. At 1920 x 1080 and one sample
-half of the time went into fetching 66 MB from the system and through memory twice
-(docs/performance.md, "Once a picture").
+each thread has those of the few tiles of a run, which stay in its cache. At 1920 x 1080 and
+one sample half of the time went into fetching 66 MB from the system and through memory
+twice, and a sixth into Python for each of 2040 tiles (docs/performance.md, "Once a
+picture").
 """
 
 from __future__ import annotations
@@ -13,42 +14,70 @@ from numpy.typing import NDArray
 
 from renderer.stages.film import Film, TileGrid, compiled_development
 
+MOST = 8  # tiles of a run: 256 KiB of sums of three channels and their weight
+RUNS_OF_A_THREAD = 16  # at least, so that threads end together
+
 
 class FinishedTiles:
-    """The picture of a film, tile by tile; its other pixels are black as yet.
+    """The picture of a film, a run of neighbouring tiles at a time.
 
     Parameters
     ----------
     film : Film
         That `has_separate_tiles`; its sums are left alone.
     threads : int
-        That call `sums` and `finish`, each with a number of its own.
+        That call `sums`, each with a number of its own.
+    longest : int
+        The most tiles of a run, for what their samples take.
+
+    Attributes
+    ----------
+    runs : list of (first, end)
+        The tiles of each run, which are neighbours in one row.
     """
 
-    def __init__(self, film: Film, threads: int) -> None:
+    def __init__(self, film: Film, threads: int, longest: int) -> None:
         self._film = film
-        _, rows, *size = film.sums.shape
-        self.picture = np.zeros((film.height, film.width, rows - 1), np.float32)
-        self._lines = self.picture.reshape(film.height, film.width * (rows - 1))
-        self._sums = [np.empty((rows, *size), film.sums.dtype) for _ in range(threads)]
+        tiles, channels, *size = film.sums.shape
+        # not zeros, which one thread would write while the others wait for it
+        self._picture = np.empty((film.height, film.width, channels - 1), np.float32)
+        self._lines = self._picture.reshape(film.height, film.width * (channels - 1))
+        columns = film.grid.columns
+        length = max(1, min(MOST, longest, columns, tiles // (RUNS_OF_A_THREAD * threads)))
+        self.runs = [
+            (first, min(first + length, row + columns))
+            for row in range(0, tiles, columns)
+            for first in range(row, row + columns, length)
+        ]
+        self._sums = [np.empty((length, channels, *size)) for _ in range(threads)]
         self._develop = compiled_development()
 
-    def sums(self, thread: int) -> NDArray[np.float64]:
-        """Return empty sums, to which a thread adds all samples of a tile."""
-        sums = self._sums[thread]
+    def sums(self, run: int, thread: int) -> NDArray[np.float64]:
+        """Return empty sums, to which a thread adds all samples of the tiles of a run."""
+        first, end = self.runs[run]
+        sums = self._sums[thread][: end - first]
         sums[...] = 0.0
         return sums
 
-    def finish(self, tile: int, thread: int) -> None:
-        """Write a tile of the picture from the thread's sums."""
-        sums, where = self._sums[thread], self._film.tiles[tile]
+    def develop(self, run: int, sums: NDArray[np.float64]) -> None:
+        """Write the tiles of a run to the picture."""
+        (first, end), film = self.runs[run], self._film
+        corner, last = film.tile(first), film.tile(end - 1)
         self._develop(
             sums.reshape(-1, sums.shape[-1]),
-            TileGrid(1, 1, 0, 0, 1),
+            TileGrid(1, end - first, 0, 0, 1),
             self._lines,
-            np.empty((len(sums), where.width)),
+            np.empty((sums.shape[1], last.x + last.width - corner.x)),
             0,
-            where.height,
-            where.x - self._film.x,
-            where.y - self._film.y,
+            corner.height,
+            corner.x - film.x,
+            corner.y - film.y,
         )
+
+    def picture(self, developed: NDArray[np.bool_]) -> NDArray[np.float32]:
+        """Return the picture (height, width, channels), black but for these tiles."""
+        for number in np.flatnonzero(~developed).tolist():
+            tile = self._film.tile(number)
+            x, y = tile.x - self._film.x, tile.y - self._film.y
+            self._picture[y : y + tile.height, x : x + tile.width] = 0.0
+        return self._picture

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
+from renderer.integrators.render_tiles import render_tiles
 from renderer.integrators.whitted import REGION
-from renderer.kernels.jit import Packed, compiled_for, pack
+from renderer.kernels.jit import Method, Packed, compiled_for, pack
 from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.kernels.records.tile import TILE_SIZE
@@ -24,6 +25,7 @@ from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.sitting import Progress, Sitting
 from renderer.rendering.tables.kernel_record import KernelInputs
+from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.variant import way_of
 from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
@@ -71,7 +73,7 @@ class Rendering:
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record
         kind = plan.kind
-        self._kernel = kind.render_several if plan.several else kind.render
+        self._trace = kind.trace_several if plan.several else kind.trace
         self.counted = kind.counts_work
         self.rfilter = filter_of(scene, plan)
         self._packed_filter = pack(self.rfilter)
@@ -91,11 +93,11 @@ class Rendering:
     def use_film(self, film: Film) -> None:
         """Begin anew, with another film of the same kind."""
         self.film = film
-        self._finished: FinishedTiles | None = None  # tiles that need no sums any more
+        self.finished: FinishedTiles | None = None  # tiles that need no sums any more
         self.work = Work(len(film.tiles), film.grid.layers, self._part)
         self.samples_of_place = np.zeros(self.work.places, np.int64)
-        pixels = [tile.width * tile.height for tile in film.tiles]
-        self.pixels = sum(pixels)
+        pixels = film.tiles[:, 2] * film.tiles[:, 3]
+        self.pixels = int(pixels.sum())
         self.pixels_of_place = np.tile(pixels, film.grid.layers)
         self.samples_in_all = self.pixels * self.plan.spp
 
@@ -107,7 +109,9 @@ class Rendering:
     @kernel_scene.setter
     def kernel_scene(self, record: KernelScene) -> None:
         self._record, self._packed_scene = record, pack(record)
-        self._compiled: Callable[..., None] | None = None  # for this type of record
+        # for this type of record: the integrator's `trace`, and what calls it
+        self._method: Method | None = None
+        self._compiled: Callable[..., None] | None = None
 
     @property
     def sampler(self) -> Packed:
@@ -134,24 +138,38 @@ class Rendering:
         begin = int(self.samples_of_place[place])
         if end <= begin:
             return
-        if self._finished is not None:
-            self.add_to(self._finished.sums(thread), place, begin, end, thread)
-            self._finished.finish(place, thread)
-        else:
-            self.add_to(self.film.sums[place], place, begin, end, thread)
+        self.add_to(self.film.sums[place], place, begin, end, thread)
         self.samples_of_place[place] = end
 
     def add_to(
         self, sums: NDArray[np.float64], place: int, begin: int, end: int, thread: int
     ) -> None:
         """Add samples begin .. end - 1 of a place to sums, the film's or such as these."""
+        tile = place % self.work.tiles
         for first_sample, end_sample in self.work.pieces(place, begin, end):
-            self._render(sums, place, first_sample, end_sample, thread)
+            self._render(
+                sums[None],
+                self.film.tiles[tile : tile + 1],
+                first_sample,
+                end_sample,
+                thread,
+            )
+
+    def finish_tiles(self, run: int, thread: int) -> None:
+        """Develop a run of the tiles that need no sums; nothing if they are developed."""
+        assert self.finished is not None
+        first, end = self.finished.runs[run]
+        spp = self.plan.spp
+        if self.samples_of_place[first] < spp:
+            sums = self.finished.sums(run, thread)
+            self._render(sums, self.film.tiles[first:end], 0, spp, thread)
+            self.finished.develop(run, sums)
+            self.samples_of_place[first:end] = spp
 
     def _render(
         self,
         sums: NDArray[np.float64],
-        place: int,
+        tiles: NDArray[np.int64],
         first_sample: int,
         end_sample: int,
         thread: int,
@@ -159,10 +177,13 @@ class Rendering:
         work = self._workspaces[thread]
         if work is None:
             work = self._workspaces[thread] = pack(self.make_workspace(self.channels))
+        if self._method is None:
+            types = TILE, INT, work.numba_type
+            self._method = method_of(self._trace, self._packed_scene, types)
         arguments = (
-            self._packed_scene,
+            *self._method,
             self._packed_filter,
-            self.film.tiles[place % self.work.tiles],
+            tiles,
             first_sample,
             end_sample,
             work,
@@ -170,8 +191,8 @@ class Rendering:
             self.border,
         )
         if self._compiled is None:
-            self._kernel(*arguments)
-            self._compiled = compiled_for(self._kernel, *arguments)
+            render_tiles(*arguments)
+            self._compiled = compiled_for(render_tiles, *arguments)
         else:
             self._compiled(*arguments)
 
@@ -183,7 +204,7 @@ class Rendering:
     def compile(self) -> float:
         """Compile what calls the methods, or load it; return the seconds it took."""
         start = time.perf_counter()
-        self._render(self.film.sums[0], 0, first_sample=0, end_sample=0, thread=0)
+        self._render(self.film.sums[:1], self.film.tiles[:1], 0, 0, thread=0)
         self.film.compile()
         return time.perf_counter() - start
 
@@ -232,14 +253,15 @@ class Rendering:
 
         Without a goal, a checkpoint or a team; what `film` holds is nothing then.
         """
-        if self.plan.spp <= self._part and self.film.has_separate_tiles:
+        spp = self.plan.spp
+        if spp <= self._part and self.film.has_separate_tiles:
             self.film.compile()
-            self._finished = FinishedTiles(self.film, self.threads)
+            self.finished = FinishedTiles(self.film, self.threads, self._part // spp)
 
     def develop(self) -> NDArray[np.float32]:
         """Return what `Film.develop` does, of the samples that there are."""
-        if self._finished is not None:
-            return self._finished.picture
+        if self.finished is not None:
+            return self.finished.picture(self.samples_of_place > 0)
         return self.film.develop(self.threads)
 
 

@@ -189,12 +189,15 @@ class Sitting:
 
         Places may have come unequally far.
         """
-        rendering, checkpoint = self._rendering, self._checkpoint
+        rendering = self._rendering
         places, part = rendering.work.places, rendering.work.part
         wanted = rendering.work.samples(end_sample)
         if self._team is not None:
             self._trace_by(self._team, wanted)
             return True
+        if rendering.finished is not None:
+            runs = len(rendering.finished.runs)
+            return self._work_off(Crew(rendering.threads, runs, rendering.finish_tiles))
         begun = rendering.samples_of_place // part
         missing = -(-wanted // part) - begun
         rounds = int(missing.max())
@@ -208,6 +211,11 @@ class Sitting:
             rendering.add_samples(place, int(end), thread)
 
         crew = Crew(rendering.threads, jobs, work, round_length=places)
+        return self._work_off(crew)
+
+    def _work_off(self, crew: Crew) -> bool:
+        """Let a crew do its jobs till a checkpoint is due; return true if all are done."""
+        checkpoint = self._checkpoint
         self._at_work = True
         try:
             crew.start()

@@ -302,8 +302,8 @@ class Film:
 
     Attributes
     ----------
-    tiles : list of Tile
-        Of the window and what lies beyond, row after row.
+    tiles : int64 (n, 5)
+        What a `Tile` says of each: of the window and what lies beyond, row after row.
     sums : float64 (layers * tiles, channels + 1, rows, columns)
         Of each tile with its border, layer after layer; the last channel is the weight.
         Memory is taken when a tile is first written to.
@@ -323,17 +323,19 @@ class Film:
     ) -> None:
         self.x, self.y, self.width, self.height = x, y, width, height
         right, below = x + width + beyond, y + height + beyond
-        rows = range(y - beyond, below, TILE_SIZE)
-        columns = range(x - beyond, right, TILE_SIZE)
-        self.tiles = [
-            Tile(i, j, min(TILE_SIZE, right - i), min(TILE_SIZE, below - j), film_width)
-            for j in rows
-            for i in columns
-        ]
+        rows = np.arange(y - beyond, below, TILE_SIZE)
+        columns = np.arange(x - beyond, right, TILE_SIZE)
+        i, j = np.tile(columns, len(rows)), np.repeat(rows, len(columns))
+        sizes = np.minimum(TILE_SIZE, right - i), np.minimum(TILE_SIZE, below - j)
+        self.tiles = np.stack(Tile(i, j, *sizes, np.full(len(i), film_width)), axis=1)
         layers = max(1, sums_in_all // len(self.tiles))
         self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
         size = TILE_SIZE + 2 * border
         self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
+
+    def tile(self, number: int) -> Tile:
+        """Return a tile by its place in `tiles`."""
+        return Tile(*self.tiles[number].tolist())
 
     @property
     def has_separate_tiles(self) -> bool:

@@ -194,14 +194,13 @@ DEFECTS = (
         "a sample's radiance is at most 10",
         (
             Edit(
-                "integrators/path.py",
-                "trace_paths(scene, tile, sample, work)\n        add_to_tile(",
-                "trace_paths(scene, tile, sample, work)\n"
-                "        for channel in range(3):\n"
-                "            for slot in range(work.radiance.shape[1]):\n"
-                "                shown = min(work.radiance[channel, slot], 10.0)\n"
-                "                work.radiance[channel, slot] = shown\n"
-                "        add_to_tile(",
+                "integrators/render_tiles.py",
+                "            add_to_tile(\n",
+                "            for channel in range(3):\n"
+                "                for slot in range(work.radiance.shape[1]):\n"
+                "                    shown = min(work.radiance[channel, slot], 10.0)\n"
+                "                    work.radiance[channel, slot] = shown\n"
+                "            add_to_tile(\n",
             ),
         ),
         scene="cornell-box",

@@ -129,8 +129,8 @@ class Job:
 
     def named(self, portion: Portion) -> str:
         """Return which tiles and samples a portion is, for messages."""
-        tiles = self.rendering.film.tiles
-        found = [tiles[place % len(tiles)] for place in portion.places]
+        film = self.rendering.film
+        found = [film.tile(place % len(film.tiles)) for place in portion.places]
         corners = ", ".join(f"({tile.x}, {tile.y})" for tile in found[:_NAMED])
         more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
         kind = "tile" if len(found) == 1 else "tiles"

@@ -13,7 +13,7 @@ from numba import typeof
 from numba.core import types
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import Packed, compile_method, pack, record_type
+from renderer.kernels.jit import Method, Packed, compile_method, pack, record_type
 from renderer.kernels.records.batch import Workspace, make_workspace
 from renderer.kernels.records.tile import Tile
 
@@ -40,13 +40,15 @@ def work_types() -> Any:
 _KNOWN: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
 
 
-def _address(kernel: Any, record: Packed, arguments: tuple[Any, ...], returns: Any) -> int:
-    """Return where a method's machine code is, compiled at the first call."""
+def method_of(
+    kernel: Any, record: Packed, arguments: tuple[Any, ...], returns: Any = NOTHING
+) -> Method:
+    """Return a method of a record, compiled when first asked for; see `compile_method`."""
     known = _KNOWN.setdefault(kernel, {})
     key = record.numba_type, arguments, returns
     if key not in known:
         known[key] = compile_method(kernel, record, *arguments, returns=returns).address
-    return known[key]
+    return Method(known[key], record.address)
 
 
 class MethodTables:
@@ -74,11 +76,11 @@ class MethodTables:
         started = time.perf_counter()
         table = np.zeros((len(rows), 1 + columns), np.int64)
         for k, (record, methods) in enumerate(rows):
-            for column, method in enumerate(methods, start=1):
-                if method is None or record is None:
+            for column, spec in enumerate(methods, start=1):
+                if spec is None or record is None:
                     continue
-                kernel, arguments, returns = method
-                table[k, 0] = record.address
-                table[k, column] = _address(kernel, record, arguments, returns)
+                kernel, arguments, returns = spec
+                method = method_of(kernel, record, arguments, returns)
+                table[k, [column, 0]] = method
         self.compile_seconds += time.perf_counter() - started
         return table
