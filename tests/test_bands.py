@@ -18,10 +18,10 @@ from renderer.errors import NotAllowed, SceneError
 from renderer.picture.exr_rows import ExrRows
 from renderer.picture.image import Image
 from renderer.rendering import memory_estimate, render_to_file
-from renderer.rendering.band import Band, FilmShape
+from renderer.rendering.film.band import Band, FilmShape
+from renderer.rendering.film.film import Film
 from renderer.rendering.memory_estimate import rows_at_once
 from renderer.rendering.sitting import Progress
-from renderer.stages.film import Film
 
 mi.set_variant("scalar_rgb")
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import renderer.stages.film
+import renderer.rendering.film.film
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.records.batch import CAPACITY, make_workspace
 from renderer.kernels.records.tile import TILE_SIZE, Tile
 from renderer.kinds.sampling.numbers_and_warps import Independent
+from renderer.rendering.film.film import Film
 from renderer.scene.reconstruction import lookup_weight, pixels_touched
 from renderer.scene_file.description import ReconstructionFilter
 from renderer.stages.draws import draw_film
 from renderer.stages.film import (
     BOX,
-    Film,
     add_to_tile,
     close_sums,
     filter_border,
@@ -225,7 +225,7 @@ def test_what_lies_beyond_the_window_is_dropped():
 @pytest.mark.parametrize(("beyond", "layers"), [(0, 1), (3, 1), (0, 3)])  # of 12 tiles
 def test_developing_adds_the_tiles_up(border, beyond, layers, threads, monkeypatch):
     """All that overlap at a pixel, also where samples were taken beyond the window."""
-    monkeypatch.setattr(renderer.stages.film, "ALONE", 0)
+    monkeypatch.setattr(renderer.rendering.film.film, "ALONE", 0)
     film = Film(3, 7, 9, 70, 99, border, FILM_WIDTH, beyond, 12 * layers)
     assert film.grid.layers == layers
     film.sums[:] = np.random.default_rng(border).random(film.sums.shape)

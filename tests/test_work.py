@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import renderer
-from renderer.rendering import finished_tiles
+from renderer.rendering.film import finished_tiles
+from renderer.rendering.film.work import Work
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.work import Work
 
 SCENES = Path(__file__).parent.parent / "scenes"
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import Accuracy, estimate
+from renderer.rendering.film.film import Film
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
-from renderer.stages.film import Film
 
 MOST_UNASKED = 1 << 20  # samples per pixel, unless somebody says how many
 OPEN_ENDED = ("independent",)  # samplers whose first n points do not depend on n

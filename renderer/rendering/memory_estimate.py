@@ -15,7 +15,7 @@ import numpy as np
 from renderer import memory
 from renderer.accelerators.choice import choose_structures
 from renderer.errors import NotAllowed
-from renderer.rendering.band import FilmShape
+from renderer.rendering.film.band import FilmShape
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import film_shape, workspace_of
 from renderer.scene.scene import Scene

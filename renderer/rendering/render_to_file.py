@@ -16,7 +16,7 @@ from renderer.names import REPLAY
 from renderer.picture.exr_rows import ExrRows
 from renderer.picture.image import Image
 from renderer.rendering.aovs import plans_of, with_picture
-from renderer.rendering.band import Band
+from renderer.rendering.film.band import Band
 from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.preparation import Options, build_rendering, checked

@@ -18,18 +18,19 @@ from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.kernels.records.tile import TILE_SIZE
 from renderer.rendering.accuracy import Accuracy
-from renderer.rendering.band import Band, FilmShape
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
-from renderer.rendering.finished_tiles import FinishedTiles
+from renderer.rendering.film.band import Band, FilmShape
+from renderer.rendering.film.film import Film
+from renderer.rendering.film.finished_tiles import FinishedTiles
+from renderer.rendering.film.work import Work
 from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.sitting import Progress, Sitting
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.variant import way_of
-from renderer.rendering.work import Work
 from renderer.scene.scene import Scene
-from renderer.stages.film import BOX, Film, FilterTable, filter_border, filter_table
+from renderer.stages.film import BOX, FilterTable, filter_border, filter_table
 
 if TYPE_CHECKING:  # needs Dask, an extra
     from renderer.rendering.cluster.team import Team

@@ -1,26 +1,19 @@
-"""The film: weighted sums of samples in double precision, per tile, then per picture.
-
-Each tile has sums of its own, with a border as wide as the filter, and samples are added to
-them in their order; they are put together at the end, in a fixed order too. So nothing
-depends on which thread was first, and threads share no memory that they write to.
-"""
+"""Samples into a tile's sums: weighted by the filter, in double precision, in order."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import compiled_for, entry_kernel, kernel
+from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import lane_index_4, select, to_double, to_f32
 from renderer.kernels.lanes.memory import load_four, load_one, store_one, store_row
 from renderer.kernels.records.batch import CAPACITY
-from renderer.kernels.records.tile import TILE_SIZE, Tile, slot_pixel
+from renderer.kernels.records.tile import slot_pixel
 from renderer.scene.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
-from renderer.threads import in_threads
 
 
 class FilterTable(NamedTuple):
@@ -179,190 +172,3 @@ def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
             px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5
             py = np.float64(load_one(film, 1, slot)) - tile.y + border - 0.5
             _add_one(rfilter, px, py, slot, radiance, sums, splats)
-
-
-ALONE = 2**17  # pixels that one thread develops while others would start
-
-
-class TileGrid(NamedTuple):
-    """How tiles lie over a window of the film."""
-
-    rows: int
-    columns: int
-    beyond: int  # pixels that the first tiles begin above and left of the window
-    border: int  # pixels that a tile's sums hold beyond it on all sides
-    layers: int  # how many sums each tile has
-
-
-@entry_kernel
-def _develop_rows(lines, grid, picture, totals, first, end, to_x, to_y):
-    """Write rows first .. end - 1 of sum(w v) / sum(w); 0 where there is no weight.
-
-    A row of the picture is added up line by line of the tiles, as they lie in memory: pixel
-    by pixel it took seven times as long.
-
-    Parameters
-    ----------
-    lines
-        (places * (channels + 1) * rows, columns) of all sums.
-    grid
-        How the tiles lie.
-    picture
-        (height, width * channels).
-    totals
-        (channels + 1, width of the window) to work in.
-    first, end
-        Rows of the window.
-    to_x, to_y
-        Where in the picture the window begins.
-    """
-    channels, width, size = totals.shape[0] - 1, totals.shape[1], lines.shape[1]
-    for y in range(first, end):
-        for c in range(channels + 1):
-            for x in range(width):
-                store_one(totals, c, x, 0.0)
-        row = y + grid.beyond
-        below = min((row + grid.border) // TILE_SIZE, grid.rows - 1)
-        above = max((row - grid.border) // TILE_SIZE, 0)  # its border ends here
-        for layer in range(grid.layers):
-            for j in range(above, below + 1):
-                for i in range(grid.columns):
-                    place = (layer * grid.rows + j) * grid.columns + i
-                    inside_y = row - j * TILE_SIZE + grid.border
-                    start = i * TILE_SIZE - grid.border - grid.beyond
-                    left, right = max(start, 0), min(start + size, width)
-                    for c in range(channels + 1):
-                        line = (place * (channels + 1) + c) * size + inside_y
-                        for x in range(left, right):
-                            more = load_one(lines, line, x - start)
-                            store_one(totals, c, x, load_one(totals, c, x) + more)
-        for x in range(width):
-            weight = load_one(totals, channels, x)
-            inverse = 1.0 / weight if weight != 0.0 else 0.0
-            for c in range(channels):
-                at = (to_x + x) * channels + c
-                store_one(picture, to_y + y, at, load_one(totals, c, x) * inverse)
-
-
-def develop_rows(
-    sums: NDArray[np.float64],
-    grid: TileGrid,
-    picture: NDArray[np.float32],
-    first: int,
-    end: int,
-) -> None:
-    """Write rows first .. end - 1 of a picture (height, width, channels).
-
-    Layers are added in their order, and where borders overlap, so are tiles.
-    """
-    height, width, channels = picture.shape
-    _develop_rows(
-        sums.reshape(-1, sums.shape[-1]),
-        grid,
-        picture.reshape(height, width * channels),
-        np.empty((channels + 1, width)),
-        first,
-        end,
-        0,
-        0,
-    )
-
-
-def compiled_development() -> Callable[..., None]:
-    """Return the kernel that develops, without Numba's look at each argument.
-
-    Its parameters are those of `_develop_rows`. A call of the kernel itself would take as
-    long as what it does for a tile.
-    """
-    nothing = np.empty((0, 0)), TileGrid(0, 0, 0, 0, 0), np.empty((0, 0), np.float32)
-    found: Callable[..., None] = compiled_for(
-        _develop_rows, *nothing, np.empty((0, 0)), 0, 0, 0, 0
-    )
-    return found
-
-
-class Film:
-    """The picture's sums, for the crop window: those of each tile in a place of its own.
-
-    Parameters
-    ----------
-    channels : int
-        Numbers for each pixel, without the weight.
-    x, y, width, height : int
-        The crop window in pixels of the full film.
-    border : int
-        From `filter_border`.
-    film_width : int
-        Of the full film, with what is sampled beyond it.
-    beyond : int
-        Pixels on all sides of the window that are sampled too.
-    sums_in_all : int
-        A film of fewer tiles has several sums for each, about so many together, so that
-        threads can work on one tile at the same time.
-
-    Attributes
-    ----------
-    tiles : int64 (n, 5)
-        What a `Tile` says of each: of the window and what lies beyond, row after row.
-    sums : float64 (layers * tiles, channels + 1, rows, columns)
-        Of each tile with its border, layer after layer; the last channel is the weight.
-        Memory is taken when a tile is first written to.
-    """
-
-    def __init__(
-        self,
-        channels: int,
-        x: int,
-        y: int,
-        width: int,
-        height: int,
-        border: int,
-        film_width: int,
-        beyond: int = 0,
-        sums_in_all: int = 1,
-    ) -> None:
-        self.x, self.y, self.width, self.height = x, y, width, height
-        right, below = x + width + beyond, y + height + beyond
-        rows = np.arange(y - beyond, below, TILE_SIZE)
-        columns = np.arange(x - beyond, right, TILE_SIZE)
-        i, j = np.tile(columns, len(rows)), np.repeat(rows, len(columns))
-        sizes = np.minimum(TILE_SIZE, right - i), np.minimum(TILE_SIZE, below - j)
-        self.tiles = np.stack(Tile(i, j, *sizes, np.full(len(i), film_width)), axis=1)
-        layers = max(1, sums_in_all // len(self.tiles))
-        self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
-        size = TILE_SIZE + 2 * border
-        self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
-
-    def tile(self, number: int) -> Tile:
-        """Return a tile by its place in `tiles`."""
-        return Tile(*self.tiles[number].tolist())
-
-    @property
-    def has_separate_tiles(self) -> bool:
-        """Whether each pixel of the window is a matter of one sum alone."""
-        grid = self.grid
-        return grid.border == grid.beyond == 0 and grid.layers == 1
-
-    def compile(self) -> None:
-        """Compile what `develop` calls, or load it."""
-        develop_rows(self.sums, self.grid, np.empty((0, 0, 1), np.float32), 0, 0)
-
-    def develop(
-        self, threads: int = 1, sums: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float32]:
-        """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight.
-
-        `sums` are others than the film's own, such as those of half of the samples.
-        """
-        sums = self.sums if sums is None else sums
-        picture = np.empty((self.height, self.width, self.sums.shape[1] - 1), np.float32)
-        bands = -(-self.height // TILE_SIZE)
-
-        def develop_band(band: int) -> None:
-            first = band * TILE_SIZE
-            end = min(first + TILE_SIZE, self.height)
-            develop_rows(sums, self.grid, picture, first, end)
-
-        alone = self.height * self.width < ALONE
-        in_threads(1 if alone else threads, bands, develop_band)
-        return picture

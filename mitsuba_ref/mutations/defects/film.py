@@ -210,7 +210,7 @@ DEFECTS = (
         "the film's sums are kept in float32",
         (
             Edit(
-                "stages/film.py",
+                "rendering/film/film.py",
                 "np.zeros((layers * len(self.tiles), channels + 1, size, size))",
                 "np.zeros((layers * len(self.tiles), channels + 1, size, size), 'f4')",
             ),

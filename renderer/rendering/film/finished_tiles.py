@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.stages.film import Film, TileGrid, compiled_development
+from renderer.rendering.film.film import Film
+from renderer.stages.develop import TileGrid, compiled_development
 
 MOST = 8  # tiles of a run: 256 KiB of sums of three channels and their weight
 RUNS_OF_A_THREAD = 16  # at least, so that threads end together

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.records.tile import TILE_SIZE
-from renderer.stages.film import Film, develop_rows
+from renderer.rendering.film.film import Film
+from renderer.stages.develop import develop_rows
 from renderer.threads import in_threads
 
 

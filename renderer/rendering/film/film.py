@@ -1,0 +1,105 @@
+"""The film: sums in double precision, per tile, then per picture.
+
+Each tile has sums of its own, with a border as wide as the filter, and samples are added to
+them in their order; they are put together at the end, in a fixed order too. So nothing
+depends on which thread was first, and threads share no memory that they write to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.records.tile import TILE_SIZE, Tile
+from renderer.stages.develop import TileGrid, develop_rows
+from renderer.threads import in_threads
+
+ALONE = 2**17  # pixels that one thread develops while others would start
+
+
+class Film:
+    """The picture's sums, for the crop window: those of each tile in a place of its own.
+
+    Parameters
+    ----------
+    channels : int
+        Numbers for each pixel, without the weight.
+    x, y, width, height : int
+        The crop window in pixels of the full film.
+    border : int
+        From `filter_border`.
+    film_width : int
+        Of the full film, with what is sampled beyond it.
+    beyond : int
+        Pixels on all sides of the window that are sampled too.
+    sums_in_all : int
+        A film of fewer tiles has several sums for each, about so many together, so that
+        threads can work on one tile at the same time.
+
+    Attributes
+    ----------
+    tiles : int64 (n, 5)
+        What a `Tile` says of each: of the window and what lies beyond, row after row.
+    sums : float64 (layers * tiles, channels + 1, rows, columns)
+        Of each tile with its border, layer after layer; the last channel is the weight.
+        Memory is taken when a tile is first written to.
+    """
+
+    def __init__(
+        self,
+        channels: int,
+        x: int,
+        y: int,
+        width: int,
+        height: int,
+        border: int,
+        film_width: int,
+        beyond: int = 0,
+        sums_in_all: int = 1,
+    ) -> None:
+        self.x, self.y, self.width, self.height = x, y, width, height
+        right, below = x + width + beyond, y + height + beyond
+        rows = np.arange(y - beyond, below, TILE_SIZE)
+        columns = np.arange(x - beyond, right, TILE_SIZE)
+        i, j = np.tile(columns, len(rows)), np.repeat(rows, len(columns))
+        widths, heights = np.minimum(TILE_SIZE, right - i), np.minimum(TILE_SIZE, below - j)
+        film_widths = np.full(len(i), film_width)
+        self.tiles = np.stack([i, j, widths, heights, film_widths], axis=1)
+        layers = max(1, sums_in_all // len(self.tiles))
+        self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
+        size = TILE_SIZE + 2 * border
+        self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
+
+    def tile(self, number: int) -> Tile:
+        """Return a tile by its place in `tiles`."""
+        return Tile(*self.tiles[number].tolist())
+
+    @property
+    def has_separate_tiles(self) -> bool:
+        """Whether each pixel of the window is a matter of one sum alone."""
+        grid = self.grid
+        return grid.border == grid.beyond == 0 and grid.layers == 1
+
+    def compile(self) -> None:
+        """Compile what `develop` calls, or load it."""
+        develop_rows(self.sums, self.grid, np.empty((0, 0, 1), np.float32), 0, 0)
+
+    def develop(
+        self, threads: int = 1, sums: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float32]:
+        """Return sum(w v) / sum(w), float32 (height, width, channels); 0 without weight.
+
+        `sums` are others than the film's own, such as those of half of the samples.
+        """
+        sums = self.sums if sums is None else sums
+        picture = np.empty((self.height, self.width, self.sums.shape[1] - 1), np.float32)
+        bands = -(-self.height // TILE_SIZE)
+
+        def develop_band(band: int) -> None:
+            first = band * TILE_SIZE
+            end = min(first + TILE_SIZE, self.height)
+            develop_rows(sums, self.grid, picture, first, end)
+
+        alone = self.height * self.width < ALONE
+        in_threads(1 if alone else threads, bands, develop_band)
+        return picture
