@@ -10,7 +10,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kernel_probes import Inputs
-from small_scenes import diffuse, floor, pixels, scene, sensor, sky, sphere, sun
+from small_scenes import (
+    diffuse,
+    floor,
+    glass,
+    mean_and_error,
+    pixels,
+    scene,
+    sensor,
+    sky,
+    sphere,
+    sun,
+)
 
 import renderer
 from renderer.kernels.records.kernel_scene import ENVIRONMENT, SAMPLE_LIGHT
@@ -107,3 +118,34 @@ def test_a_lobe_that_bsdf_samples_neglect_keeps_its_light_samples(rate):
     for around in (lambda bsdf: bsdf, lambda bsdf: {"type": "mask", "inside": bsdf}):
         _, plan = plan_of(floor() | {"bsdf": around(sheet)}, sky(SKY))
         assert plan.finds_sky
+
+
+HALF_HOLE = {"type": "mask", "opacity": 0.5, "inside": diffuse(0.8)}
+
+
+@pytest.mark.parametrize(
+    ("bsdf", "settings"),
+    [
+        (diffuse(0.8), {"hide_emitters": True}),
+        (HALF_HOLE, {}),
+        (HALF_HOLE, {"hide_emitters": True}),
+        (glass(), {}),
+    ],
+    ids=["hidden", "holes", "hidden behind holes", "glass"],
+)
+def test_it_is_as_bright_as_when_light_samples_find_it(bsdf, settings):
+    """The mean of a picture by both, with a lamp beside the sky.
+
+    100 pictures of 8 samples by each: at 5 standard errors of the difference a false alarm
+    has a chance of 2e-6 for each case and channel, and 2 % of the light would be seen.
+    """
+    ball = sphere(bsdf, center=(0, 0, 1), radius=0.7)
+    content = scene(CAMERA, "path", floor(), ball, sky(SKY), LAMP, **settings)
+    assert make_plan(renderer.load_dict(content)).finds_sky
+    found, asked = (
+        mean_and_error(content, seeds=100, spp=8, light_choice=choice)
+        for choice in ("importance", "uniform")
+    )
+    error = np.hypot(found[1], asked[1])
+    assert (np.abs(found[0] - asked[0]) < 5 * error).all()
+    assert (error < 4e-3 * asked[0]).all()
