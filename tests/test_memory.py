@@ -346,7 +346,7 @@ def test_a_render_that_does_not_fit_is_refused_with_what_needs_how_much(
     with pytest.raises(NotAllowed) as caught:
         renderer.render(scene, memory="4GiB")
     found = str(caught.value)
-    assert found.startswith("<string>: rendering takes about 25.9 GiB")
+    assert found.startswith("<string>: rendering takes about 25.8 GiB")
     assert "(the film's sums 17 GiB, the picture 8.94" in found
     assert "of the 4 GiB allowed 4 GiB are left; possible: a smaller film; " in found
     with pytest.raises(SceneError, match="sizes such as 4GiB"):

@@ -545,9 +545,9 @@ def test_ctrl_c_while_writing_waits_for_the_file(capsys, monkeypatch):
 
 
 def without_kernels(monkeypatch, value):
-    """Let each job take a moment and add `value(first sample)` to all sums of its tile."""
+    """Let each job take a moment and add `value(first sample)` to all sums of its tiles."""
 
-    def render(self, sums, place, first_sample, end_sample, thread):
+    def render(self, sums, tiles, first_sample, end_sample, thread):
         time.sleep(2e-4)
         sums += value(first_sample)
 

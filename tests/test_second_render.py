@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import pickle
 
 import numpy as np
@@ -106,13 +107,16 @@ def test_a_refusal_is_not_kept():
 
 
 def test_another_record_is_looked_at_anew():
-    """The kernel is called by the types of the record before, no longer than that."""
+    """The method is called with the address of the record before, no longer than that."""
     scene = room()
     rendering = Rendering(scene, make_plan(scene, spp=1), accel="auto", seed=0, threads=1)
     rendering.compile()
-    assert rendering._compiled is not None
-    rendering.kernel_scene = rendering.kernel_scene
-    assert rendering._compiled is None
+    record = rendering.kernel_scene
+    settings = record.settings._replace(max_depth=1)
+    rendering.kernel_scene = record._replace(settings=settings)
     assert rendering.run()
-    expected = np.asarray(renderer.render(scene, 1))
-    assert np.array_equal(rendering.film.develop(), expected)
+    plan = dataclasses.replace(rendering.plan, max_depth=1)
+    expected = Rendering(scene, plan, accel="auto", seed=0, threads=1)
+    assert expected.run()
+    assert np.array_equal(rendering.develop(), expected.develop())
+    assert not np.array_equal(rendering.develop(), np.asarray(renderer.render(scene, 1)))

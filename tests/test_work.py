@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -82,30 +83,69 @@ def plan_of_a_crop_window():
 
 
 @pytest.mark.parametrize(("threads", "longest"), [(1, 1), (2, 1), (1, 3), (2, 8)])
-def test_tiles_that_are_developed_one_by_one_are_those_of_the_film(
+def test_tiles_that_are_developed_at_once_are_those_of_the_film(
     threads, longest, plan_of_a_crop_window, monkeypatch
 ):
-    """Or run by run, in a row that is no multiple of a run; stopped, and gone on."""
-    monkeypatch.setattr(finished_tiles, "RUNS_OF_A_THREAD", 1)
-    monkeypatch.setattr(finished_tiles, "MOST", longest)
-    whole, by_tile = (
+    """Strip by strip, in a row that is no multiple of a strip; interrupted, and gone on."""
+    monkeypatch.setattr(finished_tiles, "STRIPS_OF_A_THREAD", 1)
+    monkeypatch.setattr(finished_tiles, "MOST_BYTES", longest * 4 * 32 * 32 * 8)
+    whole, at_once = (
         Rendering(*plan_of_a_crop_window, accel="auto", seed=5, threads=threads)
         for _ in range(2)
     )
-    by_tile.keep_no_sums()
-    runs = by_tile.finished.runs
-    assert max(end - first for first, end in runs) == min(longest, 5)
-    assert [tile for first, end in runs for tile in range(first, end)] == list(range(20))
     assert whole.run() and whole.develop().any()
-    by_tile.finish_tiles(3, thread=0)
+    at_once.keep_no_sums()
+    strips = at_once.without_sums.strips
+    assert max(end - first for first, end in strips) == min(longest, 5)
+    assert [k for first, end in strips for k in range(first, end)] == list(range(20))
+    finish, begun = Rendering.finish_tiles, []
+
+    def interrupted_finish(self, strip, thread):
+        finish(self, strip, thread)
+        begun.append(strip)
+        if len(begun) > 1:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as context:
+        context.setattr(Rendering, "finish_tiles", interrupted_finish)
+        assert not at_once.run()
+    done = at_once.samples_of_place > 0
+    assert 0 < done.sum() < 20
     expected = np.zeros_like(whole.develop())
-    for number in range(*runs[3]):
+    for number in np.flatnonzero(done):
         tile = whole.film.tile(number)
         x, y = tile.x - whole.film.x, tile.y - whole.film.y
         part = np.s_[y : y + tile.height, x : x + tile.width]
         expected[part] = whole.develop()[part]
-    assert np.array_equal(by_tile.develop(), expected)
-    assert by_tile.samples_done == 2 * by_tile.pixels_of_place[slice(*runs[3])].sum()
-    assert by_tile.run()
-    assert not by_tile.film.sums.any()
-    assert np.array_equal(by_tile.develop(), whole.develop())
+    assert np.array_equal(at_once.develop(), expected)
+    assert at_once.samples_done == 2 * at_once.pixels_of_place[done].sum()
+    assert at_once.run()
+    assert not at_once.film.sums.any()
+    assert np.array_equal(at_once.develop(), whole.develop())
+
+
+@pytest.mark.parametrize("method", ["path", "direct", "several", "whitted"])
+def test_black_samples_have_their_places_too(method):
+    """At depth 0, which traces nothing: the weights are those of depth 1, in each tile.
+
+    Through a filter, which asks where a sample is: at a place that was never written it
+    took memory for the film that was none.
+    """
+    film = {"type": "hdrfilm", "width": 40, "height": 70, "filter": {"type": "gaussian"}}
+    several = {"type": "direct", "shading_samples": 2}
+    content = {
+        "type": "scene",
+        "integrator": several if method == "several" else {"type": method},
+        "sensor": {"type": "perspective", "film": film},
+        "lamp": {"type": "sphere", "emitter": {"type": "area"}},
+    }
+    scene, sums = renderer.load_dict(content), []
+    plan = make_plan(scene, spp=3, sampler="independent")
+    for depth in (0, 1):
+        plan = dataclasses.replace(plan, max_depth=depth)
+        rendering = Rendering(scene, plan, accel="auto", seed=2, threads=1)
+        assert rendering.run()
+        sums.append(rendering.film.sums)
+    assert not sums[0][:, :-1].any()
+    assert np.array_equal(sums[0][:, -1], sums[1][:, -1])
+    assert (sums[0][:, -1] > 0).any(axis=(1, 2)).sum() >= 6

@@ -56,9 +56,9 @@ def _points(scene, work, count, samples):
 def trace_several(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
+    count = camera_rays(scene, tile, sample, work)
     if settings.max_depth < 1:
         return
-    count = camera_rays(scene, tile, sample, work)
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
     arrive(scene, work, np.int64(0), count, settings.hide_emitters == 0)
     if settings.max_depth < 2:

@@ -65,8 +65,9 @@ class IntegratorKind:
     """All that the reader, the plan, the tables and the film have to know of one."""
 
     about: str  # for `--explain`
-    # method kernel (scene, tile, sample, work): writes what one sample of each pixel of a
-    # tile sees to `work.radiance`, and where in the pixel it is to `work.film`
+    # method kernel (scene, tile, sample, work): adds what one sample of each pixel of a
+    # tile sees to `work.radiance`, zero before, and writes its place on the full film to
+    # `work.film`, always: the film looks for a sample's pixels there
     trace: Any
     # (case, say(topic, text)) -> Decision
     decide: Callable[[Case, Callable[[str, str], None]], Decision]
@@ -80,5 +81,5 @@ class IntegratorKind:
     splits: bool = False  # delta lobes are all followed, on a tree of rays
     first_hit: bool = False  # shows uv and albedo
     counts_work: bool = False
-    # for several samples of lights or BSDF at a point; None: there are none
+    # the same, for several samples of lights or BSDF at a point; None: there are none
     trace_several: Any = None

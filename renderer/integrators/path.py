@@ -44,9 +44,9 @@ def begin_bounce(scene, tile, sample, work, count):
 def trace_paths(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
+    count = camera_rays(scene, tile, sample, work)
     if settings.max_depth < 1:
         return
-    count = camera_rays(scene, tile, sample, work)
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
     transparent = settings.transparent != 0
     if transparent:

@@ -33,10 +33,10 @@ DEEPEST = 256  # each depth of a tree has waiting rays of its own: 130 KB
 def trace_ray_trees(scene, tile, sample, work):
     """Add one sample of each pixel of a tile to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
-    if settings.max_depth < 1:
-        return
     waiting = work.waiting
     waiting[0] = camera_rays(scene, tile, sample, work)
+    if settings.max_depth < 1:
+        return
     intersect(scene.camera_groups, rays, hits, np.int64(0), waiting[0], True, None)
     depth = np.int64(0)
     while depth >= 0:

@@ -41,7 +41,7 @@ _OF_STRUCTURE = {
 }
 _OF_GROUPS = 300  # trees of eight over all kinds together
 _OF_TABLES = 80  # for a primitive: lights, derivatives, copies without uv
-_OF_TILE = 500  # the Python objects
+_OF_TILE = 160  # a row of `Film.tiles`, counts, and copies while they are made
 _STREAM = 24  # for a pixel of a replay: the state of its random numbers
 _PARAMETERS = 64  # rows for a BSDF; the largest have 30
 # The machine code of the kernels, with the compiler that makes it the first time [bytes].

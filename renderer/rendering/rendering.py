@@ -35,7 +35,8 @@ from renderer.stages.film import BOX, FilterTable, filter_border, filter_table
 if TYPE_CHECKING:  # needs Dask, an extra
     from renderer.rendering.cluster.team import Team
 
-# One job of a thread: so many samples of a tile that it takes some 10 ms.
+# One job of a thread: so many samples of a tile, or of some together, that it takes
+# milliseconds.
 SAMPLES_PER_JOB = 16
 # Of a small film, for many threads; never of the threads, on which no bit may depend.
 SUMS_IN_ALL = 32
@@ -78,6 +79,7 @@ class Rendering:
         self.counted = kind.counts_work
         self.rfilter = filter_of(scene, plan)
         self._packed_filter = pack(self.rfilter)
+        self._compiled: Callable[..., None] | None = None  # what calls the method
         shape = film_shape(scene, plan)
         self.channels, self.border = shape.channels, shape.border
         asked = max(1, self.kernel_scene.lights.asked.size) if plan.every_light else 1
@@ -94,7 +96,7 @@ class Rendering:
     def use_film(self, film: Film) -> None:
         """Begin anew, with another film of the same kind."""
         self.film = film
-        self.finished: FinishedTiles | None = None  # tiles that need no sums any more
+        self.without_sums: FinishedTiles | None = None  # if tiles are developed at once
         self.work = Work(len(film.tiles), film.grid.layers, self._part)
         self.samples_of_place = np.zeros(self.work.places, np.int64)
         pixels = film.tiles[:, 2] * film.tiles[:, 3]
@@ -110,9 +112,7 @@ class Rendering:
     @kernel_scene.setter
     def kernel_scene(self, record: KernelScene) -> None:
         self._record, self._packed_scene = record, pack(record)
-        # for this type of record: the integrator's `trace`, and what calls it
-        self._method: Method | None = None
-        self._compiled: Callable[..., None] | None = None
+        self._method: Method | None = None  # holds this record's address
 
     @property
     def sampler(self) -> Packed:
@@ -136,6 +136,7 @@ class Rendering:
 
         Threads may be at different places at the same time, each with its own number.
         """
+        assert self.without_sums is None
         begin = int(self.samples_of_place[place])
         if end <= begin:
             return
@@ -156,15 +157,15 @@ class Rendering:
                 thread,
             )
 
-    def finish_tiles(self, run: int, thread: int) -> None:
-        """Develop a run of the tiles that need no sums; nothing if they are developed."""
-        assert self.finished is not None
-        first, end = self.finished.runs[run]
+    def finish_tiles(self, strip: int, thread: int) -> None:
+        """Trace and develop a strip of the tiles without sums; nothing if they are done."""
+        assert self.without_sums is not None
+        first, end = self.without_sums.strips[strip]
         spp = self.plan.spp
         if self.samples_of_place[first] < spp:
-            sums = self.finished.sums(run, thread)
+            sums = self.without_sums.sums(strip, thread)
             self._render(sums, self.film.tiles[first:end], 0, spp, thread)
-            self.finished.develop(run, sums)
+            self.without_sums.develop(strip, sums)
             self.samples_of_place[first:end] = spp
 
     def _render(
@@ -250,19 +251,21 @@ class Rendering:
         return Sitting(self, progress, goal, checkpoint, team).run()
 
     def keep_no_sums(self) -> None:
-        """Let `run` develop each tile when it has its samples, if that is in one job.
+        """Let `run` develop tiles when they have their samples, if that is in one job.
 
-        Without a goal, a checkpoint or a team; what `film` holds is nothing then.
+        Before the first sample, and without a goal, a checkpoint or a team; what `film`
+        holds is nothing then.
         """
+        assert not self.samples_of_place.any()
         spp = self.plan.spp
         if spp <= self._part and self.film.has_separate_tiles:
             self.film.compile()
-            self.finished = FinishedTiles(self.film, self.threads, self._part // spp)
+            self.without_sums = FinishedTiles(self.film, self.threads, self._part // spp)
 
     def develop(self) -> NDArray[np.float32]:
         """Return what `Film.develop` does, of the samples that there are."""
-        if self.finished is not None:
-            return self.finished.picture(self.samples_of_place > 0)
+        if self.without_sums is not None:
+            return self.without_sums.picture(self.samples_of_place > 0)
         return self.film.develop(self.threads)
 
 

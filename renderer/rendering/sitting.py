@@ -55,6 +55,7 @@ class Sitting:
     ) -> None:
         self._rendering, self._progress = rendering, progress
         self._checkpoint, self._team = checkpoint, team
+        assert rendering.without_sums is None or (goal, checkpoint, team) == (None,) * 3
         self._goal = None if rendering.plan.spp == 1 else goal
         self._halves = None if self._goal is None else Halves(rendering.film)
         rendering.has_goal = self._goal is not None
@@ -190,14 +191,14 @@ class Sitting:
         Places may have come unequally far.
         """
         rendering = self._rendering
+        if rendering.without_sums is not None:
+            strips = len(rendering.without_sums.strips)
+            return self._work_off(Crew(rendering.threads, strips, rendering.finish_tiles))
         places, part = rendering.work.places, rendering.work.part
         wanted = rendering.work.samples(end_sample)
         if self._team is not None:
             self._trace_by(self._team, wanted)
             return True
-        if rendering.finished is not None:
-            runs = len(rendering.finished.runs)
-            return self._work_off(Crew(rendering.threads, runs, rendering.finish_tiles))
         begun = rendering.samples_of_place // part
         missing = -(-wanted // part) - begun
         rounds = int(missing.max())

@@ -55,6 +55,12 @@ NEUTRAL_CHANGES = (
                 "            tiles = rendering.work.tiles\n"
                 "            place += tiles - 1 - 2 * (place % tiles)",
             ),
+            Edit(
+                "rendering/rendering.py",
+                "first, end = self.without_sums.strips[strip]",
+                "strip = len(self.without_sums.strips) - 1 - strip\n"
+                "        first, end = self.without_sums.strips[strip]",
+            ),
         ),
         scene="cornell-box",
         harmful=False,

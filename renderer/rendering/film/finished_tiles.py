@@ -1,7 +1,7 @@
 """A picture whose tiles are developed as soon as all their samples are there.
 
 Where nobody asks for the film's sums again, the sums of a tile need no memory that lasts:
-each thread has those of the few tiles of a run, which stay in its cache. At 1920 x 1080 and
+each thread has those of a strip's few tiles, which stay in its cache. At 1920 x 1080 and
 one sample half of the time went into fetching 66 MB from the system and through memory
 twice, and a sixth into Python for each of 2040 tiles (docs/performance.md, "Once a
 picture").
@@ -9,18 +9,20 @@ picture").
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.rendering.film.film import Film
 from renderer.stages.develop import TileGrid, compiled_development
 
-MOST = 8  # tiles of a run: 256 KiB of sums of three channels and their weight
-RUNS_OF_A_THREAD = 16  # at least, so that threads end together
+MOST_BYTES = 256 << 10  # of a strip's sums: eight tiles of three channels
+STRIPS_OF_A_THREAD = 16  # if there are so many tiles, so that threads end together
 
 
 class FinishedTiles:
-    """The picture of a film, a run of neighbouring tiles at a time.
+    """The picture of a film, a strip of neighbouring tiles at a time.
 
     Parameters
     ----------
@@ -29,12 +31,12 @@ class FinishedTiles:
     threads : int
         That call `sums`, each with a number of its own.
     longest : int
-        The most tiles of a run, for what their samples take.
+        The most tiles of a strip, for what their samples take.
 
     Attributes
     ----------
-    runs : list of (first, end)
-        The tiles of each run, which are neighbours in one row.
+    strips : list of (first, end)
+        The tiles of each strip, which are neighbours in one row.
     """
 
     def __init__(self, film: Film, threads: int, longest: int) -> None:
@@ -44,25 +46,28 @@ class FinishedTiles:
         self._picture = np.empty((film.height, film.width, channels - 1), np.float32)
         self._lines = self._picture.reshape(film.height, film.width * (channels - 1))
         columns = film.grid.columns
-        length = max(1, min(MOST, longest, columns, tiles // (RUNS_OF_A_THREAD * threads)))
-        self.runs = [
-            (first, min(first + length, row + columns))
+        fitting = MOST_BYTES // film.sums[0].nbytes
+        length = max(1, min(fitting, longest, tiles // (STRIPS_OF_A_THREAD * threads)))
+        parts = -(-columns // length)
+        cuts = [columns * part // parts for part in range(parts + 1)]
+        self.strips = [
+            (row + first, row + end)
             for row in range(0, tiles, columns)
-            for first in range(row, row + columns, length)
+            for first, end in itertools.pairwise(cuts)
         ]
         self._sums = [np.empty((length, channels, *size)) for _ in range(threads)]
         self._develop = compiled_development()
 
-    def sums(self, run: int, thread: int) -> NDArray[np.float64]:
-        """Return empty sums, to which a thread adds all samples of the tiles of a run."""
-        first, end = self.runs[run]
+    def sums(self, strip: int, thread: int) -> NDArray[np.float64]:
+        """Return empty sums, to which a thread adds all samples of the tiles of a strip."""
+        first, end = self.strips[strip]
         sums = self._sums[thread][: end - first]
         sums[...] = 0.0
         return sums
 
-    def develop(self, run: int, sums: NDArray[np.float64]) -> None:
-        """Write the tiles of a run to the picture."""
-        (first, end), film = self.runs[run], self._film
+    def develop(self, strip: int, sums: NDArray[np.float64]) -> None:
+        """Write the tiles of a strip to the picture."""
+        (first, end), film = self.strips[strip], self._film
         corner, last = film.tile(first), film.tile(end - 1)
         self._develop(
             sums.reshape(-1, sums.shape[-1]),
@@ -76,7 +81,10 @@ class FinishedTiles:
         )
 
     def picture(self, developed: NDArray[np.bool_]) -> NDArray[np.float32]:
-        """Return the picture (height, width, channels), black but for these tiles."""
+        """Return the picture (height, width, channels), black but for these tiles.
+
+        No thread may be at work.
+        """
         for number in np.flatnonzero(~developed).tolist():
             tile = self._film.tile(number)
             x, y = tile.x - self._film.x, tile.y - self._film.y

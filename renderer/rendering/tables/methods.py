@@ -81,6 +81,6 @@ class MethodTables:
                     continue
                 kernel, arguments, returns = spec
                 method = method_of(kernel, record, arguments, returns)
-                table[k, [column, 0]] = method
+                table[k, column], table[k, 0] = method.address, method.record
         self.compile_seconds += time.perf_counter() - started
         return table
