@@ -102,6 +102,7 @@ LIES = {
     "zip.exr": lambda path: exr(path, "ZIP", 16000),
     "plain.exr": lambda path: exr(path, "NO", 16000),
     "sky.hdr": lambda path: b"#?RADIANCE\n\n-Y 16000 +X 16000\n" + bytes(500),
+    "sky.pfm": lambda path: b"PF\n16000 16000\n-1\n" + bytes(500),
     "grid.vol": lambda path: (
         struct.pack("<3sB5i6f", b"VOL", 3, 1, *(1000,) * 3, 1, *(0,) * 6) + bytes(500)
     ),
