@@ -23,10 +23,11 @@ _DECLARATION = re.compile(r"(\s*)<\?xml\s.*?\?>", re.DOTALL)
 _ENCODING = re.compile(
     rb"\s*<\?xml\s[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._:-]{1,40})[\"']"
 )
-# Whole tags too, so that a comment is found only where one can begin.
+# Whole tags too, so that a comment is found only where one can begin; what does not end
+# takes the rest of the file, which would otherwise be searched again at each `<`.
 _COMMENT = (
     r"(?P<comment><!--.*?-->)|<!\[CDATA\[.*?\]\]>|<\?.*?\?>"
-    r"|<[^!?](?:[^\"'>]|\"[^\"]*\"|'[^']*')*>"
+    r"|<[^!?](?:[^\"'>]|\"[^\"]*\"|'[^']*')*>|<(?:!--|!\[CDATA\[|[^!]).*"
 )
 _TEXT_COMMENT = re.compile(_COMMENT, re.DOTALL)
 _BYTE_COMMENT = re.compile(_COMMENT.encode(), re.DOTALL)
