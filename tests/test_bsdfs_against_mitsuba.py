@@ -41,7 +41,7 @@ SETS: dict[str, dict[str, Any]] = {
     "roughconductor gold": GOLD | {"alpha": 0.3, "specular_reflectance": PALE},
     "roughconductor ggx": GOLD | GGX | {"alpha": 0.3},
     "roughconductor eta k": {"type": "roughconductor", "alpha": 1.2, **GGX}
-    | {"eta": rgb(0.2, 0.9, 1.1), "k": rgb(3.9, 2.4, 2.1)},
+    | {"eta": rgb(-0.2, 0.9, 1.1), "k": rgb(3.9, 2.4, -2.1)},
     "roughconductor ggx uv": GOLD | GGX | ALONG_V,
     "roughconductor uv": GOLD | ALONG_V,
     "roughconductor all": GOLD | ALL | {"alpha": 0.3},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from renderer import scene_file
@@ -18,6 +19,7 @@ TEXTURE = (
 USES = {  # what a file is read for
     "textures/rgb.bmp": TEXTURE,
     "textures/rgb.hdr": TEXTURE,
+    "four_by_three.pfm": TEXTURE,
     "textures/rgb.jpg": TEXTURE,
     "textures/rgba.png": TEXTURE,
     "textures/grey_16.png": TEXTURE,
@@ -55,6 +57,8 @@ def damaged(content: bytes) -> list[bytes]:
 def test_a_damaged_file_gives_a_scene_or_one_sentence(tmp_path: Path, name: str) -> None:
     if name.endswith(".spd"):
         content = b"# sampled\n400 0.1\n500 0.3\n600 0.4\n700 .2\n"
+    elif name.endswith(".pfm"):
+        content = b"PF\n4 3\n-1.0\n" + np.linspace(0, 9, 36, dtype="<f4").tobytes()
     else:
         content = (PLUGINS / name).read_bytes()
     path = tmp_path / Path(name).name

@@ -102,6 +102,7 @@ LIES = {
     "zip.exr": lambda path: exr(path, "ZIP", 16000),
     "plain.exr": lambda path: exr(path, "NO", 16000),
     "sky.hdr": lambda path: b"#?RADIANCE\n\n-Y 16000 +X 16000\n" + bytes(500),
+    "sky.pfm": lambda path: b"PF\n16000 16000\n-1\n" + bytes(500),
     "grid.vol": lambda path: (
         struct.pack("<3sB5i6f", b"VOL", 3, 1, *(1000,) * 3, 1, *(0,) * 6) + bytes(500)
     ),
@@ -342,12 +343,13 @@ def test_a_render_that_does_not_fit_is_refused_with_what_needs_how_much(
     files: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(memory, "resident", lambda: 0)
+    monkeypatch.setattr(memory_estimate, "_loaded", True)  # whoever was first
     scene = renderer.load_string(BOX.format(integrator="", side=20000), base_dir=files)
     with pytest.raises(NotAllowed) as caught:
         renderer.render(scene, memory="4GiB")
     found = str(caught.value)
     assert found.startswith("<string>: rendering takes about 25.8 GiB")
-    assert "(the film's sums 17 GiB, the picture 8.94" in found
+    assert "(the film's sums 16.9 GiB, the picture 8.94" in found
     assert "of the 4 GiB allowed 4 GiB are left; possible: a smaller film; " in found
     with pytest.raises(SceneError, match="sizes such as 4GiB"):
         renderer.render(scene, memory="much")

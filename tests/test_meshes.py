@@ -11,6 +11,7 @@ import pytest
 
 mi.set_variant("scalar_rgb")
 
+import renderer  # noqa: E402
 from renderer.errors import SceneError  # noqa: E402
 from renderer.scene_file.description import Diffuse, Location, Mesh  # noqa: E402
 from renderer.scene_file.meshes.cube import cube_mesh  # noqa: E402
@@ -522,11 +523,34 @@ def test_transforms_that_leave_no_mesh(to_world: np.ndarray, message: str):
     assert str(caught.value).startswith(message)
 
 
-def test_a_mesh_of_degenerate_triangles_alone_is_an_error(tmp_path: Path):
+def test_a_mesh_of_degenerate_triangles_alone_is_not_seen_and_cannot_shine(tmp_path: Path):
+    """Mitsuba takes such a mesh as well, and no more as a light."""
     path = tmp_path / "mesh.obj"
     path.write_text(POINTS + "f 1 2 2\nf 1 1 1\n")
+    mesh = build(read_obj(path))
+    assert len(mesh.faces) == len(mesh.face_ids) == 0
+    lines = '<shape type="obj"><string name="filename" value="mesh.obj"/>{}</shape>'
+    film = (
+        '<film type="hdrfilm"><integer name="width" value="4"/>'
+        '<integer name="height" value="4"/></film>'
+    )
+    text = (
+        f'<scene version="3.0.0"><sensor type="perspective">{film}</sensor>'
+        f'<emitter type="constant"/>{lines.format("")}<shape type="shapegroup" id="g">'
+        f'{lines.format("")}<shape type="sphere"/></shape><shape type="instance">'
+        '<ref id="g"/><transform name="to_world"><translate z="-9"/></transform></shape>'
+        "</scene>"
+    )
+    scene = renderer.load_string(text, base_dir=tmp_path)
+    np.testing.assert_array_equal(renderer.render(scene, spp=1).pixels, 1.0)
+    shining = text.replace("</shape>", '<emitter type="area"/></shape>', 1)
     with pytest.raises(SceneError, match=r"all 2 triangles of .* are degenerate"):
-        build(read_obj(path))
+        renderer.load_string(shining, base_dir=tmp_path)
+    with pytest.raises(SceneError, match='all triangles in shape "shapegroup" are degen'):
+        renderer.load_string(text.replace('<shape type="sphere"/>', ""), base_dir=tmp_path)
+    mi.load_string(text.replace("mesh.obj", str(path)))
+    with pytest.raises(RuntimeError, match="no probability mass"):
+        mi.load_string(shining.replace("mesh.obj", str(path)))
 
 
 def truncations(content: bytes) -> list[bytes]:
@@ -581,9 +605,8 @@ def test_every_flipped_byte_is_an_error_or_a_valid_mesh(tmp_path: Path, form: st
 
 
 def assert_valid(mesh: Mesh) -> None:
-    assert len(mesh.faces) > 0
-    assert mesh.faces.min() >= 0
-    assert mesh.faces.max() < len(mesh.vertices)
+    assert mesh.faces.min(initial=0) >= 0  # degenerate ones may have been all
+    assert mesh.faces.max(initial=-1) < len(mesh.vertices)
     assert np.isfinite(mesh.vertices).all()
     assert mesh.normals is None or np.isfinite(mesh.normals).all()
     assert mesh.uvs is None or np.isfinite(mesh.uvs).all()

@@ -5,6 +5,7 @@ import pytest
 from scene_file_samples import SENSOR, error_of, ours, scene_text
 
 import renderer
+from mitsuba_ref.reference.edited_scene import PATH_INSTEAD, load_edited_scene
 from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.scene_file.description import NOWHERE
@@ -96,3 +97,17 @@ def test_they_are_not_where_their_shadow_rays_see_through_something(plugin):
         Element("integrator", "volpath", NOWHERE), scene, Reading([])
     )
     assert f'not supported where volpath meets bsdf "{plugin}"' in asked.refusal
+
+
+def test_a_file_without_an_integrator_is_compared_by_path(tmp_path):
+    """Mitsuba reads it and does not render it; the reference gets our default."""
+    path = tmp_path / "scene.xml"
+    path.write_text(text_with(""))
+    edited = load_edited_scene(path, {}, fixed_blocks=True)
+    assert edited.integrator == "path"
+    assert PATH_INSTEAD in edited.changes
+    assert "PathIntegrator" in str(edited.scene.integrator())
+    path.write_text(text_with('<integrator type="direct"/>'))
+    edited = load_edited_scene(path, {}, fixed_blocks=True)
+    assert edited.integrator == "direct"
+    assert PATH_INSTEAD not in edited.changes

@@ -174,8 +174,8 @@ def test_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
         ),
         (
             "conductor",
-            '<rgb name="eta" value="-1"/>',
-            "an index of refraction of at least 0",
+            '<rgb name="eta" value="-2e9"/>',
+            "an index of refraction from -1e9 to 1e9",
         ),
     ],
 )
@@ -184,11 +184,23 @@ def test_bsdfs_that_only_we_refuse(plugin: str, content: str, message: str) -> N
     assert message in error_of(SHAPE.format(plugin, content))
 
 
-def test_negative_index_of_refraction_through_a_twosided_reference_names_its_own_line() -> (
-    None
-):
+def test_negative_indices_of_metals_are_taken_and_told() -> None:
+    """Converters write them for colours outside of sRGB; the equations square them."""
+    content = '<rgb name="{}" value="-0.05 4.1 4.7"/><rgb name="{}" value="0.02 0.09 1.3"/>'
+    for names in (("eta", "k"), ("k", "eta")):
+        mine, reference = both("roughconductor", content.format(*names))
+        assert getattr(mine, names[0]).rgb == (-0.05, 4.1, 4.7)
+        assert parameter(reference, f"{names[0]}.value") == pytest.approx((-0.05, 4.1, 4.7))
+        (warning,) = ours(SHAPE.format("conductor", content.format(*names))).warnings
+        assert warning == (
+            f'<string>:3: bsdf "conductor", property "{names[0]}": (-0.05, 4.1, 4.7) is '
+            "below 0; Fresnel's equations take its square, as in Mitsuba"
+        )
+
+
+def test_index_too_large_through_a_twosided_reference_names_its_own_line() -> None:
     content = (
-        '<bsdf type="conductor" id="m">\n<rgb name="k" value="-1"/></bsdf>\n'
+        '<bsdf type="conductor" id="m">\n<rgb name="k" value="-1e10"/></bsdf>\n'
         '<shape type="sphere"><bsdf type="twosided"><ref id="m"/></bsdf></shape>'
     )
     assert error_of(content).startswith('<string>:3: bsdf "conductor", property "k"')

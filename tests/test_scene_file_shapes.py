@@ -168,6 +168,12 @@ def test_properties_without_effect_are_taken() -> None:
             '"no.ply" not found; looked in: ',
         ),
         (
+            "obj",
+            '<string name="filename" value="/a/long/way/to/a/model/that/somebody/has/on/'
+            'another/machine/no.obj"/>',
+            '/another/machine/no.obj" not found; looked in: ',
+        ),
+        (
             "sphere",
             '<boolean name="face_normals" value="true"/>',
             "supported: <bsdf>, <emitter>",

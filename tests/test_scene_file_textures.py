@@ -492,6 +492,43 @@ def test_a_radiance_picture_by_hand(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_image(tmp_path / "three.hdr")[0], expected)
 
 
+@pytest.mark.parametrize(
+    ("header", "kind", "channels"),
+    [
+        (b"PF\n5 4\n-1.0\n", "<f4", 3),
+        (b"PF\n5 4\n1\n", ">f4", 3),
+        (b"PF 5 4 -2.50e+00 ", "<f4", 3),
+        (b"Pf\n5 4\n-1\n", "<f4", 1),
+    ],
+)
+def test_float_maps_are_those_of_mitsuba(
+    tmp_path: Path, header: bytes, kind: str, channels: int
+) -> None:
+    """Either order of bytes, a factor, one channel or three."""
+    path = tmp_path / "map.pfm"
+    path.write_bytes(header + FLOATS[..., :channels].astype(kind).tobytes())
+    expected = np.array(mi.Bitmap(str(path))).reshape(HEIGHT, WIDTH, channels)
+    np.testing.assert_array_equal(read_texels(path).texels, expected)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"PF\n5 4\n", "damaged PFM file: expected PF or Pf, width, height and a factor"),
+        (b"PF\n5 4\n0.0\n" + bytes(240), "the factor is 0.0; expected a number other"),
+        (b"PF\n5 4\n1.2.3\n" + bytes(240), "the factor is 1.2.3; expected a number other"),
+        (b"PF\n5 4\n-1\n" + bytes(239), "damaged PFM file: 239 bytes for 5 x 4 pixels"),
+        (b"PF\n0 4\n-1\n", "0 x 4 pixels; expected at least 1"),
+        (b"Pf\n1 1\n-1\n\0\0\xc0\xff", "NaN or infinite pixels"),
+    ],
+)
+def test_broken_float_maps(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "bad.pfm").write_bytes(content)
+    found = error_of(bitmap("bad.pfm"), folder=tmp_path)
+    assert found.startswith('<string>:3: texture "bitmap": ')
+    assert message in found
+
+
 def test_images_that_are_not_supported(images: Path, tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("not an image")
     Image.fromarray(BYTES[..., :3]).convert("CMYK").save(tmp_path / "cmyk.jpg")
@@ -499,8 +536,8 @@ def test_images_that_are_not_supported(images: Path, tmp_path: Path) -> None:
     write_png(tmp_path / "interlaced.png", RNG.integers(0, 9, (4, 4, 3)), interlaced=True)
     write_exr(tmp_path / "depth.exr", Z=FLOATS[..., 0])
     for name, message in (
-        ("text.png", "neither PNG, JPEG, BMP, TGA, EXR nor HDR"),
-        ("rgb.gif", "neither PNG, JPEG, BMP, TGA, EXR nor HDR"),
+        ("text.png", "no image of a format that is read: PNG, JPEG, BMP, TGA, EXR"),
+        ("rgb.gif", "no image of a format that is read: PNG, JPEG, BMP, TGA, EXR"),
         ("cmyk.jpg", "images of mode CMYK are not supported; supported: grey"),
         ("interlaced.png", "interlaced 16-bit PNG is not supported"),
         ("depth.exr", "the EXR file has the channels Z; expected R, G, B or Y or X, Y, Z"),

@@ -277,6 +277,73 @@ def test_entities_and_doctype_are_refused(document: str) -> None:
         scene_file.read_string(document)
 
 
+DOCUMENT = '<scene version="3.0.0">{}\n' + SENSOR + '<shape type="sphere"/>{}</scene>'
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        DOCUMENT.format("<!-- a -- b --->", "<!------>").encode(),
+        DOCUMENT.format("<!-- caf\xe9 \x01 -->", "").encode("latin-1"),
+        b'\n <?xml version="1.0"?>' + DOCUMENT.format("", "").encode(),
+        b'<?xml version="1.0" encoding="us-ascii"?>'
+        + DOCUMENT.format("<!-- caf\xe9 -->", "").encode(),
+        b'<?xml version="1.0" encoding="gb2312"?>'
+        + DOCUMENT.format("<!-- \u4f60 -->", "").encode("gb2312"),
+        DOCUMENT.format("", '<bsdf type="diffuse" id="a & b &c &#38; &lt;"/>').encode(),
+        DOCUMENT.format("", "").encode("utf-16"),
+        DOCUMENT.format("", "").encode("utf-16-le"),
+        DOCUMENT.format("", "").encode("utf-8-sig"),
+    ],
+    ids=[
+        *("dashes", "latin comment", "blank line", "not ascii", "chinese", "ampersands"),
+        *("utf-16", "utf-16 without a mark", "utf-8 with a mark"),
+    ],
+)
+def test_what_the_standard_forbids_and_mitsuba_takes(
+    tmp_path: Path, content: bytes
+) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_bytes(content)
+    assert len(mi.load_file(str(path)).shapes()) == 1
+    found = scene_file.read_file(path)
+    assert len(found.shapes) == 1
+    lines = content.count(b"\n") + 1
+    assert found.shapes[0].location.line == lines
+
+
+def test_comments_are_found_only_where_they_can_begin() -> None:
+    """In a value and in CDATA the same characters are text; other quotes too."""
+    name = "it's <!-- no comment"
+    content = (
+        f"<!-- \"one' --><![CDATA[<!-- two -->]]>it's\n"
+        f'<shape type="sphere" id="{name.replace("<", "&lt;")} -->"/><!-- "three -->'
+    )
+    (shape,) = ours(content).shapes
+    assert (shape.id, shape.location.line) == (f"{name} -->", 3)
+    assert "not well-formed" in error_of(f'<shape type="sphere" id="{name} -->"/>')
+
+
+@pytest.mark.parametrize(
+    ("encoding", "found"),
+    [
+        ("utf-7", "the encoding utf-7 is not supported"),  # markup that is none in ASCII
+        ("raw_unicode_escape", "the encoding raw_unicode_escape is not supported"),
+        ("cp037", "the encoding cp037 is not supported"),
+        ("rot13", "the encoding rot13 is not supported"),
+        ("klingon", "unknown encoding: klingon"),
+        ("utf-8", "'utf-8' codec can't decode byte 0xe9"),
+    ],
+)
+def test_encodings_that_are_refused(tmp_path: Path, encoding: str, found: str) -> None:
+    path = tmp_path / "scene.xml"
+    declaration = f'<?xml version="1.0" encoding="{encoding}"?>'.encode()
+    path.write_bytes(declaration + b'<scene version="3.0.0" id="\xe9"/>')
+    with pytest.raises(SceneError) as error:
+        scene_file.read_file(path)
+    assert str(error.value).startswith(f"{path}:1: cannot decode the XML file: {found}")
+
+
 @pytest.mark.parametrize(
     ("document", "message"),
     [

@@ -52,6 +52,20 @@ def test_agreeing_paths_are_status_0(capsys):
     assert "first" not in output and "…" not in output
 
 
+def test_a_blocked_light_is_told_from_one_that_is_seen(pair):
+    """At the floor of the box, between the blocks, and where paths go on from there."""
+    said = []
+    for x in range(0, 12, 2):
+        mine, other = pair.trace((x, 9), 0)
+        said += [
+            (ours.blocked, theirs.blocked)
+            for here, there in zip(mine.bounces, other.bounces, strict=True)
+            for ours, theirs in zip(here.lights, there.lights, strict=True)
+        ]
+    assert all(ours == theirs for ours, theirs in said)
+    assert {True, False} <= {ours for ours, _ in said}
+
+
 def inject(monkeypatch, defect) -> None:
     """Let the kernels' path of each sample, moved or not, have a defect."""
     real = StepByStep._trace

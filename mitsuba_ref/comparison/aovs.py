@@ -71,10 +71,12 @@ def _compare_values(
     compared = (reference["depth"][..., 0] > 0.0) & ~edge
     errors = _errors(kind, ours, reference)
     tied = 0.0
-    if kind == "albedo":
-        ties = (
-            compared & (errors > tolerance) & _like_a_neighbour(ours, reference, tolerance)
-        )
+    if kind in ("albedo", "uv"):
+        ties = compared & (errors > tolerance)
+        if kind == "albedo":
+            ties &= _like_a_neighbour(ours, reference, tolerance)
+        else:  # each triangle of a square may have texture coordinates of its own
+            ties &= _on_a_shared_edge("prim_index", ours, reference)
         tied = float(ties.sum()) / max(1, int(compared.sum()))
         compared &= ~ties
         meaning += _about_ties(tied)
@@ -110,14 +112,7 @@ def _compare_indices(
     a, b = ours[kind][..., 0], reference[kind][..., 0]
     compared = ~edge
     differs = (a != b) & compared
-    # At a tie both hit the same point, and our primitive is a neighbour's in the reference.
-    same_point = np.zeros(a.shape, dtype=bool)  # without positions no tie is excused
-    if "position" in ours:
-        same_point = _errors("position", ours, reference) <= TOLERANCES["position"][0]
-    among = np.zeros(a.shape, dtype=bool)
-    for neighbour in _neighbours(b):
-        among |= neighbour == a
-    ties = differs & same_point & among
+    ties = compared & _on_a_shared_edge(kind, ours, reference)
     count = max(1, int(compared.sum()))
     unexplained = int((differs & ~ties).sum()) / count
     tied = int(ties.sum()) / count
@@ -126,6 +121,20 @@ def _compare_indices(
     return AovResult(
         kind, unexplained, MISMATCHES, passed, meaning, int(compared.sum()), int(edge.sum())
     )
+
+
+def _on_a_shared_edge(
+    kind: str, ours: Mapping[str, Array], reference: Mapping[str, Array]
+) -> Mask:
+    """Return where both hit one point, and our primitive is a neighbour's in theirs."""
+    if "position" not in ours or kind not in ours:  # without them no tie is excused
+        return np.zeros(reference[kind].shape[:2], dtype=bool)
+    a, b = ours[kind][..., 0], reference[kind][..., 0]
+    same_point = _errors("position", ours, reference) <= TOLERANCES["position"][0]
+    among = np.zeros(a.shape, dtype=bool)
+    for neighbour in _neighbours(b):
+        among |= neighbour == a
+    return np.asarray((a != b) & same_point & among)
 
 
 def _about_ties(tied: float) -> str:

@@ -180,12 +180,19 @@ class StepByStep:
         asked = []
         for turn in range(stages.light_count(scene)):
             stages.light_step(scene, turn, tile, sample, bounce, packed, count)
+            # From black, so that what a light adds tells whether it is seen: the rays'
+            # own flags are overwritten, and small light can be lost in a sum.
+            before = self._work.radiance[:, 0].copy()
+            self._work.radiance[:, 0] = 0.0
             cast = stages.shadow_ray_step(scene, bounce, packed)
+            blocked = None if cast == 0 else not self._work.radiance[:, 0].any()
+            self._work.radiance[:, 0] += before
             if self._work.points.bsdf[0] >= 0:
-                asked.append(self._light_asked(cast > 0))
+                asked.append(self._light_asked(blocked))
         return tuple(asked)
 
-    def _light_asked(self, cast: bool) -> LightAsked:
+    def _light_asked(self, blocked: bool | None) -> LightAsked:
+        """Write down the light just sampled; None: no shadow ray was cast."""
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
         light = int(samples.light[0])
         far = self._light_names[light].startswith("far ")
@@ -199,8 +206,8 @@ class StepByStep:
             distance=math.inf if far else float(samples.distance[0]),
             pdf=float(samples.pdf[0] * probability),
             weight=_column(weight),
-            carried=_column(shadow_rays.radiance) if cast else BLACK,
-            blocked=bool(shadow_rays.blocked[0]) if cast else None,
+            carried=BLACK if blocked is None else _column(shadow_rays.radiance),
+            blocked=blocked,
         )
 
     def _scatter(self, tile: Tile, sample: int, bounce: Any) -> Scattered | None:

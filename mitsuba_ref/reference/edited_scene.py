@@ -25,6 +25,9 @@ from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
 from renderer.scene_file.document.named_files import check_named_files
 
 BOX_INSTEAD = "reconstruction filter replaced by box"
+PATH_INSTEAD = (
+    "path, since the file names no integrator, without which Mitsuba does not render"
+)
 OURS_ALONE = ("implicit",)  # shapes that Mitsuba lacks
 
 
@@ -88,7 +91,9 @@ def load_edited_scene(
         mi.parser.transform_upgrade(config, state)
         nodes = SceneNodes(mi, state)
         nodes.refuse(OURS_ALONE)
-        integrator = nodes.plugin("Integrator") or "path"  # Mitsuba's default
+        if nodes.add_integrator():
+            changes.append(PATH_INSTEAD)
+        integrator = nodes.plugin("Integrator") or ""
         # The default, float16, would round our reference to three digits.
         nodes.set_film("component_format", "float32")
         if nodes.make_film_rgb():
@@ -133,7 +138,7 @@ def refuse_code(path: Path, parameters: Mapping[str, object]) -> None:
 
 
 class SceneNodes:
-    """The nodes of a parsed scene by kind; a missing film, filter or sampler is added.
+    """The nodes of a parsed scene by kind; missing ones of some kinds are added.
 
     Nodes are kept as indices: Mitsuba's list moves its nodes when it grows, and a node
     held across an `append` points to freed memory.
@@ -178,10 +183,16 @@ class SceneNodes:
         film["pixel_format"] = "rgb"
         return True
 
+    def add_integrator(self) -> bool:
+        """Add a path tracer, which is our default, if there is none; tell whether."""
+        if self._find("Integrator") is not None:
+            return False
+        self._add("Integrator", "path", parent=0)
+        return True
+
     def set_block_size(self, size: int) -> None:
         """Set the block size of all integrators: those inside of others have their own."""
-        found = self._find_all("Integrator") or [self._add("Integrator", "path", parent=0)]
-        for index in found:
+        for index in self._find_all("Integrator"):
             self._nodes[index].props["block_size"] = size
 
     def replace(self, kind: str, plugin: str, values: Mapping[str, Any]) -> bool:

@@ -22,6 +22,8 @@ from renderer.scene_file.numbers import quoted
 # Files there are views into the kernel and into processes, not what a scene is made of.
 _NEVER = (Path("/proc"), Path("/sys"))
 
+_LONGEST_NAME = 4096  # characters that a message repeats: of a path its end tells most
+
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
@@ -87,7 +89,7 @@ def find(
     NotAllowed
         If it leads out of the bounds.
     """
-    where = f"{location}: {what} {quoted(name)}"
+    where = f"{location}: {what} {quoted(name, _LONGEST_NAME)}"
     try:
         path = next((f / name for f in folders if name and (f / name).exists()), None)
     except (OSError, ValueError) as error:  # a name too long, a zero byte
@@ -110,16 +112,14 @@ def find_regular_file(
         As `find`, and for what is no regular file or has more bytes than there is memory.
     """
     path = find(name, folders, bounds, location, what)
+    where = f"{location}: {what} {quoted(name, _LONGEST_NAME)}"
     try:
         status = path.stat()
     except OSError as error:
-        raise SceneError(f"{location}: {what} {quoted(name)}: {error.strerror}") from None
+        raise SceneError(f"{where}: {error.strerror}") from None
     if not stat.S_ISREG(status.st_mode):
         kind = next((kind for is_, kind in _KINDS if is_(status.st_mode)), "something else")
-        raise NotAllowed(
-            f"{location}: {what} {quoted(name)} is not a file but {kind}; expected a "
-            "regular file"
-        )
+        raise NotAllowed(f"{where} is not a file but {kind}; expected a regular file")
     # what is in it stands in memory as bytes, as numbers, and checked
-    memory.require(3 * status.st_size, f"{location}: {what} {quoted(name)}")
+    memory.require(3 * status.st_size, where)
     return path

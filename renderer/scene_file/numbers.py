@@ -18,10 +18,10 @@ LARGEST = 3.4028234663852886e38  # of float32
 _SHOWN = 60  # characters of a bad value that a message repeats
 
 
-def quoted(text: str) -> str:
+def quoted(text: str, longest: int = _SHOWN) -> str:
     """Return `text` in quotes on one line, cut if it is long."""
     line = " ".join(text.split())
-    return f'"{line}"' if len(line) <= _SHOWN else f'"{line[:_SHOWN]}..."'
+    return f'"{line}"' if len(line) <= longest else f'"{line[:longest]}..."'
 
 
 def parse_float(text: str, location: Location, what: str) -> float:

@@ -45,7 +45,7 @@ def check_reach(corners: list[NDArray[np.float32]], properties: Properties) -> N
     SceneError
         Naming the property that takes it so far.
     """
-    if not all(np.abs(points).max() < FARTHEST for points in corners):
+    if not all(np.abs(points).max(initial=0.0) < FARTHEST for points in corners):
         _refuse("makes the shape reach", properties)
 
 

@@ -64,7 +64,7 @@ class EnvironmentMaps(NamedTuple):
 
 def read(properties: Any) -> EnvironmentMap:
     """Read the properties of a file."""
-    expected = "the path of an EXR, HDR, PNG or JPEG image"
+    expected = "the path of an EXR, HDR, PFM, PNG or JPEG image"
     pixels = properties.file("the image", expected, read_image)
     scale = properties.number("scale", 1.0, at_least=0.0)
     if scale * float(pixels.max()) > Use.EMISSION.limits[1]:

@@ -26,7 +26,7 @@ class Use(Enum):
 
     REFLECTANCE = "a reflectance in [0, 1]"
     EMISSION = "an emission of at least 0 and at most 1e30"
-    REFRACTION = "an index of refraction of at least 0 and at most 1e9"
+    REFRACTION = "an index of refraction from -1e9 to 1e9"
     NUMBER = "numbers from -1e9 to 1e9"
 
     @property
@@ -39,7 +39,7 @@ class Use(Enum):
         return {
             Use.REFLECTANCE: (0.0, 1.0),
             Use.EMISSION: (0.0, 1e30),
-            Use.REFRACTION: (0.0, 1e9),
+            Use.REFRACTION: (-1e9, 1e9),
             Use.NUMBER: (-1e9, 1e9),
         }[self]
 
@@ -86,6 +86,14 @@ def read_color(properties: Properties, name: str, default: float, use: Use) -> R
     if not all(lower <= component <= upper for component in rgb):
         shown = ", ".join(f"{component:g}" for component in rgb)
         properties.fail(name, f"the colour ({shown})", use.value)
+    if use is Use.REFRACTION and min(rgb) < 0.0:
+        # as converters write measured metals that linear sRGB cannot show
+        shown = ", ".join(f"{component:g}" for component in rgb)
+        properties.reading.warn(
+            property_.location,
+            f'{properties.element}, property "{name}": ({shown}) is below 0; Fresnel\'s '
+            "equations take its square, as in Mitsuba",
+        )
     return rgb
 
 

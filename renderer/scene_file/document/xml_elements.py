@@ -13,6 +13,7 @@ from xml.parsers import expat
 from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
+from renderer.scene_file.document.xml_text import readable
 
 _AT_ONCE = 4096  # elements, between two looks at how much memory is left
 _BYTES_AN_ELEMENT = 3000  # until it is an object of the scene
@@ -37,6 +38,7 @@ def parse_xml(content: str | bytes, source: str) -> XmlElement:
     ----------
     content
         The document; bytes say their encoding in the XML declaration (default UTF-8).
+        Mistakes that Mitsuba's parser overlooks are mended (`readable`).
     source
         Its name, for messages.
 
@@ -46,7 +48,7 @@ def parse_xml(content: str | bytes, source: str) -> XmlElement:
         If it is not well-formed, nests too deeply, or has a DOCTYPE: entities could
         read other files or grow without bound, and no scene needs them.
     """
-    parser = expat.ParserCreate(encoding="utf-8" if isinstance(content, str) else None)
+    parser = expat.ParserCreate(encoding="utf-8")
     parser.buffer_text = True
     roots: list[XmlElement] = []
     open_elements: list[XmlElement] = []
@@ -80,7 +82,7 @@ def parse_xml(content: str | bytes, source: str) -> XmlElement:
     parser.CharacterDataHandler = text
     parser.StartDoctypeDeclHandler = doctype
     try:
-        parser.Parse(content, True)
+        parser.Parse(readable(content), True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise SceneError(

@@ -18,6 +18,7 @@ from renderer import memory
 from renderer.errors import SceneError
 from renderer.scene_file.images.exr_image import is_exr, read_exr
 from renderer.scene_file.images.image import Image, checked
+from renderer.scene_file.images.pfm_image import is_pfm, read_pfm
 from renderer.scene_file.images.png_16_bit import is_16_bit_png, read_16_bit_png
 from renderer.scene_file.images.png_chunks import (
     DEFLATE_RATIO,
@@ -31,7 +32,7 @@ from renderer.scene_file.images.rgbe_image import is_rgbe, read_rgbe
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
-READ_FROM = "PNG, JPEG, BMP, TGA, EXR or HDR"
+READ_FROM = "PNG, JPEG, BMP, TGA, EXR, HDR or PFM"
 _LARGEST = 2**28  # pixels; beyond it a header is more likely broken than honest
 
 
@@ -60,6 +61,8 @@ def read_texels(path: Path) -> Image:
             image = Image(read_exr(path))
         elif is_rgbe(path):
             image = Image(read_rgbe(path, _LARGEST))
+        elif is_pfm(path):
+            image = Image(read_pfm(path, _LARGEST))
         elif is_16_bit_png(path):
             image = Image(read_16_bit_png(path), srgb=True)
         else:
@@ -107,7 +110,7 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
         raise
     except UnidentifiedImageError:
         raise SceneError(
-            f"{path}: neither PNG, JPEG, BMP, TGA, EXR nor HDR, which images are read from"
+            f"{path}: no image of a format that is read: {READ_FROM}"
         ) from None
     except (
         OSError,

@@ -54,14 +54,16 @@ def build_mesh(
     Returns
     -------
     Mesh
-        Without degenerate triangles; `face_ids` is None if there were none.
+        Without degenerate triangles, which may be all: then nothing of it is seen, as in
+        Mitsuba; `face_ids` is None if there were none.
     warnings
         One line each, for the log.
 
     Raises
     ------
     SceneError
-        The transform is singular, sends a vertex to infinity, or no triangle is left.
+        The transform is singular, sends a vertex to infinity, or no triangle is left of
+        a mesh that emits light.
     """
     size = _BYTES_A_FACE * len(data.faces) + _BYTES_A_VERTEX * len(data.vertices)
     memory.require(size, f"{location}: the {len(data.faces)} triangles of {data.source}")
@@ -94,10 +96,10 @@ def build_mesh(
         warnings.append(
             f"{data.source}: dropped {dropped} degenerate of {len(keep)} triangles"
         )
-    if len(faces) == 0:
+    if len(faces) == 0 and radiance is not None:
         raise SceneError(
             f"{location}: all {dropped} triangles of {data.source} are degenerate "
-            "(no area); at least one must be left"
+            "(no area); at least one must be left to emit light"
         )
 
     normals = None if face_normals else _vertex_normals(data, linear, vertices, faces)

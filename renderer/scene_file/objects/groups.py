@@ -7,7 +7,7 @@ Mitsuba 3.9.1 there is one level of this, and no group emits light.
 from __future__ import annotations
 
 from renderer.errors import SceneError
-from renderer.scene_file.description import Group, Instance, Shape
+from renderer.scene_file.description import Group, Instance, Mesh, Shape
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.shapes import read_shape
 from renderer.scene_file.properties import Properties
@@ -49,7 +49,7 @@ def read_group(element: Element, reading: Reading) -> Group:
     Raises
     ------
     SceneError
-        If it holds nothing, an emitter, an instance or another group.
+        If it holds nothing, nothing with an area, an emitter, an instance or a group.
     """
     properties = Properties(element, reading)
     properties.number("silhouette_sampling_weight", 1.0)  # for derivatives only
@@ -67,6 +67,11 @@ def read_group(element: Element, reading: Reading) -> Group:
     if not children:
         raise SceneError(f"{element.location}: {element} is empty; expected shapes in it")
     shapes = tuple(read_shape(child, reading) for _, child in children)
+    if all(isinstance(shape, Mesh) and len(shape.faces) == 0 for shape in shapes):
+        raise SceneError(
+            f"{element.location}: all triangles in {element} are degenerate (no area); at "
+            "least one must be left"
+        )
     return Group(shapes, element.id, element.location)
 
 
