@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from renderer.rendering.film.film import Film
 from renderer.stages.develop import TileGrid, compiled_development
 
-MOST_BYTES = 256 << 10  # of a strip's sums: eight tiles of three channels
+MOST_BYTES = 512 << 10  # of a strip's sums: sixteen tiles of three channels
 STRIPS_OF_A_THREAD = 16  # if there are so many tiles, so that threads end together
 
 
