@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
@@ -24,6 +25,8 @@ from reports.accelerator_trials.structure_facts import structure_facts
 from reports.accelerator_trials.tracing import Query, bytes_of, spread, tallied, trace
 
 COUNTED = ("camera", "shadow", "diffuse", "random")
+# [s] between turns: for a while threads that have nothing to do keep looking for work
+PAUSE = 0.05
 CHECK_PATIENCE = 4  # times the seconds of a turn, for comparing hits
 
 
@@ -74,13 +77,20 @@ def take_turns(
 def _one_round(
     contenders: list[Contender], peers: list[Peer], query: Query, threads: int
 ) -> Iterator[tuple[str, float]]:
-    """Let each take its turn; yield names and seconds per ray."""
+    """Let each take its turn; yield names and seconds per ray.
+
+    The first of two goes is not timed: it wakes threads that sleep, and fetches the rays.
+    """
     for one in contenders:
         if not one.fault:
             share = spread(len(query.rays.count), len(one.share[query.kind]) * threads)
-            spent = trace(one.accel, query, share, threads)
-            yield one.name, spent / int(query.rays.count[share].sum())
+            rays = int(query.rays.count[share].sum())
+            time.sleep(PAUSE)
+            trace(one.accel, query, share, threads)
+            yield one.name, trace(one.accel, query, share, threads) / rays
     for peer in peers:
+        time.sleep(PAUSE)
+        peer.time(query.kind, threads)
         seconds = peer.time(query.kind, threads)
         if seconds is not None:
             yield peer.name, seconds / query.rays.rays
