@@ -211,9 +211,14 @@ def test_an_interval_holds_all_values_and_slopes(text, line, low, width):
     assert (slope <= out[3] + rounding).all()
 
 
-@pytest.mark.parametrize("text", ["sin(x)", "cos(x)"])
-def test_the_range_of_a_wave_is_that_of_its_ends_and_peaks(text):
-    """To 1e-13, and never too narrow: over 500 intervals up to more than a period wide."""
+@pytest.mark.parametrize(
+    ("text", "slope"), [("sin(x)", np.cos), ("cos(x)", lambda x: -np.sin(x))]
+)
+def test_the_range_of_a_wave_is_that_of_its_ends_and_peaks(text, slope):
+    """To 1e-13, and never too narrow: over 500 intervals up to more than a period wide.
+
+    So is the range of its slope.
+    """
     rng = np.random.default_rng(5)
     low = rng.uniform(-8, 8, 500)
     high = low + rng.uniform(0, 7, 500)
@@ -223,9 +228,13 @@ def test_the_range_of_a_wave_is_that_of_its_ends_and_peaks(text):
     peaks = np.arange(-16, 17) * np.pi / 2  # of both, and where they are 0
     inside = np.clip(peaks, low[:, None], high[:, None])  # an end, where it is outside
     g = evaluate(text, np.stack([inside, 0 * inside, 0 * inside], axis=-1))
-    for bound, exact, side in ((out[0], g.min(axis=1), -1), (out[1], g.max(axis=1), 1)):
-        assert (side * (bound - exact) >= 0.0).all()
-        np.testing.assert_allclose(bound, exact, rtol=0, atol=1e-13)
+    for values, (low, high) in ((g, out[:2]), (slope(inside), out[2:])):
+        for bound, exact, side in (
+            (low, values.min(axis=1), -1),
+            (high, values.max(axis=1), 1),
+        ):
+            assert (side * (bound - exact) >= 0.0).all()
+            np.testing.assert_allclose(bound, exact, rtol=0, atol=1e-13)
 
 
 # ------------------------------------------------------------------------------ pictures
