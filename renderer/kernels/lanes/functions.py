@@ -10,16 +10,9 @@ from numba.core.errors import TypingError
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
+from renderer.kernels.lanes.masks import MASKS, call
 from renderer.kernels.lanes.operators import SCALARS, operands, splat_value, widen
 from renderer.kernels.lanes.types import Lanes, Mask, f32x16, i32x16, llvm_vector, u32x16
-
-
-def _call(builder: ir.IRBuilder, name: str, result: ir.Type, *args: ir.Value) -> ir.Value:
-    """Call the LLVM intrinsic `name`."""
-    function_type = ir.FunctionType(result, [a.type for a in args])
-    module = builder.module
-    function = module.globals.get(name) or ir.Function(module, function_type, name)
-    return builder.call(function, args)
 
 
 def _suffix(lanes: Lanes) -> str:
@@ -73,8 +66,9 @@ def splat_mask(typingctx: Any, flag: Any) -> Any:
     _require(isinstance(flag, types.Boolean), "splat_mask takes a boolean")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        bit = builder.trunc(args[0], ir.IntType(1)) if args[0].type.width > 1 else args[0]
-        return splat_value(builder, bit, Mask(16))
+        flag = context.cast(builder, args[0], sig.args[0], types.boolean)
+        bits = ir.VectorType(ir.IntType(1), 16)
+        return MASKS.from_bits(builder, splat_value(builder, flag, bits))
 
     return signature(Mask(16), flag), codegen
 
@@ -103,7 +97,7 @@ def select(typingctx: Any, mask: Any, yes: Any, no: Any) -> Any:
             return builder.select(context.cast(builder, args[0], mask, types.boolean), a, b)
         a = widen(context, builder, args[1], sig.args[1], result)
         b = widen(context, builder, args[2], sig.args[2], result)
-        return builder.select(args[0], a, b)
+        return MASKS.chosen(builder, args[0], a, b)
 
     return signature(result, mask, yes, no), codegen
 
@@ -116,7 +110,7 @@ def _float_function(llvm_name: str, doc: str) -> Any:
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             suffix = _suffix(x) if isinstance(x, Lanes) else f"f{x.bitwidth}"
-            return _call(builder, f"llvm.{llvm_name}.{suffix}", args[0].type, args[0])
+            return call(builder, f"llvm.{llvm_name}.{suffix}", args[0].type, args[0])
 
         return signature(x, x), codegen
 
@@ -133,26 +127,28 @@ def _extremum(sign: str) -> Any:
     @intrinsic
     def function(typingctx: Any, a: Any, b: Any) -> Any:
         lanes = operands(a, b)
+        if lanes is None and isinstance(a, SCALARS) and isinstance(b, SCALARS):
+            lanes = typingctx.unify_types(a, b)
         _require(lanes is not None, f"cannot compare {a} and {b}")
+        element = getattr(lanes, "element", lanes)
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            x = widen(context, builder, args[0], a, lanes)
-            y = widen(context, builder, args[1], b, lanes)
-            if isinstance(lanes.element, types.Float):
-                first = builder.fcmp_ordered(sign, x, y)
-            elif lanes.element.signed:
-                first = builder.icmp_signed(sign, x, y)
+            if lanes is element:
+                x, y = (context.cast(builder, *of, lanes) for of in zip(args, sig.args, strict=True))
             else:
-                first = builder.icmp_unsigned(sign, x, y)
-            return builder.select(first, x, y)
+                x, y = (widen(context, builder, *of, lanes) for of in zip(args, sig.args, strict=True))
+            if isinstance(element, types.Float):
+                return MASKS.extreme(builder, sign, x, y)
+            signed = builder.icmp_signed if element.signed else builder.icmp_unsigned
+            return builder.select(signed(sign, x, y), x, y)
 
         return signature(lanes, a, b), codegen
 
     return function
 
 
-# `b` where one of the two is NaN, as the processor's own instruction: a slab test that
-# puts the running bound second never lets 0 * inf = NaN through (failure mode 7).
+# Of lanes or scalars; `b` where one of the two is NaN, as the processor's own instruction: a
+# slab test that puts the running bound second never lets 0 * inf = NaN through.
 minimum = _extremum("<")
 maximum = _extremum(">")
 
@@ -230,8 +226,8 @@ def any_of(typingctx: Any, mask: Any) -> Any:
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         if not isinstance(mask, Mask):
             return args[0]
-        whole = ir.IntType(mask.width)
-        return builder.icmp_unsigned("!=", builder.bitcast(args[0], whole), whole(0))
+        bits = MASKS.packed(builder, args[0])
+        return builder.icmp_unsigned("!=", bits, bits.type(0))
 
     return signature(types.boolean, mask), codegen
 
@@ -313,7 +309,7 @@ def negate_by_sign(typingctx: Any, x: Any, sign: Any) -> Any:
         value, other = (builder.bitcast(a, bits) for a in args)
         highest = ir.IntType(32)(-(2**31))
         if isinstance(whole, Lanes):
-            highest = splat_value(builder, highest, whole)
+            highest = splat_value(builder, highest, bits)
         flipped = builder.xor(value, builder.and_(other, highest))
         return builder.bitcast(flipped, args[0].type)
 
@@ -326,8 +322,7 @@ def mask_bits(typingctx: Any, mask: Any) -> Any:
     _require(isinstance(mask, Mask), f"mask_bits needs a mask, not {mask}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        packed = builder.bitcast(args[0], ir.IntType(mask.width))
-        return builder.zext(packed, ir.IntType(64))
+        return builder.zext(MASKS.packed(builder, args[0]), ir.IntType(64))
 
     return signature(types.int64, mask), codegen
 
@@ -339,7 +334,8 @@ def mask_of(typingctx: Any, bits: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         packed = builder.trunc(args[0], ir.IntType(16))
-        return builder.bitcast(packed, llvm_vector(Mask(16)))
+        bits = builder.bitcast(packed, ir.VectorType(ir.IntType(1), 16))
+        return MASKS.from_bits(builder, bits)
 
     return signature(Mask(16), bits), codegen
 
@@ -350,7 +346,7 @@ def popcount(typingctx: Any, bits: Any) -> Any:
     _require(bits == types.int64, f"popcount takes int64, not {bits}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _call(builder, "llvm.ctpop.i64", ir.IntType(64), args[0])
+        return call(builder, "llvm.ctpop.i64", ir.IntType(64), args[0])
 
     return signature(types.int64, bits), codegen
 
@@ -362,7 +358,7 @@ def lowest_bit(typingctx: Any, bits: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         no = ir.Constant(ir.IntType(1), 0)
-        return _call(builder, "llvm.cttz.i64", ir.IntType(64), args[0], no)
+        return call(builder, "llvm.cttz.i64", ir.IntType(64), args[0], no)
 
     return signature(types.int64, bits), codegen
 
@@ -375,7 +371,7 @@ def bit_reverse(typingctx: Any, x: Any) -> Any:
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         name = f"llvm.bitreverse.{_suffix(x)}"
-        return _call(builder, name, args[0].type, args[0])
+        return call(builder, name, args[0].type, args[0])
 
     return signature(x, x), codegen
 
@@ -391,7 +387,8 @@ def first_lanes(typingctx: Any, count: Any) -> Any:
         number = builder.select(big, ir.Constant(ir.IntType(64), 16), number)
         limit = builder.trunc(number, ir.IntType(32))
         index = ir.Constant(llvm_vector(i32x16), list(range(16)))
-        return builder.icmp_signed("<", index, splat_value(builder, limit, i32x16))
+        bits = builder.icmp_signed("<", index, splat_value(builder, limit, index.type))
+        return MASKS.from_bits(builder, bits)
 
     return signature(Mask(16), count), codegen
 
@@ -418,7 +415,7 @@ def _reduction(llvm_name: str, doc: str) -> Any:
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             full = f"llvm.vector.reduce.{name}.{_suffix(x)}"
-            return _call(builder, full, llvm_vector(x).element, args[0])
+            return call(builder, full, llvm_vector(x).element, args[0])
 
         return signature(x.element, x), codegen
 

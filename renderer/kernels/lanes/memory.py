@@ -16,7 +16,9 @@ from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-from renderer.kernels.lanes.functions import _call, _suffix
+from renderer.kernels.lanes import avx2
+from renderer.kernels.lanes.functions import _suffix
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY, MASKS, call
 from renderer.kernels.lanes.types import Lanes, Mask, lanes_of, llvm_vector
 
 _I64 = ir.IntType(64)
@@ -146,7 +148,7 @@ def prefetch(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
         pointer = builder.bitcast(start, ir.IntType(8).as_pointer())
         # to read, to be kept in all caches, data
         how = [ir.Constant(ir.IntType(32), n) for n in (0, 3, 1)]
-        _call(builder, "llvm.prefetch.p0", ir.VoidType(), pointer, *how)
+        call(builder, "llvm.prefetch.p0", ir.VoidType(), pointer, *how)
         return context.get_dummy_value()
 
     return signature(types.void, array, row, i), codegen
@@ -167,16 +169,24 @@ def store_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
 
 @intrinsic
 def store_where(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) -> Any:
-    """Store the lanes of x that the mask names to `array[row, i : i + 16]`."""
+    """Store the lanes of x that the mask names to `array[row, i : i + 16]`.
+
+    What the others are may be stored again: no other thread may write there.
+    """
     lanes = _lanes_into(array, x)
     if mask != Mask(lanes.width):
         raise TypingError(f"cannot store {x} under {mask}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = _vector_at(context, builder, sig, args, lanes)
+        if HAS_AVX2_ONLY:  # its masked store is microcoded on AMD processors
+            before = builder.load(pointer, align=array.dtype.bitwidth // 8)
+            after = MASKS.chosen(builder, args[4], args[3], before)
+            builder.store(after, pointer, align=array.dtype.bitwidth // 8)
+            return context.get_dummy_value()
         align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
         name = f"llvm.masked.store.{_suffix(lanes)}.p0"
-        _call(builder, name, ir.VoidType(), args[3], pointer, align, args[4])
+        call(builder, name, ir.VoidType(), args[3], pointer, align, args[4])
         return context.get_dummy_value()
 
     return signature(types.void, array, row, i, x, mask), codegen
@@ -193,11 +203,14 @@ def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) ->
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         r = _as_i64(context, builder, args[1], row)
         base = _row_start(context, builder, array, args[0], r)
+        if HAS_AVX2_ONLY and avx2.can_gather(lanes, indices):
+            return avx2.gathered(builder, base, args[2], args[3])
         pointers = _lane_pointers(builder, base, args[2], lanes)
         name = f"llvm.masked.gather.{_suffix(lanes)}.v{lanes.width}p0"
         align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
         zero = ir.Constant(llvm_vector(lanes), None)
-        return _call(builder, name, zero.type, pointers, align, args[3], zero)
+        bits = MASKS.to_bits(builder, args[3])
+        return call(builder, name, zero.type, pointers, align, bits, zero)
 
     return signature(lanes, array, row, indices, mask), codegen
 
@@ -216,7 +229,8 @@ def scatter_row(typingctx: Any, array: Any, row: Any, indices: Any, x: Any, m: A
         pointers = _lane_pointers(builder, base, args[2], lanes)
         name = f"llvm.masked.scatter.{_suffix(lanes)}.v{lanes.width}p0"
         align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
-        _call(builder, name, ir.VoidType(), args[3], pointers, align, args[4])
+        bits = MASKS.to_bits(builder, args[4])
+        call(builder, name, ir.VoidType(), args[3], pointers, align, bits)
         return context.get_dummy_value()
 
     return signature(types.void, array, row, indices, x, m), codegen
@@ -250,9 +264,13 @@ def append_row(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any) 
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = _vector_at(context, builder, sig, args, lanes)
+        if HAS_AVX2_ONLY and avx2.can_pack(lanes):
+            avx2.store_packed(builder, pointer, args[3], args[4])
+            return context.get_dummy_value()
         name = f"llvm.experimental.vector.compress.{_suffix(lanes)}"
         undefined = ir.Constant(llvm_vector(lanes), ir.Undefined)
-        packed = _call(builder, name, undefined.type, args[3], args[4], undefined)
+        bits = MASKS.to_bits(builder, args[4])
+        packed = call(builder, name, undefined.type, args[3], bits, undefined)
         builder.store(packed, pointer, align=array.dtype.bitwidth // 8)
         return context.get_dummy_value()
 

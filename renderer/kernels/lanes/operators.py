@@ -16,6 +16,7 @@ from numba.core import types
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 
+from renderer.kernels.lanes.masks import MASKS
 from renderer.kernels.lanes.types import Lanes, Mask, llvm_vector
 
 # name of the LLVM instruction for float, signed and unsigned elements; None: no such thing
@@ -78,12 +79,11 @@ def operands(left: Any, right: Any) -> Any:
     return None if loses else lanes
 
 
-def splat_value(builder: ir.IRBuilder, scalar: ir.Value, lanes: Lanes | Mask) -> ir.Value:
-    """Copy an LLVM scalar to every lane."""
-    vector = llvm_vector(lanes)
+def splat_value(builder: ir.IRBuilder, scalar: ir.Value, vector: Any) -> ir.Value:
+    """Copy an LLVM scalar to every lane of a vector type."""
     index = ir.IntType(32)
     first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, index(0))
-    zeros = ir.Constant(ir.VectorType(index, lanes.width), [0] * lanes.width)
+    zeros = ir.Constant(ir.VectorType(index, vector.count), [0] * vector.count)
     return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), zeros)
 
 
@@ -92,7 +92,7 @@ def widen(context: Any, builder: ir.IRBuilder, value: Any, given: Any, lanes: An
     if isinstance(given, Lanes | Mask):
         return value
     scalar = context.cast(builder, value, given, lanes.element)
-    return splat_value(builder, scalar, lanes)
+    return splat_value(builder, scalar, llvm_vector(lanes))
 
 
 def _declare_binary(op: Callable[..., Any], meaning: Callable[..., Any]) -> None:
@@ -127,13 +127,10 @@ def _declare_binary(op: Callable[..., Any], meaning: Callable[..., Any]) -> None
             return getattr(builder, _instruction(meaning, lanes.element))(a, b)
         sign = _COMPARISON[meaning]
         if isinstance(lanes.element, types.Float):
-            # ordered: false where one side is NaN; only != is true there, as in Python
-            compare = builder.fcmp_unordered if sign == "!=" else builder.fcmp_ordered
-        elif lanes.element.signed:
-            compare = builder.icmp_signed
-        else:
-            compare = builder.icmp_unsigned
-        return compare(sign, a, b)
+            return MASKS.compared(builder, sign, a, b)
+        signed = lanes.element.signed
+        compare = builder.icmp_signed if signed else builder.icmp_unsigned
+        return MASKS.from_bits(builder, compare(sign, a, b))
 
     lower_builtin(op, Lanes, Lanes)(lower)
     for scalar in SCALARS:

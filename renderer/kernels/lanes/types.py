@@ -15,6 +15,8 @@ from numba.core import types
 from numba.core.errors import TypingError
 from numba.extending import models, register_model
 
+from renderer.kernels.lanes.masks import MASKS
+
 WIDTH = 16  # lanes of the packets that the renderer works on
 
 
@@ -59,7 +61,7 @@ def lanes_of(element: Any) -> Lanes:
 def llvm_vector(lanes: Lanes | Mask) -> ir.VectorType:
     """Return the LLVM type of a lane or mask type."""
     if isinstance(lanes, Mask):
-        return ir.VectorType(ir.IntType(1), lanes.width)
+        return MASKS.vector(lanes.width)
     return ir.VectorType(_LLVM_ELEMENT[lanes.element], lanes.width)
 
 
