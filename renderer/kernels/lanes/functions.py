@@ -133,10 +133,11 @@ def _extremum(sign: str) -> Any:
         element = getattr(lanes, "element", lanes)
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            pairs = zip(args, sig.args, strict=True)
             if lanes is element:
-                x, y = (context.cast(builder, *of, lanes) for of in zip(args, sig.args, strict=True))
+                x, y = (context.cast(builder, *of, lanes) for of in pairs)
             else:
-                x, y = (widen(context, builder, *of, lanes) for of in zip(args, sig.args, strict=True))
+                x, y = (widen(context, builder, *of, lanes) for of in pairs)
             if isinstance(element, types.Float):
                 return MASKS.extreme(builder, sign, x, y)
             signed = builder.icmp_signed if element.signed else builder.icmp_unsigned
@@ -147,8 +148,8 @@ def _extremum(sign: str) -> Any:
     return function
 
 
-# Of lanes or scalars; `b` where one of the two is NaN, as the processor's own instruction: a
-# slab test that puts the running bound second never lets 0 * inf = NaN through.
+# Of lanes or scalars; `b` where one of the two is NaN, as the processor's own instruction:
+# a slab test that puts the running bound second never lets 0 * inf = NaN through.
 minimum = _extremum("<")
 maximum = _extremum(">")
 
