@@ -26,6 +26,7 @@ from renderer.kernels.records.batch import (
     make_workspace,
 )
 from renderer.kernels.records.kernel_scene import ANY
+from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.cylinder import CylinderSurfaces
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
@@ -34,7 +35,7 @@ from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay, Variant
-from renderer.scene.scene import Scene, unit_normals
+from renderer.scene.scene import Scene
 from renderer.stages.intersect import intersect
 from renderer.stages.shading_frame import leave_surface
 from renderer.stages.surface import append_hits, surface_points
@@ -54,23 +55,20 @@ def triangles(points: Any) -> TriangleSurfaces:
     """Triangles from (n, 3 vertices, 3)."""
     p = np.asarray(points, np.float32)
     end = FIRST_ID + len(p)
-    edges = [float32((p[:, k] - p[:, 0]).T) for k in (1, 2)]
-    normal = unit_normals(*edges)
-    return TriangleSurfaces(FIRST_ID, end, float32(p[:, 0].T), *edges, normal)
+    corner, *edges = p[:, 0].T, *((p[:, k] - p[:, 0]).T for k in (1, 2))
+    return TriangleSurfaces(FIRST_ID, end, flat.places(corner, *edges))
 
 
 def rectangles(corner: Any, edge1: Any, edge2: Any) -> RectangleSurfaces:
     """Parallelograms from three (n, 3)."""
     columns = [float32(np.asarray(a).T) for a in (corner, edge1, edge2)]
-    normal = unit_normals(*columns[1:])
-    return RectangleSurfaces(FIRST_ID, FIRST_ID + len(corner), *columns, normal)
+    return RectangleSurfaces(FIRST_ID, FIRST_ID + len(corner), flat.places(*columns))
 
 
 def disks(center: Any, edge1: Any, edge2: Any) -> DiskSurfaces:
     """Disks from three (n, 3)."""
     columns = [float32(np.asarray(a).T) for a in (center, edge1, edge2)]
-    normal = unit_normals(*columns[1:])
-    return DiskSurfaces(FIRST_ID, FIRST_ID + len(center), *columns, normal)
+    return DiskSurfaces(FIRST_ID, FIRST_ID + len(center), flat.places(*columns))
 
 
 def frames(axis: Any) -> np.ndarray:

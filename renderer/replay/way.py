@@ -10,6 +10,7 @@ import numpy as np
 from renderer.kernels.jit import pack
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
+from renderer.kinds.shapes.flat import with_normals
 from renderer.replay.numbers.numbers import (
     Replay,
     begin_bounce,
@@ -90,10 +91,9 @@ class Replayed:
         if "triangles" not in surfaces:
             return surfaces
         triangles = surfaces["triangles"]
-        exact = triangles._replace(
-            normal=face_normals(triangles.edge1, triangles.edge2),
-            tangents=triangle_tangents(triangles),
-        )
+        normals = face_normals(triangles.edge1, triangles.edge2)
+        exact = with_normals(triangles, normals)
+        exact = exact._replace(tangents=triangle_tangents(triangles))
         return surfaces | {"triangles": exact}
 
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kinds.shapes.flat import places
 from renderer.kinds.shapes.triangle import TriangleSurfaces
-from renderer.scene.scene import unit_normals
 from renderer.scene_file.meshes.ply_file import read_ply
 
 Vector = tuple[float, float, float]
@@ -63,12 +63,8 @@ def surfaces_of(
     vertices: NDArray[np.float32], faces: NDArray[np.integer[Any]]
 ) -> TriangleSurfaces:
     """Return triangles of vertices (V, 3) and faces (F, 3); triangle k has the id k."""
-    corner, second, third = (
-        np.ascontiguousarray(vertices[faces[:, k]].T) for k in range(3)
-    )
-    edge1, edge2 = second - corner, third - corner
-    normal = np.ascontiguousarray(unit_normals(edge1, edge2), np.float32)
-    return TriangleSurfaces(0, len(faces), corner, edge1, edge2, normal)
+    corner, second, third = (vertices[faces[:, k]].T for k in range(3))
+    return TriangleSurfaces(0, len(faces), places(corner, second - corner, third - corner))
 
 
 # ----------------------------------------------------------------------- displaced ball

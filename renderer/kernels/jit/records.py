@@ -28,6 +28,7 @@ from numba.extending import (
 )
 from numba.np.arrayobj import make_array
 from numba.np.numpy_support import as_dtype, from_dtype
+from numpy.typing import NDArray
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
@@ -88,7 +89,9 @@ class Packed:
 
 
 def pack(record: Any, source: str = "") -> Packed:
-    """Return a NamedTuple as kernels see it; its arrays must be C-ordered.
+    """Return a NamedTuple as kernels see it.
+
+    Its arrays must be C-ordered, those of two dimensions may be Fortran-ordered as well.
 
     Its numbers are copied: a change of the record's arrays is seen, as they are shared.
     """
@@ -124,12 +127,24 @@ _KNOWN: dict[Any, RecordType] = {}  # by form and source
 def _form(value: Any) -> Any:
     """Return what the type of a value depends on, quickly, as a key."""
     if isinstance(value, np.ndarray):
-        return value.dtype, value.ndim, value.flags.c_contiguous
+        return value.dtype, value.ndim, _layout_of(value)
     if isinstance(value, Packed):
         return value.numba_type
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     return type(value)
+
+
+def _layout_of(array: NDArray[Any]) -> str:
+    """Return "F" for a table column by column in memory, "C", or "A" for anything else.
+
+    By its strides: NumPy says of one column that it is both, and kernels would be compiled
+    for either.
+    """
+    if array.ndim == 2 and array.shape[0] > 1:
+        if array.strides == (array.itemsize, array.itemsize * array.shape[0]):
+            return "F"
+    return "C" if array.flags.c_contiguous else "A"
 
 
 def _type_of(value: Any) -> Any:
@@ -138,9 +153,10 @@ def _type_of(value: Any) -> Any:
         case None:
             return types.none
         case np.ndarray():
-            if not value.flags.c_contiguous:
+            layout = _layout_of(value)
+            if layout == "A":
                 raise TypeError(f"an array of shape {value.shape} is not C-ordered")
-            return types.Array(from_dtype(value.dtype), value.ndim, "C")
+            return types.Array(from_dtype(value.dtype), value.ndim, layout)
         case Packed():
             return value.numba_type
         case tuple():
@@ -269,16 +285,18 @@ def _get_attribute(
 
 
 def _array(context: Any, builder: Any, part: Any, pointer: Any, at: int) -> Any:
-    """Return the C-ordered array whose pointer and shape are in words from `at` on."""
+    """Return the array whose pointer and shape are in words from `at` on."""
     item = context.get_data_type(part.dtype)
     bytes_each = context.get_abi_sizeof(item)
     array = make_array(part)(context, builder)
     array.data = _load(builder, pointer, at, item.as_pointer())
     shape = [_load(builder, pointer, at + 1 + k, _I64) for k in range(part.ndim)]
     strides, size = [], _I64(bytes_each)
-    for length in reversed(shape):
-        strides.insert(0, size)
+    for length in reversed(shape) if part.layout == "C" else shape:
+        strides.append(size)
         size = builder.mul(size, length, flags=["nsw"])
+    if part.layout == "C":
+        strides.reverse()
     array.shape = cgutils.pack_array(builder, shape)
     array.strides = cgutils.pack_array(builder, strides)
     array.itemsize = _I64(bytes_each)

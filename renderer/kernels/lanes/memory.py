@@ -1,8 +1,9 @@
 """Lanes to and from arrays: loads and stores, gathers and scatters, compressed stores.
 
-Arrays are one-dimensional `(n,)`, or `(k, n)` with one row for each component (structure
-of arrays); the second form is addressed by `row`. There are no bounds checks: arrays that
-lanes are stored to are padded by one lane width.
+Arrays are one-dimensional `(n,)`, or `(k, n)` with one row for each component; the second
+form is addressed by `row`, and lies in memory row by row (structure of arrays) or, if it is
+only gathered from, column by column (`gather_columns`). There are no bounds checks: arrays
+that lanes are stored to are padded by one lane width.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from numba.np.arrayobj import make_array
 
 from renderer.kernels.lanes import avx2
 from renderer.kernels.lanes.functions import _suffix
-from renderer.kernels.lanes.masks import HAS_AVX2_ONLY, MASKS, call
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY, MASKS, call, joined_values
+from renderer.kernels.lanes.operators import splat_value
 from renderer.kernels.lanes.types import Lanes, Mask, lanes_of, llvm_vector
 
 _I64 = ir.IntType(64)
@@ -27,6 +29,13 @@ _I64 = ir.IntType(64)
 def _require_rows(array: Any) -> None:
     if not isinstance(array, types.Array) or array.ndim > 2 or array.layout != "C":
         raise TypingError(f"lanes live in C-ordered arrays of 1 or 2 dimensions: {array}")
+
+
+def _require_columns(array: Any) -> None:
+    if not isinstance(array, types.Array) or array.ndim != 2 or array.layout != "F":
+        raise TypingError(f"{array} has no columns that lie in memory one by one")
+    if array.dtype.bitwidth != 32:
+        raise TypingError(f"columns are gathered from 32-bit numbers, not from {array}")
 
 
 def _lanes_in(array: Any) -> Lanes:
@@ -195,17 +204,23 @@ def store_where(typingctx: Any, array: Any, row: Any, i: Any, x: Any, mask: Any)
 @intrinsic
 def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
     """Load `array[row, indices]`; lanes outside the mask are 0 and touch no memory."""
-    lanes = _lanes_in(array)
+    by_columns = getattr(array, "layout", "") == "F"
+    if by_columns:
+        _require_columns(array)
+    lanes = lanes_of(array.dtype) if by_columns else _lanes_in(array)
     whole = isinstance(indices, Lanes) and isinstance(indices.element, types.Integer)
     if not whole or mask != Mask(lanes.width) or indices.width != lanes.width:
         raise TypingError(f"{array} is gathered by {indices} under {mask}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        r = _as_i64(context, builder, args[1], row)
-        base = _row_start(context, builder, array, args[0], r)
+        r, places = _as_i64(context, builder, args[1], row), args[2]
+        if by_columns:
+            base, places = _in_columns(context, builder, array, args[0], r, places)
+        else:
+            base = _row_start(context, builder, array, args[0], r)
         if HAS_AVX2_ONLY and avx2.can_gather(lanes, indices):
-            return avx2.gathered(builder, base, args[2], args[3])
-        pointers = _lane_pointers(builder, base, args[2], lanes)
+            return avx2.gathered(builder, base, places, args[3])
+        pointers = _lane_pointers(builder, base, places, lanes)
         name = f"llvm.masked.gather.{_suffix(lanes)}.v{lanes.width}p0"
         align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
         zero = ir.Constant(llvm_vector(lanes), None)
@@ -213,6 +228,71 @@ def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) ->
         return call(builder, name, zero.type, pointers, align, bits, zero)
 
     return signature(lanes, array, row, indices, mask), codegen
+
+
+def _in_columns(
+    context: Any, builder: Any, array: Any, value: Any, row: Any, indices: Any
+) -> tuple[Any, Any]:
+    """Return where a row of an array column by column begins, and the indices from there."""
+    struct = make_array(array)(context, builder, value)
+    rows = cgutils.unpack_tuple(builder, struct.shape)[0]
+    rows = builder.trunc(rows, indices.type.element)
+    places = builder.mul(indices, splat_value(builder, rows, indices.type))
+    return builder.gep(struct.data, [row]), places
+
+
+@intrinsic
+def gather_columns(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
+    """Load `array[row : row + 4, indices]`, four lanes, of an array column by column.
+
+    Each column's four numbers are one load, and four by four columns are transposed: a
+    third of what four gathers take, and one cache line where these touch four. Lanes
+    outside the mask are those of column 0, which must be there.
+    """
+    _require_columns(array)
+    lanes = lanes_of(array.dtype)
+    if indices.element != types.int32 or mask != Mask(lanes.width):
+        raise TypingError(f"{array} is gathered by {indices} under {mask}")
+    four = types.UniTuple(lanes, 4)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        first = _as_i64(context, builder, args[1], row)
+        there = MASKS.chosen(builder, args[3], args[2], ir.Constant(args[2].type, None))
+        start, places = _in_columns(context, builder, array, args[0], first, there)
+        quad = ir.VectorType(start.type.pointee, 4)
+        columns = []
+        for k in range(lanes.width):
+            place = builder.extract_element(places, ir.IntType(32)(k))
+            at = builder.gep(start, [builder.sext(place, ir.IntType(64))])
+            at = builder.bitcast(at, quad.as_pointer())
+            columns.append(builder.load(at, align=4))
+        return context.make_tuple(builder, four, _transposed(builder, columns))
+
+    return signature(four, array, row, indices, mask), codegen
+
+
+def _transposed(builder: Any, columns: list[Any]) -> list[Any]:
+    """Return the four rows of so many columns of four."""
+    a, b, c, d = (joined_values(builder, columns[j::4]) for j in range(4))
+    width = len(columns)
+
+    def mixed(x: Any, y: Any, *order: int) -> Any:
+        """Take numbers 0 to 3 of x and 4 to 7 of y, in each four of their lanes."""
+        places = [
+            four + k if k < 4 else width + four + k - 4
+            for four in range(0, width, 4)
+            for k in order
+        ]
+        return builder.shuffle_vector(x, y, ir.VectorType(ir.IntType(32), width)(places))
+
+    low, high = mixed(a, b, 0, 4, 1, 5), mixed(a, b, 2, 6, 3, 7)
+    low_of_others, high_of_others = mixed(c, d, 0, 4, 1, 5), mixed(c, d, 2, 6, 3, 7)
+    return [
+        mixed(low, low_of_others, 0, 1, 4, 5),
+        mixed(low, low_of_others, 2, 3, 6, 7),
+        mixed(high, high_of_others, 0, 1, 4, 5),
+        mixed(high, high_of_others, 2, 3, 6, 7),
+    ]
 
 
 @intrinsic

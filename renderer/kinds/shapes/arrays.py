@@ -13,6 +13,17 @@ def float32(rows: Any) -> NDArray[np.float32]:
     return np.ascontiguousarray(rows, dtype=np.float32)
 
 
+def by_columns(rows: Any) -> NDArray[np.float32]:
+    """Return a table (k, n) of single precision, one column after the other in memory.
+
+    There is one more, of zeros, behind them: NumPy knows no strides of nothing.
+    """
+    size, count = rows.shape
+    table = np.zeros((count + 1, size), np.float32)
+    table[:count] = rows.T
+    return table[:count].T
+
+
 def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
     """Return edge1 x edge2 / |edge1 x edge2|, all (3, n).
 
@@ -26,7 +37,7 @@ def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
 
 def empty_rows(rows: int) -> NDArray[np.float32]:
     """Return a table without a column: nobody asks for it."""
-    return np.zeros((rows, 0), np.float32)
+    return by_columns(np.zeros((rows, 0)))
 
 
 def mirrors(matrix: NDArray[np.float64]) -> bool:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import any_of, fabs, select, splat_f32, sqrt
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import gather3
 from renderer.kinds.sampling.numbers_and_warps import square_to_disk
 from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
@@ -31,6 +30,7 @@ from renderer.kinds.shapes.surface import (
     LightPoint,
     SurfacePoint,
     flat_point,
+    gather_flat,
     nowhere,
     pdf_by_area,
     pdf_shape,
@@ -85,10 +85,12 @@ class DiskSurfaces(NamedTuple):
 
     first: int
     end: int
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
+
+    corner = flat.rows_of(flat.CORNER)
+    edge1 = flat.rows_of(flat.EDGE1)
+    edge2 = flat.rows_of(flat.EDGE2)
+    normal = flat.rows_of(flat.NORMAL)
 
 
 @surface_point.by(DiskSurfaces)
@@ -108,9 +110,8 @@ def _tangent_of_disk(disks, index, mask, x, y, normal):
     radius = sqrt(x * x + y * y)
     inverse = 1.0 / select(radius == 0.0, splat_f32(1.0), radius)
     cosine = select(radius == 0.0, splat_f32(1.0), x * inverse)
-    edge1 = gather3(disks.edge1, index, mask)
-    edge2 = gather3(disks.edge2, index, mask)
-    return edge1 * cosine + edge2 * (y * inverse)
+    p = gather_flat(disks, index, mask)
+    return p.edge1 * cosine + p.edge2 * (y * inverse)
 
 
 @sample_shape.by(DiskSurfaces)
@@ -120,12 +121,10 @@ def _sample_disk(disks, kind, light, mask, position, x, y, z):
     areas = kind.lights
     index = gather_row(areas.prim, 0, light, mask) - disks.first
     u, v = square_to_disk(x, y)
-    edge1 = gather3(disks.edge1, index, mask)
-    edge2 = gather3(disks.edge2, index, mask)
-    point = gather3(disks.corner, index, mask) + edge1 * u + edge2 * v
-    n = gather3(disks.normal, index, mask)
-    side = n * gather_row(areas.orientation, 0, light, mask)
-    return LightPoint(point - position, n, side)
+    p = gather_flat(disks, index, mask)
+    point = p.corner + p.edge1 * u + p.edge2 * v
+    side = p.normal * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, p.normal, side)
 
 
 pdf_shape.by(DiskSurfaces)(pdf_by_area)

@@ -8,19 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.arrays import float32, mirrors, unit_normals
+from renderer.kinds.shapes.arrays import by_columns, mirrors, unit_normals
+
+# The rows of a table of `places`: what a point of a flat shape needs, in one cache line.
+CORNER, EDGE1, EDGE2, NORMAL = (slice(3 * k, 3 * k + 3) for k in range(4))
 
 
 def flat_surfaces(record: Any, first: int, corner: Any, x: Any, y: Any) -> Any:
     """Return the record of flat shapes from rows (n, 3) of corners and edges."""
-    return record(
-        first,
-        first + len(corner),
-        float32(corner.T),
-        float32(x.T),
-        float32(y.T),
-        unit_normals(x.T, y.T),
-    )
+    return record(first, first + len(corner), places(corner.T, x.T, y.T))
+
+
+def places(corner: Any, edge1: Any, edge2: Any) -> NDArray[np.float32]:
+    """Return the table (12, n) of corners, edges and unit normals, from (3, n) each."""
+    return by_columns(np.concatenate([corner, edge1, edge2, unit_normals(edge1, edge2)]))
+
+
+def with_normals(surfaces: Any, normals: Any) -> Any:
+    """Return a record of flat shapes with other unit normals, (3, n)."""
+    s = surfaces
+    rows = np.concatenate([s.corner, s.edge1, s.edge2, normals])
+    return surfaces._replace(places=by_columns(rows))
+
+
+def rows_of(part: slice) -> property:
+    """Return the attribute of a record that is a part of its `places`, (3, n)."""
+    return property(lambda surfaces: surfaces.places[part])
 
 
 def placed_axes(shapes: list[Any]) -> tuple[Any, Any, Any]:

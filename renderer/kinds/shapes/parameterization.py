@@ -17,6 +17,7 @@ from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.kinds.shapes.surface import gather_flat
 
 _PI = np.float32(np.pi)
 
@@ -58,23 +59,21 @@ def point_at_uv(
 @kernel
 def _on_rectangle(rectangles, chart, light, prim, orientation, u, v, mask):
     index = prim - rectangles.first
-    edge1 = gather3(rectangles.edge1, index, mask)
-    edge2 = gather3(rectangles.edge2, index, mask)
-    position = gather3(rectangles.corner, index, mask) + edge1 * u + edge2 * v
-    side = gather3(rectangles.normal, index, mask) * orientation
-    return UvPoint(position, side, length(cross(edge1, edge2)), mask)
+    p = gather_flat(rectangles, index, mask)
+    position = p.corner + p.edge1 * u + p.edge2 * v
+    area = length(cross(p.edge1, p.edge2))
+    return UvPoint(position, p.normal * orientation, area, mask)
 
 
 @point_at_uv.by(DiskSurfaces)
 @kernel
 def _on_disk(disks, chart, light, prim, orientation, u, v, mask):
     index = prim - disks.first
-    edge1, edge2 = gather3(disks.edge1, index, mask), gather3(disks.edge2, index, mask)
+    p = gather_flat(disks, index, mask)
     sine, cosine = sincos(TWO_PI * v)
-    way = edge1 * cosine + edge2 * sine
-    position = gather3(disks.corner, index, mask) + way * u
-    side = gather3(disks.normal, index, mask) * orientation
-    return UvPoint(position, side, length(cross(edge1, edge2)) * (TWO_PI * u), mask)
+    position = p.corner + (p.edge1 * cosine + p.edge2 * sine) * u
+    per_area = length(cross(p.edge1, p.edge2)) * (TWO_PI * u)
+    return UvPoint(position, p.normal * orientation, per_area, mask)
 
 
 @kernel

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import any_of
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import gather3
 from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.kinds.shapes.kind import ShapeKind
@@ -32,6 +31,7 @@ from renderer.kinds.shapes.surface import (
     LightPoint,
     SurfacePoint,
     flat_point,
+    gather_flat,
     nowhere,
     pdf_by_area,
     pdf_shape,
@@ -78,10 +78,12 @@ class RectangleSurfaces(NamedTuple):
 
     first: int
     end: int
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
+
+    corner = flat.rows_of(flat.CORNER)
+    edge1 = flat.rows_of(flat.EDGE1)
+    edge2 = flat.rows_of(flat.EDGE2)
+    normal = flat.rows_of(flat.NORMAL)
 
 
 @surface_point.by(RectangleSurfaces)
@@ -94,7 +96,7 @@ def _point_on_rectangle(rectangles, index, mask, u, v, hit_point, with_uv):
 @tangent_at.by(RectangleSurfaces)
 @kernel
 def _tangent_of_rectangle(rectangles, index, mask, u, v, normal):
-    return gather3(rectangles.edge1, index, mask)
+    return gather_flat(rectangles, index, mask).edge1
 
 
 @sample_shape.by(RectangleSurfaces)
@@ -103,12 +105,10 @@ def _sample_rectangle(rectangles, kind, light, mask, position, x, y, z):
     """Choose a point, uniformly."""
     areas = kind.lights
     index = gather_row(areas.prim, 0, light, mask) - rectangles.first
-    edge1 = gather3(rectangles.edge1, index, mask)
-    edge2 = gather3(rectangles.edge2, index, mask)
-    point = gather3(rectangles.corner, index, mask) + edge1 * x + edge2 * y
-    n = gather3(rectangles.normal, index, mask)
-    side = n * gather_row(areas.orientation, 0, light, mask)
-    return LightPoint(point - position, n, side)
+    p = gather_flat(rectangles, index, mask)
+    point = p.corner + p.edge1 * x + p.edge2 * y
+    side = p.normal * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, p.normal, side)
 
 
 pdf_shape.by(RectangleSurfaces)(pdf_by_area)

@@ -9,8 +9,8 @@ import numpy as np
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import fabs, maximum, select
 from renderer.kernels.lanes.mathematics import arctan2
-from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3
+from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.vectors import dot, gather_rows3, vec3
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
 
 # The position on a primitive is known up to about this fraction of its coordinates.
@@ -109,15 +109,36 @@ def turn(x, y):
     return select(angle < 0.0, angle + TWO_PI, angle) * _INV_TWO_PI
 
 
+class Flat(NamedTuple):
+    """Flat primitives: the points corner + u edge1 + v edge2."""
+
+    corner: Any
+    edge1: Any
+    edge2: Any
+    normal: Any  # unit
+
+
 @kernel
-def flat_point(patches, index, mask, u, v):
+def gather_flat(surfaces, index, mask):
+    """Return flat primitives in lanes."""
+    a = gather_columns(surfaces.places, 0, index, mask)
+    b = gather_columns(surfaces.places, 4, index, mask)
+    c = gather_columns(surfaces.places, 8, index, mask)
+    return Flat(
+        vec3(a[0], a[1], a[2]),
+        vec3(a[3], b[0], b[1]),
+        vec3(b[2], b[3], c[0]),
+        vec3(c[1], c[2], c[3]),
+    )
+
+
+@kernel
+def flat_point(surfaces, index, mask, u, v):
     """Return position, normal and rounding error on flat primitives."""
-    corner = gather3(patches.corner, index, mask)
-    edge1 = gather3(patches.edge1, index, mask)
-    edge2 = gather3(patches.edge2, index, mask)
-    position = corner + edge1 * u + edge2 * v
-    size = magnitude(corner) + magnitude(edge1) + magnitude(edge2)
-    return position, gather3(patches.normal, index, mask), size * ROUNDING
+    p = gather_flat(surfaces, index, mask)
+    position = p.corner + p.edge1 * u + p.edge2 * v
+    size = magnitude(p.corner) + magnitude(p.edge1) + magnitude(p.edge2)
+    return position, p.normal, size * ROUNDING
 
 
 @kernel

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
-from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import cross, dot, gather3, gather_rows3, normalize
+from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.kinds.sampling.arithmetic import density_normal
 from renderer.kinds.sampling.numbers_and_warps import square_to_triangle
 from renderer.kinds.shapes import flat
-from renderer.kinds.shapes.arrays import empty_rows, float32, unit_normals
+from renderer.kinds.shapes.arrays import by_columns, empty_rows
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.kinds.shapes.kind import ShapeKind, flipped
 from renderer.kinds.shapes.mesh_plugins import MESH_PLUGINS
@@ -41,6 +41,7 @@ from renderer.kinds.shapes.surface import (
     LightPoint,
     SurfacePoint,
     flat_point,
+    gather_flat,
     nowhere,
     pdf_by_area,
     pdf_shape,
@@ -107,16 +108,16 @@ class TriangleSurfaces(NamedTuple):
 
     first: int
     end: int
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) unit edge1 x edge2
+    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
     # each of the following has no column where no mesh has it or nobody asks for it
-    normals: NDArray[np.float32] = empty_rows(
-        9
-    )  # (9, n) unit, of the three vertices in turn
-    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the three vertices in turn
-    tangents: NDArray[np.float32] = empty_rows(3)  # (3, n) dp/du
+    normals: NDArray[np.float32] = empty_rows(9)  # (9, n) unit, of the vertices in turn
+    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
+    tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
+
+    corner = flat.rows_of(flat.CORNER)
+    edge1 = flat.rows_of(flat.EDGE1)
+    edge2 = flat.rows_of(flat.EDGE2)
+    normal = flat.rows_of(flat.NORMAL)
 
 
 def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
@@ -141,10 +142,13 @@ def interpolated_normal(normals, index, mask, u, v, flat):
     """Return the unit normals between the vertices' own; `flat` where there are none."""
     if normals.shape[1] == 0:
         return flat
+    a = gather_columns(normals, 0, index, mask)
+    b = gather_columns(normals, 4, index, mask)
+    c = gather_columns(normals, 5, index, mask)  # row 8 is its last
     return normalize(
-        gather_rows3(normals, 0, index, mask) * (1.0 - u - v)
-        + gather_rows3(normals, 3, index, mask) * u
-        + gather_rows3(normals, 6, index, mask) * v
+        vec3(a[0], a[1], a[2]) * (1.0 - u - v)
+        + vec3(a[3], b[0], b[1]) * u
+        + vec3(b[2], b[3], c[3]) * v
     )
 
 
@@ -153,17 +157,9 @@ def _interpolated_uv(uvs, index, mask, u, v):
     if uvs.shape[1] == 0:
         return u, v
     w = 1.0 - u - v
-    texture_u = (
-        gather_row(uvs, 0, index, mask) * w
-        + gather_row(uvs, 2, index, mask) * u
-        + gather_row(uvs, 4, index, mask) * v
-    )
-    texture_v = (
-        gather_row(uvs, 1, index, mask) * w
-        + gather_row(uvs, 3, index, mask) * u
-        + gather_row(uvs, 5, index, mask) * v
-    )
-    return texture_u, texture_v
+    u0, v0, u1, v1 = gather_columns(uvs, 0, index, mask)
+    _, _, u2, v2 = gather_columns(uvs, 2, index, mask)
+    return u0 * w + u1 * u + u2 * v, v0 * w + v1 * u + v2 * v
 
 
 @surface_point.by(TriangleSurfaces)
@@ -221,10 +217,8 @@ def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
     prim, y = choose_triangle(areas.choice, light, mask, y, z)
     index = prim - triangles.first
     u, v = square_to_triangle(x, y)
-    edge1 = gather3(triangles.edge1, index, mask)
-    edge2 = gather3(triangles.edge2, index, mask)
-    point = gather3(triangles.corner, index, mask) + edge1 * u + edge2 * v
-    n = gather3(triangles.normal, index, mask)
+    p = gather_flat(triangles, index, mask)
+    point, n = p.corner + p.edge1 * u + p.edge2 * v, p.normal
     outwards = n * gather_row(areas.orientation, 0, light, mask)
     side = interpolated_normal(triangles.normals, index, mask, u, v, outwards)
     return LightPoint(point - position, density_normal(kind.arithmetic, n, side), side)
@@ -270,17 +264,13 @@ def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
         )
         uvs.append(corner_uvs.reshape(len(p), 6).T)
     count = sum(mesh.faces.shape[0] for mesh in meshes)
-    edge1, edge2 = np.concatenate(edges1, axis=1), np.concatenate(edges2, axis=1)
+    placed = (np.concatenate(part, axis=1) for part in (corners, edges1, edges2))
     return TriangleSurfaces(
         first,
         first + count,
-        float32(np.concatenate(corners, axis=1)),
-        float32(edge1),
-        float32(edge2),
-        unit_normals(edge1, edge2),
-        float32(np.concatenate(normals, axis=1) if smooth else np.zeros((9, 0))),
-        float32(np.concatenate(uvs, axis=1)),
-        float32(np.zeros((3, 0))),
+        flat.places(*placed),
+        by_columns(np.concatenate(normals, axis=1)) if smooth else empty_rows(9),
+        by_columns(np.concatenate(uvs, axis=1)),
     )
 
 

@@ -19,9 +19,10 @@ from renderer.kernels.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import cross, gather3, length
+from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.vectors import cross, length
 from renderer.kinds.shapes.parameterization import UvPoint, point_at_uv
+from renderer.kinds.shapes.surface import gather_flat
 from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.scene_file.meshes.uv_grid import uv_grid
 
@@ -95,12 +96,9 @@ def _on_mesh(triangles, chart, light, prim, orientation, u, v, mask):
     trying = within & (k < end)
     while mask_bits(trying) != 0:
         triangle = gather_row(chart.triangles, 0, k, trying)
-        u0 = gather_row(triangles.uvs, 0, triangle, trying)
-        v0 = gather_row(triangles.uvs, 1, triangle, trying)
-        du1 = gather_row(triangles.uvs, 2, triangle, trying) - u0
-        dv1 = gather_row(triangles.uvs, 3, triangle, trying) - v0
-        du2 = gather_row(triangles.uvs, 4, triangle, trying) - u0
-        dv2 = gather_row(triangles.uvs, 5, triangle, trying) - v0
+        u0, v0, u1, v1 = gather_columns(triangles.uvs, 0, triangle, trying)
+        _, _, u2, v2 = gather_columns(triangles.uvs, 2, triangle, trying)
+        du1, dv1, du2, dv2 = u1 - u0, v1 - v0, u2 - u0, v2 - v0
         det = du1 * dv2 - dv1 * du2
         a, b = u - u0, v - v0
         inverse = 1.0 / select(det != 0.0, det, splat_f32(1.0))
@@ -114,8 +112,7 @@ def _on_mesh(triangles, chart, light, prim, orientation, u, v, mask):
         found = found | covers
         k = k + 1
         trying = trying & ~covers & (k < end)
-    edge1 = gather3(triangles.edge1, index, found)
-    edge2 = gather3(triangles.edge2, index, found)
-    position = gather3(triangles.corner, index, found) + edge1 * b1 + edge2 * b2
-    side = gather3(triangles.normal, index, found) * orientation
-    return UvPoint(position, side, length(cross(edge1, edge2)) / fabs(det_found), found)
+    p = gather_flat(triangles, index, found)
+    position = p.corner + p.edge1 * b1 + p.edge2 * b2
+    area = length(cross(p.edge1, p.edge2)) / fabs(det_found)
+    return UvPoint(position, p.normal * orientation, area, found)

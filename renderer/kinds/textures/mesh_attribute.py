@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3
+from renderer.kernels.lanes.vectors import dot, gather_rows3
+from renderer.kinds.shapes.surface import gather_flat
 from renderer.kinds.textures.kind import TextureKind
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import Mesh, MeshAttributeTexture, Shape
@@ -21,9 +22,7 @@ class MeshAttributes(NamedTuple):
     """What the triangles of those meshes have that show one of the textures."""
 
     first: int  # primitive id of the first triangle
-    corner: NDArray[np.float32]  # (3, triangles) as in `TriangleSurfaces`
-    edge1: NDArray[np.float32]  # (3, triangles)
-    edge2: NDArray[np.float32]  # (3, triangles)
+    places: NDArray[np.float32]  # (12, triangles) as in `TriangleSurfaces`
     shape: NDArray[np.int32]  # (primitives,) shape id
     # (shapes, textures) added to a primitive id it is the column of `values`
     offset: NDArray[np.int32]
@@ -115,9 +114,7 @@ def attribute_table(
             total += len(faces)
     return MeshAttributes(
         triangles.first,
-        triangles.corner,
-        triangles.edge1,
-        triangles.edge2,
+        triangles.places,
         scene.shape,
         offset,
         np.ascontiguousarray(np.concatenate(values, axis=1), np.float32),
@@ -129,9 +126,9 @@ def attribute_table(
 def attribute_color(attributes, texture, point, mask):
     """Interpolate between the vertices, by where the point is between them."""
     index = point.prim - attributes.first
-    edge1 = gather3(attributes.edge1, index, mask)
-    edge2 = gather3(attributes.edge2, index, mask)
-    to_point = point.position - gather3(attributes.corner, index, mask)
+    triangle = gather_flat(attributes, index, mask)
+    edge1, edge2 = triangle.edge1, triangle.edge2
+    to_point = point.position - triangle.corner
     # least squares: the point is in the plane but for rounding
     a11, a12, a22 = dot(edge1, edge1), dot(edge1, edge2), dot(edge2, edge2)
     b1, b2 = dot(edge1, to_point), dot(edge2, to_point)

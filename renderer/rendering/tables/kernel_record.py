@@ -22,6 +22,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
+from renderer.kinds.shapes.arrays import empty_rows
 from renderer.kinds.shapes.triangle import texture_tangents
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
@@ -227,7 +228,7 @@ def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, A
     if settings.with_tangents and triangles.tangents.shape[1] == 0:
         triangles = triangles._replace(tangents=texture_tangents(triangles))
     if not settings.with_uv:
-        triangles = triangles._replace(uvs=np.zeros((6, 0), np.float32))
+        triangles = triangles._replace(uvs=empty_rows(6))
     return surfaces | {"triangles": triangles}
 
 

@@ -36,7 +36,7 @@ _TWO_PI = np.float32(2.0 * np.pi)
 @kernel
 def on_disk(matrices, disks, k, probe, ray):
     """Return the hit on disk k."""
-    center, normal = column(disks.corner, k), column(disks.normal, k)
+    center, normal = column3(disks.places, 0, k), column3(disks.places, 9, k)
     o = times_point(matrices, 12, k, probe.origin)
     d = times_vector(matrices, 12, k, probe.direction)
     t = -o.z / d.z

@@ -104,7 +104,7 @@ def on_triangle(triangles, vertices, k, ray, grouped):
     a, b, c = column9(vertices, 0, k)
     u, v = _barycentric(a, b, c, ray.origin, ray.direction, grouped)
     w = (_ONE - u) - v
-    flat = column(triangles.normal, k)
+    flat = column3(triangles.places, 9, k)
     smooth = _vertex_normal(triangles.normals, k, w, u, v, flat)
     tangent = column(triangles.tangents, k)
     texture_u, texture_v = _with_uv(triangles.uvs, k, w, u, v)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kinds.shapes.arrays import empty_rows
 from renderer.kinds.shapes.cylinder import CylinderSurfaces
 from renderer.kinds.shapes.disk import DiskSurfaces
 from renderer.kinds.shapes.rectangle import RectangleSurfaces
@@ -84,9 +85,9 @@ def rounding_of(description: SceneDescription, surfaces: dict[str, Any]) -> Roun
         np.zeros((24, 0), np.float32) if instances is None else instances,
     )
     empty = AllSurfaces(
-        TriangleSurfaces(0, 0, *(np.zeros((n, 0), "f4") for n in (3, 3, 3, 3, 9, 6, 3))),
-        RectangleSurfaces(0, 0, *(np.zeros((3, 0), "f4") for _ in range(4))),
-        DiskSurfaces(0, 0, *(np.zeros((3, 0), "f4") for _ in range(4))),
+        TriangleSurfaces(0, 0, empty_rows(12)),
+        RectangleSurfaces(0, 0, empty_rows(12)),
+        DiskSurfaces(0, 0, empty_rows(12)),
         SphereSurfaces(0, 0, *(np.zeros(s, "f4") for s in ((3, 0), 0, (9, 0)))),
         CylinderSurfaces(0, 0, *(np.zeros(s, "f4") for s in ((3, 0), 0, 0, (9, 0)))),
     )
