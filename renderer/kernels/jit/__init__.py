@@ -9,6 +9,7 @@ are chosen by the record they work on (`interfaces`).
 
 from renderer.kernels.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
 from renderer.kernels.jit.decorators import (
+    always_inline,
     builder_kernel,
     compiled_for,
     entry_kernel,
@@ -24,6 +25,7 @@ __all__ = [
     "KERNEL_CACHE",
     "Method",
     "Packed",
+    "always_inline",
     "builder_kernel",
     "cache_root",
     "call",

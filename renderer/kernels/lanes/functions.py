@@ -10,7 +10,7 @@ from numba.core.errors import TypingError
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
-from renderer.kernels.lanes.masks import MASKS, call
+from renderer.kernels.lanes.masks import MASKS, call, joined_values, part
 from renderer.kernels.lanes.operators import SCALARS, operands, splat_value, widen
 from renderer.kernels.lanes.types import Lanes, Mask, f32x16, i32x16, llvm_vector, u32x16
 
@@ -260,21 +260,14 @@ def _half(upper: bool, doc: str) -> Any:
     def half(typingctx: Any, x: Any) -> Any:
         _require(isinstance(x, Lanes), f"lanes are halved, not {x}")
         width = x.width // 2
-        first = width if upper else 0
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            undefined = ir.Constant(args[0].type, ir.Undefined)
-            order = _numbers(range(first, first + width))
-            return builder.shuffle_vector(args[0], undefined, order)
+            return part(builder, args[0], width if upper else 0, width)
 
         return signature(Lanes(x.element, width), x), codegen
 
     half.__doc__ = doc
     return half
-
-
-def _numbers(numbers: range) -> ir.Constant:
-    return ir.Constant(ir.VectorType(ir.IntType(32), len(numbers)), list(numbers))
 
 
 lower_half = _half(False, "Return the first half of the lanes.")
@@ -288,12 +281,13 @@ def joined(typingctx: Any, a: Any, b: Any) -> Any:
     What is computed on them comes out as pairs of instructions that do not wait for each
     other: worth it where a formula is one long chain.
     """
-    _require(isinstance(a, Lanes) and a == b, f"cannot join {a} and {b}")
+    _require(isinstance(a, Lanes | Mask) and a == b, f"cannot join {a} and {b}")
+    both = Mask(2 * a.width) if isinstance(a, Mask) else Lanes(a.element, 2 * a.width)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.shuffle_vector(*args, _numbers(range(2 * a.width)))
+        return joined_values(builder, list(args))
 
-    return signature(Lanes(a.element, 2 * a.width), a, b), codegen
+    return signature(both, a, b), codegen
 
 
 @intrinsic

@@ -20,7 +20,13 @@ from numba.extending import (
 )
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import as_i32, select, sqrt
+from renderer.kernels.lanes.functions import (
+    as_i32,
+    lower_half,
+    select,
+    sqrt,
+    upper_half,
+)
 from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
@@ -213,6 +219,18 @@ def column3(array, row, k):
 def load3(array, i):
     """Load columns i to i + 15 of a (3, n) array as a vector of lanes."""
     return vec3(load_row(array, 0, i), load_row(array, 1, i), load_row(array, 2, i))
+
+
+@kernel
+def lower_half3(a):
+    """Return the first half of the lanes of a vector."""
+    return vec3(lower_half(a.x), lower_half(a.y), lower_half(a.z))
+
+
+@kernel
+def upper_half3(a):
+    """Return the second half of the lanes of a vector."""
+    return vec3(upper_half(a.x), upper_half(a.y), upper_half(a.z))
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.functions import any_of
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kinds.shapes import flat
@@ -62,6 +62,7 @@ def _inside(p):
 @kernel
 def hit_rectangle(rectangle, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max and 0 <= u, v <= 1."""
+    always_inline()
     p = meet_plane(rectangle, origin, direction)
     depth = lesser(lesser(p.u, p.v), p.scale - greater(p.u, p.v))
     doubtful = grazing(rectangle, p, direction) & (depth >= MARGIN * p.scale)

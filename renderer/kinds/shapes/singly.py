@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import lane, mask_bits
 from renderer.kernels.lanes.local import local_f32
-from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.memory import load_eight, load_row
 from renderer.kernels.lanes.types import Lanes
 from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.shapes.patch import Intersection
@@ -141,16 +141,19 @@ def _hit_in_lanes(surfaces, k, origin, direction, t_max):
 
         return one
 
-    def sixteen(surfaces, k, origin, direction, t_max):
+    width = getattr(k, "width", 0) or t_max.width
+    load = load_row if width == 16 else load_eight
+
+    def each(surfaces, k, origin, direction, t_max):
         found = local_f32(16)
-        for j in range(16):
+        for j in range(width):
             o = vec3(_pick(origin.x, j), _pick(origin.y, j), _pick(origin.z, j))
             d = vec3(_pick(direction.x, j), _pick(direction.y, j), _pick(direction.z, j))
             found[j] = hit_alone(surfaces, _pick(k, j), o, d, _pick(t_max, j))
-        t = load_row(found, 0, 0)
+        t = load(found, 0, 0)
         return Intersection(t < INFINITY, t, t * 0.0, t * 0.0)
 
-    return sixteen
+    return each
 
 
 @primitive_at.by(Singly)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import interface, kernel
+from renderer.kernels.jit import always_inline, interface, kernel
 from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
 from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
@@ -76,6 +76,7 @@ def _depth_inside(p):
 @kernel
 def hit_triangle(triangle, origin, direction, t_max):
     """Plane, then (u, v): hits have 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
+    always_inline()
     p = meet_plane(triangle, origin, direction)
     depth = _depth_inside(p)
     doubtful = grazing(triangle, p, direction) & (depth >= MARGIN * p.scale)
