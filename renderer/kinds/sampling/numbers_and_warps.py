@@ -206,15 +206,17 @@ def _draw_stratified(sampler, pixel, sample, block):
     # jitter; keys of the shuffles; a longer render starts a new, independent grid
     grid = sample // count
     jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
+    amount = np.float32(sampler.jitter)
+    jx = (jx - 0.5) * amount + 0.5
+    jy = (jy - 0.5) * amount + 0.5
+    if count == 1:  # nothing to shuffle
+        return _in_unit(jx), _in_unit(jy), jz, jw
     keys = hash4(
         pixel,
         splat_u32(np.uint32(grid)),
         _block_bits(2 * block + 1),
         splat_u32(np.uint32(sampler.seed)),
     )
-    amount = np.float32(sampler.jitter)
-    jx = (jx - 0.5) * amount + 0.5
-    jy = (jy - 0.5) * amount + 0.5
     cell = as_i32(permute(index, count, keys[0]))
     row = to_i32((to_f32(cell) + 0.5) * np.float32(1.0 / columns))
     # float32 rounds the quotient of cells beyond 2^22 up or down by one
