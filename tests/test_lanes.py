@@ -14,9 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.codegen import get_host_cpu_features
 from numba.core.errors import TypingError
 
 from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.columns import gather_columns, store_columns
 from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
@@ -51,9 +53,12 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
+    load_one,
     load_row,
     scatter_row,
+    store_one,
     store_row,
+    store_where,
 )
 
 FLOATS = (np.float32, np.float64)
@@ -467,6 +472,102 @@ def test_scatter_under_masks_made_of_bits(dtype):
         expected[1, place[mask]] = x[mask]
         scatter_under(np.int64(bits), table, 1, indices, x)
         np.testing.assert_array_equal(table, expected)
+
+
+@entry_kernel
+def run_store_where(x, before, stored):
+    """Row m of the result: lanes of x whose bit is set in m."""
+    for m in range(1 << 16):
+        store_row(stored, m, 0, load_row(before, 0, 0))
+        store_where(stored, m, 0, load_row(x, 0, 0), mask_of(m))
+
+
+def test_store_under_every_mask():
+    x, before = np.arange(16, dtype=np.float32), np.full(16, -1.0, np.float32)
+    stored = np.empty((1 << 16, 16), np.float32)
+    run_store_where(x, before, stored)
+    masks = (np.arange(1 << 16)[:, None] >> np.arange(16)) & 1 == 1
+    np.testing.assert_array_equal(stored, np.where(masks, x, before))
+
+
+@entry_kernel
+def run_columns(bits, table, row, indices, x, out):
+    """Gather from, and write to, a table that lies in memory column by column."""
+    index, mask = load_row(indices, 0, 0), mask_of(bits)
+    for k in range(4):
+        store_row(out, k, 0, gather_columns(table, row, index, mask)[k])
+    store_row(out, 4, 0, gather_row(table, row, index, mask))
+    scatter_row(table, row + 1, index, load_row(x, 0, 0), mask)
+    store_columns(
+        table,
+        row,
+        30,
+        load_row(x, 0, 0),
+        load_row(x, 0, 0) + 1,
+        load_row(x, 0, 0) + 2,
+        load_row(x, 0, 0) + 3,
+    )
+    store_one(table, 0, 29, load_one(table, row, 45))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int32])
+@pytest.mark.parametrize(("rows", "row"), [(4, 0), (9, 0), (9, 5)])
+def test_columns_under_masks(dtype, rows, row):
+    """Lanes outside the mask point far outside the table: they take column 0, or 0."""
+    rng = np.random.default_rng(6)
+    x = rng.integers(1, 100, 16).astype(dtype)
+    for bits in (0, 1, 0x8000, 0xFFFF, *rng.integers(0, 1 << 16, 20)):
+        mask = (int(bits) >> np.arange(16)) & 1 == 1
+        place = rng.permutation(29)[:16]
+        indices = np.where(mask, place, 1 << 24).astype(np.int32)
+        table = np.asfortranarray(rng.integers(1, 100, (rows, 50)).astype(dtype))
+        expected, out = table.copy(), np.empty((5, 16), dtype)
+        run_columns(np.int64(bits), table, row, indices, x, out)
+
+        there = np.where(mask, place, 0)
+        np.testing.assert_array_equal(out[:4], expected[row : row + 4, there])
+        np.testing.assert_array_equal(out[4], np.where(mask, expected[row, place], 0))
+        expected[row + 1, place[mask]] = x[mask]
+        expected[row : row + 4, 30:46] = [x + k for k in range(4)]
+        expected[0, 29] = x[15]
+        np.testing.assert_array_equal(table, expected)
+
+
+@entry_kernel
+def gather_from_rows(table, indices, out):
+    everything = splat_mask(True)
+    store_row(out, 0, 0, gather_columns(table, 0, load_row(indices, 0, 0), everything)[0])
+
+
+def test_columns_are_not_gathered_from_rows():
+    table, indices = np.zeros((4, 20), np.float32), np.zeros(16, np.int32)
+    with pytest.raises(TypingError, match="no columns that lie in memory one by one"):
+        gather_from_rows(table, indices, np.zeros((1, 16), np.float32))
+
+
+AVX2 = "+avx,+avx2,+fma,+bmi,+bmi2,+popcnt,+lzcnt,+f16c,+movbe"
+PROCESSORS = {"AVX2": ("haswell", AVX2), "SSE2": ("generic", "")}
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_lanes_of_other_processors(processor):
+    """Masks, gathers and packing are other instructions there: the same tests must pass.
+
+    Whichever of the two this machine is itself is tested twice; both run on any with AVX2.
+    """
+    if "+avx2" not in get_host_cpu_features().split(","):
+        pytest.skip("this processor has no AVX2")
+    name, features = PROCESSORS[processor]
+    environment = os.environ | {
+        "NUMBA_CPU_NAME": name,
+        "NUMBA_CPU_FEATURES": features,
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
+    chosen = "under or masks or minimum or comparisons or joined"
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-k", chosen, __file__]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert " passed" in run.stdout
 
 
 @entry_kernel

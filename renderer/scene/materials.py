@@ -24,6 +24,7 @@ from renderer.kinds.bsdfs.kind import BsdfKind, Rows
 from renderer.kinds.bsdfs.nesting import Structure, goes_straight
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.registry import kind_of as kind_of
+from renderer.kinds.shapes.arrays import by_columns
 from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import kind_of_texture, mean_of
@@ -218,13 +219,14 @@ class MaterialTables:
         return list(found.values())
 
     def values(self) -> NDArray[np.float32]:
-        """Return the constant parameters, (rows, BSDFs)."""
+        """Return the constant parameters, (rows, BSDFs), a multiple of four rows."""
         rows = max((kind.row_count for kind in self.kinds), default=1)
-        table = np.zeros((max(rows, 1), max(len(self.bsdfs), 1)), np.float32)
+        fours = -(-max(rows, 1) // 4)
+        table = np.zeros((4 * fours, max(len(self.bsdfs), 1)), np.float32)
         for k, bsdf in enumerate(self.bsdfs):
             for name, first, count in kind_of(bsdf).layout():
                 table[first : first + count, k] = constant_of(value_of(bsdf, name), count)
-        return table
+        return by_columns(table)
 
     def tables_of(self, kind: Kind) -> dict[str, Rows]:
         """Return the tables of a kind by their names; what BSDFs share is there once."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import select
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.lanes.vectors import dot, load3
@@ -28,8 +29,12 @@ def show_bsdf(shapes, kind_of, kind, points, i, valid):
 def load_constants(bsdfs, kind, points, i, mask):
     """Load the parameters of the BSDFs that points i to i + 15 show, but for textures."""
     bsdf = load_row(points.bsdf, 0, i)
-    for row in range(bsdfs.rows[kind]):
-        store_row(points.parameters, row, i, gather_row(bsdfs.values, row, bsdf, mask))
+    for row in range(0, bsdfs.rows[kind], 4):
+        a, b, c, d = gather_columns(bsdfs.values, row, bsdf, mask)
+        store_row(points.parameters, row, i, a)
+        store_row(points.parameters, row + 1, i, b)
+        store_row(points.parameters, row + 2, i, c)
+        store_row(points.parameters, row + 3, i, d)
 
 
 @kernel

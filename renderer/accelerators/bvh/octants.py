@@ -14,6 +14,7 @@ from renderer.accelerators.bvh.bvh import MARGIN
 from renderer.accelerators.bvh.ray_packets import safe_reciprocal
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.columns import store_columns
 from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
@@ -34,6 +35,7 @@ STREAM = 1024  # rays that go together at most
 ROW = STREAM + 32
 AFAR = 8  # in place of an octant: origins whose rounding would spoil the boxes of others
 _NOBODY = 9  # and rays that have no answer to find
+T = 3  # the row of `for_boxes` that says where rays end
 
 
 class Octant(NamedTuple):
@@ -41,13 +43,9 @@ class Octant(NamedTuple):
 
     octant: Any  # (ROW,) int32 of each ray of the batch
     number: Any  # (ROW,) int32 in the batch
-    t: Any  # (ROW,) float32 where they end
-    inverse_x: Any  # (ROW,) float32 1 / direction
-    inverse_y: Any
-    inverse_z: Any
-    start_x: Any  # (ROW,) float32 origin / direction
-    start_y: Any
-    start_z: Any
+    # both (8, ROW) float32, column by column: a ray's numbers are side by side
+    for_boxes: Any  # 1 / direction, where it ends; origin / direction, and one unused
+    for_leaves: Any  # origin and one unused, direction and one unused
 
 
 @kernel
@@ -102,15 +100,12 @@ def lay_out(query, rows, n):
     for i in range(0, n, 16):
         live = first_lanes(n - i)
         number = load_row(rows.number, 0, i)
-        origin = gather3(query.origin, number, live)
-        inverse = safe_reciprocal(gather3(query.direction, number, live))
-        store_row(rows.inverse_x, 0, i, inverse.x)
-        store_row(rows.inverse_y, 0, i, inverse.y)
-        store_row(rows.inverse_z, 0, i, inverse.z)
-        store_row(rows.start_x, 0, i, origin.x * inverse.x)
-        store_row(rows.start_y, 0, i, origin.y * inverse.y)
-        store_row(rows.start_z, 0, i, origin.z * inverse.z)
-        store_row(rows.t, 0, i, gather_row(query.ends, 0, number, live))
-        far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
+        o, d = gather3(query.origin, number, live), gather3(query.direction, number, live)
+        t, r = gather_row(query.ends, 0, number, live), safe_reciprocal(d)
+        store_columns(rows.for_boxes, 0, i, r.x, r.y, r.z, t)
+        store_columns(rows.for_boxes, 4, i, o.x * r.x, o.y * r.y, o.z * r.z, t)
+        store_columns(rows.for_leaves, 0, i, o.x, o.y, o.z, t)
+        store_columns(rows.for_leaves, 4, i, d.x, d.y, d.z, t)
+        far = fabs(o.x) + fabs(o.y) + fabs(o.z)
         margin = maximum(margin, far * MARGIN)
     return largest(margin)

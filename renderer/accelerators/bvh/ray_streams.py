@@ -24,6 +24,7 @@ from renderer.accelerators.bvh.octants import (
     ROW,
     STREAM,
     Octant,
+    T,
     lay_out,
     select_octant,
     write_octants,
@@ -44,10 +45,12 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     WIDE_WORDS,
 )
 from renderer.accelerators.bvh.wide_rays import STACK, trace_rays
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import always_inline, kernel
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
+    lower_half,
     mask_bits,
     maximum,
     minimum,
@@ -55,8 +58,10 @@ from renderer.kernels.lanes.functions import (
     select,
     splat_f32,
     splat_i32,
+    upper_half,
 )
-from renderer.kernels.lanes.local import local_f32, local_i32
+from renderer.kernels.lanes.local import local_columns_f32, local_f32, local_i32
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import (
     append_row,
     gather_row,
@@ -68,6 +73,7 @@ from renderer.kernels.lanes.memory import (
     store_one,
     store_row,
 )
+from renderer.kernels.lanes.vectors import lower_half3, upper_half3, vec3
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 from renderer.kinds.shapes.blocks import WIDTH
 
@@ -98,13 +104,8 @@ def trace_stream(accel, query, first, count, tally):
     rows = Octant(
         local_i32(ROW),
         local_i32(ROW),
-        local_f32(ROW),
-        local_f32(ROW),
-        local_f32(ROW),
-        local_f32(ROW),
-        local_f32(ROW),
-        local_f32(ROW),
-        local_f32(ROW),
+        local_columns_f32(8, ROW),
+        local_columns_f32(8, ROW),
     )
     stream = _Stream(
         rows, local_i32(_LISTS), local_i32(_STACK), local_f32(48), local_i32(16)
@@ -198,26 +199,44 @@ def _enter_children(stream, place, left, masks, size):
     """
     live = first_lanes(left)
     ray = load_row(stream.lists, 0, place)
-    inverse_x = gather_row(stream.rows.inverse_x, 0, ray, live)
-    inverse_y = gather_row(stream.rows.inverse_y, 0, ray, live)
-    inverse_z = gather_row(stream.rows.inverse_z, 0, ray, live)
-    start_x = gather_row(stream.rows.start_x, 0, ray, live)
-    start_y = gather_row(stream.rows.start_y, 0, ray, live)
-    start_z = gather_row(stream.rows.start_z, 0, ray, live)
-    t = select(live, gather_row(stream.rows.t, 0, ray, live), ENDED)
+    x, y, z, t = gather_columns(stream.rows.for_boxes, 0, ray, live)
+    start_x, start_y, start_z, _ = gather_columns(stream.rows.for_boxes, 4, ray, live)
+    inverse, start = vec3(x, y, z), vec3(start_x, start_y, start_z)
+    t = select(live, t, ENDED)
     planes = stream.planes
+    if HAS_AVX2_ONLY:  # sixteen rays and their distances are more than it has registers
+        for k in range(size):
+            low = _enters(
+                planes, k, lower_half3(inverse), lower_half3(start), lower_half(t)
+            )
+            store_one(stream.lists, 0, masks + k, low)
+        for k in range(size):
+            high = _enters(
+                planes, k, upper_half3(inverse), upper_half3(start), upper_half(t)
+            )
+            bits = load_one(stream.lists, 0, masks + k) | (high << 8)
+            store_one(stream.lists, 0, masks + k, bits)
+            store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
+        return
     for k in range(size):
-        x0 = inverse_x * load_one(planes, 0, k) - start_x
-        x1 = inverse_x * load_one(planes, 0, k + 8) - start_x
-        y0 = inverse_y * load_one(planes, 0, k + 16) - start_y
-        y1 = inverse_y * load_one(planes, 0, k + 24) - start_y
-        z0 = inverse_z * load_one(planes, 0, k + 32) - start_z
-        z1 = inverse_z * load_one(planes, 0, k + 40) - start_z
-        enter = maximum(maximum(x0, y0), maximum(z0, splat_f32(0.0)))
-        leave = minimum(minimum(x1, y1), z1)
-        bits = mask_bits(enter <= minimum(leave * STRETCH, t))
+        bits = _enters(planes, k, inverse, start, t)
         store_one(stream.lists, 0, masks + k, bits)
         store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
+
+
+@kernel
+def _enters(planes, k, inverse, start, t):
+    """Return the bits of the rays that enter child k before their end t."""
+    always_inline()
+    x0 = inverse.x * load_one(planes, 0, k) - start.x
+    x1 = inverse.x * load_one(planes, 0, k + 8) - start.x
+    y0 = inverse.y * load_one(planes, 0, k + 16) - start.y
+    y1 = inverse.y * load_one(planes, 0, k + 24) - start.y
+    z0 = inverse.z * load_one(planes, 0, k + 32) - start.z
+    z1 = inverse.z * load_one(planes, 0, k + 40) - start.z
+    enter = maximum(maximum(x0, y0), maximum(z0, np.float32(0.0)))
+    leave = minimum(minimum(x1, y1), z1)
+    return mask_bits(enter <= minimum(leave * STRETCH, t))
 
 
 # --------------------------------------------------------------------- short lists
@@ -231,7 +250,7 @@ def _hand_over(accel, query, stream, place, m, node, tally):
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(stream.lists, 0, place + i)
-        live &= gather_row(stream.rows.t, 0, ray, live) >= 0.0
+        live &= gather_row(stream.rows.for_boxes, T, ray, live) >= 0.0
         number = gather_row(stream.rows.number, 0, ray, live)
         append_row(stream.lists, 0, queue + asked, number, live)
         asked += popcount(mask_bits(live))
@@ -244,7 +263,7 @@ def _hand_over(accel, query, stream, place, m, node, tally):
         blocked = gather_row(query.prim, 0, number, live) != 0
         if query.any_will_do != 0:
             t = select(blocked, ENDED, t)
-        scatter_row(stream.rows.t, 0, ray, t, live)
+        scatter_row(stream.rows.for_boxes, T, ray, t, live)
 
 
 # ---------------------------------------------------------------------- counting

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.accelerators.bvh.octants import T
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     first_lanes,
     mask_bits,
@@ -15,7 +17,7 @@ from renderer.kernels.lanes.functions import (
     splat_i32,
 )
 from renderer.kernels.lanes.memory import gather_row, load_eight, load_row, scatter_row
-from renderer.kernels.lanes.vectors import gather3
+from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.shapes.blocks import WIDTH
 
 ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
@@ -31,9 +33,10 @@ def meet_leaf(blocks, block, query, rows, lists, place, m):
         live = first_lanes(m - i)
         ray = load_row(lists, 0, place + i)
         number = gather_row(rows.number, 0, ray, live)
-        origin = gather3(query.origin, number, live)
-        direction = gather3(query.direction, number, live)
-        t = select(live, gather_row(rows.t, 0, ray, live), ENDED)
+        ox, oy, oz, _ = gather_columns(rows.for_leaves, 0, ray, live)
+        dx, dy, dz, _ = gather_columns(rows.for_leaves, 4, ray, live)
+        origin, direction = vec3(ox, oy, oz), vec3(dx, dy, dz)
+        t = select(live, gather_row(rows.for_boxes, T, ray, live), ENDED)
         prim = gather_row(query.prim, 0, number, live)
         prim = splat_i32(-1) if query.any_will_do != 0 else prim
         before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
@@ -52,10 +55,10 @@ def held(blocks, block):
 @kernel
 def _store(query, rows, ray, number, near, found):
     if query.any_will_do != 0:
-        scatter_row(rows.t, 0, ray, splat_f32(ENDED), found)
+        scatter_row(rows.for_boxes, T, ray, splat_f32(ENDED), found)
         scatter_row(query.prim, 0, number, splat_i32(1), found)
         return
-    scatter_row(rows.t, 0, ray, near.t, found)
+    scatter_row(rows.for_boxes, T, ray, near.t, found)
     scatter_row(query.ends, 0, number, near.t, found)
     scatter_row(query.prim, 0, number, near.prim, found)
     scatter_row(query.u, 0, number, near.u, found)

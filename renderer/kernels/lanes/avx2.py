@@ -1,8 +1,8 @@
 """How lanes are gathered, and packed side by side, with AVX2 but without AVX-512.
 
 Where AVX-512 has one instruction and AVX2 none, or one that LLVM does not trust, LLVM takes
-the vector apart: a branch and a load for each lane that is gathered, a store and an addition
-for each that is appended.
+the vector apart: a branch and a load for each lane that is gathered, a store and an
+addition for each that is appended.
 """
 
 from __future__ import annotations

@@ -32,7 +32,10 @@ def _array_of(context: Any, builder: Any, array: types.Array, shape: Any) -> Any
     item = context.get_data_type(array.dtype)
     memory = _reserve(builder, ir.ArrayType(item, math.prod(shape)))
     bytes_each = context.get_abi_sizeof(item)
-    strides = [bytes_each * math.prod(shape[k + 1 :]) for k in range(len(shape))]
+    before = [
+        shape[k + 1 :] if array.layout == "C" else shape[:k] for k in range(len(shape))
+    ]
+    strides = [bytes_each * math.prod(sizes) for sizes in before]
     struct = make_array(array)(context, builder)
     word = context.get_constant
     populate_array(
@@ -61,12 +64,12 @@ def _local_array(element: types.Number) -> Any:
     return local_array
 
 
-def _local_rows(element: types.Number) -> Any:
+def _local_rows(element: types.Number, layout: str = "C") -> Any:
     @intrinsic
     def local_rows(typingctx: Any, rows: Any, size: Any) -> Any:
         if not all(isinstance(n, types.IntegerLiteral) for n in (rows, size)):
             raise TypingError("the shape of a local array must be constant")
-        array = types.Array(element, 2, "C")
+        array = types.Array(element, 2, layout)
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             shape = (rows.literal_value, size.literal_value)
@@ -88,3 +91,5 @@ local_f64 = _local_array(types.float64)
 # kernel, where three arrays are 21.
 local_rows_i32 = _local_rows(types.int32)
 local_rows_f32 = _local_rows(types.float32)
+# the same shape, one column of `rows` numbers after the other
+local_columns_f32 = _local_rows(types.float32, "F")

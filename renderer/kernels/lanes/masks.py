@@ -1,10 +1,10 @@
 """How truth values of lanes are kept: as bits, or on AVX2 as lanes of ones and zeros.
 
 AVX-512 compares into registers of bits, and LLVM's own comparisons and selections are what
-it has instructions for. AVX2 compares into ordinary registers. There LLVM packs the result
-of each comparison into bytes, and unpacks it for each selection: a quarter of all instructions
-of a triangle test. `AVX2` keeps the lanes as they are compared, by the processor's own
-instructions, which LLVM does not rewrite.
+it has instructions for (`Bits`). AVX2 compares into ordinary registers. There LLVM packs
+the result of each comparison into bytes and unpacks it for each selection, a quarter of all
+instructions of a triangle test. `WholeLanes` keeps the lanes as they are compared, by the
+processor's own instructions, which LLVM does not rewrite.
 """
 
 from __future__ import annotations

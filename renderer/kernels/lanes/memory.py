@@ -1,9 +1,9 @@
 """Lanes to and from arrays: loads and stores, gathers and scatters, compressed stores.
 
 Arrays are one-dimensional `(n,)`, or `(k, n)` with one row for each component; the second
-form is addressed by `row`, and lies in memory row by row (structure of arrays) or, if it is
-only gathered from, column by column (`gather_columns`). There are no bounds checks: arrays
-that lanes are stored to are padded by one lane width.
+form is addressed by `row`. It lies in memory row by row (structure of arrays); tables that
+are gathered from may lie there column by column (`columns`). There are no bounds checks:
+arrays that lanes are stored to are padded by one lane width.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numba.np.arrayobj import make_array
 
 from renderer.kernels.lanes import avx2
 from renderer.kernels.lanes.functions import _suffix
-from renderer.kernels.lanes.masks import HAS_AVX2_ONLY, MASKS, call, joined_values
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY, MASKS, call
 from renderer.kernels.lanes.operators import splat_value
 from renderer.kernels.lanes.types import Lanes, Mask, lanes_of, llvm_vector
 
@@ -31,7 +31,13 @@ def _require_rows(array: Any) -> None:
         raise TypingError(f"lanes live in C-ordered arrays of 1 or 2 dimensions: {array}")
 
 
-def _require_columns(array: Any) -> None:
+def _require_elements(array: Any) -> None:
+    if getattr(array, "layout", "") != "F":
+        _require_rows(array)
+
+
+def require_columns(array: Any) -> None:
+    """Raise TypingError for what is no table column by column in memory."""
     if not isinstance(array, types.Array) or array.ndim != 2 or array.layout != "F":
         raise TypingError(f"{array} has no columns that lie in memory one by one")
     if array.dtype.bitwidth != 32:
@@ -62,19 +68,23 @@ def _row_start(context: Any, builder: Any, array: Any, value: Any, row: Any) -> 
     return builder.bitcast(builder.gep(start, [bytes_before]), struct.data.type)
 
 
-def _element_at(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+def element_at(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """Return a pointer to `[row, i]`; args are array, row, i, ..."""
-    row, i = (_as_i64(context, builder, args[k], sig.args[k]) for k in (1, 2))
+    row, i = (as_i64(context, builder, args[k], sig.args[k]) for k in (1, 2))
+    if sig.args[0].layout == "F":
+        start, place = in_columns(context, builder, sig.args[0], args[0], row, i)
+        return builder.gep(start, [place])
     return builder.gep(_row_start(context, builder, sig.args[0], args[0], row), [i])
 
 
 def _vector_at(context: Any, builder: Any, sig: Any, args: Any, lanes: Lanes) -> Any:
     """Return a pointer to the lanes from `[row, i]` on."""
-    start = _element_at(context, builder, sig, args)
+    start = element_at(context, builder, sig, args)
     return builder.bitcast(start, llvm_vector(lanes).as_pointer())
 
 
-def _as_i64(context: Any, builder: Any, value: Any, given: Any) -> Any:
+def as_i64(context: Any, builder: Any, value: Any, given: Any) -> Any:
+    """Convert a whole number of type `given` to 64 bits."""
     return context.cast(builder, value, given, types.int64)
 
 
@@ -108,7 +118,7 @@ def load_bytes(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     lanes = Lanes(types.float32, 16)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        start = _element_at(context, builder, sig, args)
+        start = element_at(context, builder, sig, args)
         octets = ir.VectorType(ir.IntType(8), 16)
         loaded = builder.load(builder.bitcast(start, octets.as_pointer()), align=1)
         wide = builder.zext(loaded, ir.VectorType(ir.IntType(32), 16))
@@ -124,10 +134,10 @@ def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     Numba's own indexing asks of each index whether it counts from the end: three
     instructions for every load of a traversal.
     """
-    _require_rows(array)
+    _require_elements(array)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.load(_element_at(context, builder, sig, args))
+        return builder.load(element_at(context, builder, sig, args))
 
     return signature(array.dtype, array, row, i), codegen
 
@@ -135,13 +145,13 @@ def load_one(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
 @intrinsic
 def store_one(typingctx: Any, array: Any, row: Any, i: Any, x: Any) -> Any:
     """Set `array[row, i]` for indices that are not negative."""
-    _require_rows(array)
+    _require_elements(array)
     if not array.mutable:
         raise TypingError(f"cannot store in {array}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         value = context.cast(builder, args[3], x, array.dtype)
-        builder.store(value, _element_at(context, builder, sig, args))
+        builder.store(value, element_at(context, builder, sig, args))
         return context.get_dummy_value()
 
     return signature(types.void, array, row, i, x), codegen
@@ -153,7 +163,7 @@ def prefetch(typingctx: Any, array: Any, row: Any, i: Any) -> Any:
     _require_rows(array)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        start = _element_at(context, builder, sig, args)
+        start = element_at(context, builder, sig, args)
         pointer = builder.bitcast(start, ir.IntType(8).as_pointer())
         # to read, to be kept in all caches, data
         how = [ir.Constant(ir.IntType(32), n) for n in (0, 3, 1)]
@@ -206,16 +216,16 @@ def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) ->
     """Load `array[row, indices]`; lanes outside the mask are 0 and touch no memory."""
     by_columns = getattr(array, "layout", "") == "F"
     if by_columns:
-        _require_columns(array)
+        require_columns(array)
     lanes = lanes_of(array.dtype) if by_columns else _lanes_in(array)
     whole = isinstance(indices, Lanes) and isinstance(indices.element, types.Integer)
     if not whole or mask != Mask(lanes.width) or indices.width != lanes.width:
         raise TypingError(f"{array} is gathered by {indices} under {mask}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        r, places = _as_i64(context, builder, args[1], row), args[2]
+        r, places = as_i64(context, builder, args[1], row), args[2]
         if by_columns:
-            base, places = _in_columns(context, builder, array, args[0], r, places)
+            base, places = in_columns(context, builder, array, args[0], r, places)
         else:
             base = _row_start(context, builder, array, args[0], r)
         if HAS_AVX2_ONLY and avx2.can_gather(lanes, indices):
@@ -230,83 +240,35 @@ def gather_row(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) ->
     return signature(lanes, array, row, indices, mask), codegen
 
 
-def _in_columns(
+def in_columns(
     context: Any, builder: Any, array: Any, value: Any, row: Any, indices: Any
 ) -> tuple[Any, Any]:
-    """Return where a row of an array column by column begins, and the indices from there."""
+    """Return where a row of an array column by column begins, and how far from there."""
     struct = make_array(array)(context, builder, value)
     rows = cgutils.unpack_tuple(builder, struct.shape)[0]
-    rows = builder.trunc(rows, indices.type.element)
-    places = builder.mul(indices, splat_value(builder, rows, indices.type))
-    return builder.gep(struct.data, [row]), places
-
-
-@intrinsic
-def gather_columns(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
-    """Load `array[row : row + 4, indices]`, four lanes, of an array column by column.
-
-    Each column's four numbers are one load, and four by four columns are transposed: a
-    third of what four gathers take, and one cache line where these touch four. Lanes
-    outside the mask are those of column 0, which must be there.
-    """
-    _require_columns(array)
-    lanes = lanes_of(array.dtype)
-    if indices.element != types.int32 or mask != Mask(lanes.width):
-        raise TypingError(f"{array} is gathered by {indices} under {mask}")
-    four = types.UniTuple(lanes, 4)
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        first = _as_i64(context, builder, args[1], row)
-        there = MASKS.chosen(builder, args[3], args[2], ir.Constant(args[2].type, None))
-        start, places = _in_columns(context, builder, array, args[0], first, there)
-        quad = ir.VectorType(start.type.pointee, 4)
-        columns = []
-        for k in range(lanes.width):
-            place = builder.extract_element(places, ir.IntType(32)(k))
-            at = builder.gep(start, [builder.sext(place, ir.IntType(64))])
-            at = builder.bitcast(at, quad.as_pointer())
-            columns.append(builder.load(at, align=4))
-        return context.make_tuple(builder, four, _transposed(builder, columns))
-
-    return signature(four, array, row, indices, mask), codegen
-
-
-def _transposed(builder: Any, columns: list[Any]) -> list[Any]:
-    """Return the four rows of so many columns of four."""
-    a, b, c, d = (joined_values(builder, columns[j::4]) for j in range(4))
-    width = len(columns)
-
-    def mixed(x: Any, y: Any, *order: int) -> Any:
-        """Take numbers 0 to 3 of x and 4 to 7 of y, in each four of their lanes."""
-        places = [
-            four + k if k < 4 else width + four + k - 4
-            for four in range(0, width, 4)
-            for k in order
-        ]
-        return builder.shuffle_vector(x, y, ir.VectorType(ir.IntType(32), width)(places))
-
-    low, high = mixed(a, b, 0, 4, 1, 5), mixed(a, b, 2, 6, 3, 7)
-    low_of_others, high_of_others = mixed(c, d, 0, 4, 1, 5), mixed(c, d, 2, 6, 3, 7)
-    return [
-        mixed(low, low_of_others, 0, 1, 4, 5),
-        mixed(low, low_of_others, 2, 3, 6, 7),
-        mixed(high, high_of_others, 0, 1, 4, 5),
-        mixed(high, high_of_others, 2, 3, 6, 7),
-    ]
+    if isinstance(indices.type, ir.VectorType):
+        if rows.type != indices.type.element:
+            rows = builder.trunc(rows, indices.type.element)
+        rows = splat_value(builder, rows, indices.type)
+    return builder.gep(struct.data, [row]), builder.mul(indices, rows)
 
 
 @intrinsic
 def scatter_row(typingctx: Any, array: Any, row: Any, indices: Any, x: Any, m: Any) -> Any:
     """Store the lanes of x that the mask m names to `array[row, indices]`."""
-    lanes = _lanes_into(array, x)
+    by_columns = getattr(array, "layout", "") == "F"
+    lanes = x if by_columns else _lanes_into(array, x)
     whole = isinstance(indices, Lanes) and isinstance(indices.element, types.Integer)
     if not whole or m != Mask(lanes.width) or indices.width != lanes.width:
         raise TypingError(f"{x} is scattered to {array} by {indices} under {m}")
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        r = _as_i64(context, builder, args[1], row)
-        base = _row_start(context, builder, array, args[0], r)
-        pointers = _lane_pointers(builder, base, args[2], lanes)
+        r, places = as_i64(context, builder, args[1], row), args[2]
+        if by_columns:
+            base, places = in_columns(context, builder, array, args[0], r, places)
+        else:
+            base = _row_start(context, builder, array, args[0], r)
+        pointers = _lane_pointers(builder, base, places, lanes)
         name = f"llvm.masked.scatter.{_suffix(lanes)}.v{lanes.width}p0"
         align = ir.Constant(ir.IntType(32), array.dtype.bitwidth // 8)
         bits = MASKS.to_bits(builder, args[4])

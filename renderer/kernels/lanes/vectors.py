@@ -20,6 +20,7 @@ from numba.extending import (
 )
 
 from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     as_i32,
     lower_half,
@@ -257,6 +258,13 @@ def gather3(array, indices, mask):
         gather_row(array, 1, indices, mask),
         gather_row(array, 2, indices, mask),
     )
+
+
+@kernel
+def gather_vectors(table, indices, mask):
+    """Load vectors of a table (4, n) column by column; see `gather_columns`."""
+    x, y, z, _ = gather_columns(table, 0, indices, mask)
+    return vec3(x, y, z)
 
 
 @kernel

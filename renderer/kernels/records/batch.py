@@ -205,7 +205,7 @@ def make_workspace(
         _row(n),
         _numbers(n),
         _numbers(n),
-        _rows(parameters, n),
+        _rows(-(-parameters // 4) * 4, n),  # they are loaded by fours
         _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
     )
     light_samples = LightSamples(_numbers(n), _rows(3, n), _row(n), _rows(3, n), _row(n))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import interface, kernel, method_kernel
 from renderer.kernels.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
 from renderer.kernels.lanes.memory import gather_row, load_row
-from renderer.kernels.lanes.vectors import dot, gather3, length, load3
+from renderer.kernels.lanes.vectors import dot, gather_vectors, length, load3
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
 from renderer.kinds.lights.texel_choice import texel_luminance
 from renderer.kinds.lights.textures import refuse_nested
@@ -34,7 +34,7 @@ from renderer.scene_file.objects.textures import read_texture
 class AreaLights(NamedTuple):
     """Area lights on shapes of one kind; columns by light id."""
 
-    radiance: NDArray[np.float32]  # (3, n)
+    radiance: NDArray[np.float32]  # (4, n)
     inverse_area: NDArray[np.float32]  # (n,)
     prim: NDArray[np.int32]  # (n,) primitive id of an analytic shape
     orientation: NDArray[np.float32]  # (n,)
@@ -54,7 +54,7 @@ def sample_area(areas, kind, light, mask, position, x, y, z):
     pdf = pdf_shape(areas.surfaces, kind, light, prim, mask, position, r, cosine)
     usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)
     inverse = select(usable, 1.0 / pdf, splat_f32(0.0))
-    return LightSample(wi, r, gather3(areas.radiance, light, mask) * inverse, pdf)
+    return LightSample(wi, r, gather_vectors(areas.radiance, light, mask) * inverse, pdf)
 
 
 @interface
@@ -74,7 +74,7 @@ def _emitted(areas, kind, points, i, light, mask):
     previous, distance, cosine = seen_from(kind.arithmetic, points, i)
     prim = load_row(points.prim, 0, i)
     pdf = pdf_shape(areas.surfaces, kind, light, prim, mask, previous, distance, cosine)
-    return gather3(areas.radiance, light, mask), pdf
+    return gather_vectors(areas.radiance, light, mask), pdf
 
 
 @method_kernel

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kinds.shapes.arrays import by_columns
+
 
 def vector_columns(count: int, rows: dict[int, Any]) -> NDArray[np.float32]:
-    """Return (3, count) with the given columns, zero elsewhere."""
-    table = np.zeros((3, count), np.float32)
+    """Return (4, count), vectors for `gather_vectors`, zero where none is given."""
+    table = np.zeros((4, count), np.float32)
     for i, row in rows.items():
-        table[:, i] = row
-    return table
+        table[:3, i] = row
+    return by_columns(table)
 
 
 def number_column(count: int, values: dict[int, float]) -> NDArray[np.float32]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
-from renderer.kernels.lanes.vectors import gather3
+from renderer.kernels.lanes.vectors import gather_vectors
 from renderer.kinds.lights.choice.bounds import LightBounds, from_direction
 from renderer.kinds.lights.columns import vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -21,8 +21,8 @@ from renderer.scene_file.description import DirectionalLight
 class DirectionalLights(NamedTuple):
     """Columns by light id."""
 
-    to_light: NDArray[np.float32]  # (3, n) unit
-    irradiance: NDArray[np.float32]  # (3, n)
+    to_light: NDArray[np.float32]  # (4, n) unit
+    irradiance: NDArray[np.float32]  # (4, n)
     distance: float  # beyond the whole scene
 
 
@@ -68,8 +68,8 @@ def bounds(light: DirectionalLight) -> LightBounds:
 @kernel
 def sample_directional(directionals, kind, light, mask, position, x, y, z):
     """Look against the light's direction, to beyond the scene."""
-    wi = gather3(directionals.to_light, light, mask)
-    irradiance = gather3(directionals.irradiance, light, mask)
+    wi = gather_vectors(directionals.to_light, light, mask)
+    irradiance = gather_vectors(directionals.irradiance, light, mask)
     distance = splat_f32(np.float32(directionals.distance))
     return LightSample(wi, distance, irradiance, splat_f32(0.0))
 

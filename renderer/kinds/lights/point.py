@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
-from renderer.kernels.lanes.vectors import dot, gather3, length
+from renderer.kernels.lanes.vectors import dot, gather_vectors, length
 from renderer.kinds.lights.choice.bounds import LightBounds, all_around
 from renderer.kinds.lights.columns import vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -21,8 +21,8 @@ from renderer.scene_file.description import PointLight
 class PointLights(NamedTuple):
     """Columns by light id (those of other kinds are unused)."""
 
-    position: NDArray[np.float32]  # (3, n)
-    intensity: NDArray[np.float32]  # (3, n)
+    position: NDArray[np.float32]  # (4, n)
+    intensity: NDArray[np.float32]  # (4, n)
 
 
 def read(properties: Any) -> PointLight:
@@ -53,9 +53,9 @@ def bounds(light: PointLight) -> LightBounds:
 @kernel
 def sample_point(points, kind, light, mask, position, x, y, z):
     """Look straight at the light."""
-    to_light = gather3(points.position, light, mask) - position
+    to_light = gather_vectors(points.position, light, mask) - position
     r = length(to_light)
-    radiance = gather3(points.intensity, light, mask) / dot(to_light, to_light)
+    radiance = gather_vectors(points.intensity, light, mask) / dot(to_light, to_light)
     return LightSample(to_light / r, r, radiance, splat_f32(0.0))
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import dot, gather3, length
+from renderer.kernels.lanes.vectors import dot, gather_vectors, length
 from renderer.kinds.lights.choice.bounds import LightBounds, in_cone
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -32,10 +32,10 @@ class Projectors(NamedTuple):
     """Columns by light id."""
 
     textures: LightTextures
-    position: NDArray[np.float32]  # (3, n)
-    left: NDArray[np.float32]  # (3, n) local x, over the width of the slide at z = 1
-    up: NDArray[np.float32]  # (3, n) local y, over its height
-    axis: NDArray[np.float32]  # (3, n) unit
+    position: NDArray[np.float32]  # (4, n)
+    left: NDArray[np.float32]  # (4, n) local x, over the width of the slide at z = 1
+    up: NDArray[np.float32]  # (4, n) local y, over its height
+    axis: NDArray[np.float32]  # (4, n) unit
     strength: NDArray[np.float32]  # (n,) pi times the scale
 
 
@@ -84,13 +84,13 @@ def bounds(light: Projector) -> LightBounds:
 @kernel
 def sample_projector(projectors, kind, light, mask, position, x, y, z):
     """Look straight at the light, and see where on its slide one is."""
-    to_light = gather3(projectors.position, light, mask) - position
+    to_light = gather_vectors(projectors.position, light, mask) - position
     r = length(to_light)
-    along = -dot(to_light, gather3(projectors.axis, light, mask))
+    along = -dot(to_light, gather_vectors(projectors.axis, light, mask))
     ahead = along > 0.0
     inverse = 1.0 / select(ahead, along, splat_f32(1.0))
-    u = 0.5 + dot(to_light, gather3(projectors.left, light, mask)) * inverse
-    v = 0.5 + dot(to_light, gather3(projectors.up, light, mask)) * inverse
+    u = 0.5 + dot(to_light, gather_vectors(projectors.left, light, mask)) * inverse
+    v = 0.5 + dot(to_light, gather_vectors(projectors.up, light, mask)) * inverse
     lit = ahead & (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
     # z^2 cos = z^3 / r
     strength = gather_row(projectors.strength, 0, light, mask)

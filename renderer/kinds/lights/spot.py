@@ -11,7 +11,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.mathematics import arccos
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import dot, gather3, length
+from renderer.kernels.lanes.vectors import dot, gather_vectors, length
 from renderer.kinds.lights.choice.bounds import LightBounds, in_cone
 from renderer.kinds.lights.columns import number_column, vector_columns
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -27,9 +27,9 @@ from renderer.scene_file.objects.textures import read_texture
 class SpotLights(NamedTuple):
     """Columns by light id."""
 
-    position: NDArray[np.float32]  # (3, n)
-    axis: NDArray[np.float32]  # (3, n) unit
-    intensity: NDArray[np.float32]  # (3, n)
+    position: NDArray[np.float32]  # (4, n)
+    axis: NDArray[np.float32]  # (4, n) unit
+    intensity: NDArray[np.float32]  # (4, n)
     cos_cutoff: NDArray[np.float32]  # (n,)
     cos_beam: NDArray[np.float32]  # (n,)
     cutoff: NDArray[np.float32]  # (n,) [rad]
@@ -41,8 +41,8 @@ class SpotSquares(NamedTuple):
     """The squares that textures fill, at z = 1 of each light; columns by light id."""
 
     textures: LightTextures
-    right: NDArray[np.float32]  # (3, n) local x axis, over twice the half width
-    up: NDArray[np.float32]  # (3, n)
+    right: NDArray[np.float32]  # (4, n) local x axis, over twice the half width
+    up: NDArray[np.float32]  # (4, n)
 
 
 def read(properties: Any) -> SpotLight:
@@ -123,8 +123,8 @@ def _through_slide(radiance, square, light, wi, cosine, mask):
     if square is None:
         return radiance
     along = -1.0 / select(cosine > 0.0, cosine, splat_f32(1.0))
-    u = 0.5 + dot(wi, gather3(square.right, light, mask)) * along
-    v = 0.5 + dot(wi, gather3(square.up, light, mask)) * along
+    u = 0.5 + dot(wi, gather_vectors(square.right, light, mask)) * along
+    v = 0.5 + dot(wi, gather_vectors(square.up, light, mask)) * along
     return radiance * light_color(square.textures, light, u, v, None, None, mask)
 
 
@@ -132,10 +132,10 @@ def _through_slide(radiance, square, light, wi, cosine, mask):
 @kernel
 def sample_spot(spots, kind, light, mask, position, x, y, z):
     """Look straight at the light, and see how far off its axis one is."""
-    to_light = gather3(spots.position, light, mask) - position
+    to_light = gather_vectors(spots.position, light, mask) - position
     r = length(to_light)
     wi = to_light / r
-    cosine = -dot(wi, gather3(spots.axis, light, mask))
+    cosine = -dot(wi, gather_vectors(spots.axis, light, mask))
     from_cutoff = gather_row(spots.cutoff, 0, light, mask) - arccos(cosine)
     fading = from_cutoff * gather_row(spots.inverse_transition, 0, light, mask)
     falloff = select(
@@ -143,7 +143,9 @@ def sample_spot(spots, kind, light, mask, position, x, y, z):
     )
     lit = cosine > gather_row(spots.cos_cutoff, 0, light, mask)
     falloff = select(lit, falloff, splat_f32(0.0))
-    radiance = gather3(spots.intensity, light, mask) * (falloff / dot(to_light, to_light))
+    radiance = gather_vectors(spots.intensity, light, mask) * (
+        falloff / dot(to_light, to_light)
+    )
     radiance = _through_slide(radiance, spots.across, light, wi, cosine, mask)
     return LightSample(wi, r, radiance, splat_f32(0.0))
 

@@ -80,17 +80,13 @@ def hit_disk(disk, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
+@flat.with_parts
 class DiskSurfaces(NamedTuple):
     """Disks first .. end - 1 by primitive id; corner is the centre."""
 
     first: int
     end: int
     places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
-
-    corner = flat.rows_of(flat.CORNER)
-    edge1 = flat.rows_of(flat.EDGE1)
-    edge2 = flat.rows_of(flat.EDGE2)
-    normal = flat.rows_of(flat.NORMAL)
 
 
 @surface_point.by(DiskSurfaces)

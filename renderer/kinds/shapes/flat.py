@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kinds.shapes.arrays import by_columns, mirrors, unit_normals
 
-# The rows of a table of `places`: what a point of a flat shape needs, in one cache line.
-CORNER, EDGE1, EDGE2, NORMAL = (slice(3 * k, 3 * k + 3) for k in range(4))
+# The parts of a table of `places`, three rows each: what a point of a flat shape needs.
+PARTS = ("corner", "edge1", "edge2", "normal")
+
+Record = TypeVar("Record")
 
 
 def flat_surfaces(record: Any, first: int, corner: Any, x: Any, y: Any) -> Any:
@@ -31,9 +33,12 @@ def with_normals(surfaces: Any, normals: Any) -> Any:
     return surfaces._replace(places=by_columns(rows))
 
 
-def rows_of(part: slice) -> property:
-    """Return the attribute of a record that is a part of its `places`, (3, n)."""
-    return property(lambda surfaces: surfaces.places[part])
+def with_parts(record: type[Record]) -> type[Record]:
+    """Give a record that has `places` each of their parts, (3, n), as an attribute."""
+    for k, name in enumerate(PARTS):
+        rows = slice(3 * k, 3 * k + 3)
+        setattr(record, name, property(lambda surfaces, rows=rows: surfaces.places[rows]))
+    return record
 
 
 def placed_axes(shapes: list[Any]) -> tuple[Any, Any, Any]:

@@ -74,17 +74,13 @@ def hit_rectangle(rectangle, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
+@flat.with_parts
 class RectangleSurfaces(NamedTuple):
     """Parallelograms first .. end - 1 by primitive id."""
 
     first: int
     end: int
     places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
-
-    corner = flat.rows_of(flat.CORNER)
-    edge1 = flat.rows_of(flat.EDGE1)
-    edge2 = flat.rows_of(flat.EDGE2)
-    normal = flat.rows_of(flat.NORMAL)
 
 
 @surface_point.by(RectangleSurfaces)

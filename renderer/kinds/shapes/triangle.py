@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import always_inline, interface, kernel
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
-from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.kinds.sampling.arithmetic import density_normal
 from renderer.kinds.sampling.numbers_and_warps import square_to_triangle
@@ -104,6 +105,7 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
+@flat.with_parts
 class TriangleSurfaces(NamedTuple):
     """Triangles first .. end - 1 by primitive id; columns are relative to `first`."""
 
@@ -114,11 +116,6 @@ class TriangleSurfaces(NamedTuple):
     normals: NDArray[np.float32] = empty_rows(9)  # (9, n) unit, of the vertices in turn
     uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
     tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
-
-    corner = flat.rows_of(flat.CORNER)
-    edge1 = flat.rows_of(flat.EDGE1)
-    edge2 = flat.rows_of(flat.EDGE2)
-    normal = flat.rows_of(flat.NORMAL)
 
 
 def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     fabs,
     mask_bits,
@@ -19,7 +20,7 @@ from renderer.kernels.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import cross, length
 from renderer.kinds.shapes.parameterization import UvPoint, point_at_uv
 from renderer.kinds.shapes.surface import gather_flat
