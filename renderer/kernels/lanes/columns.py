@@ -40,7 +40,8 @@ def gather_columns(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any
         start, places = in_columns(context, builder, array, args[0], first, there)
         quad = ir.VectorType(start.type.pointee, 4)
         columns = []
-        for place in _one_by_one(builder, places):
+        for k in range(lanes.width):
+            place = builder.extract_element(places, ir.IntType(32)(k))
             at = builder.gep(start, [builder.sext(place, ir.IntType(64))])
             at = builder.bitcast(at, quad.as_pointer())
             columns.append(builder.load(at, align=4))
@@ -68,22 +69,6 @@ def store_columns(
         return context.get_dummy_value()
 
     return signature(types.void, array, row, i, a, b, c, d), codegen
-
-
-def _one_by_one(builder: Any, lanes: Any) -> list[Any]:
-    """Return lanes as scalars, by way of memory.
-
-    To take them out of a register is two instructions each, on the very port that the
-    transposition needs; LLVM would do that if it knew where they are loaded from.
-    """
-    with builder.goto_entry_block():
-        slot = builder.alloca(lanes.type)
-    builder.store(lanes, slot)
-    element = lanes.type.element.as_pointer()
-    kept = builder.bitcast(slot, element)
-    whence = builder.asm(ir.FunctionType(element, [element]), "", "=r,0", [kept], False)
-    count = lanes.type.count
-    return [builder.load(builder.gep(whence, [ir.IntType(64)(k)])) for k in range(count)]
 
 
 def _as_columns(builder: Any, rows: list[Any]) -> list[Any]:
