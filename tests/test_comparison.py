@@ -328,3 +328,47 @@ def test_a_ray_along_the_diagonal_of_a_square_may_have_the_uv_of_either_half():
     elsewhere["prim_index"][...] = 7.0  # no neighbour's: no tie explains it
     failed = [r.name for r in compare_aovs(elsewhere, reference) if not r.passed]
     assert failed == ["uv", "prim_index"]
+
+
+def nothing(**changed: np.ndarray) -> dict[str, np.ndarray]:
+    """AOVs of a picture all of whose rays miss."""
+    blank = {kind: np.zeros_like(values) for kind, values in two_triangles(0).items()}
+    return blank | changed
+
+
+def test_rays_that_all_miss_agree_where_ours_miss_too():
+    """There is no value to measure, and the index of nothing is compared everywhere."""
+    results = compare_aovs(nothing(), nothing())
+    assert all(result.passed for result in results)
+    assert all(result.compared_pixels == 1600 for result in results)
+    assert results[0].value is None
+    assert "0 hit something" in results[0].meaning
+
+
+def test_one_ray_of_ours_that_hits_where_all_should_miss_is_found():
+    """A single pixel: no quantile may hide it, since nothing may be there."""
+    depth = np.zeros((40, 40, 1), np.float32)
+    depth[7, 9] = 2.0
+    failed = [r for r in compare_aovs(nothing(depth=depth), nothing()) if not r.passed]
+    assert [r.name for r in failed] == ["depth"]
+    assert "of ours 1 hit something" in failed[0].meaning
+
+
+def test_a_picture_of_nothing_passes_and_says_what_was_compared():
+    """Until then it failed as one whose AOVs could not be measured."""
+    sky = np.full((40, 40, 3), 0.5, np.float32)
+    seen = compare(sky, [sky, sky], nothing(), nothing(), deterministic=True)
+    assert (seen.verdict, seen.reasons) == ("pass", ())
+    assert "the colours of 1600 pixels of background" in seen.notes[0]
+    other = compare(1.01 * sky, [sky, sky], nothing(), nothing(), deterministic=True)
+    assert other.verdict == "fail"
+
+
+def test_positions_may_be_as_coarse_as_their_coordinates():
+    """At 1e4 a float32 steps by 1e-3: two steps pass at a depth of 1, sixteen do not."""
+    reference = two_triangles(0)
+    reference["position"] = reference["position"] + np.float32(1e4)
+    for steps, passes in ((2, True), (16, False)):
+        position = reference["position"] + np.float32(steps * 2.0**-10)
+        results = compare_aovs(reference | {"position": position}, reference)
+        assert [r.name for r in results if not r.passed] == ([] if passes else ["position"])

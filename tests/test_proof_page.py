@@ -51,6 +51,15 @@ def test_divergent_pixels_are_in_the_sentence(tmp_path: Path) -> None:
     )
 
 
+def test_rounding_beyond_the_limits_is_in_the_sentence(tmp_path: Path) -> None:
+    """A pass that its traces alone support says so."""
+    beyond = sample.replay(16, 40) | {"passed": True, "verdict": "pass", "traced": 16}
+    said = sentence(tmp_path, replay=[beyond])
+    assert "in 152 of 192 pixels (rounding explains all 16 that were traced" in said
+    unexplained = sentence(tmp_path, replay=[beyond | {"unexplained": 1}])
+    assert "do NOT agree" in unexplained
+
+
 @pytest.mark.parametrize(
     ("changes", "wanted"),
     [

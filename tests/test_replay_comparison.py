@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
-from mitsuba_ref.replay.replay_scene import LISTED, compare_replay, relative_difference
+from mitsuba_ref.replay.replay_comparison import LISTED, compare_replay, relative_difference
 
 
 def grey(height=50, width=40, value=0.5):
@@ -91,3 +91,34 @@ def test_the_list_holds_the_worst():
     result = compare_replay(ours, grey())
     assert len(result.listed) == LISTED
     assert result.listed[0].relative == pytest.approx(1.0)
+
+
+def with_a_lamp(error, times=1e4):
+    """A grey picture with one pixel so many times as bright, off by a relative error."""
+    reference = grey()
+    reference[3, 4] *= times
+    ours = reference.astype(np.float64)
+    ours[3, 4] *= 1.0 + error
+    return ours.astype(np.float32), reference
+
+
+def test_a_few_roundings_of_a_lamp_seen_are_within_the_limit():
+    """3e-7 of 1e4 times the grey is 3e-3 of it, as RMSE of 2000 pixels 1e-5 of the mean."""
+    ours, reference = with_a_lamp(3e-7)
+    old = np.sqrt(np.mean((ours.astype(np.float64) - reference) ** 2)) / reference.mean()
+    assert old > USUAL_LIMITS.rmse
+    assert compare_replay(ours, reference).passed
+
+
+def test_a_lamp_that_is_off_by_more_than_roundings_fails():
+    """2e-5 of it: no pixel diverges, and sixty roundings are none."""
+    result = compare_replay(*with_a_lamp(2e-5))
+    assert (result.passed, result.divergent) == (False, 0)
+
+
+def test_up_to_thirty_times_the_mean_the_rmse_is_relative_to_the_mean():
+    """The figure is that of before, bit for bit what it was."""
+    ours, reference = with_a_lamp(1e-4, 30.0)
+    squares = (ours.astype(np.float64) - reference) ** 2
+    old = np.sqrt(squares.mean()) / np.abs(reference).mean(dtype=np.float64)
+    assert compare_replay(ours, reference).rmse == pytest.approx(old, rel=1e-12)

@@ -63,8 +63,8 @@ def test_the_file_has_the_keys_of_schema_1():
     assert set(data["scenes"][0]) == {
         "name", "title", "shows", "path", "integrator", "reference_integrator",
         "reference_note", "method", "explain", "width", "height", "spp", "seed",
-        "deterministic", "verdict", "reasons", "cautions", "finite", "metrics", "aovs",
-        "seconds", "commands", "settings", "images", "ladder", "replay", "rungs",
+        "deterministic", "verdict", "reasons", "cautions", "notes", "finite", "metrics",
+        "aovs", "seconds", "commands", "settings", "images", "ladder", "replay", "rungs",
     }  # fmt: skip
     assert set(data["scenes"][0]["seconds"]) == {
         "ours", "ours_compile", "reference", "reference_threads", "ours_threads"

@@ -13,6 +13,7 @@ from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
 
 REPLAY_NUMBERS = ("spp", "diverged", "may", "pixels", "RMSE of the others", "limit")
 RUNG_NUMBERS = ("number", "limit", "p-value", "would have seen")
+EXPLAINED = "[yellow]rounding[/]"
 PASSED, BROKEN = "[green]holds[/]", "[bold red]broken[/]"
 
 
@@ -78,12 +79,16 @@ def _replay(replay: ReplayResult) -> list[str]:
         str(replay.pixels),
         _number(replay.rmse),
         _number(replay.rmse_limit),
-        PASSED if replay.passed else BROKEN,
+        EXPLAINED if replay.passed and replay.explained else _judged(replay.passed),
     ]
 
 
+def _judged(passed: bool) -> str:
+    return PASSED if passed else BROKEN
+
+
 def _rung(rung: Rung) -> list[str]:
-    judged = PASSED if rung.passed else BROKEN
+    judged = _judged(rung.passed)
     if rung.passed and rung.statistic is None:
         judged = escape(rung.sentence.split(":")[0].lower())  # "not asked"
     return [

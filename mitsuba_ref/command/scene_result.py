@@ -54,6 +54,7 @@ def describe_scene(
         seed=request.seed,
         verdict=comparison.verdict,
         reasons=comparison.reasons,
+        notes=comparison.notes,
         finite=comparison.finite,
         metrics=comparison.metrics,
         aovs=comparison.aovs,

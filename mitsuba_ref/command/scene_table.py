@@ -44,6 +44,8 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
             console.print(
                 f"caution {escape(scene.name)}: {escape(caution)}", soft_wrap=True
             )
+        for note in scene.notes:
+            console.print(f"note {escape(scene.name)}: {escape(note)}", soft_wrap=True)
         for reason in scene.reasons:
             console.print(
                 f"{_coloured(scene.verdict)} {escape(scene.name)}: {escape(reason)}",
@@ -69,7 +71,7 @@ def _row(scene: SceneResult) -> list[str]:
         _number(flip.value, ".4f"),
         _number(scene.seconds.ours),
         _number(scene.seconds.reference),
-        _coloured(scene.verdict),
+        _coloured(scene.verdict) + (", see note" if scene.notes else ""),
     ]
 
 

@@ -30,7 +30,7 @@ from mitsuba_ref.ladder.pictures_by_seed import climb_scene, reference_seed, wit
 from mitsuba_ref.ladder.rungs_of_convergence import convergence_rungs
 from mitsuba_ref.our_renderer.picture import RenderOurs, cautions_about
 from mitsuba_ref.records.options import Options, scene_name, scene_request, shown_path
-from mitsuba_ref.records.proof_file import USUAL_LIMITS, Proof, read_proof
+from mitsuba_ref.records.proof_file import NO_PROOF, USUAL_LIMITS, Proof, read_proof
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import SceneResult, Seconds
 from mitsuba_ref.records.verdicts import COMPARED
@@ -224,7 +224,8 @@ def _replay_settings(proof: Proof, refusal: str) -> dict[str, str]:
     if refusal:
         return {"replay": refusal}
     limits = proof.replay
-    return {} if limits == USUAL_LIMITS else {"replay_limits": limits.reason}
+    usual = limits in (USUAL_LIMITS, NO_PROOF.replay)
+    return {} if usual else {"replay_limits": limits.reason}
 
 
 def _only_replays(
@@ -268,6 +269,7 @@ def _only_replays(
         seed=request.seed,
         verdict=comparison.verdict,
         reasons=comparison.reasons,
+        notes=comparison.notes,
         finite=comparison.finite,
         replay=replays,
         settings=_replay_settings(proof, ""),

@@ -38,6 +38,18 @@ TOLERANCES: dict[str, tuple[float, str]] = {  # of the error, and how it is meas
 }
 INDICES = ("shape_index", "prim_index")
 
+FAR = 5e-3
+"""Of its largest coordinate: what a position's error is relative to at least. 1e-4 of it
+are four units in the last place of a float32."""
+
+
+NOTHING_SEEN = "no ray of Mitsuba's through a pixel's centre hits anything"
+
+
+def sees_nothing(aovs: Mapping[str, Array]) -> bool:
+    """Return whether all rays miss, so that there is no value to compare."""
+    return not (aovs["depth"] > 0.0).any()
+
 
 def compare_aovs(
     ours: Mapping[str, Array], reference: Mapping[str, Array]
@@ -67,6 +79,11 @@ def _compare_values(
     kind: str, ours: Mapping[str, Array], reference: Mapping[str, Array], edge: Mask
 ) -> AovResult:
     tolerance, unit = TOLERANCES[kind]
+    if sees_nothing(reference):
+        astray = int(ours[kind].any(axis=-1).sum())
+        meaning = f"{NOTHING_SEEN}; of ours {astray} hit something"
+        pixels = edge.size
+        return AovResult(kind, None, tolerance, astray == 0, meaning, pixels, 0)
     meaning = f"{QUANTILE:.1%} quantile of the error, {unit}"
     compared = (reference["depth"][..., 0] > 0.0) & ~edge
     errors = _errors(kind, ours, reference)
@@ -96,9 +113,11 @@ def _errors(kind: str, ours: Mapping[str, Array], reference: Mapping[str, Array]
     difference = np.abs(ours[kind].astype(np.float64) - reference[kind])
     if kind in ("depth", "position"):
         depth = reference["depth"][..., 0].astype(np.float64)
-        return np.asarray(
-            np.linalg.norm(difference, axis=-1) / np.where(depth > 0.0, depth, 1.0)
-        )
+        scale = np.where(depth > 0.0, depth, 1.0)
+        if kind == "position":  # at 1e4 a float32 steps by 1e-3, however near the camera is
+            coordinates = np.abs(reference[kind].astype(np.float64)).max(axis=-1)
+            scale = np.maximum(scale, FAR * coordinates)
+        return np.asarray(np.linalg.norm(difference, axis=-1) / scale)
     if kind == "uv":
         difference = np.where(difference > 0.5, np.abs(difference - 1.0), difference)
     if kind in ("uv", "albedo"):

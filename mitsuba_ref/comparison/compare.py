@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.comparison.aovs import NOTHING_SEEN, compare_aovs, sees_nothing
 from mitsuba_ref.comparison.noise_floor import NOISY_RMSE_FACTOR, judge_with_noise
 from mitsuba_ref.comparison.preconditions import Obstacle, count_non_finite, find_obstacle
 from mitsuba_ref.comparison.without_noise import judge_without_noise
@@ -28,6 +28,7 @@ class Comparison:
     finite: Finite
     metrics: dict[str, Metric]
     aovs: tuple[AovResult, ...]
+    notes: tuple[str, ...] = ()  # what a pass rests on, where that is not the usual
 
 
 def compare(
@@ -77,7 +78,14 @@ def compare(
     else:
         measured |= judge_with_noise(ours, references, rmse_factor)
     reasons = tuple(_reasons(measured, aovs))
-    return Comparison("fail" if reasons else "pass", reasons, finite, measured, aovs)
+    notes: tuple[str, ...] = ()
+    if reference_aovs and sees_nothing(reference_aovs):
+        pixels = ours.shape[0] * ours.shape[1]
+        notes = (
+            f"{NOTHING_SEEN}: compared were the colours of {pixels} pixels of background, "
+            "and that ours miss as well",
+        )
+    return Comparison("fail" if reasons else "pass", reasons, finite, measured, aovs, notes)
 
 
 def with_metric(comparison: Comparison, name: str, metric: Metric) -> Comparison:
@@ -108,6 +116,12 @@ def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Com
         for replay in replays
         if not replay.passed
     ]
+    notes = [
+        f"replay at {replay.spp} samples per pixel: {replay.sentence}"
+        for replay in replays
+        if replay.passed and replay.explained
+    ]
+    comparison = replace(comparison, notes=(*comparison.notes, *notes))
     if not reasons:
         return comparison
     return replace(

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from mitsuba_ref.command.validation import validate_scene
 from mitsuba_ref.our_renderer.picture import OurPicture, RenderOurs
 from mitsuba_ref.records.options import Options, scene_request
@@ -152,11 +154,13 @@ def replay(scene: Path, ours: CountedRender, references: ReferenceCache) -> Sequ
     """
     proof = read_proof(scene)
     request = scene_request(scene, proof, WITHOUT_REPLAY)
+    # A defect's causes would be traced by the renderer of this process, which has none.
+    strict = msgspec.structs.replace(proof.replay, traced=0)
     before, started = ours.compile_seconds, time.perf_counter()
     rung = None
     for spp in REPLAYED_SAMPLES:
         try:
-            result = replay_scene(request, spp, ours, references, proof.replay)[0]
+            result = replay_scene(request, spp, ours, references, strict)[0]
         except (NotReplayable, MitsubaError):
             return []
         except Exception as error:  # whatever a defect brings about

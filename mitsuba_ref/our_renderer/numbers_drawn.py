@@ -39,6 +39,13 @@ class NumbersDrawn:
             array[...] = at_start
         return range(sample if self._sampler else 0)
 
+    def nudge(self, tile: Tile, by: tuple[float, float]) -> None:
+        """Add to the numbers of a bounce, to every other one the second of the two."""
+        if self._sampler is not None:
+            column = self._sampler.numbers[:, tile.y * tile.film_width + tile.x]
+            nudged = column + np.resize(np.array(by, np.float32), len(column))
+            column[:] = np.clip(nudged, 0.0, np.float32(1.0 - 2.0**-24))
+
     def of_film(self, tile: Tile) -> Numbers:
         """Return the numbers of the positions on the film and on the lens."""
         if self._sampler is None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer import single_stages as stages
+from mitsuba_ref.our_renderer.light_names import light_names
+from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.numbers_drawn import NumbersDrawn
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
@@ -29,19 +30,9 @@ from mitsuba_ref.our_renderer.traced_path import (
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import pack
 from renderer.kernels.records.tile import Tile
-from renderer.kinds.lights.registry import plugin_of
 from renderer.rendering.rendering import Rendering
-from renderer.scene.light_order import light_order
 
 NAME = "lightproof"
-
-
-@dataclass(frozen=True)
-class Moved:
-    """A small change of one of a path's rays, to see what depends on it."""
-
-    segment: int  # 0: the camera ray
-    by: Vector  # added to the ray's unit direction: of the ray's length
 
 
 class StepByStep:
@@ -61,7 +52,7 @@ class StepByStep:
         certain = record.settings._replace(roulette_depth=NO_LIMIT)
         self._scene = pack(record)
         self._without_roulette = pack(record._replace(settings=certain))
-        self._light_names = _light_names(rendering)
+        self._light_names = light_names(rendering)
         self._work = rendering.make_workspace(channels=3)
         self._packed_work = pack(self._work)
         self._drawn = NumbersDrawn(rendering)
@@ -87,6 +78,34 @@ class StepByStep:
             here.rewind(0)
             yield self._trace(self._tile(pixel), sample, move)
 
+    def trace_led(
+        self,
+        pixel: tuple[int, int],
+        sample: int,
+        along: TracedPath,
+        moves: Sequence[Moved | None] = (None,),
+    ) -> Iterator[TracedPath]:
+        """Yield the sample's path once for each move, led along another path.
+
+        What a bounce makes of its ray is written down; then the next one starts with the
+        other path's ray, density and throughput. So each step is that of our kernels on the
+        very input that the other had, and no difference grows from one to the next.
+
+        Parameters
+        ----------
+        pixel, sample
+            As for `trace`.
+        along
+            The other path.
+        moves
+            Of one ray after it was led, the path ending with it; None: of no ray.
+        """
+        self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
+        here = NumbersDrawn(self._rendering)
+        for move in moves:
+            here.rewind(0)
+            yield self._trace(self._tile(pixel), sample, move, along)
+
     def _tile(self, pixel: tuple[int, int]) -> Tile:
         film = self._film
         return Tile(
@@ -97,34 +116,76 @@ class StepByStep:
         """Move the ray in `work` if it is the one that is meant."""
         if moved is None or moved.segment != segment:
             return
-        direction = self._work.rays.direction
+        origin, direction = self._work.rays.origin, self._work.rays.direction
         new = direction[:, 0].astype(np.float64) + moved.by
         direction[:, 0] = new / np.linalg.norm(new)
+        origin[:, 0] = origin[:, 0].astype(np.float64) + moved.start
 
-    def _trace(self, tile: Tile, sample: int, moved: Moved | None = None) -> TracedPath:
+    def _lead(self, along: TracedPath | None, segment: int) -> None:
+        """Make the ray in `work` that of another path, if that has one."""
+        if along is None:
+            return
+        rays = self._work.rays
+        if segment == 0:
+            rays.origin[:, 0], rays.direction[:, 0] = along.origin, along.direction
+            return
+        before = along.bounces[segment - 1 : segment]
+        on = before[0].scattered if before else None
+        if on is None or on.origin is None:
+            return
+        rays.origin[:, 0], rays.direction[:, 0] = on.origin, on.direction
+        if rays.pdf[0] > 0.0 and on.pdf > 0.0:
+            rays.pdf[0] = on.pdf
+        if rays.previous.shape[1] and before[0].position is not None:
+            rays.previous[:, 0] = before[0].position
+
+    def _trace(
+        self,
+        tile: Tile,
+        sample: int,
+        moved: Moved | None = None,
+        along: TracedPath | None = None,
+    ) -> TracedPath:
         scene, work, packed = self._scene, self._work, self._packed_work
         settings = self._record.settings
         work.radiance[:] = 0.0
         count = stages.camera_ray_step(scene, tile, sample, packed)
-        self._move(moved, 0)
+        if along is None:
+            self._move(moved, 0)
         origin, direction = _column(work.rays.origin), _column(work.rays.direction)
+        if along is not None:
+            self._lead(along, 0)
+            self._move(moved, 0)
+        last = NO_LIMIT
+        if along is not None:  # a moved ray tells what becomes of it in one step alone
+            last = len(along.bounces) if moved is None else moved.segment + 1
         drawn = self._drawn.of_film(tile)
         bounces: list[Bounce] = []
         if settings.max_depth > 0:
             stages.first_hit_step(scene, packed, count)
-        while count > 0 and len(bounces) < settings.max_depth:
-            bounce = self._bounce(tile, sample, np.int64(len(bounces)))
+        while count > 0 and len(bounces) < min(settings.max_depth, last):
+            bounce = self._bounce(tile, sample, np.int64(len(bounces)), moved, along)
             bounces.append(bounce)
             count = int(bounce.scattered is not None and bounce.scattered.survived)
             if count:
+                self._lead(along, len(bounces))
                 self._move(moved, len(bounces))
                 stages.next_hit_step(scene, packed, count)
         return TracedPath(NAME, drawn, origin, direction, tuple(bounces))
 
-    def _bounce(self, tile: Tile, sample: int, bounce: Any) -> Bounce:
+    def _bounce(
+        self,
+        tile: Tile,
+        sample: int,
+        bounce: Any,
+        moved: Moved | None,
+        along: TracedPath | None,
+    ) -> Bounce:
         """Follow the ray in `work` to where it arrives, and put the next one there."""
         scene, work, packed = self._scene, self._work, self._packed_work
         throughput, before = _column(work.rays.throughput), _column(work.radiance)
+        if along is not None:
+            work.rays.throughput[:, 0] = along.bounces[int(bounce)].throughput
         hit = int(work.hits.prim[0]) >= 0
         shape, face = self._what_was_hit() if hit else (0, None)
         # first of all: what is found is weighed by the lights asked at the point before
@@ -141,7 +202,12 @@ class StepByStep:
         if hit and bounce + 1 < self._record.settings.max_depth:
             stages.draw_step(scene, tile, sample, packed, 1)
             drawn = self._drawn.of_bounce(tile, int(work.hits.prim[0]))
+            if moved is not None and moved.segment == bounce and any(moved.numbers):
+                self._drawn.nudge(tile, moved.numbers)
             smooth = stages.group_step(scene, packed, 1)
+            if moved is not None and moved.segment == bounce:
+                point = work.points.position
+                point[:, 0] = point[:, 0].astype(np.float64) + moved.hit
             lights = self._sample_lights(tile, sample, bounce, smooth)
             scattered = self._scatter(tile, sample, bounce)
             left_out = smooth > 0 and not self._rendering.plan.follow
@@ -185,13 +251,14 @@ class StepByStep:
             before = self._work.radiance[:, 0].copy()
             self._work.radiance[:, 0] = 0.0
             cast = stages.shadow_ray_step(scene, bounce, packed)
+            origin = _column(self._work.shadow_rays.origin) if cast else None
             blocked = None if cast == 0 else not self._work.radiance[:, 0].any()
             self._work.radiance[:, 0] += before
             if self._work.points.bsdf[0] >= 0:
-                asked.append(self._light_asked(blocked))
+                asked.append(self._light_asked(blocked, origin))
         return tuple(asked)
 
-    def _light_asked(self, blocked: bool | None) -> LightAsked:
+    def _light_asked(self, blocked: bool | None, origin: Vector | None) -> LightAsked:
         """Write down the light just sampled; None: no shadow ray was cast."""
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
         light = int(samples.light[0])
@@ -208,6 +275,7 @@ class StepByStep:
             weight=_column(weight),
             carried=BLACK if blocked is None else _column(shadow_rays.radiance),
             blocked=blocked,
+            origin=origin,
         )
 
     def _scatter(self, tile: Tile, sample: int, bounce: Any) -> Scattered | None:
@@ -218,24 +286,9 @@ class StepByStep:
             return None
         direction, throughput = _column(work.rays.direction), _column(work.rays.throughput)
         pdf = max(float(work.rays.pdf[0]), 0.0)
+        origin = _column(work.rays.origin)
         going_on = stages.scatter_step(self._scene, tile, sample, bounce, packed)
-        return Scattered(direction, pdf, throughput, going_on > 0)
-
-
-def _light_names(rendering: Rendering) -> list[str]:
-    """Name lights, by light id, as `LightAsked.light` says; "far" ones are at infinity."""
-    description, shapes = rendering.scene.description, rendering.kernel_scene.shapes
-    order = light_order(description)
-    names = {
-        light: f"shape {shapes.number[shape]}"
-        for shape, light in enumerate(order.of_shapes)
-        if light >= 0
-    }
-    numbered = zip(order.of_emitters, description.emitters, strict=True)
-    for number, (light, emitter) in enumerate(numbered, start=1):
-        far = plugin_of(emitter).at_infinity
-        names[light] = f"{'far ' if far else ''}emitter {number}"
-    return [names[light] for light in sorted(names)]
+        return Scattered(direction, pdf, throughput, going_on > 0, origin)
 
 
 def _column(rows: NDArray[np.float32]) -> Vector:

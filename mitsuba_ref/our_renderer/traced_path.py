@@ -27,6 +27,7 @@ class LightAsked:
     weight: Vector  # radiance over pdf, if nothing is in between
     carried: Vector  # to the pixel, if nothing is in between
     blocked: bool | None  # None: it would carry nothing, so nobody looked
+    origin: Vector | None = None  # of the shadow ray; None: nobody looked
 
     @property
     def contribution(self) -> Vector:
@@ -42,6 +43,7 @@ class Scattered:
     pdf: float  # [1/sr]; 0 for mirrors and glass
     throughput: Vector  # after this bounce, before roulette
     survived: bool  # Russian roulette
+    origin: Vector | None = None  # of the next ray, off the surface; None: not written
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,9 @@ class ReplayLimits(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     divergent: Share = 1e-3  # share of the pixels that may diverge
     rmse: Share = 1e-5  # of the others, relative to the picture's mean
+    # Of so many pixels beyond a limit the causes are looked at, and if rounding explains
+    # them all the scene passes. 0: a limit is a limit.
+    traced: Annotated[int, Meta(ge=0, le=1000)] = 0
     reason: str
 
 
@@ -73,7 +76,14 @@ class Proof(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.demo if name == "demo" else self.test
 
 
-NO_PROOF = Proof(title="", shows="", deterministic=None, demo=None, test=None)
+NO_PROOF = Proof(
+    title="",
+    shows="",
+    deterministic=None,
+    demo=None,
+    test=None,
+    replay=ReplayLimits(traced=16, reason="nobody has said what this scene may differ by"),
+)
 """For a scene without a proof.toml: the scene file decides."""
 
 TABLES: dict[str, type[Struct]] = {

@@ -91,6 +91,14 @@ class ReplayResult:
     seconds_reference: float | None = None
     changes: tuple[str, ...] = ()  # what Mitsuba rendered otherwise than the file says
     listed: tuple[DivergentPixel, ...] = ()  # the worst ones
+    traced: int = 0  # pixels beyond the limits whose causes were looked at; 0: none
+    unexplained: int = 0  # those of them that rounding does not explain
+    excluded: float | None = None  # a share of such that the sample excludes, at 95 %
+
+    @property
+    def explained(self) -> bool:
+        """Whether it went beyond its limits and rounding explains all that was traced."""
+        return self.traced > 0 and self.unexplained == 0
 
 
 @dataclass(frozen=True)
@@ -155,6 +163,7 @@ class SceneResult:
     verdict: Verdict
     reasons: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()  # what is known to fail in such a scene
+    notes: tuple[str, ...] = ()  # what a pass rests on, where that is not the usual
     finite: Finite = Finite()
     metrics: dict[str, Metric] = field(default_factory=dict)
     aovs: tuple[AovResult, ...] = ()

@@ -9,7 +9,9 @@ test holds its radiance against `mi.render`. As a program it answers JSON lines.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -65,12 +67,16 @@ class MitsubaTracer:
         A sample of a pixel begins where the one before it left the sampler, so the earlier
         ones are traced too.
         """
+        *_, path = islice(self.trace_all(pixel, pixel_seed), sample + 1)
+        return path
+
+    def trace_all(self, pixel: tuple[int, int], pixel_seed: int) -> Iterator[TracedPath]:
+        """Yield all samples of the pixel (x, y) of the crop window."""
         sampler = self._sensor.sampler().fork()
         sampler.seed(pixel_seed)
-        for _ in range(sample):
-            self._trace(pixel, sampler)
+        for _ in range(self.spp):
+            yield self._trace(pixel, sampler)
             sampler.advance()
-        return self._trace(pixel, sampler)
 
     def _camera_ray(self, pixel: tuple[int, int], numbers: NumbersDrawn) -> Any:
         mi, sensor = self._mi, self._sensor
@@ -175,7 +181,10 @@ class MitsubaTracer:
             state.active = False
             return lights, None
         pdf = 0.0 if state.delta else state.pdf
-        return lights, Scattered(vector(direction), float(pdf), throughput, survived)
+        origin = vector(state.ray.o)
+        return lights, Scattered(
+            vector(direction), float(pdf), throughput, survived, origin
+        )
 
     def _bsdf_numbers(self, numbers: NumbersDrawn) -> tuple[float, Any]:
         # `direct` draws both as arguments of one call, which the compiler evaluates from
@@ -208,6 +217,8 @@ class MitsubaTracer:
             weight=vector(unblocked),
             carried=vector(carried),
             blocked=blocked,
+            # what `sample_emitter_direction` sends towards the light
+            origin=None if blocked is None else vector(si.spawn_ray_to(sampled.p).o),
         )
 
     def _shape_number(self, si: Any) -> int:
@@ -242,7 +253,10 @@ def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
 
     def answer(wanted: dict[str, Any]) -> dict[str, Any]:
         x, y = wanted["pixel"]
-        return asdict(tracer.trace((x, y), int(seeds[y, x]), wanted["sample"]))
+        seed = int(seeds[y, x])
+        if wanted["sample"] is None:
+            return {"paths": [asdict(path) for path in tracer.trace_all((x, y), seed)]}
+        return asdict(tracer.trace((x, y), seed, wanted["sample"]))
 
     entries = camera_entries(load_mitsuba(), sensor)
     return {"camera": [float(entry) for entry in entries]}, answer

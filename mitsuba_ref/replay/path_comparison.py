@@ -156,14 +156,17 @@ def error_text(error: float | None) -> str:
     return "differs" if error == math.inf else f"{error:.1e}"
 
 
-def compare_paths(ours: TracedPath, reference: TracedPath) -> list[Quantity]:
+def compare_paths(
+    ours: TracedPath, reference: TracedPath, faint: float = FAINT
+) -> list[Quantity]:
     """Return all quantities of two paths in the order in which they arise.
 
     Errors are relative: the largest difference of the components over the largest
-    component (of directions, 1; of a distance along a ray, that of its end point).
+    component (of directions, 1; of a distance along a ray, that of its end point; of light,
+    at least `faint` times that of the whole path).
     """
     brightest = max(*ours.radiance, *reference.radiance)
-    faint = FAINT * brightest if math.isfinite(brightest) else 0.0
+    faint = faint * brightest if math.isfinite(brightest) else 0.0
     found = list(_camera(ours, reference))
     left_out = False
     for number in range(max(len(ours.bounces), len(reference.bounces))):
@@ -243,6 +246,7 @@ def _light(
     pdf = _numbers_apart(number, "light pdf", a.pdf, b.pdf)
     weight = _vectors(number, "light weight", a.weight, b.weight)
     values = (
+        _vectors(number, "shadow ray origin", a.origin, b.origin),
         _vectors(number, "light direction", a.direction, b.direction),
         _numbers_apart(number, "light distance", a.distance, b.distance),
         replace(pdf, at_most=carried.counted_error),
@@ -263,6 +267,7 @@ def _scattered(number: int, a: Scattered | None, b: Scattered | None) -> Iterato
     if a is None or b is None:
         return
     yield _vectors(number, "BSDF direction", a.direction, b.direction)
+    yield _vectors(number, "next origin", a.origin, b.origin)
     yield _numbers_apart(number, "BSDF pdf", a.pdf, b.pdf, GRAZING)
     yield _vectors(number, "throughput after", a.throughput, b.throughput)
     yield _decision(number, "survives", a.survived, b.survived, kind="roulette")

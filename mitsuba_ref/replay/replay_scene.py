@@ -13,13 +13,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.preconditions import find_obstacle
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.records.results import DivergentPixel, ReplayResult
 from mitsuba_ref.reference.cache import ReferenceCache
+from mitsuba_ref.replay.beyond_limits import look_at_causes
 from mitsuba_ref.replay.edge_causes import first_hit_causes
+from mitsuba_ref.replay.replay_comparison import compare_replay
 from mitsuba_ref.replay.traced_pair import TracedPair, is_traceable
 from renderer.errors import NotReplayable
 from renderer.rendering.planning.plan import Plan, make_plan
@@ -28,16 +29,6 @@ from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
 
 Array = NDArray[np.float32]
-
-TOLERANCE = 3e-4
-"""Relative difference from which on a pixel has diverged. (With
-1e-3 a single pixel just below it decides the RMSE of a small picture.)"""
-
-DARK = 1e-2
-"""Of the picture's mean: below it a pixel's difference is relative to this instead."""
-
-LISTED = 32
-"""Divergent pixels that a result names, the worst first."""
 
 
 def replay_scene(
@@ -83,6 +74,9 @@ def replay_scene(
     request = replace(request, camera=camera)
     ours = render_ours(request)
     result = compare_replay(ours.pixels, reference.pixels, limits)
+    if limits.traced and result.verdict == "fail" and is_traceable(plan):
+        pictures = ours.pixels, reference.pixels
+        result = look_at_causes(result, *pictures, request, limits, time_limit)
     if causes and result.listed:
         few = result.listed[:causes]
         if is_traceable(plan):
@@ -144,87 +138,6 @@ def replay_all(
     except NotReplayable as refusal:
         return (), {}, str(refusal)
     return tuple(results), pictures, ""
-
-
-def relative_difference(ours: Array, reference: Array) -> NDArray[np.float64]:
-    """Return the largest relative difference of each pixel's channels, (H, W).
-
-    Relative to the reference's brightest channel there, and where that is dark to
-    `DARK` times the picture's mean: a difference of two tiny numbers tells nothing.
-    """
-    theirs = reference.astype(np.float64)
-    scale = np.maximum(np.abs(theirs).max(axis=2), DARK * np.abs(theirs).mean())
-    difference = np.abs(ours.astype(np.float64) - theirs).max(axis=2)
-    return np.divide(difference, scale, out=np.zeros_like(scale), where=difference > 0.0)
-
-
-def compare_replay(
-    ours: Array, reference: Array, limits: ReplayLimits = USUAL_LIMITS
-) -> ReplayResult:
-    """Compare two pictures that were drawn with the same numbers.
-
-    Parameters
-    ----------
-    ours, reference
-        (H, W, 3), linear. Values that are not finite, or another size, fail.
-    limits
-        What is allowed.
-    """
-    obstacle = find_obstacle([ours], [reference, reference])
-    if obstacle is not None:
-        return ReplayResult(
-            passed=False, verdict=obstacle.verdict, sentence=obstacle.sentence
-        )
-    relative = relative_difference(ours, reference)
-    diverged = relative > TOLERANCE
-    together = ~diverged
-    squares = (ours[together].astype(np.float64) - reference[together]) ** 2
-    mean = float(np.abs(reference).mean(dtype=np.float64))
-    error = float(np.sqrt(squares.mean())) if squares.size else 0.0
-    rmse = error / mean if mean > 0.0 else error
-    count = int(diverged.sum())
-    allowed = int(limits.divergent * diverged.size)
-    passed = count <= allowed and rmse <= limits.rmse
-    return ReplayResult(
-        pixels=diverged.size,
-        divergent=count,
-        divergent_allowed=allowed,
-        rmse=rmse,
-        rmse_limit=limits.rmse,
-        largest=float(relative[together].max()) if together.any() else None,
-        passed=passed,
-        verdict="pass" if passed else "fail",
-        sentence=_sentence(count, allowed, diverged.size, rmse, limits.rmse),
-        listed=_worst(ours, reference, relative, diverged),
-    )
-
-
-def _sentence(count: int, allowed: int, pixels: int, rmse: float, rmse_limit: float) -> str:
-    paths = f"{pixels - count} of {pixels} pixels took the same paths in both renderers"
-    return (
-        f"{paths}; {count} diverged ({allowed} may); RMSE of the others {rmse:.2g} of the "
-        f"mean (limit {rmse_limit:g})"
-    )
-
-
-def _worst(
-    ours: Array,
-    reference: Array,
-    relative: NDArray[np.float64],
-    diverged: NDArray[np.bool_],
-) -> tuple[DivergentPixel, ...]:
-    rows, columns = np.nonzero(diverged)
-    order = np.argsort(-relative[rows, columns], kind="stable")[:LISTED]
-    return tuple(
-        DivergentPixel(
-            int(columns[k]),
-            int(rows[k]),
-            tuple(float(v) for v in ours[rows[k], columns[k]]),
-            tuple(float(v) for v in reference[rows[k], columns[k]]),
-            float(relative[rows[k], columns[k]]),
-        )
-        for k in order
-    )
 
 
 def _with_causes(

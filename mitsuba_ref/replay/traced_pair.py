@@ -6,12 +6,15 @@ from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Self
 
+from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.picture import edit_description, read_scene
-from mitsuba_ref.our_renderer.step_by_step import Moved, StepByStep
+from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
 from mitsuba_ref.reference.variant_process import VariantProcess
+from mitsuba_ref.replay.coincident_surface import ShapesAlone
+from mitsuba_ref.replay.led_path import LedPath
 from mitsuba_ref.replay.path_comparison import (
     TOLERANCE,
     Quantity,
@@ -81,6 +84,7 @@ class TracedPair:
         self._time_limit = time_limit
         self._ours: StepByStep | None = None
         self._mitsuba: VariantProcess | None = None
+        self._shapes: ShapesAlone | None = None
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -133,6 +137,13 @@ class TracedPair:
         """Return Mitsuba's path alone; see `trace`."""
         answer = self._mitsuba_process().ask({"pixel": pixel, "sample": sample})
         return path_from_json(answer)
+
+    def trace_all(self, pixel: Pixel) -> list[tuple[TracedPath, TracedPath]]:
+        """Return our path and Mitsuba's of each sample; see `trace`."""
+        answer = self._mitsuba_process().ask({"pixel": pixel, "sample": None})
+        theirs = map(path_from_json, answer["paths"])
+        ours = (self.trace_ours(pixel, sample) for sample in range(self.spp))
+        return list(zip(ours, theirs, strict=True))
 
     @property
     def camera(self) -> tuple[float, ...]:
@@ -204,6 +215,16 @@ class TracedPair:
 
         move = smallest_move(ours, reference, first, quantity, moved)
         return rounding_sentence(ours, reference, quantity, move)
+
+    def led(self, pixel: Pixel, sample: int, reference: TracedPath) -> LedPath:
+        """Return our path of a sample led along Mitsuba's; see `trace`."""
+
+        def trace_led(moves: Sequence[Moved | None]) -> Iterator[TracedPath]:
+            return self._our_steps().trace_led(pixel, sample, reference, moves)
+
+        if self._shapes is None:
+            self._shapes = ShapesAlone(self._scene.description)
+        return LedPath(reference, trace_led, self._shapes.hit)
 
     def cause(self, pixel: Pixel, tolerance: float = TOLERANCE) -> str:
         """Return a sentence on the first of a pixel's samples whose paths part.

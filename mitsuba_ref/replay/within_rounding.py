@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_ref.our_renderer.step_by_step import Moved
+from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.traced_path import TracedPath, Vector
 from mitsuba_ref.replay.path_comparison import MEANINGS, Quantity, compare_paths
 
@@ -76,7 +76,7 @@ def smallest_move(
     grown = 2.0 * _grown_to(rays_apart(ours, reference, last))
     if grown > STEPS[-1]:
         tries.append((grown, last))
-    moves = [(step, k, by) for step, k in tries for by in _sides(rays[k], step)]
+    moves = [(step, k, by) for step, k in tries for by in sides(rays[k], step)]
     paths = trace_moved([Moved(segment, by) for _, segment, by in moves])
     for (step, segment, _), path in zip(moves, paths, strict=True):
         if _explains(path, ours, reference, index, quantity):
@@ -166,7 +166,7 @@ def _directions(path: TracedPath) -> list[Vector]:
     return [path.direction, *on]
 
 
-def _sides(direction: Vector, step: float) -> list[Vector]:
+def sides(direction: Vector, step: float) -> list[Vector]:
     """Return vectors of length `step` across a direction, all around it."""
     across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
     across /= np.linalg.norm(across)

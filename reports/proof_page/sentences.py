@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mitsuba_ref.false_alarms.alarm_counts import RungAlarms
 from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
 from mitsuba_ref.records.verdicts import COMPARED, VERDICTS
-from mitsuba_ref.replay.replay_scene import TOLERANCE
+from mitsuba_ref.replay.replay_comparison import TOLERANCE
 from reports.page.formatting import NOTHING, number
 from reports.proof_page.origin import origin
 from reports.proof_page.record import ProofRecord
@@ -91,7 +91,10 @@ def _share(one: ReplayResult) -> str:
         return f"in none ({one.sentence})"
     if not one.divergent:
         return f"in all {one.pixels:,} pixels"
-    return f"in {one.pixels - one.divergent:,} of {one.pixels:,} pixels"
+    share = f"in {one.pixels - one.divergent:,} of {one.pixels:,} pixels"
+    if one.passed and one.explained:
+        share += f" (rounding explains all {one.traced} that were traced of those beyond)"
+    return share
 
 
 def _samples(one: ReplayResult) -> str:

@@ -1,0 +1,23 @@
+"""What a trace calls the lights of a scene, alike for both renderers."""
+
+from __future__ import annotations
+
+from renderer.kinds.lights.registry import plugin_of
+from renderer.rendering.rendering import Rendering
+from renderer.scene.light_order import light_order
+
+
+def light_names(rendering: Rendering) -> list[str]:
+    """Name lights, by light id, as `LightAsked.light` says; "far" ones are at infinity."""
+    description, shapes = rendering.scene.description, rendering.kernel_scene.shapes
+    order = light_order(description)
+    names = {
+        light: f"shape {shapes.number[shape]}"
+        for shape, light in enumerate(order.of_shapes)
+        if light >= 0
+    }
+    numbered = zip(order.of_emitters, description.emitters, strict=True)
+    for number, (light, emitter) in enumerate(numbered, start=1):
+        far = plugin_of(emitter).at_infinity
+        names[light] = f"{'far ' if far else ''}emitter {number}"
+    return [names[light] for light in sorted(names)]
