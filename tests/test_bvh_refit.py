@@ -11,6 +11,7 @@ from renderer.accelerators.bvh.bvh import build_bvh
 from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, validate_bvh
 from renderer.accelerators.extents import extents_of
+from renderer.kinds.shapes.flat import replaced
 
 RAYS = 2000
 N = 400
@@ -43,6 +44,8 @@ def moved(surfaces, where):
     """Move corners, centres or bases (3, n) by a function; edges and radii stay."""
     field = next(f for f in ("corner", "center", "base") if hasattr(surfaces, f))
     there = np.ascontiguousarray(where(getattr(surfaces, field)), np.float32)
+    if field == "corner":
+        return replaced(surfaces, corner=there)
     return surfaces._replace(**{field: there})
 
 
@@ -86,12 +89,8 @@ def test_moving_all_alike_keeps_the_cost():
     place of coordinates, differs.
     """
     surfaces = soup("triangles", N, np.random.default_rng(2))
-    turned = surfaces._replace(
-        **{
-            f: np.ascontiguousarray(getattr(surfaces, f)[[1, 2, 0]])
-            for f in ("edge1", "edge2")
-        }
-    )
+    edges = {f: getattr(surfaces, f)[[1, 2, 0]] for f in ("edge1", "edge2")}
+    turned = replaced(surfaces, **edges)
     turned = moved(turned, lambda p: p[[1, 2, 0]] + 4.0)
     bvh = build("triangles", surfaces)
     cost = bvh_cost(as_tree(bvh))

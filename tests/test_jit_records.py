@@ -18,6 +18,7 @@ from renderer.kernels.jit import (
     record_class,
     record_type,
 )
+from renderer.kinds.shapes.arrays import by_columns
 
 
 class Inner(NamedTuple):
@@ -161,10 +162,38 @@ def test_a_record_may_hold_the_address_of_another() -> None:
 
 
 def test_what_is_not_c_ordered_is_refused() -> None:
-    """Strides are computed from the shape, so a transposed array would be misread."""
-    for array in (np.zeros((3, 4)).T, np.zeros((3, 8))[:, ::2], np.zeros(8)[::-1]):
+    """Strides are computed from the shape, so any other order would be misread."""
+    deep, wide = np.zeros((2, 3, 4)).T, np.zeros((8, 3))
+    for array in (deep, wide[:, ::2], wide[::2].T, np.zeros(8)[::-1]):
         with pytest.raises(TypeError, match=r"an array of shape \(.*\) is not C-ordered"):
             pack(One(array))
+
+
+class Table(NamedTuple):
+    """A table that lies in memory column by column."""
+
+    rows: Any
+
+
+@entry_kernel
+def shape_and_sum(record, out):
+    rows = record.rows
+    out[0], out[1] = rows.shape[0], rows.shape[1]
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            out[2] += rows[i, k] * (10 * i + k)
+
+
+@pytest.mark.parametrize("columns", [0, 1, 5])
+def test_tables_by_columns_are_of_one_type(columns) -> None:
+    """Also with one column or none, which NumPy takes for rows as well."""
+    table = by_columns(np.arange(3.0 * columns).reshape(3, columns))
+    packed, out = pack(Table(table)), np.zeros(3)
+    assert packed.numba_type == record_type(Table(by_columns(np.ones((3, 7)))))
+    assert packed.numba_type != record_type(Table(np.ones((3, 7), np.float32)))
+    shape_and_sum(packed, out)
+    weights = 10 * np.arange(3)[:, None] + np.arange(columns)
+    assert out.tolist() == [3, columns, (table * weights).sum()]
 
 
 @pytest.mark.parametrize("value", ["text", [1, 2], {"a": 1}, object()])

@@ -10,7 +10,7 @@ import numpy as np
 from renderer.kernels.jit import pack
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
-from renderer.kinds.shapes.flat import with_normals
+from renderer.kinds.shapes.flat import replaced
 from renderer.replay.numbers.numbers import (
     Replay,
     begin_bounce,
@@ -92,7 +92,7 @@ class Replayed:
             return surfaces
         triangles = surfaces["triangles"]
         normals = face_normals(triangles.edge1, triangles.edge2)
-        exact = with_normals(triangles, normals)
+        exact = replaced(triangles, normal=normals)
         exact = exact._replace(tangents=triangle_tangents(triangles))
         return surfaces | {"triangles": exact}
 

@@ -50,8 +50,8 @@ DEFECTS = (
         (
             Edit(
                 "accelerators/bvh/ray_streams.py",
-                "bits = mask_bits(enter <= minimum(leave * STRETCH, t))",
-                "bits = mask_bits(enter <= minimum(leave * 0.9, t))",
+                "return mask_bits(enter <= minimum(leave * STRETCH, t))",
+                "return mask_bits(enter <= minimum(leave * 0.9, t))",
             ),
         ),
         scene="textured-room",

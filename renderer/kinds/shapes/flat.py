@@ -26,11 +26,10 @@ def places(corner: Any, edge1: Any, edge2: Any) -> NDArray[np.float32]:
     return by_columns(np.concatenate([corner, edge1, edge2, unit_normals(edge1, edge2)]))
 
 
-def with_normals(surfaces: Any, normals: Any) -> Any:
-    """Return a record of flat shapes with other unit normals, (3, n)."""
-    s = surfaces
-    rows = np.concatenate([s.corner, s.edge1, s.edge2, normals])
-    return surfaces._replace(places=by_columns(rows))
+def replaced(surfaces: Any, **parts: Any) -> Any:
+    """Return a record of flat shapes with other `corner`, `edge1`, ..., (3, n)."""
+    rows = [parts.get(name, getattr(surfaces, name)) for name in PARTS]
+    return surfaces._replace(places=by_columns(np.concatenate(rows)))
 
 
 def with_parts(record: type[Record]) -> type[Record]:
