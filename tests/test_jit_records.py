@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,15 +11,21 @@ import pytest
 from numba.core import types
 from numba.core.errors import TypingError
 
+from renderer.errors import SceneError
 from renderer.kernels.jit import (
     Packed,
+    by_columns,
     entry_kernel,
     kernel,
     pack,
     record_class,
     record_type,
+    table_columns,
 )
-from renderer.kinds.shapes.arrays import by_columns
+
+
+def pickled(rows: Any) -> Any:
+    return pickle.loads(pickle.dumps(by_columns(rows)))
 
 
 class Inner(NamedTuple):
@@ -169,6 +176,7 @@ def test_what_is_not_c_ordered_is_refused() -> None:
             pack(One(array))
 
 
+@table_columns("rows")
 class Table(NamedTuple):
     """A table that lies in memory column by column."""
 
@@ -185,15 +193,28 @@ def shape_and_sum(record, out):
 
 
 @pytest.mark.parametrize("columns", [0, 1, 5])
-def test_tables_by_columns_are_of_one_type(columns) -> None:
-    """Also with one column or none, which NumPy takes for rows as well."""
-    table = by_columns(np.arange(3.0 * columns).reshape(3, columns))
-    packed, out = pack(Table(table)), np.zeros(3)
+@pytest.mark.parametrize("laid_out", [by_columns, pickled, np.ascontiguousarray])
+def test_tables_by_columns(columns, laid_out) -> None:
+    """Of one type and read right, also of one column or none, and however they lay."""
+    plain = np.arange(3.0 * columns, dtype=np.float32).reshape(3, columns)
+    packed, out = pack(Table(laid_out(plain))), np.zeros(3)
     assert packed.numba_type == record_type(Table(by_columns(np.ones((3, 7)))))
-    assert packed.numba_type != record_type(Table(np.ones((3, 7), np.float32)))
+    gc.collect()
     shape_and_sum(packed, out)
     weights = 10 * np.arange(3)[:, None] + np.arange(columns)
-    assert out.tolist() == [3, columns, (table * weights).sum()]
+    assert out.tolist() == [3, columns, (plain * weights).sum()]
+
+
+def test_rows_of_one_column_stay_rows() -> None:
+    """NumPy leaves the transpose of a single row as it lies; its type must not change."""
+    one, two = (np.ascontiguousarray(np.ones((n, 3)).T) for n in (1, 2))
+    assert record_type(One(one)) == record_type(One(two))
+
+
+def test_a_table_beyond_32_bits_is_refused() -> None:
+    most = np.broadcast_to(np.float32(0.0), (12, 2**31 // 12))
+    with pytest.raises(SceneError, match="too large: 2\\^31 fit"):
+        by_columns(most)
 
 
 @pytest.mark.parametrize("value", ["text", [1, 2], {"a": 1}, object()])

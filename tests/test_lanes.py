@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numba.core.codegen import get_host_cpu_features
 from numba.core.errors import TypingError
 
 from renderer.kernels.jit import entry_kernel
@@ -543,31 +542,6 @@ def test_columns_are_not_gathered_from_rows():
     table, indices = np.zeros((4, 20), np.float32), np.zeros(16, np.int32)
     with pytest.raises(TypingError, match="no columns that lie in memory one by one"):
         gather_from_rows(table, indices, np.zeros((1, 16), np.float32))
-
-
-AVX2 = "+avx,+avx2,+fma,+bmi,+bmi2,+popcnt,+lzcnt,+f16c,+movbe"
-PROCESSORS = {"AVX2": ("haswell", AVX2), "SSE2": ("generic", "")}
-
-
-@pytest.mark.parametrize("processor", PROCESSORS)
-def test_lanes_of_other_processors(processor):
-    """Masks, gathers and packing are other instructions there: the same tests must pass.
-
-    Whichever of the two this machine is itself is tested twice; both run on any with AVX2.
-    """
-    if "+avx2" not in get_host_cpu_features().split(","):
-        pytest.skip("this processor has no AVX2")
-    name, features = PROCESSORS[processor]
-    environment = os.environ | {
-        "NUMBA_CPU_NAME": name,
-        "NUMBA_CPU_FEATURES": features,
-        "PYTHONPATH": os.pathsep.join(sys.path),
-    }
-    chosen = "under or masks or minimum or comparisons or joined"
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-k", chosen, __file__]
-    run = subprocess.run(command, env=environment, capture_output=True, text=True)
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert " passed" in run.stdout
 
 
 @entry_kernel

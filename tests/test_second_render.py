@@ -97,6 +97,22 @@ def test_a_copy_of_a_scene_has_tables_of_its_own(copied, made):
     assert len(made) == 2
 
 
+@pytest.mark.parametrize("copied", [copy.deepcopy, by_pickle])
+def test_copies_of_tables_of_one_column_or_none(copied, tmp_path):
+    """NumPy's copies of a rectangle, a triangle without normals, forget how they lie."""
+    (tmp_path / "one.obj").write_text("v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    others = """<shape type="rectangle"><transform name="to_world">
+        <translate z="0.5"/></transform><bsdf type="diffuse"/></shape>
+      <shape type="obj"><string name="filename" value="one.obj"/></shape>"""
+    (tmp_path / "scene.xml").write_text(
+        CLOSED_ROOM.replace("</scene>", others + "</scene>")
+    )
+    scene = renderer.load_file(tmp_path / "scene.xml")
+    expected = np.asarray(renderer.render(scene, 1))
+    assert np.array_equal(np.asarray(renderer.render(copied(scene), 1)), expected)
+    assert not np.array_equal(expected, np.asarray(renderer.render(room(), 1)))
+
+
 def test_a_refusal_is_not_kept():
     scene = room()
     for _ in range(2):

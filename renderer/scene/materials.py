@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.kernels.jit import by_columns
 from renderer.kernels.records.kernel_scene import (
     ANY,
     EMIT,
@@ -24,7 +25,6 @@ from renderer.kinds.bsdfs.kind import BsdfKind, Rows
 from renderer.kinds.bsdfs.nesting import Structure, goes_straight
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.registry import kind_of as kind_of
-from renderer.kinds.shapes.arrays import by_columns
 from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import kind_of_texture, mean_of

@@ -31,10 +31,11 @@ def load_constants(bsdfs, kind, points, i, mask):
     bsdf = load_row(points.bsdf, 0, i)
     for row in range(0, bsdfs.rows[kind], 4):
         a, b, c, d = gather_columns(bsdfs.values, row, bsdf, mask)
-        store_row(points.parameters, row, i, a)
-        store_row(points.parameters, row + 1, i, b)
-        store_row(points.parameters, row + 2, i, c)
-        store_row(points.parameters, row + 3, i, d)
+        # 0 elsewhere: of another kind of BSDF they may be the index of something
+        store_row(points.parameters, row, i, select(mask, a, 0.0))
+        store_row(points.parameters, row + 1, i, select(mask, b, 0.0))
+        store_row(points.parameters, row + 2, i, select(mask, c, 0.0))
+        store_row(points.parameters, row + 3, i, select(mask, d, 0.0))
 
 
 @kernel

@@ -204,7 +204,7 @@ def _enter_children(stream, place, left, masks, size):
     inverse, start = vec3(x, y, z), vec3(start_x, start_y, start_z)
     t = select(live, t, ENDED)
     planes = stream.planes
-    if HAS_AVX2_ONLY:  # sixteen rays and their distances are more than it has registers
+    if HAS_AVX2_ONLY:  # two loops: 16 rays and their distances are more than its registers
         for k in range(size):
             low = _enters(
                 planes, k, lower_half3(inverse), lower_half3(start), lower_half(t)

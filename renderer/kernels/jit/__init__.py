@@ -19,7 +19,14 @@ from renderer.kernels.jit.decorators import (
 )
 from renderer.kernels.jit.interfaces import interface
 from renderer.kernels.jit.methods import Method, call, compile_method, count_of
-from renderer.kernels.jit.records import Packed, pack, record_class, record_type
+from renderer.kernels.jit.records import (
+    Packed,
+    by_columns,
+    pack,
+    record_class,
+    record_type,
+    table_columns,
+)
 
 __all__ = [
     "KERNEL_CACHE",
@@ -27,6 +34,7 @@ __all__ = [
     "Packed",
     "always_inline",
     "builder_kernel",
+    "by_columns",
     "cache_root",
     "call",
     "compile_method",
@@ -40,5 +48,6 @@ __all__ = [
     "pack",
     "record_class",
     "record_type",
+    "table_columns",
     "with_neighbours",
 ]

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from llvmlite import ir
@@ -29,6 +30,8 @@ from numba.extending import (
 from numba.np.arrayobj import make_array
 from numba.np.numpy_support import as_dtype, from_dtype
 from numpy.typing import NDArray
+
+from renderer.errors import SceneError
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
@@ -84,14 +87,15 @@ class Packed:
         self.record = record
         self.numba_type = record_type(record, source)
         self._memory = np.zeros(self.numba_type.words + 1, np.uint64)
-        _fill(self._memory, 0, record, self.numba_type.record)
+        self._columns: list[Any] = []  # tables that had to be laid out anew
+        _fill(self._memory, 0, record, self.numba_type.record, self._columns)
         self.address = int(self._memory.ctypes.data)
 
 
 def pack(record: Any, source: str = "") -> Packed:
-    """Return a NamedTuple as kernels see it.
+    """Return a NamedTuple as kernels see it; its arrays must be C-ordered.
 
-    Its arrays must be C-ordered, those of two dimensions may be Fortran-ordered as well.
+    Those that its class names in `table_columns` are seen column by column.
 
     Its numbers are copied: a change of the record's arrays is seen, as they are shared.
     """
@@ -119,6 +123,51 @@ def record_class(numba_type: Any) -> type | None:
     return None
 
 
+# ------------------------------------------------------------------ column by column
+
+_COLUMN_FIELDS: dict[type, frozenset[str]] = {}
+_MOST_NUMBERS = 2**31  # kernels count them in 32 bits
+Record = TypeVar("Record")
+
+
+def table_columns(*names: str) -> Callable[[type[Record]], type[Record]]:
+    """Say which fields of a NamedTuple are tables (k, n) that columns are gathered from.
+
+    Said of the class and not seen from the strides: NumPy takes one column for rows as
+    well, and copies of a table forget how it lay.
+    """
+
+    def noted(record: type[Record]) -> type[Record]:
+        _COLUMN_FIELDS[record] = frozenset(names)
+        return record
+
+    return noted
+
+
+def by_columns(rows: Any) -> NDArray[Any]:
+    """Return a table (k, n) of 32-bit numbers, one column after the other in memory.
+
+    Doubles become single. Behind them is one more, of zeros: lanes without a thing of their
+    own read column 0, which must be there.
+
+    Raises
+    ------
+    SceneError
+        For 2^31 numbers or more.
+    """
+    size, count = rows.shape
+    if (count + 1) * size >= _MOST_NUMBERS:
+        raise SceneError(f"a table of {count} times {size} numbers is too large: 2^31 fit")
+    dtype = rows.dtype if rows.dtype.itemsize == 4 else np.float32
+    table = np.zeros((count + 1, size), dtype)
+    table[:count] = rows.T
+    return table[:count].T
+
+
+def _lies_by_columns(table: NDArray[Any]) -> bool:
+    return table.strides == (table.itemsize, table.itemsize * table.shape[0])
+
+
 # --------------------------------------------------------------------- from Python
 
 _KNOWN: dict[Any, RecordType] = {}  # by form and source
@@ -127,24 +176,12 @@ _KNOWN: dict[Any, RecordType] = {}  # by form and source
 def _form(value: Any) -> Any:
     """Return what the type of a value depends on, quickly, as a key."""
     if isinstance(value, np.ndarray):
-        return value.dtype, value.ndim, _layout_of(value)
+        return value.dtype, value.ndim, value.flags.c_contiguous
     if isinstance(value, Packed):
         return value.numba_type
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     return type(value)
-
-
-def _layout_of(array: NDArray[Any]) -> str:
-    """Return "F" for a table column by column in memory, "C", or "A" for anything else.
-
-    By its strides: NumPy says of one column that it is both, and kernels would be compiled
-    for either.
-    """
-    if array.ndim == 2 and array.shape[0] > 1:
-        if array.strides == (array.itemsize, array.itemsize * array.shape[0]):
-            return "F"
-    return "C" if array.flags.c_contiguous else "A"
 
 
 def _type_of(value: Any) -> Any:
@@ -153,14 +190,20 @@ def _type_of(value: Any) -> Any:
         case None:
             return types.none
         case np.ndarray():
-            layout = _layout_of(value)
-            if layout == "A":
+            if not value.flags.c_contiguous:
                 raise TypeError(f"an array of shape {value.shape} is not C-ordered")
-            return types.Array(from_dtype(value.dtype), value.ndim, layout)
+            return types.Array(from_dtype(value.dtype), value.ndim, "C")
         case Packed():
             return value.numba_type
         case tuple():
-            parts = [_type_of(part) for part in value]
+            columns = _COLUMN_FIELDS.get(type(value), frozenset())
+            names = getattr(value, "_fields", range(len(value)))
+            parts = [
+                types.Array(from_dtype(part.dtype), 2, "F")
+                if name in columns
+                else _type_of(part)
+                for name, part in zip(names, value, strict=True)
+            ]
             same = len(parts) > 0 and all(part == parts[0] for part in parts)
             if same:
                 return types.NamedUniTuple(parts[0], len(parts), type(value))
@@ -201,18 +244,24 @@ def _words(numba_type: Any) -> int:
     return 1
 
 
-def _fill(memory: Any, at: int, value: Any, numba_type: Any) -> int:
-    """Write a value from word `at` on; return the next free word."""
+def _fill(memory: Any, at: int, value: Any, numba_type: Any, columns: list[Any]) -> int:
+    """Write a value from word `at` on; return the next free word.
+
+    `columns` keeps the tables that did not lie column by column.
+    """
     cls = _class_of(numba_type)
     if cls is types.NoneType:
         return at
     if cls is types.Array:
+        if numba_type.layout == "F" and not _lies_by_columns(value):
+            value = by_columns(value)
+            columns.append(value)
         memory[at] = value.ctypes.data
         memory[at + 1 : at + 1 + value.ndim] = value.shape
         return at + 1 + int(value.ndim)
     if cls is types.BaseTuple:
         for part, part_type in zip(value, numba_type.types, strict=True):
-            at = _fill(memory, at, part, part_type)
+            at = _fill(memory, at, part, part_type, columns)
         return at
     if cls is RecordType:
         memory[at] = value.address

@@ -19,18 +19,18 @@ from numba.np.arrayobj import make_array
 
 from renderer.kernels.lanes.masks import MASKS, joined_values, part
 from renderer.kernels.lanes.memory import as_i64, element_at, in_columns, require_columns
-from renderer.kernels.lanes.types import Mask, lanes_of
+from renderer.kernels.lanes.types import Lanes, Mask, lanes_of
 
 
 @intrinsic
 def gather_columns(typingctx: Any, array: Any, row: Any, indices: Any, mask: Any) -> Any:
-    """Load `array[row : row + 4, indices]`: four lanes.
+    """Load `array[row : row + 4, indices]`: four rows, as lanes each.
 
-    Those outside the mask are of column 0, which must be there.
+    Lanes outside the mask are of column 0, which `by_columns` sees to be there.
     """
     require_columns(array)
     lanes = lanes_of(array.dtype)
-    if indices.element != types.int32 or mask != Mask(lanes.width):
+    if indices != Lanes(types.int32, lanes.width) or mask != Mask(lanes.width):
         raise TypingError(f"{array} is gathered by {indices} under {mask}")
     four = types.UniTuple(lanes, 4)
 

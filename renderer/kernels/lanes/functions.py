@@ -129,8 +129,9 @@ def _extremum(sign: str) -> Any:
         lanes = operands(a, b)
         if lanes is None and isinstance(a, SCALARS) and isinstance(b, SCALARS):
             lanes = typingctx.unify_types(a, b)
-        _require(lanes is not None, f"cannot compare {a} and {b}")
         element = getattr(lanes, "element", lanes)
+        is_number = isinstance(element, types.Integer | types.Float)
+        _require(is_number, f"cannot compare {a} and {b}")
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             pairs = zip(args, sig.args, strict=True)

@@ -4,7 +4,7 @@ AVX-512 compares into registers of bits, and LLVM's own comparisons and selectio
 it has instructions for (`Bits`). AVX2 compares into ordinary registers. There LLVM packs
 the result of each comparison into bytes and unpacks it for each selection, a quarter of all
 instructions of a triangle test. `WholeLanes` keeps the lanes as they are compared, by the
-processor's own instructions, which LLVM does not rewrite.
+processor's own instructions, which LLVM does not take apart.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ _SIGNS = {4: "llvm.x86.sse.movmsk.ps", 8: "llvm.x86.avx.movmsk.ps.256"}
 def _by_halves(
     builder: ir.IRBuilder, names: dict[int, str], lanes: Sequence[Any], *more: Any
 ) -> ir.Value:
-    """Call an instruction for float32 lanes, eight by eight, or for four."""
+    """Call an instruction for 4, 8 or 16 float32 lanes, eight by eight, or for four."""
     count = lanes[0].type.count
     width = min(count, 8)
     parts = []

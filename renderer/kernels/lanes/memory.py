@@ -32,7 +32,9 @@ def _require_rows(array: Any) -> None:
 
 
 def _require_elements(array: Any) -> None:
-    if getattr(array, "layout", "") != "F":
+    if getattr(array, "layout", "") == "F":
+        require_columns(array)
+    else:
         _require_rows(array)
 
 
@@ -257,6 +259,10 @@ def in_columns(
 def scatter_row(typingctx: Any, array: Any, row: Any, indices: Any, x: Any, m: Any) -> Any:
     """Store the lanes of x that the mask m names to `array[row, indices]`."""
     by_columns = getattr(array, "layout", "") == "F"
+    if by_columns:
+        require_columns(array)
+        if x != lanes_of(array.dtype) or not array.mutable:
+            raise TypingError(f"cannot store {x} in {array}")
     lanes = x if by_columns else _lanes_into(array, x)
     whole = isinstance(indices, Lanes) and isinstance(indices.element, types.Integer)
     if not whole or m != Mask(lanes.width) or indices.width != lanes.width:

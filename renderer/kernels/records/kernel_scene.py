@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kernels.jit import table_columns
+
 # bits of `Primitives.stages`: what a hit on a primitive needs next
 ANY = 1  # set for every primitive
 EMIT = 2
@@ -78,6 +80,7 @@ class Primitives(NamedTuple):
     face: NDArray[np.int32]
 
 
+@table_columns("values")
 class Bsdfs(NamedTuple):
     """All BSDFs of the scene: the kinds, and columns by BSDF id."""
 

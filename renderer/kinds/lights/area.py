@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import interface, kernel, method_kernel
+from renderer.kernels.jit import interface, kernel, method_kernel, table_columns
 from renderer.kernels.lanes.functions import fabs, first_lanes, mask_bits, select, splat_f32
 from renderer.kernels.lanes.memory import gather_row, load_row
 from renderer.kernels.lanes.vectors import dot, gather_vectors, length, load3
@@ -31,6 +31,7 @@ from renderer.scene_file.description import (
 from renderer.scene_file.objects.textures import read_texture
 
 
+@table_columns("radiance")
 class AreaLights(NamedTuple):
     """Area lights on shapes of one kind; columns by light id."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.arrays import by_columns
+from renderer.kernels.jit import by_columns
 
 
 def vector_columns(count: int, rows: dict[int, Any]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import column
 from renderer.kinds.lights.choice.bounds import LightBounds, from_everywhere
@@ -22,10 +22,11 @@ SPHERE_PDF = np.float32(1.0 / (4.0 * np.pi))
 _FOUR_PI = np.float32(4.0 * np.pi)
 
 
+@table_columns("radiance")
 class ConstantLights(NamedTuple):
     """The environment; at most one."""
 
-    radiance: NDArray[np.float32]  # (3, 1)
+    radiance: NDArray[np.float32]  # (4, 1)
     distance: float  # beyond the whole scene
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import gather_vectors
 from renderer.kinds.lights.choice.bounds import LightBounds, from_direction
@@ -18,6 +18,7 @@ from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import DirectionalLight
 
 
+@table_columns("to_light", "irradiance")
 class DirectionalLights(NamedTuple):
     """Columns by light id."""
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import dot, gather_vectors, length
 from renderer.kinds.lights.choice.bounds import LightBounds, all_around
@@ -18,6 +18,7 @@ from renderer.scene_file.colors.colors import Use, read_color
 from renderer.scene_file.description import PointLight
 
 
+@table_columns("position", "intensity")
 class PointLights(NamedTuple):
     """Columns by light id (those of other kinds are unused)."""
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather_vectors, length
@@ -28,6 +28,7 @@ from renderer.scene_file.objects.sensors import read_fov_x
 from renderer.scene_file.objects.textures import read_texture
 
 
+@table_columns("position", "left", "up", "axis")
 class Projectors(NamedTuple):
     """Columns by light id."""
 

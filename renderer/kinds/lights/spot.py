@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.mathematics import arccos
 from renderer.kernels.lanes.memory import gather_row
@@ -24,6 +24,7 @@ from renderer.scene_file.description import ConstantTexture, SpotLight
 from renderer.scene_file.objects.textures import read_texture
 
 
+@table_columns("position", "axis", "intensity")
 class SpotLights(NamedTuple):
     """Columns by light id."""
 
@@ -37,6 +38,7 @@ class SpotLights(NamedTuple):
     across: Any  # with textures: SpotSquares, else None
 
 
+@table_columns("right", "up")
 class SpotSquares(NamedTuple):
     """The squares that textures fill, at z = 1 of each light; columns by light id."""
 

@@ -7,21 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.kernels.jit import by_columns
+
 
 def float32(rows: Any) -> NDArray[np.float32]:
     """Return a C-ordered array in single precision."""
     return np.ascontiguousarray(rows, dtype=np.float32)
-
-
-def by_columns(rows: Any) -> NDArray[np.float32]:
-    """Return a table (k, n) of single precision, one column after the other in memory.
-
-    There is one more, of zeros, behind them: NumPy knows no strides of nothing.
-    """
-    size, count = rows.shape
-    table = np.zeros((count + 1, size), np.float32)
-    table[:count] = rows.T
-    return table[:count].T
 
 
 def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import any_of, fabs, select, splat_f32, sqrt
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kinds.sampling.numbers_and_warps import square_to_disk
@@ -81,6 +81,7 @@ def hit_disk(disk, origin, direction, t_max):
 
 
 @flat.with_parts
+@table_columns("places")
 class DiskSurfaces(NamedTuple):
     """Disks first .. end - 1 by primitive id; corner is the centre."""
 

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.arrays import by_columns, mirrors, unit_normals
+from renderer.kernels.jit import by_columns
+from renderer.kinds.shapes.arrays import mirrors, unit_normals
 
 # The parts of a table of `places`, three rows each: what a point of a flat shape needs.
 PARTS = ("corner", "edge1", "edge2", "normal")

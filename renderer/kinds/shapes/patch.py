@@ -125,18 +125,6 @@ def _upright(slope, t, u, v):
 
 
 @kernel
-def lesser(a, b):
-    """Return the lesser of two scalars or lanes; b where one of them is NaN."""
-    return select(a < b, a, b)
-
-
-@kernel
-def greater(a, b):
-    """Return the greater of two scalars or lanes; b where one of them is NaN."""
-    return select(a > b, a, b)
-
-
-@kernel
 def grazing(patch, plane_hit, direction):
     """Return which rays graze the plane in front of them: there rounding has no bound.
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import always_inline, kernel
-from renderer.kernels.lanes.functions import any_of
+from renderer.kernels.jit import always_inline, kernel, table_columns
+from renderer.kernels.lanes.functions import any_of, maximum, minimum
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
@@ -17,8 +17,6 @@ from renderer.kinds.shapes.patch import (
     MARGIN,
     divided,
     grazing,
-    greater,
-    lesser,
     meet_plane,
     meet_plane_in_double,
     patch_at,
@@ -64,7 +62,7 @@ def hit_rectangle(rectangle, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max and 0 <= u, v <= 1."""
     always_inline()
     p = meet_plane(rectangle, origin, direction)
-    depth = lesser(lesser(p.u, p.v), p.scale - greater(p.u, p.v))
+    depth = minimum(minimum(p.u, p.v), p.scale - maximum(p.u, p.v))
     doubtful = grazing(rectangle, p, direction) & (depth >= MARGIN * p.scale)
     if any_of(doubtful):
         p = meet_plane_in_double(rectangle, origin, direction, doubtful, p)
@@ -75,6 +73,7 @@ def hit_rectangle(rectangle, origin, direction, t_max):
 
 
 @flat.with_parts
+@table_columns("places")
 class RectangleSurfaces(NamedTuple):
     """Parallelograms first .. end - 1 by primitive id."""
 

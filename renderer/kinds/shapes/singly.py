@@ -126,7 +126,7 @@ def _pick_one(x, j):
 
 
 def _hit(surfaces: Any, k: Any, origin: Any, direction: Any, t_max: Any) -> Intersection:
-    """Intersect one ray with one surface, or 16 of either with one of the other."""
+    """Intersect one ray with one surface, or 16 or 8 of either with one of the other."""
     raise TypeError("inside kernels only")
 
 

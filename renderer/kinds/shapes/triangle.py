@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import always_inline, interface, kernel
+from renderer.kernels.jit import always_inline, by_columns, interface, kernel, table_columns
 from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
 from renderer.kernels.lanes.memory import gather_row
@@ -19,7 +19,7 @@ from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.kinds.sampling.arithmetic import density_normal
 from renderer.kinds.sampling.numbers_and_warps import square_to_triangle
 from renderer.kinds.shapes import flat
-from renderer.kinds.shapes.arrays import by_columns, empty_rows
+from renderer.kinds.shapes.arrays import empty_rows, float32
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.kinds.shapes.kind import ShapeKind, flipped
 from renderer.kinds.shapes.mesh_plugins import MESH_PLUGINS
@@ -29,7 +29,6 @@ from renderer.kinds.shapes.patch import (
     Intersection,
     divided,
     grazing,
-    lesser,
     meet_plane,
     meet_plane_in_double,
     patch_at,
@@ -71,7 +70,7 @@ def _depth_inside(p):
 
     w last: it is NaN if u or v is, and then so is the result.
     """
-    return lesser(lesser(p.u, p.v), p.scale - (p.u + p.v))
+    return minimum(minimum(p.u, p.v), p.scale - (p.u + p.v))
 
 
 @kernel
@@ -106,6 +105,7 @@ def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
 
 
 @flat.with_parts
+@table_columns("places", "normals", "uvs")
 class TriangleSurfaces(NamedTuple):
     """Triangles first .. end - 1 by primitive id; columns are relative to `first`."""
 
@@ -125,7 +125,7 @@ def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
     """
     uvs = triangles.uvs.astype(np.float64)
     if uvs.shape[1] == 0:
-        return triangles.edge1
+        return float32(triangles.edge1)
     du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
     du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
     area = du1 * dv2 - dv1 * du2

@@ -17,6 +17,7 @@ from renderer.kernels.lanes.affine import affine_of, times
 from renderer.kernels.lanes.functions import select, splat_f32, sqrt
 from renderer.kernels.lanes.vectors import gather3, vec3
 from renderer.kinds.sampling.numbers_and_warps import TWO_PI
+from renderer.kinds.shapes.arrays import float32
 from renderer.kinds.shapes.triangle import TriangleSurfaces
 
 _PI = np.float32(np.pi)
@@ -91,7 +92,7 @@ def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
     """
     edge1, edge2 = triangles.edge1.astype(float), triangles.edge2.astype(float)
     if not triangles.uvs.size:
-        return triangles.edge1, triangles.edge2
+        return float32(triangles.edge1), float32(triangles.edge2)
     u0, v0, u1, v1, u2, v2 = triangles.uvs.astype(float)
     area = (u1 - u0) * (v2 - v0) - (v1 - v0) * (u2 - u0)
     with np.errstate(all="ignore"):

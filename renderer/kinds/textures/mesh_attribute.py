@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather_rows3
 from renderer.kinds.shapes.surface import gather_flat
@@ -18,6 +18,7 @@ from renderer.scene_file.description import Mesh, MeshAttributeTexture, Shape
 from renderer.scene_file.numbers import quoted
 
 
+@table_columns("places")
 class MeshAttributes(NamedTuple):
     """What the triangles of those meshes have that show one of the textures."""
 
