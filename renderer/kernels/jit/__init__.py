@@ -2,12 +2,14 @@
 
 Whoever writes a kernel needs `kernel` alone. What is behind it, a file each: the flags
 (`decorators`), the cache on disk (`cache`), modules that are linked but not compiled by
-themselves (`linking`), records that kernels see through a pointer (`records`), kernels that
-are called by their address, as methods of an object are (`methods`), and functions that
-are chosen by the record they work on (`interfaces`).
+themselves (`linking`), records that kernels see through a pointer (`records`), tables
+that they gather columns from (`columns`), kernels that are called by their address, as
+methods of an object are (`methods`), and functions that are chosen by the record they
+work on (`interfaces`).
 """
 
 from renderer.kernels.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
+from renderer.kernels.jit.columns import by_columns, table_columns
 from renderer.kernels.jit.decorators import (
     always_inline,
     builder_kernel,
@@ -21,11 +23,9 @@ from renderer.kernels.jit.interfaces import interface
 from renderer.kernels.jit.methods import Method, call, compile_method, count_of
 from renderer.kernels.jit.records import (
     Packed,
-    by_columns,
     pack,
     record_class,
     record_type,
-    table_columns,
 )
 
 __all__ = [

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -29,9 +28,8 @@ from numba.extending import (
 )
 from numba.np.arrayobj import make_array
 from numba.np.numpy_support import as_dtype, from_dtype
-from numpy.typing import NDArray
 
-from renderer.errors import SceneError
+from renderer.kernels.jit.columns import by_columns, column_fields, lies_by_columns
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
@@ -123,51 +121,6 @@ def record_class(numba_type: Any) -> type | None:
     return None
 
 
-# ------------------------------------------------------------------ column by column
-
-_COLUMN_FIELDS: dict[type, frozenset[str]] = {}
-_MOST_NUMBERS = 2**31  # kernels count them in 32 bits
-Record = TypeVar("Record")
-
-
-def table_columns(*names: str) -> Callable[[type[Record]], type[Record]]:
-    """Say which fields of a NamedTuple are tables (k, n) that columns are gathered from.
-
-    Said of the class and not seen from the strides: NumPy takes one column for rows as
-    well, and copies of a table forget how it lay.
-    """
-
-    def noted(record: type[Record]) -> type[Record]:
-        _COLUMN_FIELDS[record] = frozenset(names)
-        return record
-
-    return noted
-
-
-def by_columns(rows: Any) -> NDArray[Any]:
-    """Return a table (k, n) of 32-bit numbers, one column after the other in memory.
-
-    Doubles become single. Behind them is one more, of zeros: lanes without a thing of their
-    own read column 0, which must be there.
-
-    Raises
-    ------
-    SceneError
-        For 2^31 numbers or more.
-    """
-    size, count = rows.shape
-    if (count + 1) * size >= _MOST_NUMBERS:
-        raise SceneError(f"a table of {count} times {size} numbers is too large: 2^31 fit")
-    dtype = rows.dtype if rows.dtype.itemsize == 4 else np.float32
-    table = np.zeros((count + 1, size), dtype)
-    table[:count] = rows.T
-    return table[:count].T
-
-
-def _lies_by_columns(table: NDArray[Any]) -> bool:
-    return table.strides == (table.itemsize, table.itemsize * table.shape[0])
-
-
 # --------------------------------------------------------------------- from Python
 
 _KNOWN: dict[Any, RecordType] = {}  # by form and source
@@ -196,7 +149,7 @@ def _type_of(value: Any) -> Any:
         case Packed():
             return value.numba_type
         case tuple():
-            columns = _COLUMN_FIELDS.get(type(value), frozenset())
+            columns = column_fields(type(value))
             names = getattr(value, "_fields", range(len(value)))
             parts = [
                 types.Array(from_dtype(part.dtype), 2, "F")
@@ -253,7 +206,7 @@ def _fill(memory: Any, at: int, value: Any, numba_type: Any, columns: list[Any])
     if cls is types.NoneType:
         return at
     if cls is types.Array:
-        if numba_type.layout == "F" and not _lies_by_columns(value):
+        if numba_type.layout == "F" and not lies_by_columns(value):
             value = by_columns(value)
             columns.append(value)
         memory[at] = value.ctypes.data
