@@ -342,7 +342,7 @@ def colour(inputs: Inputs, i: int) -> np.ndarray:
     table = tables(inputs)[inputs.record.lights.kind[i]]
     names = ("intensity", "irradiance", "radiance")
     (row,) = [getattr(table, name) for name in names if name in table._fields]
-    return row[:, i if row.shape[1] > 1 else 0]  # a sky's table has it alone
+    return row[:3, i if row.shape[1] > 1 else 0]  # a sky's table has it alone
 
 
 def from_dictionary() -> tuple[Any, Any]:
