@@ -1,9 +1,8 @@
 """Tables that lie in memory column by column: what belongs to one thing is side by side.
 
 A gather of 16 lanes takes 16 loads for one number of each thing. Where several numbers of
-each are needed, four of them are one load, and the loads of four things are transposed. On
-AVX2 four rows so take a fifth of four gathers, and a thing that is not in the cache is
-waited for once.
+each are needed, four of them are one load, and the loads of four things are transposed; a
+thing that is not in the cache is waited for once (docs/performance.md, Without AVX-512).
 """
 
 from __future__ import annotations
