@@ -16,7 +16,14 @@ from numba import typeof
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import TRAVERSALS
-from renderer.kernels.jit import Packed, call, compile_method, entry_kernel, pack
+from renderer.kernels.jit import (
+    Packed,
+    call,
+    compile_method,
+    entry_kernel,
+    kernel,
+    pack,
+)
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import (
     CAPACITY,
@@ -26,6 +33,7 @@ from renderer.kernels.records.batch import (
     make_workspace,
 )
 from renderer.kernels.records.kernel_scene import ANY
+from renderer.kernels.records.tile import SampleKey
 from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.cylinder import CylinderSurfaces
 from renderer.kinds.shapes.disk import DiskSurfaces
@@ -42,6 +50,15 @@ from renderer.stages.surface import append_hits, surface_points
 
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 FIRST_ID = 5  # not 0, so that a column number taken for a primitive id shows
+
+
+# --------------------------------------------------------------------------- samples
+
+
+@kernel
+def key_of(pixel):
+    """The key of one sample of each of 16 pixels."""
+    return SampleKey(pixel, pixel ^ pixel)
 
 
 # ------------------------------------------------------------------------ primitives

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_probes import chi_square_z, mean_z
+from kernel_probes import chi_square_z, key_of, mean_z
 
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import as_i32, splat_u32
@@ -40,7 +40,7 @@ SIGMA = 5.0  # two-sided 6e-7, one-sided 3e-7
 def run_draw4(sampler, pixels, sample, block, out):
     for i in range(0, pixels.size, 16):
         row = 0
-        for number in draw4(sampler, load_row(pixels, 0, i), sample, block):
+        for number in draw4(sampler, key_of(load_row(pixels, 0, i)), sample, block):
             store_row(out, row, i, number)
             row += 1
 
@@ -48,7 +48,7 @@ def run_draw4(sampler, pixels, sample, block, out):
 @entry_kernel
 def run_choose(sampler, pixels, sample, block, count, chosen, left):
     for i in range(0, pixels.size, 16):
-        x, _, _, w = draw4(sampler, load_row(pixels, 0, i), sample, block)
+        x, _, _, w = draw4(sampler, key_of(load_row(pixels, 0, i)), sample, block)
         which, x = choose_from_draw(sampler, x, w, count)
         store_row(chosen, 0, i, which)
         store_row(left, 0, i, x)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kernel_probes import key_of
 from small_scenes import rgb
 
 import renderer
@@ -57,7 +58,7 @@ def hashed_numbers(seed, pixel, sample, block):
 @entry_kernel
 def run_draw4(sampler, pixels, sample, block, out):
     row = 0
-    for number in draw4(sampler, load_row(pixels, 0, 0), sample, block):
+    for number in draw4(sampler, key_of(load_row(pixels, 0, 0)), sample, block):
         store_row(out, row, 0, number)
         row += 1
 

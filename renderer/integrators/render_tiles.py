@@ -2,9 +2,26 @@
 
 from __future__ import annotations
 
-from renderer.kernels.jit import call, entry_kernel
-from renderer.kernels.records.tile import Tile
+from renderer.kernels.jit import call, entry_kernel, kernel
+from renderer.kernels.records.batch import CAPACITY
+from renderer.kernels.records.tile import Tile, has_places
 from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
+
+
+@kernel
+def _level_at(sample, end_sample, room):
+    """Return the level of the samples from `sample` on, for so many slots at most.
+
+    They begin at a multiple of their number, wherever a job or a checkpoint began.
+    """
+    level, together = 0, 4
+    while (
+        together * CAPACITY <= room
+        and sample % together == 0
+        and sample + together <= end_sample
+    ):
+        level, together = level + 1, together * 4
+    return level
 
 
 @entry_kernel
@@ -22,19 +39,26 @@ def render_tiles(
         As in `Film.tiles`.
     first_sample, end_sample : int
     work : Workspace
-        Of this thread.
+        Of this thread; how many slots it has limits the samples that go together.
     sums : float64 (n, channels + 1, rows, columns)
         Of each tile with its border.
     border : int
         From `filter_border`.
     """
     for k in range(tiles.shape[0]):
-        tile = Tile(tiles[k, 0], tiles[k, 1], tiles[k, 2], tiles[k, 3], tiles[k, 4])
+        x, y, width, height = tiles[k, 0], tiles[k, 1], tiles[k, 2], tiles[k, 3]
         open_sums(rfilter, sums[k], work.splats)
-        for sample in range(first_sample, end_sample):
-            clear(work.radiance)
-            call(address, scene, (tile, sample, work))
+        sample = first_sample
+        while sample < end_sample:
+            level = _level_at(sample, end_sample, work.radiance.shape[1])
+            clear(work.radiance, level)
+            tile = Tile(x, y, width, height, tiles[k, 4], level, 0)
+            for part in range(1 << 2 * level):
+                tile = Tile(x, y, width, height, tiles[k, 4], level, part)
+                if has_places(tile):
+                    call(address, scene, (tile, sample, work))
             add_to_tile(
                 rfilter, tile, work.film, work.radiance, sums[k], work.splats, border
             )
+            sample += 1 << 2 * level
         close_sums(rfilter, sums[k], work.splats)

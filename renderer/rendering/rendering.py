@@ -297,6 +297,7 @@ def workspace_of(
         counted=plan.kind.counts_work,
         previous_points=previous_points,
         splat_size=TILE_SIZE + 2 * border if border else 0,
+        slots=CAPACITY << 2 * plan.level,
     )
 
 

@@ -1,6 +1,6 @@
 """The random numbers of a batch, from a sampler that hashes pixel, sample and dimension.
 
-A sampler's methods: the place of each pixel's sample on the film, four numbers for each
+A sampler's methods: the place of each sample on the film, four numbers for each
 surface point, and the light that each point samples.
 """
 
@@ -10,7 +10,7 @@ from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.functions import lane_index, mask_bits, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.records.batch import CAPACITY
-from renderer.kernels.records.tile import pixel_key, slot_pixel
+from renderer.kernels.records.tile import sample_key, slot_pixel
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
@@ -28,13 +28,13 @@ def _store(numbers, row, i, drawn, count):
 
 @kernel
 def _write_pair(sampler, tile, sample, block, film, row):
-    """Write two numbers in [0, 1) for the sample of each pixel of a tile, by slot."""
-    for first in range(0, CAPACITY, 32):
+    """Write two numbers in [0, 1) for each sample of a tile's part, by slot."""
+    for first in range(tile.part * CAPACITY, (tile.part + 1) * CAPACITY, 32):
         slot = lane_index() + first
-        x, y = slot_pixel(slot)  # the next 16 are to the right of these
+        x, y = slot_pixel(slot, tile.level)  # the next 16 are to the right of these
         if mask_bits((x < tile.width) & (y < tile.height)) == 0:
             continue
-        here, beside = pixel_key(tile, slot), pixel_key(tile, slot + 16)
+        here, beside = sample_key(tile, slot), sample_key(tile, slot + 16)
         a, b = draw4_twice(sampler, here, beside, sample, block)
         _store(film, row, first, a, 2)
         _store(film, row, first + 16, b, 2)
@@ -42,13 +42,13 @@ def _write_pair(sampler, tile, sample, block, film, row):
 
 @method_kernel
 def draw_film(sampler, tile, sample, film):
-    """Write where in their pixel the samples of a tile lie."""
+    """Write where in their pixel the samples of a tile's part lie."""
     _write_pair(sampler, tile, sample, FILM_BLOCK, film, 0)
 
 
 @method_kernel
 def draw_aperture(sampler, tile, sample, film):
-    """Write where on the lens the samples of a tile lie."""
+    """Write where on the lens the samples of a tile's part lie."""
     _write_pair(sampler, tile, sample, APERTURE_BLOCK, film, 2)
 
 
@@ -56,8 +56,8 @@ def draw_aperture(sampler, tile, sample, film):
 def draw(sampler, tile, sample, block, slots, count, numbers):
     """Draw four numbers for each of `count` points, in rows of `numbers`."""
     for i in range(0, count, 32):
-        here = pixel_key(tile, load_row(slots, 0, i))
-        next_ones = pixel_key(tile, load_row(slots, 0, i + 16))
+        here = sample_key(tile, load_row(slots, 0, i))
+        next_ones = sample_key(tile, load_row(slots, 0, i + 16))
         a, b = draw4_twice(sampler, here, next_ones, sample, block)
         _store(numbers, 0, i, a, 4)
         _store(numbers, 0, i + 16, b, 4)

@@ -11,7 +11,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import lane_index_4, select, to_double, to_f32
 from renderer.kernels.lanes.memory import load_four, load_one, store_one, store_row
 from renderer.kernels.records.batch import CAPACITY
-from renderer.kernels.records.tile import slot_pixel
+from renderer.kernels.records.tile import pixel_slot, slot_pixel
 from renderer.scene.reconstruction import tabulate
 from renderer.scene_file.description import ReconstructionFilter
 
@@ -42,12 +42,12 @@ def filter_border(table: FilterTable) -> int:
 
 
 @kernel
-def square_sums(squares, radiance):
+def square_sums(squares, radiance, level):
     """Write the squares of sums of the first channels to the channels behind them."""
     if squares is None:
         return
     rows, columns = squares.shape
-    for slot in range(CAPACITY):
+    for slot in range(CAPACITY << 2 * level):
         for row in range(rows):
             value = np.float32(0.0)
             for column in range(columns):
@@ -56,19 +56,37 @@ def square_sums(squares, radiance):
 
 
 @kernel
-def clear(radiance):
-    """Set the light of all slots to zero, before a sample is traced."""
+def clear(radiance, level):
+    """Set the light of all slots to zero, before their samples are traced."""
     for channel in range(radiance.shape[0]):
-        for slot in range(CAPACITY):
+        for slot in range(CAPACITY << 2 * level):
             radiance[channel, slot] = 0.0
 
 
 @kernel
+def _add_several_to_own_pixels(tile, radiance, sums):
+    """Add the samples of each pixel to it, one after the other.
+
+    A row of pixels at a time: no addition waits for the one before it.
+    """
+    channels, level = sums.shape[0] - 1, tile.level
+    together = 1 << 2 * level
+    for y in range(tile.height):
+        for later in range(together):
+            for x in range(tile.width):
+                slot = pixel_slot(x, y, later, level)
+                for c in range(channels):
+                    sums[c, y, x] += np.float64(load_one(radiance, c, slot))
+        for x in range(tile.width):
+            sums[channels, y, x] += together
+
+
+@kernel
 def _add_to_own_pixels(tile, radiance, sums):
-    """Add each sample to its pixel alone, four of a row at once."""
+    """Add one sample of each pixel to it alone, four of a row at once."""
     channels = sums.shape[0] - 1
     for first in range(0, CAPACITY, 4):
-        x, y = slot_pixel(first)
+        x, y = slot_pixel(first, 0)
         if x >= tile.width or y >= tile.height:
             continue
         for c in range(channels):
@@ -156,18 +174,23 @@ def _add_one(rfilter, x, y, slot, radiance, sums, splats):
 
 @kernel
 def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
-    """Add one sample of each pixel of a tile, `radiance` (channels, slots), to its sums.
+    """Add the samples of a tile's slots, `radiance` (channels, slots), to its sums.
 
     `film` has the samples' places on the full film, (2, slots) in pixels. But for the box,
-    samples are added to `splats`, between `open_sums` and `close_sums`.
+    samples are added to `splats`, between `open_sums` and `close_sums`. The order of what
+    is added to a pixel is the same however many samples are traced together.
     """
-    square_sums(rfilter.squares, radiance)
+    square_sums(rfilter.squares, radiance, tile.level)
     if rfilter.weights.size == 0:  # the box
-        _add_to_own_pixels(tile, radiance, sums)
+        if tile.level == 0:
+            _add_to_own_pixels(tile, radiance, sums)
+        else:
+            _add_several_to_own_pixels(tile, radiance, sums)
         return
-    for slot in range(CAPACITY):
-        x, y = slot_pixel(slot)
+    for sample_and_place in range(CAPACITY << 2 * tile.level):
+        x, y = slot_pixel(sample_and_place & (CAPACITY - 1), 0)
         if x < tile.width and y < tile.height:
+            slot = pixel_slot(x, y, sample_and_place // CAPACITY, tile.level)
             # the sample's place in the sums, whose pixel 0 lies `border` before the tile
             px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5
             py = np.float64(load_one(film, 1, slot)) - tile.y + border - 0.5

@@ -177,12 +177,26 @@ DEFECTS = (
             Edit(
                 "kinds/sampling/sobol.py",
                 "    index = bit_reverse(scramble(bit_reverse(index), order))\n",
-                "    index = splat_u32(np.uint32(sample))\n",
+                "    index = key.later + np.uint32(sample)\n",
             ),
         ),
         scene="cornell-box",
         tests=("test_sampler_patterns.py::test_film_and_first_light_are_one_pattern",),
         remark="no scene asks for sobol; no bias, but noise",
+    ),
+    Mutation(
+        "together-alike",
+        "the samples of a pixel that are traced together draw the same numbers",
+        (
+            Edit(
+                "kernels/records/tile.py",
+                "return SampleKey(as_u32(pixel), as_u32(later))",
+                "return SampleKey(as_u32(pixel), as_u32(later * 0))",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_samples_together.py::test_no_bit_depends_on_who_goes_together",),
+        remark="no bias, but noise; a replay traces one sample at a time",
     ),
     Mutation(
         "digits-flipped-by-weak-bits",
@@ -198,8 +212,8 @@ DEFECTS = (
         (
             Edit(
                 "kernels/records/tile.py",
-                "return as_u32((y + tile.y) * tile.film_width + (x + tile.x))",
-                "return as_u32((y + tile.y) * 0 + (x + tile.x))",
+                "pixel = row * tile.film_width + (x >> tile.level) + tile.x",
+                "pixel = row * 0 + (x >> tile.level) + tile.x",
             ),
         ),
         scene="cornell-box",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.records.tally import make_tally
 
-CAPACITY = 1024  # camera rays of a batch: one sample for each pixel of a 32 x 32 tile
+CAPACITY = 1024  # camera rays of a batch: a part of a tile (`records.tile`)
 PADDING = 48
 
 
@@ -26,7 +26,7 @@ class Rays(NamedTuple):
     throughput: NDArray[np.float32]  # (3, n) product of BSDF * cos / pdf so far
     pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: a mirror or the camera
     eta: NDArray[np.float32]  # (n,) product of relative indices of refraction
-    slot: NDArray[np.int32]  # (n,) pixel of the tile that the path belongs to
+    slot: NDArray[np.int32]  # (n,) sample of a pixel of the tile: whose path it is
     point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
     # (3, n) that point's position, off which the origin is; (3, 0): kept for nobody
     previous: NDArray[np.float32]
@@ -96,12 +96,12 @@ class Workspace(NamedTuple):
     shadow_rays: ShadowRays
     points: SurfacePoints
     light_samples: LightSamples
-    # (4, n) place of each pixel's sample on the film [pixels], and in [0, 1) on the lens
+    # (4, slots) place of each sample on the film [pixels], and in [0, 1) on the lens
     film: NDArray[np.float32]
     numbers: NDArray[np.float32]  # (4, n) random numbers for each surface point
     order: NDArray[np.int32]  # (n,) hits sorted by what they need next
     ends: NDArray[np.int64]  # (kinds + 1,) where each kind of BSDF begins and ends in it
-    radiance: NDArray[np.float32]  # (channels, n) of each pixel of the tile
+    radiance: NDArray[np.float32]  # (channels, slots) of the samples of a tile
     splats: NDArray[np.float64]  # a tile's sums, pixel by pixel, and a row of weights
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
     tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: nobody counts
@@ -137,6 +137,7 @@ def make_workspace(
     previous_points: bool = False,
     capacity: int = CAPACITY,
     splat_size: int = 0,
+    slots: int = CAPACITY,
 ) -> Workspace:
     """Allocate for one thread.
 
@@ -161,6 +162,8 @@ def make_workspace(
     splat_size : int
         Pixels on a side of a tile with the filter's border; 0 for the box, which needs no
         room.
+    slots : int
+        Samples of a tile that are added to its sums together: of one batch or more.
     """
     rays = Rays(
         _rows(3, ray_capacity),
@@ -215,11 +218,11 @@ def make_workspace(
         shadow_rays,
         points,
         light_samples,
-        _rows(4, capacity),
+        _rows(4, slots),
         _rows(4, n),
         _numbers(n),
         np.zeros(kinds + 1, np.int64),
-        _rows(channels, capacity),
+        _rows(channels, slots),
         _aligned((channels // 4 + 1) * 4 * splat_size**2 + splat_size),
         np.zeros(depths, np.int64),
         make_tally(ray_capacity) if counted else None,

@@ -1,8 +1,14 @@
-"""Tiles of the film, and the slots of a batch: one for each pixel of a tile."""
+"""Tiles of the film, and the slots of a tile: one for each sample of each of its pixels.
+
+4^level samples of a pixel are traced together. Each has a place on a grid that is 2^level
+times as fine as the film; the samples of a pixel are a square of it. A batch is a part of
+the tile of 32 x 32 places. So the rays of a batch, and the 16 of a packet, lie as close to
+each other as those of a film of 4^level times as many pixels. No number depends on it.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import as_u32
@@ -16,21 +22,63 @@ class Tile(NamedTuple):
     width: int
     height: int
     film_width: int  # of the full film
+    level: int  # 4 ** level samples of each pixel are traced together
+    part: int  # of as many, the one that is traced
+
+
+class SampleKey(NamedTuple):
+    """What the random numbers of samples hang on, beside the first of their numbers."""
+
+    pixel: Any  # (16,) uint32 number in the full film
+    later: Any  # (16,) uint32 by how much a sample's number is larger than the first one
 
 
 TILE_SIZE = 32  # CAPACITY = TILE_SIZE ** 2
+_PART_BITS = 10  # of a slot: its place in its part
 
 
 @kernel
-def slot_pixel(slot):
-    """Return the (x, y) of slots in a tile; 16 neighbouring slots are 4 x 4 pixels."""
-    x = (slot & 3) | (((slot >> 4) & 7) << 2)
-    y = ((slot >> 2) & 3) | ((slot >> 7) << 2)
+def _place(slot, level):
+    """Return the (x, y) of slots on the fine grid; 16 neighbours are 4 x 4 places."""
+    part = slot >> _PART_BITS
+    across = part & ((1 << level) - 1)
+    x = (slot & 3) | (((slot >> 4) & 7) << 2) | (across << 5)
+    y = ((slot >> 2) & 3) | (((slot >> 7) & 7) << 2) | ((part >> level) << 5)
     return x, y
 
 
 @kernel
-def pixel_key(tile, slot):
-    """Return the number of the slots' pixels in the full film: the key of their numbers."""
-    x, y = slot_pixel(slot)
-    return as_u32((y + tile.y) * tile.film_width + (x + tile.x))
+def slot_pixel(slot, level):
+    """Return the (x, y) of slots in a tile."""
+    x, y = _place(slot, level)
+    return x >> level, y >> level
+
+
+@kernel
+def pixel_slot(x, y, later, level):
+    """Return the slot of sample `later`, of those together, of the pixel (x, y)."""
+    inside = (1 << level) - 1
+    x = (x << level) | (later & inside)
+    y = (y << level) | (later >> level)
+    part = (x >> 5) | ((y >> 5) << level)
+    x, y = x & 31, y & 31
+    slot = (x & 3) | ((y & 3) << 2) | ((x >> 2) << 4) | ((y >> 2) << 7)
+    return slot | (part << _PART_BITS)
+
+
+@kernel
+def sample_key(tile, slot):
+    """Return the key of the random numbers of slots."""
+    x, y = _place(slot, tile.level)
+    inside = (1 << tile.level) - 1
+    later = (x & inside) | ((y & inside) << tile.level)
+    row = (y >> tile.level) + tile.y
+    pixel = row * tile.film_width + (x >> tile.level) + tile.x
+    return SampleKey(as_u32(pixel), as_u32(later))
+
+
+@kernel
+def has_places(tile):
+    """Return whether the tile's part has a pixel: at an edge of the film it may not."""
+    x, y = slot_pixel(tile.part << _PART_BITS, tile.level)
+    return x < tile.width and y < tile.height

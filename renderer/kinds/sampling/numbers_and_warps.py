@@ -102,11 +102,11 @@ def _block_bits(block):
 
 
 @kernel
-def hash_floats(seed, pixel, sample, block):
+def hash_floats(seed, key, sample, block):
     """Return four lanes of independent numbers in [0, 1)."""
     a, b, c, d = hash4(
-        pixel,
-        splat_u32(np.uint32(sample)),
+        key.pixel,
+        key.later + np.uint32(sample),
         _block_bits(block),
         splat_u32(np.uint32(seed)),
     )
@@ -120,8 +120,10 @@ def _in_unit(x):
 
 
 @interface
-def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
-    """Draw four numbers in [0, 1) for each of 16 pixels.
+def draw4(sampler: Any, key: Any, sample: int, block: int) -> Any:
+    """Draw four numbers in [0, 1) for each of the 16 samples of a `SampleKey`.
+
+    `sample` is the number of the first of those that are traced together.
 
     The first two are a pair that the sampler spreads over the samples of a pixel together;
     the third and fourth are spread each by itself.
@@ -130,15 +132,15 @@ def draw4(sampler: Any, pixel: Any, sample: int, block: int) -> Any:
 
 @interface
 def draw4_twice(
-    sampler: Any, pixel: Any, other: Any, sample: int, block: int
+    sampler: Any, key: Any, other: Any, sample: int, block: int
 ) -> tuple[Any, Any]:
-    """Draw as `draw4` does for 16 pixels and for 16 others."""
+    """Draw as `draw4` does for 16 samples and for 16 others."""
 
 
 @draw4.by(Independent)
 @kernel
-def _draw_independent(sampler, pixel, sample, block):
-    return hash_floats(sampler.seed, pixel, sample, block)
+def _draw_independent(sampler, key, sample, block):
+    return hash_floats(sampler.seed, key, sample, block)
 
 
 @kernel
@@ -199,20 +201,21 @@ def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
 
 @draw4.by(Stratified)
 @kernel
-def _draw_stratified(sampler, pixel, sample, block):
+def _draw_stratified(sampler, key, sample, block):
     columns, rows = sampler.columns, sampler.rows
     count = columns * rows
-    index = splat_u32(np.uint32(sample % count))
+    # samples that are traced together are of one grid: their number divides its cells'
+    index = key.later + np.uint32(sample % count)
     # jitter; keys of the shuffles; a longer render starts a new, independent grid
     grid = sample // count
-    jx, jy, jz, jw = hash_floats(sampler.seed, pixel, sample, 2 * block)
+    jx, jy, jz, jw = hash_floats(sampler.seed, key, sample, 2 * block)
     amount = np.float32(sampler.jitter)
     jx = (jx - 0.5) * amount + 0.5
     jy = (jy - 0.5) * amount + 0.5
     if count == 1:  # nothing to shuffle
         return _in_unit(jx), _in_unit(jy), jz, jw
     keys = hash4(
-        pixel,
+        key.pixel,
         splat_u32(np.uint32(grid)),
         _block_bits(2 * block + 1),
         splat_u32(np.uint32(sampler.seed)),
@@ -235,8 +238,8 @@ def _draw_stratified(sampler, pixel, sample, block):
 
 @draw4_twice.by(Independent, Stratified)
 @kernel
-def _draw_after_another(sampler, pixel, other, sample, block):
-    return draw4(sampler, pixel, sample, block), draw4(sampler, other, sample, block)
+def _draw_after_another(sampler, key, other, sample, block):
+    return draw4(sampler, key, sample, block), draw4(sampler, other, sample, block)
 
 
 @interface

@@ -27,6 +27,7 @@ from renderer.kernels.lanes.functions import (
     upper_half,
 )
 from renderer.kernels.lanes.memory import load_one
+from renderer.kernels.records.tile import SampleKey
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     BLOCKS_PER_BOUNCE,
@@ -109,13 +110,14 @@ def _group_of(block):
 
 @draw4.by(Sobol)
 @kernel
-def _draw_sobol(sampler, pixel, sample, block):
-    """Draw for any number of pixels at once."""
+def _draw_sobol(sampler, key, sample, block):
+    """Draw for any number of samples at once."""
+    pixel = key.pixel
     group, first, second = _group_of(block)
     zero = pixel ^ pixel
     seed, group = zero + np.uint32(sampler.seed), zero + np.uint32(group)
     order, _, _, _ = hash4(pixel, group, zero, seed)
-    index = zero + np.uint32(sample)
+    index = key.later + np.uint32(sample)
     index ^= (index ^ scramble(index, order >> 3)) & np.uint32(sampler.shuffled)
     index = bit_reverse(scramble(bit_reverse(index), order))
     a, b, c, d = zero, zero, zero, zero  # the digits of four numbers
@@ -132,9 +134,10 @@ def _draw_sobol(sampler, pixel, sample, block):
 
 @draw4_twice.by(Sobol)
 @kernel
-def _draw_sobol_twice(sampler, pixel, other, sample, block):
+def _draw_sobol_twice(sampler, key, other, sample, block):
     """Draw for both together: a number is a chain of 20 multiplications of 10 cycles."""
-    x, y, z, w = _draw_sobol(sampler, joined(pixel, other), sample, block)
+    both = SampleKey(joined(key.pixel, other.pixel), joined(key.later, other.later))
+    x, y, z, w = _draw_sobol(sampler, both, sample, block)
     return (
         (lower_half(x), lower_half(y), lower_half(z), lower_half(w)),
         (upper_half(x), upper_half(y), upper_half(z), upper_half(w)),

@@ -53,6 +53,10 @@ OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 # (docs/decisions/ray-offset.md).
 RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
+# 16 samples of a pixel go together, if it has as many: a packet is one pixel then. 64 would
+# have more light to keep than the second cache holds.
+MOST_TOGETHER = 2
+UNSTRATIFIED = ("independent", "sobol")  # samplers without a grid of strata
 # So many times more light samples: what BSDF samples find that a light sample could have
 # found as well then weighs 1e-30 of it, less than any rounding. The rest still weighs 1.
 LIGHTS_ALONE = 1e15
@@ -112,6 +116,20 @@ class Plan(Decision):
         """Whether a point chooses among lights by what each can give there."""
         one_of_them = self.asks_lights and not self.every_light
         return one_of_them and self.light_choice == "importance"
+
+    @property
+    def level(self) -> int:
+        """4 ** level samples of a pixel are traced together (`records.tile`)."""
+        if self.replay or not self.kind.sees_lights:
+            return 0  # numbers are drawn in order, or a pixel has many
+        level = MOST_TOGETHER
+        while level and (
+            4**level > self.spp
+            # those together are of one grid of strata, which has a cell for each sample
+            or (self.sampler.name not in UNSTRATIFIED and self.spp % 4**level)
+        ):
+            level -= 1
+        return level
 
     @property
     def sampler_name(self) -> str:

@@ -25,7 +25,7 @@ from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.functions import as_i32, splat_f32, splat_i32
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.records.batch import CAPACITY
-from renderer.kernels.records.tile import pixel_key, slot_pixel
+from renderer.kernels.records.tile import sample_key, slot_pixel
 from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, choose_one
 from renderer.replay.numbers.sequences import begin_sample, next_1d, next_2d
 
@@ -62,7 +62,7 @@ def draw_film(sampler, tile, sample, film):
     """Begin a sample of each pixel of a tile: draw its place on the film."""
     sequence, numbers = sampler.sequence, sampler.numbers
     for slot in range(CAPACITY):
-        x, y = slot_pixel(slot)
+        x, y = slot_pixel(slot, tile.level)
         if x >= tile.width or y >= tile.height:
             continue
         pixel = (y + tile.y) * tile.film_width + (x + tile.x)
@@ -79,7 +79,7 @@ def draw_aperture(sampler, tile, sample, film):
     """Draw where on the lens the sample of each pixel of a tile lies."""
     sequence, numbers = sampler.sequence, sampler.numbers
     for slot in range(CAPACITY):
-        x, y = slot_pixel(slot)
+        x, y = slot_pixel(slot, tile.level)
         if x >= tile.width or y >= tile.height:
             continue
         pixel = (y + tile.y) * tile.film_width + (x + tile.x)
@@ -120,7 +120,7 @@ def begin_bounce(sampler, shape, tile, sample, rays, hits, count):
         prim = hits.prim[i]
         if prim < 0:
             continue
-        x, y = slot_pixel(rays.slot[i])
+        x, y = slot_pixel(rays.slot[i], tile.level)
         pixel = (y + tile.y) * tile.film_width + x + tile.x
         if sampler.smooth[shape[prim]] == 1:
             for k in range(sampler.lights):
@@ -132,7 +132,7 @@ def begin_bounce(sampler, shape, tile, sample, rays, hits, count):
 @kernel
 def _pixels(numbers, tile, slots, i):
     """Return the pixels of slots i to i + 15, and which are on the film."""
-    pixel = pixel_key(tile, load_row(slots, 0, i))
+    pixel = sample_key(tile, load_row(slots, 0, i)).pixel
     return as_i32(pixel), pixel < np.uint32(numbers.shape[1])
 
 
