@@ -25,7 +25,7 @@ from renderer.stages.scatter import scatter
 from renderer.stages.split import split
 
 Array = NDArray[np.float64]
-TILE = Tile(0, 0, 32, 32, 32, level=0, part=0)
+TILE = Tile(0, 0, 32, 32, 32)
 UP = (0.0, 0.0, 1.0)
 
 

@@ -188,7 +188,7 @@ def test_tiles_cover_the_window_once():
 
 def test_sums_are_double():
     """Beyond 2^24 single precision cannot count, and 0.1 drifts by 9 % (row 26)."""
-    tile = Tile(0, 0, 32, 32, FILM_WIDTH, level=0, part=0)
+    tile = Tile(0, 0, 32, 32, FILM_WIDTH)
     [sums] = Film(CHANNELS, 0, 0, 32, 32, 0, FILM_WIDTH).sums
     sums[:] = 2.0**24
     radiance = np.full((CHANNELS, CAPACITY), 0.1, np.float32)

@@ -5,12 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kernel_probes import key_of
-from small_scenes import diffuse, floor, mirror, rectangle, scene, sensor, sphere
+from small_scenes import (
+    diffuse,
+    floor,
+    glass,
+    mirror,
+    point_light,
+    rectangle,
+    scene,
+    sensor,
+    sky,
+    sphere,
+)
 
 import renderer
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import as_i32, lane_index
 from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.records.batch import CAPACITY
 from renderer.kernels.records.tile import (
     SampleKey,
     Tile,
@@ -135,8 +147,9 @@ def pictures(monkeypatch, loaded, **how):
     """The picture by one sample of a pixel at a time; then by more that go together."""
     for level in LEVELS:
         monkeypatch.setattr(planning, "MOST_TOGETHER", level)
-        assert make_plan(loaded, spp=SPP, sampler="independent").level == level
-        yield renderer.render(loaded, seed=4, **{"spp": SPP, **how})
+        plan = make_plan(loaded, spp=how["spp"], sampler=how["sampler"])
+        assert Rendering(loaded, plan, accel="auto", seed=4, threads=1).level == level
+        yield renderer.render(loaded, seed=4, **how)
 
 
 def assert_all_the_same(found):
@@ -151,8 +164,8 @@ def assert_all_the_same(found):
 @pytest.mark.parametrize("rfilter", ["box", "gaussian"])
 @pytest.mark.parametrize("sampler", [name for name in SAMPLERS if name != "orthogonal"])
 def test_no_bit_depends_on_who_goes_together(monkeypatch, sampler, rfilter):
-    """48 samples: those of the strata are 8 x 6, which 16 divide."""
-    how = {"spp": 48 if sampler in ("stratified", "multijitter", "ldsampler") else SPP}
+    """Strata are 8 x 8, which 16 divide."""
+    how = {"spp": 64 if sampler in ("stratified", "multijitter", "ldsampler") else SPP}
     assert_all_the_same(pictures(monkeypatch, room(rfilter), sampler=sampler, **how))
 
 
@@ -160,29 +173,54 @@ def test_no_bit_depends_on_who_goes_together(monkeypatch, sampler, rfilter):
     "settings",
     [
         {"integrator": "direct", "shading_samples": 3},
-        {"integrator": "whitted"},
         {"integrator": "path", "hide_emitters": True},
         {"integrator": "moment", "inner": {"type": "path"}},
     ],
     ids=lambda settings: settings["integrator"],
 )
 def test_nor_in_another_integrator(monkeypatch, settings):
-    how = {"sampler": "independent", "threads": 2}
+    how = {"spp": SPP, "sampler": "independent", "threads": 2}
     assert_all_the_same(pictures(monkeypatch, room(**settings), **how))
 
 
-@pytest.mark.parametrize("rfilter", ["box", "gaussian"])
-def test_nor_on_where_a_job_begins(rfilter):
-    """After 3 samples 4 go together only from the fourth on: 3, then 1, 4, 4, 4, 7."""
-    loaded = room(rfilter)
+def glass_under_a_sky():
+    """Balls of glass from near: of a sample's many branches three or more add light."""
+    camera = sensor((0, -6, 3), (0.9, 0, 0.5), fov=8, size=(96, 64))
+    lamp = rectangle((0, 0, 4), (1, 0, 0), (0, -1, 0), diffuse(0.0), shine=9.0)
+    glasses = sphere(glass()), sphere(glass(1.3), radius=0.6)
+    beside = sphere(mirror(0.8), center=(2.2, 1, 0.5))
+    parts = floor(), *glasses, beside, lamp, sky(0.7)
+    return renderer.load_dict(scene(camera, "whitted", *parts, max_depth=6, cutoff=1e-4))
+
+
+@pytest.mark.parametrize(
+    "loaded",
+    [room(), room("gaussian"), glass_under_a_sky()],
+    ids=["box", "gaussian", "whitted"],
+)
+def test_nor_on_where_a_job_begins(loaded):
+    """The groups are 16, 4 and 3 samples; then 3, 1, 4, 1, 3, 4, 4 and 3."""
     plan = make_plan(loaded, spp=SPP, sampler="independent")
     rendering = Rendering(loaded, plan, accel="auto", seed=0, threads=1)
-    whole, pieces = (np.zeros_like(rendering.film.sums[:2]) for _ in range(2))
-    rendering.add_to(whole[0], 0, 0, SPP, thread=0)
-    for begin, end in ((0, 3), (3, 9), (9, SPP)):
-        rendering.add_to(pieces[0], 0, begin, end, thread=0)
+    whole, pieces = (np.zeros_like(rendering.film.sums) for _ in range(2))
+    for tile in range(len(rendering.film.tiles)):
+        rendering.add_to(whole[tile], tile, 0, SPP, thread=0)
+        for begin, end in ((0, 3), (3, 9), (9, SPP)):
+            rendering.add_to(pieces[tile], tile, begin, end, thread=0)
     assert whole.any()
     np.testing.assert_array_equal(pieces, whole)
+
+
+def test_nor_in_strips_of_tiles_behind_a_lens(monkeypatch):
+    """24 tiles of a crop window, those at its edges cut, traced in strips without sums."""
+    camera = sensor(
+        (0, -6, 3), (0, 0, 0.5), fov=40, size=(260, 190), crop=(11, 9, 170, 110)
+    )
+    camera |= {"type": "thinlens", "aperture_radius": 0.2, "focus_distance": 6.0}
+    lamp = rectangle((0, 0, 4), (1, 0, 0), (0, -1, 0), diffuse(0.0), shine=9.0)
+    loaded = renderer.load_dict(scene(camera, "path", floor(), sphere(mirror(0.8)), lamp))
+    how = {"spp": 16, "sampler": "independent", "threads": 2}
+    assert_all_the_same(pictures(monkeypatch, loaded, **how))
 
 
 @pytest.mark.parametrize(
@@ -203,5 +241,19 @@ def test_how_many_go_together(spp, sampler, level):
     assert make_plan(room(), spp=spp, sampler=sampler).level == level
 
 
-def test_work_is_counted_sample_by_sample():
-    assert make_plan(room(), spp=64, integrator="work").level == 0
+@pytest.mark.parametrize("integrator", ["work", "depth", "aov", "whitted"])
+def test_others_go_sample_by_sample(integrator):
+    assert make_plan(room(), spp=64, integrator=integrator).level == 0
+
+
+def test_where_all_lights_are_asked_a_job_is_fewer_samples():
+    """Of five lights three samples: they have room for one at a time."""
+    camera = sensor((0, -6, 3), (0, 0, 0.5), fov=40, size=(8, 8))
+    for lights, level in ((1, 2), (2, 1), (4, 1), (5, 0)):
+        above = [point_light((x, 0, 4)) for x in range(lights)]
+        loaded = renderer.load_dict(scene(camera, "direct", floor(), *above))
+        plan = make_plan(loaded, spp=64, sampler="independent")
+        rendering = Rendering(loaded, plan, accel="auto", seed=0, threads=1)
+        assert rendering.level == level
+        slots = rendering.make_workspace(rendering.channels).radiance.shape[1]
+        assert slots // CAPACITY == 4**level

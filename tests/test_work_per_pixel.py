@@ -100,7 +100,7 @@ def test_pixels_are_the_tally_of_the_same_rays():
     truth = np.full((HEIGHT, WIDTH, len(NAMES)), -1)
     for x, width in ((0, 32), (32, 8)):
         work, tally = workspace(1024), make_tally(1024)
-        tile = Tile(x, 0, width, HEIGHT, WIDTH, level=0, part=0)
+        tile = Tile(x, 0, width, HEIGHT, WIDTH)
         found = run_tally(inputs.packed, tile, pack(work), tally)
         slot = work.rays.slot[:found]
         column = (slot & 3) | (((slot >> 4) & 7) << 2)

@@ -108,8 +108,9 @@ class StepByStep:
 
     def _tile(self, pixel: tuple[int, int]) -> Tile:
         film = self._film
-        x, y = film.crop_offset_x + pixel[0], film.crop_offset_y + pixel[1]
-        return Tile(x, y, 1, 1, film.width, level=0, part=0)
+        return Tile(
+            film.crop_offset_x + pixel[0], film.crop_offset_y + pixel[1], 1, 1, film.width
+        )
 
     def _move(self, moved: Moved | None, segment: int) -> None:
         """Move the ray in `work` if it is the one that is meant."""

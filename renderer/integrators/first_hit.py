@@ -166,7 +166,7 @@ def _shape_number(placements, hits, order, i, numbers, shape, mask):
 
 @method_kernel
 def trace_first_hits(scene, tile, sample, work):
-    """Write all AOVs of one sample of each pixel of a tile to `work.radiance`."""
+    """Write all AOVs of the samples of a tile's square to `work.radiance`."""
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
     count = camera_rays(scene, tile, sample, work)
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)

@@ -65,9 +65,9 @@ class IntegratorKind:
     """All that the reader, the plan, the tables and the film have to know of one."""
 
     about: str  # for `--explain`
-    # method kernel (scene, tile, sample, work): adds what one sample of each pixel of a
-    # tile sees to `work.radiance`, zero before, and writes its place on the full film to
-    # `work.film`, always: the film looks for a sample's pixels there
+    # method kernel (scene, tile, sample, work): adds what the samples of the tile's square
+    # see to their slots of `work.radiance`, zero before, and writes their places on the
+    # full film to `work.film`, always: the film looks for a sample's pixels there
     trace: Any
     # (case, say(topic, text)) -> Decision
     decide: Callable[[Case, Callable[[str, str], None]], Decision]

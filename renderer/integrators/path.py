@@ -42,7 +42,7 @@ def begin_bounce(scene, tile, sample, work, count):
 
 @method_kernel
 def trace_paths(scene, tile, sample, work):
-    """Add one sample of each pixel of a tile to `work.radiance`."""
+    """Add the samples of a tile's square to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
     count = camera_rays(scene, tile, sample, work)
     if settings.max_depth < 1:

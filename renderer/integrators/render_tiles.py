@@ -10,9 +10,9 @@ from renderer.stages.film import add_to_tile, clear, close_sums, open_sums
 
 @kernel
 def _level_at(sample, end_sample, room):
-    """Return the level of the samples from `sample` on, for so many slots at most.
+    """Return the level of the samples from `sample` on, with room for so many slots.
 
-    They begin at a multiple of their number, wherever a job or a checkpoint began.
+    A group begins at a multiple of its size, wherever a job or a checkpoint began.
     """
     level, together = 0, 4
     while (
@@ -53,10 +53,10 @@ def render_tiles(
             level = _level_at(sample, end_sample, work.radiance.shape[1])
             clear(work.radiance, level)
             tile = Tile(x, y, width, height, tiles[k, 4], level, 0)
-            for part in range(1 << 2 * level):
-                tile = Tile(x, y, width, height, tiles[k, 4], level, part)
-                if has_places(tile):
-                    call(address, scene, (tile, sample, work))
+            for square in range(1 << 2 * level):
+                batch = Tile(x, y, width, height, tiles[k, 4], level, square)
+                if has_places(batch):
+                    call(address, scene, (batch, sample, work))
             add_to_tile(
                 rfilter, tile, work.film, work.radiance, sums[k], work.splats, border
             )

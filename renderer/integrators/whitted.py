@@ -31,7 +31,7 @@ DEEPEST = 256  # each depth of a tree has waiting rays of its own: 130 KB
 
 @method_kernel
 def trace_ray_trees(scene, tile, sample, work):
-    """Add one sample of each pixel of a tile to `work.radiance`."""
+    """Add the samples of a tile's square to `work.radiance`."""
     rays, hits, settings = work.rays, work.hits, scene.settings
     waiting = work.waiting
     waiting[0] = camera_rays(scene, tile, sample, work)

@@ -219,6 +219,7 @@ def _workspace(scene: Scene, plan: Plan, shape: FilmShape) -> int:
         plan,
         shape.channels,
         shape.border,
+        level=plan.level,
         kinds=len(scene.materials.kinds),
         parameters=_PARAMETERS,
         previous_points=plan.replay,

@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # needs Dask, an extra
     from renderer.rendering.cluster.team import Team
 
 # One job of a thread: so many samples of a tile, or of some together, that it takes
-# milliseconds.
+# milliseconds; 4 ** MOST_TOGETHER, as fewer would never go together.
 SAMPLES_PER_JOB = 16
 # Of a small film, for many threads; never of the threads, on which no bit may depend.
 SUMS_IN_ALL = 32
@@ -84,6 +84,7 @@ class Rendering:
         self.channels, self.border = shape.channels, shape.border
         asked = max(1, self.kernel_scene.lights.asked.size) if plan.every_light else 1
         self._part = max(1, SAMPLES_PER_JOB // asked)
+        self.level = min(plan.level, (self._part.bit_length() - 1) // 2)  # of a `Tile`
         self.use_film(Film(*shape) if band is None else Band(shape, band))
         # what a sitting says about itself
         self.has_goal = False
@@ -126,6 +127,7 @@ class Rendering:
             self.plan,
             channels,
             self.border,
+            level=self.level,
             kinds=len(bsdfs.methods),
             parameters=len(bsdfs.values),
             previous_points=self.variant.previous_points,
@@ -274,13 +276,14 @@ def workspace_of(
     channels: int,
     border: int,
     *,
+    level: int,
     kinds: int,
     parameters: int,
     previous_points: bool,
 ) -> Workspace:
     """Allocate what one thread works in.
 
-    `border` is the film's, the other arguments are those of `make_workspace`.
+    `border` is the film's, `level` a `Tile`'s, the others are those of `make_workspace`.
     """
     depths, capacity = 1, CAPACITY
     if plan.kind.splits:
@@ -297,7 +300,7 @@ def workspace_of(
         counted=plan.kind.counts_work,
         previous_points=previous_points,
         splat_size=TILE_SIZE + 2 * border if border else 0,
-        slots=CAPACITY << 2 * plan.level,
+        slots=CAPACITY << 2 * level,
     )
 
 

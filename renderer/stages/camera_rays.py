@@ -29,7 +29,7 @@ from renderer.kinds.sensors.kind import camera_ray
 
 @kernel
 def camera_rays(scene, tile, sample, work):
-    """Fill `work.rays` with one ray for each place of the tile's part; return how many.
+    """Fill `work.rays` with one ray for each place of the tile's square; return how many.
 
     `work.film` is filled with the places on the full film that they go through.
     """
@@ -56,7 +56,7 @@ def fill_rays(sensor, tile, rays, hits, film):
     """
     one = vec3(splat_f32(1.0), splat_f32(1.0), splat_f32(1.0))
     count = np.int64(0)
-    for first in range(tile.part * CAPACITY, (tile.part + 1) * CAPACITY, 16):
+    for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 16):
         slot = lane_index() + first
         x, y = slot_pixel(slot, tile.level)
         inside = (x < tile.width) & (y < tile.height)

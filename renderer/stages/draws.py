@@ -28,8 +28,8 @@ def _store(numbers, row, i, drawn, count):
 
 @kernel
 def _write_pair(sampler, tile, sample, block, film, row):
-    """Write two numbers in [0, 1) for each sample of a tile's part, by slot."""
-    for first in range(tile.part * CAPACITY, (tile.part + 1) * CAPACITY, 32):
+    """Write two numbers in [0, 1) for each sample of a tile's square, by slot."""
+    for first in range(tile.square * CAPACITY, (tile.square + 1) * CAPACITY, 32):
         slot = lane_index() + first
         x, y = slot_pixel(slot, tile.level)  # the next 16 are to the right of these
         if mask_bits((x < tile.width) & (y < tile.height)) == 0:
@@ -42,13 +42,13 @@ def _write_pair(sampler, tile, sample, block, film, row):
 
 @method_kernel
 def draw_film(sampler, tile, sample, film):
-    """Write where in their pixel the samples of a tile's part lie."""
+    """Write where in their pixel the samples of a tile's square lie."""
     _write_pair(sampler, tile, sample, FILM_BLOCK, film, 0)
 
 
 @method_kernel
 def draw_aperture(sampler, tile, sample, film):
-    """Write where on the lens the samples of a tile's part lie."""
+    """Write where on the lens the samples of a tile's square lie."""
     _write_pair(sampler, tile, sample, APERTURE_BLOCK, film, 2)
 
 

@@ -187,11 +187,12 @@ def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
         else:
             _add_several_to_own_pixels(tile, radiance, sums)
         return
-    for sample_and_place in range(CAPACITY << 2 * tile.level):
-        x, y = slot_pixel(sample_and_place & (CAPACITY - 1), 0)
-        if x < tile.width and y < tile.height:
-            slot = pixel_slot(x, y, sample_and_place // CAPACITY, tile.level)
-            # the sample's place in the sums, whose pixel 0 lies `border` before the tile
-            px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5
-            py = np.float64(load_one(film, 1, slot)) - tile.y + border - 0.5
-            _add_one(rfilter, px, py, slot, radiance, sums, splats)
+    for later in range(1 << 2 * tile.level):
+        for place in range(CAPACITY):
+            x, y = slot_pixel(place, 0)
+            if x < tile.width and y < tile.height:
+                slot = pixel_slot(x, y, later, tile.level)
+                # its place in the sums, whose pixel 0 lies `border` before the tile
+                px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5
+                py = np.float64(load_one(film, 1, slot)) - tile.y + border - 0.5
+                _add_one(rfilter, px, py, slot, radiance, sums, splats)

@@ -158,8 +158,8 @@ def trace(accel: Any, query: Query, chosen: NDArray[np.int64], threads: int = 1)
         run(0, n)
         return time.perf_counter() - start
     jobs = min(n, JOBS_PER_THREAD * threads)
-    # New threads, as for a picture, which take 0.3 ms: those of a pool that sleep are often
-    # woken on one processor, and shared it for the first 3 ms of the 4 of a turn.
+    # New threads, as for a picture. Their start is timed, 0.3 ms; but sleeping threads of a
+    # pool are often woken on one processor, and share it for the first 3 ms.
     start = time.perf_counter()
     in_threads(threads, jobs, lambda job: run(n * job // jobs, n * (job + 1) // jobs))
     return time.perf_counter() - start

@@ -1,7 +1,7 @@
 """Beams: where the bundles of a batch enter a tree, found once for all of them.
 
 A beam is the box of the origins of some rays and the box of their directions. A node that
-the beam of a batch (of a tile's camera rays, say) does not meet is met by none of its rays
+the beam of a batch (of camera rays, say) does not meet is met by none of its rays
 [Reshetov2005]. What is left of the tree is a list of nodes; each bundle of 16 rays has a
 beam of its own, tested against 16 nodes of the list at once, and begins with those it may
 meet instead of the root. Whether its rays meet them is asked there, so that a beam that is

@@ -1,9 +1,10 @@
 """Tiles of the film, and the slots of a tile: one for each sample of each of its pixels.
 
 4^level samples of a pixel are traced together. Each has a place on a grid that is 2^level
-times as fine as the film; the samples of a pixel are a square of it. A batch is a part of
-the tile of 32 x 32 places. So the rays of a batch, and the 16 of a packet, lie as close to
-each other as those of a film of 4^level times as many pixels. No number depends on it.
+times as fine as the film, where the samples of a pixel lie side by side. A batch is a
+square of the tile, of 32 x 32 places. So the rays of a batch, and the 16 of a packet, lie
+as close to each other as those of a film of 4^level times as many pixels. No number depends
+on it.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ class Tile(NamedTuple):
     width: int
     height: int
     film_width: int  # of the full film
-    level: int  # 4 ** level samples of each pixel are traced together
-    part: int  # of as many, the one that is traced
+    level: int = 0  # 4 ** level samples of each pixel are traced together
+    square: int = 0  # of as many, the one that is traced
 
 
 class SampleKey(NamedTuple):
@@ -34,16 +35,17 @@ class SampleKey(NamedTuple):
 
 
 TILE_SIZE = 32  # CAPACITY = TILE_SIZE ** 2
-_PART_BITS = 10  # of a slot: its place in its part
+_SIDE_BITS = 5  # of a place's x, and y, in its square
+_SQUARE_BITS = 10  # of a slot, below the number of its square
 
 
 @kernel
 def _place(slot, level):
     """Return the (x, y) of slots on the fine grid; 16 neighbours are 4 x 4 places."""
-    part = slot >> _PART_BITS
-    across = part & ((1 << level) - 1)
-    x = (slot & 3) | (((slot >> 4) & 7) << 2) | (across << 5)
-    y = ((slot >> 2) & 3) | (((slot >> 7) & 7) << 2) | ((part >> level) << 5)
+    square = slot >> _SQUARE_BITS
+    across, down = square & ((1 << level) - 1), square >> level
+    x = (slot & 3) | (((slot >> 4) & 7) << 2) | (across << _SIDE_BITS)
+    y = ((slot >> 2) & 3) | (((slot >> 7) & 7) << 2) | (down << _SIDE_BITS)
     return x, y
 
 
@@ -60,10 +62,10 @@ def pixel_slot(x, y, later, level):
     inside = (1 << level) - 1
     x = (x << level) | (later & inside)
     y = (y << level) | (later >> level)
-    part = (x >> 5) | ((y >> 5) << level)
-    x, y = x & 31, y & 31
+    square = (x >> _SIDE_BITS) | ((y >> _SIDE_BITS) << level)
+    x, y = x & (TILE_SIZE - 1), y & (TILE_SIZE - 1)
     slot = (x & 3) | ((y & 3) << 2) | ((x >> 2) << 4) | ((y >> 2) << 7)
-    return slot | (part << _PART_BITS)
+    return slot | (square << _SQUARE_BITS)
 
 
 @kernel
@@ -79,6 +81,6 @@ def sample_key(tile, slot):
 
 @kernel
 def has_places(tile):
-    """Return whether the tile's part has a pixel: at an edge of the film it may not."""
-    x, y = slot_pixel(tile.part << _PART_BITS, tile.level)
+    """Return whether the tile's square has a pixel: at an edge of the film it may not."""
+    x, y = slot_pixel(tile.square << _SQUARE_BITS, tile.level)
     return x < tile.width and y < tile.height

@@ -72,8 +72,7 @@ class Film:
 
     def tile(self, number: int) -> Tile:
         """Return a tile by its place in `tiles`."""
-        x, y, width, height, film_width = self.tiles[number].tolist()
-        return Tile(x, y, width, height, film_width, level=0, part=0)
+        return Tile(*self.tiles[number].tolist())
 
     @property
     def has_separate_tiles(self) -> bool:

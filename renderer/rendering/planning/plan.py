@@ -120,8 +120,11 @@ class Plan(Decision):
     @property
     def level(self) -> int:
         """4 ** level samples of a pixel are traced together (`records.tile`)."""
-        if self.replay or not self.kind.sees_lights:
-            return 0  # numbers are drawn in order, or a pixel has many
+        if self.replay or self.kind.splits or not self.kind.sees_lights:
+            # A replay draws its numbers in order. In a tree of rays the order in which two
+            # branches add their light depends on the others of the batch. And of AOVs and
+            # counts there would be too much to keep.
+            return 0
         level = MOST_TOGETHER
         while level and (
             4**level > self.spp

@@ -20,7 +20,7 @@ from renderer.kernels.records.tile import Tile
 INT, FLOAT, NOTHING = types.int64, types.float32, types.none
 COLUMN = types.Array(types.int32, 1, "C")  # integers by column
 ROWS = types.Array(types.float32, 2, "C")
-TILE = typeof(Tile(0, 0, 1, 1, 1, 0, 0))
+TILE = typeof(Tile(0, 0, 1, 1, 1))
 
 # (kernel, Numba types of its parameters after the record, type of what it returns)
 MethodSpec = tuple[Any, tuple[Any, ...], Any]

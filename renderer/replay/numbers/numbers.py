@@ -3,6 +3,7 @@
 Mitsuba draws from one stream for each pixel, one sample after the other, and how many
 numbers a bounce takes depends on what is hit. So they are drawn at the start of the bounce
 (`begin_bounce`) and lie ready by pixel; the stages ask for them as they ask any sampler.
+Samples of a pixel never go together (`Plan.level` is 0): each slot is a pixel.
 
 Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
 the place on the film, and that on the lens if there is one; one number for the time if the
@@ -62,7 +63,7 @@ def draw_film(sampler, tile, sample, film):
     """Begin a sample of each pixel of a tile: draw its place on the film."""
     sequence, numbers = sampler.sequence, sampler.numbers
     for slot in range(CAPACITY):
-        x, y = slot_pixel(slot, tile.level)
+        x, y = slot_pixel(slot, 0)
         if x >= tile.width or y >= tile.height:
             continue
         pixel = (y + tile.y) * tile.film_width + (x + tile.x)
@@ -79,7 +80,7 @@ def draw_aperture(sampler, tile, sample, film):
     """Draw where on the lens the sample of each pixel of a tile lies."""
     sequence, numbers = sampler.sequence, sampler.numbers
     for slot in range(CAPACITY):
-        x, y = slot_pixel(slot, tile.level)
+        x, y = slot_pixel(slot, 0)
         if x >= tile.width or y >= tile.height:
             continue
         pixel = (y + tile.y) * tile.film_width + (x + tile.x)
@@ -120,7 +121,7 @@ def begin_bounce(sampler, shape, tile, sample, rays, hits, count):
         prim = hits.prim[i]
         if prim < 0:
             continue
-        x, y = slot_pixel(rays.slot[i], tile.level)
+        x, y = slot_pixel(rays.slot[i], 0)
         pixel = (y + tile.y) * tile.film_width + x + tile.x
         if sampler.smooth[shape[prim]] == 1:
             for k in range(sampler.lights):
