@@ -64,40 +64,36 @@ def clear(radiance, level):
 
 
 @kernel
-def _add_several_to_own_pixels(tile, radiance, sums):
-    """Add the samples of each pixel to it, one after the other.
-
-    A row of pixels at a time: no addition waits for the one before it.
-    """
-    channels, level = sums.shape[0] - 1, tile.level
-    together = 1 << 2 * level
-    for y in range(tile.height):
-        for later in range(together):
-            for x in range(tile.width):
-                slot = pixel_slot(x, y, later, level)
-                for c in range(channels):
-                    sums[c, y, x] += np.float64(load_one(radiance, c, slot))
-        for x in range(tile.width):
-            sums[channels, y, x] += together
+def _four_samples(radiance, channel, x, y, later, level):
+    """Return one number of sample `later` of four pixels of a row."""
+    value = to_f32(lane_index_4())
+    # slots of samples differ in the bits that a pixel's first slot leaves free
+    sample = pixel_slot(0, 0, later, level)
+    for k in range(4):
+        number = load_one(radiance, channel, pixel_slot(x + k, y, 0, level) | sample)
+        value = select(lane_index_4() == np.int32(k), value * 0.0 + number, value)
+    return value
 
 
 @kernel
 def _add_to_own_pixels(tile, radiance, sums):
-    """Add one sample of each pixel to it alone, four of a row at once."""
-    channels = sums.shape[0] - 1
-    for first in range(0, CAPACITY, 4):
-        x, y = slot_pixel(first, 0)
-        if x >= tile.width or y >= tile.height:
-            continue
-        for c in range(channels):
-            plane = sums[c]
-            # beyond the tile's edge zeros are added to zeros
-            sample = to_double(load_four(radiance, c, first))
-            store_row(plane, y, x, load_four(plane, y, x) + sample)
-        plane = sums[channels]
-        before = load_four(plane, y, x)
-        inside = lane_index_4() + np.int32(x) < np.int32(tile.width)
-        store_row(plane, y, x, select(inside, before + 1.0, before))
+    """Add each pixel's samples to it alone, one after the other, four pixels at once."""
+    channels, level = sums.shape[0] - 1, tile.level
+    together = 1 << 2 * level
+    for y in range(tile.height):
+        for x in range(0, tile.width, 4):
+            for c in range(channels):
+                plane = sums[c]
+                value = load_four(plane, y, x)
+                # beyond the tile's edge zeros are added to zeros
+                for later in range(together):
+                    value += to_double(_four_samples(radiance, c, x, y, later, level))
+                store_row(plane, y, x, value)
+            plane = sums[channels]
+            before = load_four(plane, y, x)
+            inside = lane_index_4() + np.int32(x) < np.int32(tile.width)
+            more = np.float64(together)
+            store_row(plane, y, x, select(inside, before + more, before))
 
 
 @kernel
@@ -182,10 +178,7 @@ def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
     """
     square_sums(rfilter.squares, radiance, tile.level)
     if rfilter.weights.size == 0:  # the box
-        if tile.level == 0:
-            _add_to_own_pixels(tile, radiance, sums)
-        else:
-            _add_several_to_own_pixels(tile, radiance, sums)
+        _add_to_own_pixels(tile, radiance, sums)
         return
     for later in range(1 << 2 * tile.level):
         for place in range(CAPACITY):
