@@ -8,18 +8,16 @@ NO_BORDER = "comparisons render with the box, which reaches nothing beyond its p
 
 DEFECTS = (
     Mutation(
-        "samples-of-a-pixel-for-its-neighbours",
-        "of the samples that are traced together the film takes some of the next pixels'",
+        "neighbours-change-places",
+        "the film takes the samples of every two pixels of a row for each other",
         (
             Edit(
                 "kernels/records/tile.py",
                 "    x = (x << level) | (later & inside)\n",
-                "    x = (x << level) + (later & inside) * 2\n",
+                "    x = ((x ^ 1) << level) | (later & inside)\n",
             ),
         ),
         scene="textured-room",
-        tests=("test_samples_together.py::test_slots_are_all_samples_of_all_pixels",),
-        remark="a replay traces one sample at a time",
     ),
     Mutation(
         "half-a-pixel-right",
