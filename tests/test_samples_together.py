@@ -82,13 +82,13 @@ def test_slots_are_all_samples_of_all_pixels(level):
 
 @pytest.mark.parametrize(("width", "height"), [(32, 32), (5, 32), (17, 9), (1, 1)])
 @pytest.mark.parametrize("level", LEVELS)
-def test_parts_without_pixels_are_left_out(level, width, height):
+def test_squares_without_pixels_are_left_out(level, width, height):
     side = 32 >> level
     across = 1 << level
-    for part in range(4**level):
-        j, i = divmod(part, across)
+    for square in range(4**level):
+        j, i = divmod(square, across)
         there = i * side < width and j * side < height
-        assert run_has_places(Tile(0, 0, width, height, 99, level, part)) == there
+        assert run_has_places(Tile(0, 0, width, height, 99, level, square)) == there
 
 
 @entry_kernel

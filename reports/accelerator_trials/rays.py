@@ -2,9 +2,8 @@
 
 Of more samples the renderer puts those of a pixel side by side, up to 16: its rays lie
 closer then than these. Four kinds, from orderly to disorderly: camera rays (16 neighbours
-are 4 x 4 pixels),
-shadow rays from their hits to one light, diffuse rays from their hits, and random rays
-from anywhere to anywhere.
+are 4 x 4 pixels), shadow rays from their hits to one light, diffuse rays from their hits,
+and random rays from anywhere to anywhere.
 """
 
 from __future__ import annotations
