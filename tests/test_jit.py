@@ -24,6 +24,7 @@ from numba.extending import overload
 import renderer
 import renderer.stages.film
 from renderer.kernels.jit import (
+    always_inline,
     cache,
     decorators,
     entry_kernel,
@@ -51,6 +52,41 @@ def test_inner_kernel_refuses_calls_from_python() -> None:
     with pytest.raises(TypeError, match="_doubled can be called inside kernels only"):
         _doubled(3)
     assert _doubled_twice(4) == 16
+
+
+@kernel
+def _mixed(x):
+    return (x ^ (x >> 7)) * 40503 + (x << 3)
+
+
+@kernel
+def _mixed_eight_times(x):
+    always_inline()
+    return _mixed(_mixed(_mixed(_mixed(_mixed(_mixed(_mixed(_mixed(x))))))))
+
+
+@kernel
+def _mixed_often(x):
+    """Some 320 instructions: LLVM would not put it into its callers for its size."""
+    x = _mixed_eight_times(_mixed_eight_times(x))
+    x = _mixed_eight_times(_mixed_eight_times(x))
+    x = _mixed_eight_times(_mixed_eight_times(x))
+    return _mixed_eight_times(_mixed_eight_times(x))
+
+
+def test_a_kernel_of_one_caller_is_part_of_it_however_large() -> None:
+    """A call hands over the fields of records one by one: half of the time of some rays."""
+
+    @entry_kernel
+    def mixed_after_one(x):
+        return _mixed_often(x + 1)
+
+    mixed_after_one(3)
+    (compiled,) = mixed_after_one.overloads.values()
+    functions = compiled.library._final_module.functions
+    defined = [f.name for f in functions if not f.is_declaration]
+    assert any("mixed_after_one" in name for name in defined)
+    assert not any("mixed_often" in name for name in defined)
 
 
 def test_kernels_divide_without_exceptions() -> None:
