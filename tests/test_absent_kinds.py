@@ -82,14 +82,13 @@ def columns(*names: int) -> list[int]:
 
 # --------------------------------------------------------------------------- records
 
-FOUR_TRAVERSALS = columns(CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE)
-
 
 def test_a_box_has_rectangles_and_nothing_else():
     """Six diffuse walls and a lamp: every other kind of anything has no row."""
     inputs = kernels_of("path", *box(0.7), LAMP, max_depth=5, rr_depth=5)
     kernels = inputs.record
-    assert rows(kernels.groups) == [FOUR_TRAVERSALS]
+    assert rows(kernels.groups) == [columns(CLOSEST_COHERENT, CLOSEST)]
+    assert rows(kernels.shadow_groups) == []  # walls around a lamp never block it
     assert np.array_equal(kernels.camera_groups, kernels.groups)
     assert list(inputs.tables.surfaces) == ["rectangles"]
     assert rows(kernels.surfaces) == [columns(LOCATE)]
@@ -136,8 +135,9 @@ def test_one_kind_of_shape_leaves_the_others_out(shape, kind):
     inputs = kernels_of("direct", shape, point_light((0, 0, 3)))
     assert list(inputs.tables.surfaces) == [kind]
     assert rows(inputs.record.surfaces) == [columns(LOCATE)]
-    # no ray goes on from a diffuse surface that only a point light shines on
     assert len(inputs.record.groups) == 1
+    in_the_way = [] if kind == "disks" else [columns(ANY_COHERENT, ANY_SINGLE)]
+    assert rows(inputs.record.shadow_groups) == in_the_way
     assert inputs.record.settings.with_uv == 0
 
 

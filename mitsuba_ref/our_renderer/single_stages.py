@@ -85,7 +85,8 @@ def light_step(scene, turn, tile, sample, bounce, work, count):
 def shadow_ray_step(scene, bounce, work):
     """Cast the shadow rays of the lights just sampled; return how many."""
     cast = cast_shadow_rays(scene, work)
-    trace_shadow_rays(scene.groups, work.shadow_rays, cast, bounce == 0, work.radiance)
+    coherent = bounce == 0
+    trace_shadow_rays(scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance)
     return cast
 
 

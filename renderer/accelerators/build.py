@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,7 @@ from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_middle,
     build_kd_sah,
 )
+from renderer.accelerators.occluders import never_in_the_way
 from renderer.accelerators.octree_and_bsp.bsp import build_bsp
 from renderer.accelerators.octree_and_bsp.octree import build_octree
 from renderer.accelerators.rays.boxes import build_boxes
@@ -43,7 +44,7 @@ from renderer.kernels.records.kernel_scene import EMIT
 from renderer.kinds.shapes.registry import SHAPES
 from renderer.kinds.shapes.triangle import Triangles
 from renderer.names import ACCELERATORS
-from renderer.scene.scene import KINDS, Scene, emits
+from renderer.scene.scene import KINDS, Scene
 
 # name -> how it is built
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
@@ -125,12 +126,19 @@ def _points(columns: NDArray[np.int64]) -> Triangles:
     return Triangles(zeros, zeros, zeros, zeros, zeros[0], ids, len(columns))
 
 
+class LeftOut(NamedTuple):
+    """Primitives that some rays shall not meet, or cannot."""
+
+    name: Any  # by which the scene keeps what is built without them
+    mask: NDArray[np.bool_]  # (primitives,) by id
+    whole: Accelerators  # of all primitives; kinds that lose none are taken from here
+
+
 def build_accelerators(
     scene: Scene,
     name: str,
     rays: RayCounts = USUAL_RAYS,
-    *,
-    without_emitters_of: Accelerators | None = None,
+    left_out: LeftOut | None = None,
 ) -> Accelerators:
     """Build for all kinds; None for kinds that the scene lacks.
 
@@ -146,9 +154,8 @@ def build_accelerators(
         but under `brute`, and groups of a few primitives.
     rays : RayCounts
         That will be traced; for `auto`.
-    without_emitters_of : Accelerators, optional
-        The accelerators of all primitives; given, area lights are left out: what a camera
-        sees that hides them. Kinds that have none are taken over as they are.
+    left_out : LeftOut, optional
+        Primitives that are none of it. Instances always are: groups hold no emitters.
 
     Raises
     ------
@@ -164,26 +171,46 @@ def build_accelerators(
     choices = choose_structures(scene, name, rays)
     for kind, surfaces in scene.surfaces.items():
         order = np.arange(scene.starts[kind][0])
-        if without_emitters_of is not None:
-            if not emits(scene, kind):
-                built[kind] = getattr(without_emitters_of, kind)
+        if left_out is not None:
+            kept = ~left_out.mask[surfaces.first + order]
+            if kept.all():
+                built[kind] = getattr(left_out.whole, kind)
                 continue
-            order = order[(scene.stages[surfaces.first + order] & EMIT) == 0]
+            order = order[kept]
         if len(order):
             chosen = choices[kind].name
             built[kind] = scene.once(
-                (kind, chosen, len(order)),  # lamps among them or not
+                (kind, chosen, left_out and left_out.name),
                 build_accelerator,
                 *(kind, surfaces, order, chosen, reach),
             )
-    if without_emitters_of is not None:
-        instances = without_emitters_of.instances  # groups hold no emitters
-    else:
-        brute = name == "brute"
-        build = functools.partial(build_instances, brute=brute)
-        key = ("instances", brute)
-        instances = scene.once(key, build, scene, primitive_group, reach)
+    if left_out is not None:
+        return Accelerators(**built, instances=left_out.whole.instances)
+    brute = name == "brute"
+    build = functools.partial(build_instances, brute=brute)
+    instances = scene.once(("instances", brute), build, scene, primitive_group, reach)
     return Accelerators(**built, instances=instances)
+
+
+def accelerators_of_camera(
+    scene: Scene, name: str, rays: RayCounts, whole: Accelerators
+) -> Accelerators:
+    """Return the accelerators of a camera that does not see area lights."""
+    emitting = (scene.stages & EMIT) != 0
+    return build_accelerators(scene, name, rays, LeftOut("emitters", emitting, whole))
+
+
+def accelerators_of_shadow_rays(
+    scene: Scene,
+    name: str,
+    rays: RayCounts,
+    whole: Accelerators,
+    lights: NDArray[np.int32],
+) -> Accelerators:
+    """Return the accelerators of shadow rays to some lights, by their numbers."""
+    mask = never_in_the_way(scene, name, rays, lights)
+    ids = tuple(np.flatnonzero(mask).tolist())
+    return build_accelerators(scene, name, rays, LeftOut(ids, mask, whole))
 
 
 def _reach(scene: Scene) -> float:

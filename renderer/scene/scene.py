@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from renderer.kernels.records.kernel_scene import (
     ANY,
-    EMIT,
     HALVES,
     Placements,
     Shapes,
@@ -213,11 +212,3 @@ def _groups_of_shapes(description: SceneDescription) -> NDArray[np.int64]:
     """Return 0 for each shape of the scene, k + 1 for those of group k; ends with K."""
     sizes = [len(description.shapes), *(len(g.shapes) for g in description.groups)]
     return np.append(np.repeat(np.arange(len(sizes)), sizes), len(sizes) - 1)
-
-
-def emits(scene: Scene, kind: str) -> bool:
-    """Return whether a primitive of a kind is an area light."""
-    surfaces = scene.surfaces.get(kind)
-    if surfaces is None:
-        return False
-    return bool((scene.stages[surfaces.first : surfaces.end] & EMIT).any())

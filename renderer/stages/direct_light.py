@@ -175,4 +175,7 @@ def direct_light(scene, tile, sample, bounce, work):
     for turn in range(lights_asked(scene.lights, scene.settings)):
         sample_lights(scene, turn, tile, sample, bounce, work, count)
         cast = cast_shadow_rays(scene, work)
-        trace_shadow_rays(scene.groups, work.shadow_rays, cast, bounce == 0, work.radiance)
+        coherent = bounce == 0
+        trace_shadow_rays(
+            scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance
+        )

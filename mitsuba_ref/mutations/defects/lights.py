@@ -150,18 +150,26 @@ DEFECTS = (
         (
             Edit(
                 "rendering/tables/geometry.py",
-                "        if lit:\n",
-                "        if lit and accelerator is not accelerators.spheres:\n",
-            ),
-            Edit(
-                "stages/intersect.py",
-                "call(groups[k, way], groups[k, RECORD], (shadow_rays, count, None))",
-                "if groups[k, way] != 0:\n"
-                "            method = groups[k, way]\n"
-                "            call(method, groups[k, RECORD], (shadow_rays, count, None))",
+                "        parting = lamps and",
+                "        if accelerator is accelerators.spheres:\n"
+                "            continue\n"
+                "        parting = lamps and",
             ),
         ),
         scene="kaleidoscope",
+    ),
+    Mutation(
+        "flat-casts-no-shadow",
+        "shadow rays pass by all that is flat, as if it were a wall around the scene",
+        (
+            Edit(
+                "accelerators/occluders.py",
+                "flat & (on_one | to_its_plane)",
+                "flat",
+            ),
+        ),
+        scene="cornell-box",
+        tests=("test_occluders.py::test_pictures_are_those_of_brute_force",),
     ),
     Mutation(
         "light-shades-itself",

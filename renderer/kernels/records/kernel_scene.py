@@ -26,7 +26,9 @@ HALVES = -2  # in place of a face's number, see `Primitives`
 # Columns of the tables of methods. In each the first is the address of the kind's record.
 RECORD = 0
 # groups of primitives to intersect
-CLOSEST_COHERENT, CLOSEST, ANY_COHERENT, ANY_SINGLE = 1, 2, 3, 4
+CLOSEST_COHERENT, CLOSEST = 1, 2
+# the same for shadow rays
+ANY_COHERENT, ANY_SINGLE = 1, 2
 # kinds of shapes
 LOCATE = 1
 # kinds of BSDFs
@@ -134,6 +136,7 @@ class KernelScene(NamedTuple):
 
     groups: Methods  # primitives to intersect
     camera_groups: Methods  # the same, without the area lights that the camera hides
+    shadow_groups: Methods  # without what is never between a surface and a light
     surfaces: Methods  # kinds of shapes: from hits to surface points
     placements: Placements
     primitives: Primitives

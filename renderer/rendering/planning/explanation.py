@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
+from renderer.accelerators.occluders import never_in_the_way
 from renderer.integrators.registry import INTEGRATORS
 from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.kinds.sampling.sobol_digits import net_digits
+from renderer.scene.light_order import asked_lights
 from renderer.scene.light_properties import has_textured_lights
 from renderer.scene.scene import KINDS, Scene
 from renderer.scene_file.description import (
@@ -122,6 +124,21 @@ def explain_accelerators(
         if asked == "brute":
             text = "each of them, and each primitive of its group, tested by every ray"
         why.say("accelerator", f"{_instances(scene)}: {text}")
+
+
+def explain_shadow_rays(
+    scene: Scene, asked: str, rays: RayCounts, finds_sky: bool, why: Explanation
+) -> None:
+    """Say what shadow rays are not tested against, see `explain_accelerators`."""
+    lights = asked_lights(scene.description, finds_sky)
+    left_out = never_in_the_way(scene, asked, rays, lights)
+    kinds = {
+        kind: int(left_out[surfaces.first : surfaces.first + scene.starts[kind][0]].sum())
+        for kind, surfaces in scene.surfaces.items()
+    }
+    listed = ", ".join(_counted(count, kind) for kind, count in kinds.items() if count)
+    if listed:
+        why.say("shadow rays", f"pass by {listed}: never between a surface and a light")
 
 
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:

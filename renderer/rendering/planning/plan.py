@@ -27,6 +27,7 @@ from renderer.rendering.planning.explanation import (
     explain_materials_and_lights,
     explain_roulette,
     explain_samples,
+    explain_shadow_rays,
     explain_weights,
 )
 from renderer.rendering.planning.restriction import restrict
@@ -256,6 +257,8 @@ def _make_plan(
     explain_light_choice(plan, asked, why)
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
+    if plan.asks_lights and not plan.replay:
+        explain_shadow_rays(scene, accel, rays, plan.finds_sky, why)
     return dataclasses.replace(
         plan,
         ray_offset=_known_ray_offset(ray_offset, plan.replay),

@@ -30,32 +30,43 @@ from renderer.stages.surface import locate
 
 
 def group_methods(
-    tables: MethodTables, accelerators: Accelerators, plan: Plan, lit: bool, lamps: bool
+    tables: MethodTables, accelerators: Accelerators, plan: Plan
 ) -> NDArray[np.int64]:
-    """Return the methods that trace rays through accelerators.
-
-    `lit`: shadow rays are cast; `lamps`: some of them to anywhere on a lamp, so that those
-    of neighbours part company and streams take them better than bundles.
-    """
+    """Return the methods that find nearest hits through accelerators."""
     work = work_types()
     tally = types.Array(types.int32, 2, "C") if plan.kind.counts_work else NOTHING
     closest = (work.rays, work.hits, INT, INT, tally)
-    blocked = (work.shadow_rays, INT, NOTHING)
     rows = []
-    for accelerator in accelerators:
-        if accelerator is None:
-            continue
+    for accelerator in _built(accelerators):
         t = TRAVERSALS[type(accelerator)]
         methods: list[MethodSpec | None] = [(t.closest_hit_coherent, closest, NOTHING)]
         deep = plan.max_depth > 1
         methods.append((t.closest_hit, closest, NOTHING) if deep else None)
-        if lit:
-            parting = lamps and isinstance(accelerator, WideBvh)
-            together = t.any_hit if parting else t.any_hit_coherent
-            methods.append((together, blocked, NOTHING))
-            methods.append((t.any_hit, blocked, NOTHING))
         rows.append((tables.pack(accelerator), methods))
-    return tables.table(rows, 4)
+    return tables.table(rows, 2)
+
+
+def shadow_methods(
+    tables: MethodTables, accelerators: Accelerators, lamps: bool
+) -> NDArray[np.int64]:
+    """Return the methods that find what blocks shadow rays.
+
+    `lamps`: some go to anywhere on a lamp, so that those of neighbours part company and
+    streams take them better than bundles.
+    """
+    blocked = (work_types().shadow_rays, INT, NOTHING)
+    rows = []
+    for accelerator in _built(accelerators):
+        t = TRAVERSALS[type(accelerator)]
+        parting = lamps and isinstance(accelerator, WideBvh)
+        together = t.any_hit if parting else t.any_hit_coherent
+        methods = [(together, blocked, NOTHING), (t.any_hit, blocked, NOTHING)]
+        rows.append((tables.pack(accelerator), methods))
+    return tables.table(rows, 2)
+
+
+def _built(accelerators: Accelerators) -> list[Any]:
+    return [accelerator for accelerator in accelerators if accelerator is not None]
 
 
 def surface_methods(

@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.build import build_accelerators
+from renderer.accelerators.build import (
+    accelerators_of_camera,
+    accelerators_of_shadow_rays,
+    build_accelerators,
+)
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import USUAL_RAYS
 from renderer.integrators.kind import NO_LIMIT
@@ -29,11 +33,11 @@ from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (
     derivative_methods,
     group_methods,
+    shadow_methods,
     surface_methods,
 )
 from renderer.rendering.tables.lights import (
     NO_LIGHTS,
-    asked_lights,
     choice_of_light,
     light_methods,
 )
@@ -47,7 +51,7 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.variant import Variant
-from renderer.scene.light_order import light_order
+from renderer.scene.light_order import asked_lights, light_order
 from renderer.scene.light_properties import has_extended_lights, has_textured_lamps
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
@@ -134,13 +138,20 @@ class _SceneTables:
         lit = plan.asks_lights and scene.materials.smooth and has_lights(scene)
 
         accelerators = build_accelerators(scene, accel, plan.rays)
-        lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
-        groups = camera_groups = group_methods(tables, accelerators, plan, lit, lamps)
+        groups = camera_groups = group_methods(tables, accelerators, plan)
         if plan.hide_emitters:
-            seen = build_accelerators(
-                scene, accel, plan.rays, without_emitters_of=accelerators
-            )
-            camera_groups = group_methods(tables, seen, plan, lit, lamps)
+            seen = accelerators_of_camera(scene, accel, plan.rays, accelerators)
+            camera_groups = group_methods(tables, seen, plan)
+        asked = asked_lights(scene.description, plan.finds_sky)
+        shadow_groups = tables.table([], 2)
+        if lit:
+            in_the_way = accelerators
+            if not plan.replay:  # its rays may start beyond the wall of a sharp corner
+                in_the_way = accelerators_of_shadow_rays(
+                    scene, accel, plan.rays, accelerators, asked
+                )
+            lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
+            shadow_groups = shadow_methods(tables, in_the_way, lamps)
 
         lights, choice = NO_LIGHTS, None
         if lit and plan.by_importance:
@@ -162,7 +173,7 @@ class _SceneTables:
                 lit,
                 choice,
                 plan.caustics,
-                asked_lights(scene, plan.finds_sky),
+                asked,
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)
@@ -171,6 +182,7 @@ class _SceneTables:
         self.record = KernelScene(
             groups,
             camera_groups,
+            shadow_groups,
             surface_methods(tables, surfaces, settings, scene.shapes, placements),
             placements,
             primitives,

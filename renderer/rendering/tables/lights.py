@@ -30,7 +30,7 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.scene.light_bounds import light_bounds, lit_sides
-from renderer.scene.light_order import light_order
+from renderer.scene.light_order import asked_lights, light_order
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import kind_of
 from renderer.scene.scene import Scene
@@ -100,16 +100,6 @@ def _choice_methods(
     return tables.table([(tables.pack(choice), methods)], 2)
 
 
-def asked_lights(scene: Scene, finds_sky: bool) -> NDArray[np.int32]:
-    """Return the numbers of the lights that are sampled: all, or all but an even sky."""
-    order, emitters = light_order(scene.description), scene.description.emitters
-    asked = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
-    if finds_sky:
-        pairs = zip(order.of_emitters, emitters, strict=True)
-        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
-    return np.array(sorted(asked), np.int32)
-
-
 def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice | None:
     """Return how one of several lights is chosen; None for uniformly.
 
@@ -118,7 +108,7 @@ def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice
     """
     sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
     bounds = light_bounds(scene)
-    asked = asked_lights(scene, finds_sky)
+    asked = asked_lights(scene.description, finds_sky)
     if len(asked) < 2:
         return None
     order, emitters = light_order(scene.description), scene.description.emitters
