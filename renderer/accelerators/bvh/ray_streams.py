@@ -69,7 +69,6 @@ from renderer.kernels.lanes.memory import (
     load_eight,
     load_one,
     load_row,
-    scatter_row,
     store_one,
     store_row,
 )
@@ -244,26 +243,16 @@ def _enters(planes, k, inverse, start, t):
 
 @kernel
 def _hand_over(accel, query, stream, place, m, node, tally):
-    """Let the rays of a list go on one by one; then note where they end now."""
+    """Let the rays of a list go on one by one."""
     queue = (place + m + 15) & ~15
     asked = np.int64(0)
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(stream.lists, 0, place + i)
         live &= gather_row(stream.rows.for_boxes, T, ray, live) >= 0.0
-        number = gather_row(stream.rows.number, 0, ray, live)
-        append_row(stream.lists, 0, queue + asked, number, live)
+        append_row(stream.lists, 0, queue + asked, ray, live)
         asked += popcount(mask_bits(live))
-    trace_rays(accel, query, stream.lists, queue, asked, node, tally)
-    for i in range(0, m, 16):
-        live = first_lanes(m - i)
-        ray = load_row(stream.lists, 0, place + i)
-        number = gather_row(stream.rows.number, 0, ray, live)
-        t = gather_row(query.ends, 0, number, live)
-        blocked = gather_row(query.prim, 0, number, live) != 0
-        if query.any_will_do != 0:
-            t = select(blocked, ENDED, t)
-        scatter_row(stream.rows.for_boxes, T, ray, t, live)
+    trace_rays(accel, query, stream.rows, stream.lists, queue, asked, node, tally)
 
 
 # ---------------------------------------------------------------------- counting

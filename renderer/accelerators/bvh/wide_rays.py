@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
-from renderer.accelerators.bvh.ray_packets import safe_reciprocal
+from renderer.accelerators.bvh.octants import T
+from renderer.accelerators.bvh.stream_leaves import ENDED
 from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -53,7 +54,7 @@ from renderer.kernels.lanes.memory import (
     store_one,
     store_row,
 )
-from renderer.kernels.lanes.vectors import column
+from renderer.kernels.lanes.vectors import column3
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
 from renderer.kinds.shapes.blocks import WIDTH, primitives_in
 from renderer.kinds.shapes.primitives import hit_primitive
@@ -120,10 +121,11 @@ class _Flight(NamedTuple):
 
 
 @kernel
-def trace_rays(accel, query, queue, first, count, root, tally):
+def trace_rays(accel, query, rows, queue, first, count, root, tally):
     """Trace the rays queue[first : first + count] on from node `root`.
 
-    A ray takes one step, a node or a block, and then it is the next ray's turn.
+    The queue names places of `rows`, an `octants.Octant`, where they are laid out. A ray
+    takes one step, a node or a block, and then it is the next ray's turn.
     """
     flight = _Flight(
         local_i32(_WORDS), local_f32(_ROWS), local_i32(_STACKS), local_f32(_STACKS)
@@ -133,7 +135,7 @@ def trace_rays(accel, query, queue, first, count, root, tally):
     end = first + count
     flying = np.int64(0)
     while flying < RAYS and first < end:
-        _start(query, np.int64(load_one(queue, 0, first)), root, flight, flying)
+        _start(rows, np.int64(load_one(queue, 0, first)), root, flight, flying)
         store_one(places, 0, flying, flying)
         flying += 1
         first += 1
@@ -151,23 +153,20 @@ def trace_rays(accel, query, queue, first, count, root, tally):
 
         # one step
         if node >= 0:
-            depth = _push_children(
-                accel, node, load_one(query.ends, 0, i), flight, place, depth
-            )
-            add_to(tally, NODES, i, 1)
-            add_to(tally, BOXES, i, WIDTH)
-            note_stack(tally, i, depth)
+            t_max = load_one(rows.for_boxes, T, i)
+            depth = _push_children(accel, node, t_max, flight, place, depth)
+            _add_node(tally, rows, i, depth)
         else:
-            done = _meet_block(accel.blocks, ~node, query, i, tally)
+            done = _meet_block(accel.blocks, ~node, query, rows, i, tally)
             depth = np.int64(0) if done else depth
 
         # what to do next
-        t_max = load_one(query.ends, 0, i)
+        t_max = load_one(rows.for_boxes, T, i)
         while depth > 0 and load_one(entries, 0, base + depth - 1) > t_max:
             depth -= 1
         if depth == 0:
             if first < end:
-                _start(query, np.int64(load_one(queue, 0, first)), root, flight, place)
+                _start(rows, np.int64(load_one(queue, 0, first)), root, flight, place)
                 first += 1
                 turn += 1
             else:
@@ -186,10 +185,10 @@ def trace_rays(accel, query, queue, first, count, root, tally):
 
 
 @kernel
-def _start(query, ray, root, flight, place):
+def _start(rows, ray, root, flight, place):
     """Put a ray at the node where it begins."""
-    low, high = origin_margins(column(query.origin, ray))
-    inverse = safe_reciprocal(column(query.direction, ray))
+    low, high = origin_margins(column3(rows.for_leaves, 0, ray))
+    inverse = column3(rows.for_boxes, 0, ray)
     row = place * _ROW
     at = place * _WORD
     words = flight.words
@@ -266,41 +265,50 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
 
 @kernel
-def _meet_block(blocks, block, query, i, tally):
+def _meet_block(blocks, block, query, rows, ray, tally):
     """Test a leaf's primitives; return whether the ray is done."""
+    i = np.int64(load_one(rows.number, 0, ray))
     _add_primitives(tally, blocks, block, i)
-    origin = column(query.origin, i)
-    direction = column(query.direction, i)
-    t_max = load_one(query.ends, 0, i)
+    origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
+    t_max = load_one(rows.for_boxes, T, ray)
     x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
-    found = mask_bits(x.hit)
-    if query.any_will_do == 0:
-        _keep_nearest(query, i, x, found, blocks, block)
+    if mask_bits(x.hit) == 0:
         return False
-    if found == 0:
+    if query.any_will_do == 0:
+        _keep_nearest(query, rows, ray, i, x, blocks, block)
         return False
     store_one(query.prim, 0, i, 1)
+    store_one(rows.for_boxes, T, ray, ENDED)
     return True
 
 
 @kernel
-def _keep_nearest(query, i, x, found, blocks, block):
-    """Update the hit of ray i with those of a block."""
-    # the least t, then the least id among those: without a branch, as above
+def _keep_nearest(query, rows, ray, i, x, blocks, block):
+    """Update the hit of a ray, the i-th of the batch, with those of a block."""
+    # the least t, then the least id among those
     bits = select(x.hit, as_i32(x.t), _NEVER)
     t_bits = smallest(bits)
     ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
     prim = smallest(ids)
     j = lowest_bit(mask_bits(ids == prim))
     t = as_f32(t_bits)
-    t_before = load_one(query.ends, 0, i)
     prim_before = load_one(query.prim, 0, i)
-    tie = (t == t_before) & ((prim_before < 0) | (prim < prim_before))
-    wins = (found != 0) & ((t < t_before) | tie)
-    store_one(query.ends, 0, i, select(wins, t, t_before))
-    store_one(query.prim, 0, i, select(wins, prim, prim_before))
-    store_one(query.u, 0, i, select(wins, lane(x.u, j), load_one(query.u, 0, i)))
-    store_one(query.v, 0, i, select(wins, lane(x.v, j), load_one(query.v, 0, i)))
+    if t < load_one(rows.for_boxes, T, ray) or prim_before < 0 or prim < prim_before:
+        store_one(rows.for_boxes, T, ray, t)
+        store_one(query.ends, 0, i, t)
+        store_one(query.prim, 0, i, prim)
+        store_one(query.u, 0, i, lane(x.u, j))
+        store_one(query.v, 0, i, lane(x.v, j))
+
+
+@kernel
+def _add_node(tally, rows, ray, depth):
+    if tally is None:
+        return
+    i = rows.number[ray]
+    add_to(tally, NODES, i, 1)
+    add_to(tally, BOXES, i, WIDTH)
+    note_stack(tally, i, depth)
 
 
 @kernel
