@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -26,9 +27,14 @@ import renderer.stages.film
 from renderer.kernels.jit import (
     always_inline,
     cache,
+    call,
+    compile_method,
     decorators,
     entry_kernel,
     kernel,
+    method_kernel,
+    never_inline,
+    pack,
     versions,
     with_neighbours,
 )
@@ -74,8 +80,9 @@ def _mixed_often(x):
     return _mixed_eight_times(_mixed_eight_times(x))
 
 
-def test_a_kernel_of_one_caller_is_part_of_it_however_large() -> None:
+def test_a_kernel_of_one_caller_is_part_of_it_however_large(monkeypatch) -> None:
     """A call hands over the fields of records one by one: half of the time of some rays."""
+    monkeypatch.setattr(IndexDataCacheFile, "load", lambda *_: None)  # machine code alone
 
     @entry_kernel
     def mixed_after_one(x):
@@ -87,6 +94,39 @@ def test_a_kernel_of_one_caller_is_part_of_it_however_large() -> None:
     defined = [f.name for f in functions if not f.is_declaration]
     assert any("mixed_after_one" in name for name in defined)
     assert not any("mixed_often" in name for name in defined)
+
+
+class _Row(NamedTuple):
+    values: Any
+
+
+@method_kernel
+def _add_values(row, x, out):
+    never_inline()
+    for k in range(out.shape[0]):
+        out[k] += row.values[k] * x
+
+
+@method_kernel
+def _add_values_twice(row, x, out):
+    _add_values(row, np.int64(1), out)
+    _add_values(row, np.int64(1), out)
+
+
+@entry_kernel
+def _call_method(address, record, x, out):
+    call(address, record, (x, out))
+
+
+def test_a_method_that_others_call_keeps_its_address() -> None:
+    """Its copy in their code has its name, and may be made for their arguments."""
+    row = pack(_Row(np.arange(4.0)))
+    arguments = (types.int64, types.Array(types.float64, 1, "C"))
+    compile_method(_add_values_twice, row, *arguments)
+    method = compile_method(_add_values, row, *arguments)
+    out = np.zeros(4)
+    _call_method(method.address, method.record, 10, out)
+    np.testing.assert_array_equal(out, 10.0 * np.arange(4.0))
 
 
 def test_kernels_divide_without_exceptions() -> None:

@@ -127,7 +127,7 @@ def _points(columns: NDArray[np.int64]) -> Triangles:
 
 
 class LeftOut(NamedTuple):
-    """Primitives that some rays shall not meet, or cannot."""
+    """Primitives that some rays must not see, or never meet."""
 
     name: Any  # by which the scene keeps what is built without them
     mask: NDArray[np.bool_]  # (primitives,) by id
@@ -155,7 +155,7 @@ def build_accelerators(
     rays : RayCounts
         That will be traced; for `auto`.
     left_out : LeftOut, optional
-        Primitives that are none of it. Instances always are: groups hold no emitters.
+        Primitives to build without. Instances are always kept.
 
     Raises
     ------
@@ -206,9 +206,10 @@ def accelerators_of_shadow_rays(
     rays: RayCounts,
     whole: Accelerators,
     lights: NDArray[np.int32],
+    offsets: tuple[float, float],
 ) -> Accelerators:
-    """Return the accelerators of shadow rays to some lights, by their numbers."""
-    mask = never_in_the_way(scene, name, rays, lights)
+    """Return the accelerators of shadow rays, see `never_in_the_way`."""
+    mask = never_in_the_way(scene, name, rays, lights, offsets)
     ids = tuple(np.flatnonzero(mask).tolist())
     return build_accelerators(scene, name, rays, LeftOut(ids, mask, whole))
 

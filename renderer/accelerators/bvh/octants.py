@@ -36,6 +36,7 @@ ROW = STREAM + 32
 AFAR = 8  # in place of an octant: origins whose rounding would spoil the boxes of others
 _NOBODY = 9  # and rays that have no answer to find
 T = 3  # the row of `for_boxes` that says where rays end
+ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
 
 
 class Octant(NamedTuple):

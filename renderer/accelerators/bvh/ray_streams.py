@@ -21,6 +21,7 @@ from renderer.accelerators.bvh.bvh import STRETCH
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
 from renderer.accelerators.bvh.octants import (
     AFAR,
+    ENDED,
     ROW,
     STREAM,
     Octant,
@@ -29,7 +30,7 @@ from renderer.accelerators.bvh.octants import (
     select_octant,
     write_octants,
 )
-from renderer.accelerators.bvh.stream_leaves import ENDED, held, meet_leaf
+from renderer.accelerators.bvh.stream_leaves import held, meet_leaf
 from renderer.accelerators.bvh.stream_stack import (
     WAITING_WORDS,
     pop_child,

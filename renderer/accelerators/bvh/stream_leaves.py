@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.bvh.octants import T
+from renderer.accelerators.bvh.octants import ENDED, T
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import gather_columns
@@ -19,8 +19,6 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import gather_row, load_eight, load_row, scatter_row
 from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.shapes.blocks import WIDTH
-
-ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
 
 
 @kernel

@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
-from renderer.accelerators.bvh.octants import T
-from renderer.accelerators.bvh.stream_leaves import ENDED
+from renderer.accelerators.bvh.octants import ENDED, T
 from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -69,7 +68,7 @@ _ROWS = RAYS * _ROW
 # integers of a ray
 _NODE = 0  # where it is: a node, or ~block
 _DEPTH = 1  # nodes on its stack
-_RAY = 2  # its number in the batch
+_RAY = 2  # its place in the rows of the stream
 _NEAR_BYTES = 3  # 3 places in a node where its near bounds begin
 _WORD = 8
 _WORDS = RAYS * _WORD
@@ -149,19 +148,18 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
         base = place * STACK
         node = np.int64(load_one(words, 0, at + _NODE))
         depth = np.int64(load_one(words, 0, at + _DEPTH))
-        i = np.int64(load_one(words, 0, at + _RAY))
+        ray = np.int64(load_one(words, 0, at + _RAY))
 
         # one step
         if node >= 0:
-            t_max = load_one(rows.for_boxes, T, i)
+            t_max = load_one(rows.for_boxes, T, ray)
             depth = _push_children(accel, node, t_max, flight, place, depth)
-            _add_node(tally, rows, i, depth)
+            _add_node(tally, rows, ray, depth)
         else:
-            done = _meet_block(accel.blocks, ~node, query, rows, i, tally)
-            depth = np.int64(0) if done else depth
+            _meet_block(accel.blocks, ~node, query, rows, ray, tally)
 
-        # what to do next
-        t_max = load_one(rows.for_boxes, T, i)
+        # what to do next; nothing is left for a ray that has ended
+        t_max = load_one(rows.for_boxes, T, ray)
         while depth > 0 and load_one(entries, 0, base + depth - 1) > t_max:
             depth -= 1
         if depth == 0:
@@ -266,20 +264,19 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
 @kernel
 def _meet_block(blocks, block, query, rows, ray, tally):
-    """Test a leaf's primitives; return whether the ray is done."""
+    """Test a ray against a leaf's primitives."""
     i = np.int64(load_one(rows.number, 0, ray))
     _add_primitives(tally, blocks, block, i)
     origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
     t_max = load_one(rows.for_boxes, T, ray)
     x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
     if mask_bits(x.hit) == 0:
-        return False
+        return
     if query.any_will_do == 0:
         _keep_nearest(query, rows, ray, i, x, blocks, block)
-        return False
+        return
     store_one(query.prim, 0, i, 1)
     store_one(rows.for_boxes, T, ray, ENDED)
-    return True
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.accelerators.bvh import wide_bvh_build
 from renderer.accelerators.bvh.bvh import STRETCH
-from renderer.accelerators.bvh.stream_leaves import ENDED
+from renderer.accelerators.bvh.octants import ENDED
 from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,

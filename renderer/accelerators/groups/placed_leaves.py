@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.bvh.stream_leaves import ENDED
+from renderer.accelerators.bvh.octants import ENDED
 from renderer.accelerators.groups.placed_rays import (
     DIRECTION,
     ORIGIN,

@@ -100,7 +100,7 @@ def _replace_parts_of_numba() -> None:
         for function in self._final_module.functions:
             linked = function.linkage == llvm.Linkage.linkonce_odr
             if linked and not function.is_declaration:
-                function.linkage = llvm.Linkage.internal
+                function.linkage = llvm.Linkage.private  # not a name that hides a method's
         passes, builder = self._codegen._module_pass_manager()
         passes.run(self._final_module, builder)
 

@@ -54,7 +54,8 @@ class LightPlugin:
         Whether it is infinitely far away.
         With textures a further argument are the `LightTextures`, or None.
     bounds
-        description -> where it is and what it can give, by which it is chosen among others.
+        description -> where it is, all of it, and what it can give: by that it is chosen
+        among others, and shadow rays pass by walls that are not before it.
     texture
         The attribute of the description that may be a texture, "" for none. Lights whose
         textures are of different kinds, or without, are in tables of their own.

@@ -127,11 +127,16 @@ def explain_accelerators(
 
 
 def explain_shadow_rays(
-    scene: Scene, asked: str, rays: RayCounts, finds_sky: bool, why: Explanation
+    scene: Scene,
+    asked: str,
+    rays: RayCounts,
+    finds_sky: bool,
+    offsets: tuple[float, float],
+    why: Explanation,
 ) -> None:
     """Say what shadow rays are not tested against, see `explain_accelerators`."""
     lights = asked_lights(scene.description, finds_sky)
-    left_out = never_in_the_way(scene, asked, rays, lights)
+    left_out = never_in_the_way(scene, asked, rays, lights, offsets)
     kinds = {
         kind: int(left_out[surfaces.first : surfaces.first + scene.starts[kind][0]].sum())
         for kind, surfaces in scene.surfaces.items()

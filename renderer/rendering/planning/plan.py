@@ -257,11 +257,13 @@ def _make_plan(
     explain_light_choice(plan, asked, why)
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
-    if plan.asks_lights and not plan.replay:
-        explain_shadow_rays(scene, accel, rays, plan.finds_sky, why)
+    offset = _known_ray_offset(ray_offset, plan.replay)
+    if plan.asks_lights and scene.materials.smooth:
+        offsets = RAY_OFFSETS[offset]
+        explain_shadow_rays(scene, accel, rays, plan.finds_sky, offsets, why)
     return dataclasses.replace(
         plan,
-        ray_offset=_known_ray_offset(ray_offset, plan.replay),
+        ray_offset=offset,
         rays=rays,
         lines=tuple(why.lines),
     )

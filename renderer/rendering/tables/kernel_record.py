@@ -145,11 +145,10 @@ class _SceneTables:
         asked = asked_lights(scene.description, plan.finds_sky)
         shadow_groups = tables.table([], 2)
         if lit:
-            in_the_way = accelerators
-            if not plan.replay:  # its rays may start beyond the wall of a sharp corner
-                in_the_way = accelerators_of_shadow_rays(
-                    scene, accel, plan.rays, accelerators, asked
-                )
+            offsets = RAY_OFFSETS[plan.ray_offset]
+            in_the_way = accelerators_of_shadow_rays(
+                scene, accel, plan.rays, accelerators, asked, offsets
+            )
             lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
             shadow_groups = shadow_methods(tables, in_the_way, lamps)
 
