@@ -23,7 +23,7 @@ import renderer
 from renderer.accelerators.cost_model import USUAL_RAYS
 from renderer.accelerators.occluders import MOST, never_between, never_in_the_way
 from renderer.rendering.planning.plan import RAY_OFFSETS
-from renderer.scene.light_order import asked_lights
+from renderer.scene.light_properties import asked_lights
 
 FLAT = ("triangles", "rectangles", "disks")
 CAMERA = sensor((0, -0.9, 0.2), (0, 0, 0), fov=80, size=(24, 16))
@@ -46,6 +46,19 @@ def left_out_of(content, finds_sky=False):
         for kind, surfaces in loaded.surfaces.items()
     }
     return {kind: count for kind, count in counts.items() if count}
+
+
+def test_nothing_is_left_out_where_rounding_decides():
+    """Far from the world's origin rays are blocked by walls that they only start at."""
+
+    def room(shift, narrow):
+        wall = rectangle((shift, 0, 0), (1, 0, 0), (0, 1, 0), diffuse(0.5))
+        strip = rectangle((shift, 1.5, 0), (1, 0, 0), (0, narrow, 0), diffuse(0.5))
+        return left_out(wall, strip, point_light((shift, 0, 1)))
+
+    assert room(0.0, 0.1) == {"rectangles": 2}
+    assert room(0.0, 1e-4) == {"rectangles": 1}
+    assert room(100.0, 0.1) == {}
 
 
 def test_walls_of_a_room_with_a_point_light():
@@ -223,5 +236,5 @@ def test_explain_says_it():
     loaded = renderer.load_dict(scene(CAMERA, "path", *box(0.5), LAMP))
     said = "pass by 7 rectangles: never between a surface and a light"
     assert said in " ".join(renderer.render(loaded, spp=1).explain.split())
-    for other in ({"accel": "brute"}, {"integrator": "depth"}):
+    for other in ({"accel": "brute"}, {"integrator": "depth"}, {"sampler": "mitsuba"}):
         assert "pass by" not in renderer.render(loaded, spp=1, **other).explain, other

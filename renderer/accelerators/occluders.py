@@ -30,6 +30,8 @@ from renderer.scene.scene import Scene
 MOST = 1024  # primitives of a kind, or lights; of more only their box is looked at
 # What corners and normals in single precision are off by, of the coordinates of both sides
 _SLACK = 4.0 * 2.0**-24
+_FAR = 16.0  # times the scene's size: coordinates whose rounding counts
+_NARROW = 1e-3  # of the largest coordinate: the plane of a needle is not well known
 _LEVEL = 1.0 - 1e-6  # cosine of the angle between planes that are one
 
 Lengths = tuple[float, float]  # see `Settings.rounding_offset` and `fixed_offset`
@@ -86,12 +88,14 @@ def never_between(
         By primitive id. A primitive that is not flat may always be in the way.
     """
     found = np.zeros(len(scene.stages), bool)
-    kinds = [kind for kind in kinds if scene.starts[kind][0] <= MOST]
+    kinds = [kind for kind in kinds if 0 < scene.starts[kind][0] <= MOST]
     shining = _around_lights(scene, lights) if kinds else None
     if shining is None:
         return found
     starting = _around_surfaces(scene)
     farthest = float(np.abs(scene.bounds).max())
+    if farthest > _FAR * np.ptp(scene.bounds, axis=0).max():
+        return found  # far from the world's origin, where rounding blocks many rays
     rounding, fixed = offsets
     off = rounding * float(ROUNDING) * farthest + fixed * (1.0 + farthest)
     for kind in kinds:
@@ -104,9 +108,18 @@ def never_between(
             sides = _sides(walls, balls, off)
             low, high = np.minimum(low, sides[0]), np.maximum(high, sides[1])
         is_flat = np.abs(walls.normals).max(axis=0) > 0.0
+        is_flat &= _breadths(flat.centers.reshape(3, -1, count)) > _NARROW * farthest
         apart = (low >= 0.0) | (high <= 0.0) | to_its_plane
         found[surfaces.first : surfaces.first + count] = is_flat & apart
     return found
+
+
+def _breadths(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least heights of triangles or parallelograms by corners (3, 4, n)."""
+    edge1, edge2 = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    longest = np.maximum(np.linalg.norm(edge1, axis=0), np.linalg.norm(edge2, axis=0))
+    area = np.linalg.norm(np.cross(edge1, edge2, axis=0), axis=0)
+    return np.asarray(area / np.maximum(longest, 1e-300))
 
 
 def _sides(walls: Balls, balls: Balls, off: float) -> tuple[Any, Any]:

@@ -9,10 +9,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from renderer.kinds.lights.registry import plugin_of
 from renderer.scene_file.description import SceneDescription
 
 
@@ -39,13 +35,3 @@ def light_order(description: SceneDescription) -> LightOrder:
             of_shapes.append(count if shines else -1)
             count += shines
     return LightOrder(of_shapes, of_emitters)
-
-
-def asked_lights(description: SceneDescription, finds_sky: bool) -> NDArray[np.int32]:
-    """Return the numbers of the lights that are sampled: all, or all but an even sky."""
-    order, emitters = light_order(description), description.emitters
-    asked = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
-    if finds_sky:
-        pairs = zip(order.of_emitters, emitters, strict=True)
-        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
-    return np.array(sorted(asked), np.int32)

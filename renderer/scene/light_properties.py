@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from renderer.kinds.lights.registry import plugin_of
+from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     EnvironmentMap,
     SceneDescription,
@@ -50,3 +54,13 @@ def has_textured_lights(description: SceneDescription) -> bool:
     """Return whether a texture is looked up in any light; environments have images."""
     spots = (e for e in description.emitters if isinstance(e, SpotLight))
     return has_textured_lamps(description) or any(spot.texture for spot in spots)
+
+
+def asked_lights(description: SceneDescription, finds_sky: bool) -> NDArray[np.int32]:
+    """Return the numbers of the lights that are sampled: all, or all but an even sky."""
+    order, emitters = light_order(description), description.emitters
+    asked = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
+    if finds_sky:
+        pairs = zip(order.of_emitters, emitters, strict=True)
+        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
+    return np.array(sorted(asked), np.int32)

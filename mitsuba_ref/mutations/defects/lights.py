@@ -164,8 +164,8 @@ DEFECTS = (
         (
             Edit(
                 "accelerators/occluders.py",
-                "flat & (on_one | to_its_plane)",
-                "flat",
+                "is_flat & apart",
+                "is_flat",
             ),
         ),
         scene="cornell-box",

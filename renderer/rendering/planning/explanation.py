@@ -17,8 +17,7 @@ from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.kinds.sampling.sobol_digits import net_digits
-from renderer.scene.light_order import asked_lights
-from renderer.scene.light_properties import has_textured_lights
+from renderer.scene.light_properties import asked_lights, has_textured_lights
 from renderer.scene.scene import KINDS, Scene
 from renderer.scene_file.description import (
     Integrator,

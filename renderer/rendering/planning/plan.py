@@ -258,7 +258,7 @@ def _make_plan(
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
     offset = _known_ray_offset(ray_offset, plan.replay)
-    if plan.asks_lights and scene.materials.smooth:
+    if plan.asks_lights and scene.materials.smooth and not plan.replay:
         offsets = RAY_OFFSETS[offset]
         explain_shadow_rays(scene, accel, rays, plan.finds_sky, offsets, why)
     return dataclasses.replace(

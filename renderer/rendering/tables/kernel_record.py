@@ -51,8 +51,12 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.variant import Variant
-from renderer.scene.light_order import asked_lights, light_order
-from renderer.scene.light_properties import has_extended_lights, has_textured_lamps
+from renderer.scene.light_order import light_order
+from renderer.scene.light_properties import (
+    asked_lights,
+    has_extended_lights,
+    has_textured_lamps,
+)
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
@@ -145,10 +149,12 @@ class _SceneTables:
         asked = asked_lights(scene.description, plan.finds_sky)
         shadow_groups = tables.table([], 2)
         if lit:
-            offsets = RAY_OFFSETS[plan.ray_offset]
-            in_the_way = accelerators_of_shadow_rays(
-                scene, accel, plan.rays, accelerators, asked, offsets
-            )
+            in_the_way = accelerators
+            if not plan.replay:  # where rounding decides, ours must decide as Mitsuba's
+                offsets = RAY_OFFSETS[plan.ray_offset]
+                in_the_way = accelerators_of_shadow_rays(
+                    scene, accel, plan.rays, accelerators, asked, offsets
+                )
             lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
             shadow_groups = shadow_methods(tables, in_the_way, lamps)
 
