@@ -45,7 +45,7 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
-from renderer.accelerators.bvh.wide_rays import STACK, trace_rays
+from renderer.accelerators.bvh.wide_rays import STACK, add_node, trace_rays
 from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
@@ -74,7 +74,7 @@ from renderer.kernels.lanes.memory import (
     store_row,
 )
 from renderer.kernels.lanes.vectors import lower_half3, upper_half3, vec3
-from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.kernels.records.tally import PRIMITIVES, add_to
 from renderer.kinds.shapes.blocks import WIDTH
 
 # Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
@@ -264,10 +264,7 @@ def _add_node(tally, stream, place, m, depth):
     if tally is None:
         return
     for j in range(place, place + m):
-        i = stream.rows.number[stream.lists[j]]
-        add_to(tally, NODES, i, 1)
-        add_to(tally, BOXES, i, WIDTH)
-        note_stack(tally, i, depth)
+        add_node(tally, stream.rows, stream.lists[j], depth)
 
 
 @kernel

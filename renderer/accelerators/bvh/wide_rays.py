@@ -154,7 +154,7 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
         if node >= 0:
             t_max = load_one(rows.for_boxes, T, ray)
             depth = _push_children(accel, node, t_max, flight, place, depth)
-            _add_node(tally, rows, ray, depth)
+            add_node(tally, rows, ray, depth)
         else:
             _meet_block(accel.blocks, ~node, query, rows, ray, tally)
 
@@ -299,7 +299,8 @@ def _keep_nearest(query, rows, ray, i, x, blocks, block):
 
 
 @kernel
-def _add_node(tally, rows, ray, depth):
+def add_node(tally, rows, ray, depth):
+    """Count that a ray, by its place in the rows, is tested against a node's children."""
     if tally is None:
         return
     i = rows.number[ray]

@@ -7,7 +7,7 @@ what is called from outside (entries, and methods, which are called by address) 
 machine code. Cornell box: 12.5 s of processor time without, 10 s with it; and a method is
 compiled once instead of once for each caller (docs/decisions/compile-time.md). What was
 linked is private to that machine code, so that LLVM puts a kernel of one caller into it:
-calls hand over records field by field, up to 108 words on the stack.
+calls hand over records field by field, up to 153 words on the stack.
 
 And no interrupt falls into LLVM's work. This replaces private parts of Numba's code
 generator, on the versions of `renderer.kernels.jit.versions`.
