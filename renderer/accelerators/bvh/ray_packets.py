@@ -21,6 +21,10 @@ from renderer.accelerators.bvh.beams import (
     meets_in_leaf,
 )
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
+from renderer.accelerators.bvh.one_ray_leaves import (
+    better_one_by_one,
+    blocked_one_by_one,
+)
 from renderer.accelerators.bvh.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
 from renderer.accelerators.rays.packets import (
     Nearest,
@@ -254,15 +258,21 @@ def _any_hits(accel, shadow_rays, first, count, tally, entries):
             depth -= 1
             node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
             add_to_packet(tally, BOXES, i, left, 1)
-            enters = _bundle_enters(floats, node, bundle, t_max)
-            if mask_bits(enters & ~blocked) == 0:
+            enters = mask_bits(_bundle_enters(floats, node, bundle, t_max) & ~blocked)
+            if enters == 0:
                 continue
             add_to_packet(tally, NODES, i, left, 1)
             child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
             size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
             if size > 0:
                 add_to_packet(tally, BOXES, i, left, 1)
-                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
+                block = child >> 3
+                bits = meets_in_leaf(accel.boxes, block, own) & ((1 << size) - 1)
+                if better_one_by_one(enters, bits):
+                    blocked = blocked_one_by_one(
+                        primitives, block, enters, shadow_rays, i, blocked, tally
+                    )
+                    continue
                 while bits != 0:
                     k = child + lowest_bit(bits)
                     bits &= bits - 1

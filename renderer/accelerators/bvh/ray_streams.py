@@ -30,7 +30,7 @@ from renderer.accelerators.bvh.octants import (
     select_octant,
     write_octants,
 )
-from renderer.accelerators.bvh.stream_leaves import held, meet_leaf
+from renderer.accelerators.bvh.stream_leaves import meet_leaf
 from renderer.accelerators.bvh.stream_stack import (
     WAITING_WORDS,
     pop_child,
@@ -74,7 +74,6 @@ from renderer.kernels.lanes.memory import (
     store_row,
 )
 from renderer.kernels.lanes.vectors import lower_half3, upper_half3, vec3
-from renderer.kernels.records.tally import PRIMITIVES, add_to
 from renderer.kinds.shapes.blocks import WIDTH
 
 # Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
@@ -151,8 +150,8 @@ def _descend(accel, query, stream, n, short, octant, margin, tally):
             depth = _divide(accel, node, octant, margin, stream, place, m, depth)
             _add_node(tally, stream, place, m, depth)
         else:
-            _add_primitives(tally, accel.blocks, ~node, stream, place, m)
-            meet_leaf(accel.blocks, ~node, query, stream.rows, stream.lists, place, m)
+            rows, lists = stream.rows, stream.lists
+            meet_leaf(accel.blocks, ~node, query, rows, lists, place, m, tally)
         if depth == 0:
             break
         depth -= 1
@@ -265,11 +264,3 @@ def _add_node(tally, stream, place, m, depth):
         return
     for j in range(place, place + m):
         add_node(tally, stream.rows, stream.lists[j], depth)
-
-
-@kernel
-def _add_primitives(tally, blocks, block, stream, place, m):
-    if tally is None:
-        return
-    for j in range(place, place + m):
-        add_to(tally, PRIMITIVES, stream.rows.number[stream.lists[j]], held(blocks, block))

@@ -1,29 +1,80 @@
-"""What the rays of a list meet in a leaf: 16 rays at a time, each primitive in turn."""
+"""What the rays of a list meet in a leaf: one by one, or 16 of them together.
+
+A leaf holds seven primitives on the average. With AVX2 even 16 rays take no longer one by
+one than together, fewer take less, and their numbers are neither gathered nor scattered.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from renderer.accelerators.bvh.octants import ENDED, T
+from renderer.accelerators.bvh.one_ray_leaves import held, hit_block, nearest_in_block
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     first_lanes,
     mask_bits,
-    popcount,
     select,
     splat_f32,
     splat_i32,
 )
-from renderer.kernels.lanes.memory import gather_row, load_eight, load_row, scatter_row
-from renderer.kernels.lanes.vectors import vec3
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
+from renderer.kernels.lanes.memory import (
+    gather_row,
+    load_one,
+    load_row,
+    scatter_row,
+    store_one,
+)
+from renderer.kernels.lanes.vectors import column3, vec3
+from renderer.kernels.records.tally import PRIMITIVES, add_to
 from renderer.kinds.shapes.blocks import WIDTH
 
 
 @kernel
-def meet_leaf(blocks, block, query, rows, lists, place, m):
-    """Test each 16 rays of a list against one primitive of a leaf after the other."""
+def meet_leaf(blocks, block, query, rows, lists, place, m, tally):
+    """Test the rays of a list against the primitives of a leaf."""
+    if HAS_AVX2_ONLY:
+        for j in range(place, place + m):
+            ray = np.int64(load_one(lists, 0, j))
+            if load_one(rows.for_boxes, T, ray) >= 0.0:
+                meet_block(blocks, block, query, rows, ray, tally)
+        return
+    if tally is not None:
+        for j in range(place, place + m):
+            _add_primitives(tally, blocks, block, rows, lists[j])
+    _meet_together(blocks, block, query, rows, lists, place, m)
+
+
+@kernel
+def meet_block(blocks, block, query, rows, ray, tally):
+    """Test a ray, by its place in the rows, against the primitives of a leaf."""
+    _add_primitives(tally, blocks, block, rows, ray)
+    origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
+    t_max = load_one(rows.for_boxes, T, ray)
+    x = hit_block(blocks, block, origin, direction, t_max)
+    if mask_bits(x.hit) == 0:
+        return
+    i = np.int64(load_one(rows.number, 0, ray))
+    if query.any_will_do != 0:
+        store_one(query.prim, 0, i, 1)
+        store_one(rows.for_boxes, T, ray, ENDED)
+        return
+    near = nearest_in_block(blocks, block, x)
+    prim = load_one(query.prim, 0, i)
+    if near.t < t_max or prim < 0 or near.prim < prim:
+        store_one(rows.for_boxes, T, ray, near.t)
+        store_one(query.ends, 0, i, near.t)
+        store_one(query.prim, 0, i, near.prim)
+        store_one(query.u, 0, i, near.u)
+        store_one(query.v, 0, i, near.v)
+
+
+@kernel
+def _meet_together(blocks, block, query, rows, lists, place, m):
+    """Test each 16 rays of a list against one primitive after the other."""
     start = WIDTH * block
     end = start + held(blocks, block)
     zero = np.int64(0)
@@ -45,12 +96,6 @@ def meet_leaf(blocks, block, query, rows, lists, place, m):
 
 
 @kernel
-def held(blocks, block):
-    """Return how many primitives a block holds."""
-    return popcount(mask_bits(load_eight(blocks.id, 0, WIDTH * block) >= 0))
-
-
-@kernel
 def _store(query, rows, ray, number, near, found):
     if query.any_will_do != 0:
         scatter_row(rows.for_boxes, T, ray, splat_f32(ENDED), found)
@@ -61,3 +106,10 @@ def _store(query, rows, ray, number, near, found):
     scatter_row(query.prim, 0, number, near.prim, found)
     scatter_row(query.u, 0, number, near.u, found)
     scatter_row(query.v, 0, number, near.v, found)
+
+
+@kernel
+def _add_primitives(tally, blocks, block, rows, ray):
+    if tally is None:
+        return
+    add_to(tally, PRIMITIVES, rows.number[ray], held(blocks, block))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.accelerators.bvh.wide_bvh_collapse import ROOMS, choose_children, write_costs
 from renderer.kernels.jit import entry_kernel, kernel
 from renderer.kernels.lanes.local import local_f64, local_i32
 from renderer.kinds.shapes.blocks import aligned_bytes
@@ -89,9 +90,7 @@ def collapse(
 
     A leaf's `child` is eight times the number of its block.
 
-    From the two children of a node on, the one with the largest surface is replaced by its
-    own two children until there are eight: it is the one most likely to be met
-    [Wald2008].
+    Which nodes of the binary tree they are is chosen in `wide_bvh_collapse`.
     """
     most = max(1, np.count_nonzero(count))
     memory = aligned_bytes(WIDE_BYTES * most)
@@ -106,12 +105,14 @@ def collapse(
         memory,
         waiting,
         pair_of,
+        np.empty((len(count), ROOMS), np.float32),
     )
     return memory[: WIDE_BYTES * nodes], pair_of[: 8 * nodes]
 
 
 @entry_kernel
-def _collapse(bounds, child, count, floats, integers, octets, waiting, pair_of):
+def _collapse(bounds, child, count, floats, integers, octets, waiting, pair_of, costs):
+    write_costs(bounds, child, count, costs)
     top = 1
     nodes = 1
     members = local_i32(8)
@@ -119,7 +120,7 @@ def _collapse(bounds, child, count, floats, integers, octets, waiting, pair_of):
         top -= 1
         node = waiting[top, 0]
         wide = waiting[top, 1]
-        size = _open(bounds, child, count, node, members)
+        size = choose_children(child, count, node, costs, members)
         _quantise(bounds, node, members, size, floats, octets, wide)
         for k in range(size):
             m = members[k]
@@ -134,37 +135,6 @@ def _collapse(bounds, child, count, floats, integers, octets, waiting, pair_of):
             top += 1
             nodes += 1
     return nodes
-
-
-@kernel
-def _open(bounds, child, count, node, members):
-    """Write up to eight descendants of a node that cover it; return how many."""
-    members[0] = node
-    size = 1
-    while size < 8:
-        best = -1
-        largest = -1.0
-        for k in range(size):
-            if count[members[k]] == 0:
-                area = _half_area(bounds, members[k])
-                if area > largest:
-                    largest = area
-                    best = k
-        if best < 0:
-            break
-        first = child[members[best]]
-        members[best] = first
-        members[size] = first + 1
-        size += 1
-    return size
-
-
-@kernel
-def _half_area(bounds, node):
-    a = np.float64(bounds[node, 3]) - np.float64(bounds[node, 0])
-    b = np.float64(bounds[node, 4]) - np.float64(bounds[node, 1])
-    c = np.float64(bounds[node, 5]) - np.float64(bounds[node, 2])
-    return a * b + b * c + c * a
 
 
 @kernel

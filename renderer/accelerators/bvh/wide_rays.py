@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
-from renderer.accelerators.bvh.octants import ENDED, T
+from renderer.accelerators.bvh.octants import T
+from renderer.accelerators.bvh.stream_leaves import meet_block
 from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -28,11 +29,9 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
-    lane,
     lane_index,
     lane_index_8,
     lower_half,
-    lowest_bit,
     mask_bits,
     maximum,
     minimum,
@@ -48,22 +47,19 @@ from renderer.kernels.lanes.memory import (
     load_bytes,
     load_eight,
     load_one,
-    load_row,
     prefetch,
     store_one,
-    store_row,
 )
 from renderer.kernels.lanes.vectors import column3
-from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
-from renderer.kinds.shapes.blocks import WIDTH, primitives_in
-from renderer.kinds.shapes.primitives import hit_primitive
+from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kinds.shapes.blocks import WIDTH
 
 RAYS = 8  # under way at the same time; 4 to 16 were measured
 # Places of a ray's stack: seven a level of at most 60, and room for eight to be written at
 # once. Not a power of two, or the stacks of all rays would fall into the same cache sets.
 STACK = 440
 _STACKS = RAYS * STACK
-_ROW = 96  # floats of a ray: for each axis 16 of the origin, 16 of the reciprocal
+_ROW = 9  # floats of a ray: for each axis the origin by either margin, the reciprocal
 _ROWS = RAYS * _ROW
 # integers of a ray
 _NODE = 0  # where it is: a node, or ~block
@@ -114,7 +110,7 @@ class _Flight(NamedTuple):
     """The rays under way."""
 
     words: Any  # (RAYS * 8,) int32
-    rows: Any  # (RAYS * 96,) float32
+    rows: Any  # (RAYS * 9,) float32
     stack: Any  # (RAYS * STACK,) int32 nodes and blocks
     entries: Any  # (RAYS * STACK,) float32 where their boxes begin
 
@@ -156,7 +152,7 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
             depth = _push_children(accel, node, t_max, flight, place, depth)
             add_node(tally, rows, ray, depth)
         else:
-            _meet_block(accel.blocks, ~node, query, rows, ray, tally)
+            meet_block(accel.blocks, ~node, query, rows, ray, tally)
 
         # what to do next; nothing is left for a ray that has ended
         t_max = load_one(rows.for_boxes, T, ray)
@@ -194,8 +190,8 @@ def _start(rows, ray, root, flight, place):
     store_one(words, 0, at + _DEPTH, 0)
     store_one(words, 0, at + _RAY, ray)
     x = _start_axis(low.x, high.x, inverse.x, flight.rows, row)
-    y = _start_axis(low.y, high.y, inverse.y, flight.rows, row + 32)
-    z = _start_axis(low.z, high.z, inverse.z, flight.rows, row + 64)
+    y = _start_axis(low.y, high.y, inverse.y, flight.rows, row + 3)
+    z = _start_axis(low.z, high.z, inverse.z, flight.rows, row + 6)
     store_one(words, 0, at + _NEAR_BYTES, BOX_BYTES + x)
     store_one(words, 0, at + _NEAR_BYTES + 1, BOX_BYTES + AXIS_BYTES + y)
     store_one(words, 0, at + _NEAR_BYTES + 2, BOX_BYTES + 2 * AXIS_BYTES + z)
@@ -203,32 +199,37 @@ def _start(rows, ray, root, flight, place):
 
 @kernel
 def _start_axis(low, high, inverse, rows, row):
-    """Write an axis: 8 lanes for the near planes, 8 for the far ones; return the offset.
+    """Write the three numbers of an axis; return the offset of its near bounds.
 
     Lower planes are measured from the origin moved up by its margin, upper ones from the
-    origin moved down. The far half is negated, so that one maximum over the axes serves
-    both: it gives where the ray enters, and minus where it leaves.
+    origin moved down.
     """
     down = inverse < 0.0
-    near = low if down else high
-    far = high if down else low
-    first = lane_index() < WIDTH
-    store_row(rows, 0, row, select(first, splat_f32(near), splat_f32(far)))
-    store_row(rows, 0, row + 16, select(first, splat_f32(inverse), splat_f32(-inverse)))
+    store_one(rows, 0, row, low if down else high)
+    store_one(rows, 0, row + 1, high if down else low)
+    store_one(rows, 0, row + 2, inverse)
     # the bytes are lower, upper, lower: from the second on, upper bounds are the near ones
     return 8 if down else 0
 
 
 @kernel
 def _distances(accel, node, axis, flight, place):
-    """Return the distances to the near planes, and minus those to the far ones."""
+    """Return the distances to the eight near planes, and minus those to the far ones.
+
+    So one maximum over the axes serves both: it gives where the ray enters, and minus where
+    it leaves.
+    """
     at = np.int64(load_one(flight.words, 0, place * _WORD + _NEAR_BYTES + axis))
     word = node * WIDE_WORDS + axis
-    row = place * _ROW + 32 * axis
     plane = load_bytes(accel.octets, 0, node * WIDE_BYTES + at) * load_one(
         accel.floats, 0, word + SCALE
     ) + load_one(accel.floats, 0, word + ORIGIN)
-    return (plane - load_row(flight.rows, 0, row)) * load_row(flight.rows, 0, row + 16)
+    row = place * _ROW + 3 * axis
+    near = splat_f32(load_one(flight.rows, 0, row))
+    far = splat_f32(load_one(flight.rows, 0, row + 1))
+    inverse = splat_f32(load_one(flight.rows, 0, row + 2))
+    first = lane_index() < WIDTH
+    return (plane - select(first, near, far)) * select(first, inverse, -inverse)
 
 
 @kernel
@@ -263,42 +264,6 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
 
 @kernel
-def _meet_block(blocks, block, query, rows, ray, tally):
-    """Test a ray against a leaf's primitives."""
-    i = np.int64(load_one(rows.number, 0, ray))
-    _add_primitives(tally, blocks, block, i)
-    origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
-    t_max = load_one(rows.for_boxes, T, ray)
-    x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
-    if mask_bits(x.hit) == 0:
-        return
-    if query.any_will_do == 0:
-        _keep_nearest(query, rows, ray, i, x, blocks, block)
-        return
-    store_one(query.prim, 0, i, 1)
-    store_one(rows.for_boxes, T, ray, ENDED)
-
-
-@kernel
-def _keep_nearest(query, rows, ray, i, x, blocks, block):
-    """Update the hit of a ray, the i-th of the batch, with those of a block."""
-    # the least t, then the least id among those
-    bits = select(x.hit, as_i32(x.t), _NEVER)
-    t_bits = smallest(bits)
-    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
-    prim = smallest(ids)
-    j = lowest_bit(mask_bits(ids == prim))
-    t = as_f32(t_bits)
-    prim_before = load_one(query.prim, 0, i)
-    if t < load_one(rows.for_boxes, T, ray) or prim_before < 0 or prim < prim_before:
-        store_one(rows.for_boxes, T, ray, t)
-        store_one(query.ends, 0, i, t)
-        store_one(query.prim, 0, i, prim)
-        store_one(query.u, 0, i, lane(x.u, j))
-        store_one(query.v, 0, i, lane(x.v, j))
-
-
-@kernel
 def add_node(tally, rows, ray, depth):
     """Count that a ray, by its place in the rows, is tested against a node's children."""
     if tally is None:
@@ -307,15 +272,6 @@ def add_node(tally, rows, ray, depth):
     add_to(tally, NODES, i, 1)
     add_to(tally, BOXES, i, WIDTH)
     note_stack(tally, i, depth)
-
-
-@kernel
-def _add_primitives(tally, blocks, block, i):
-    if tally is None:
-        return
-    for j in range(WIDTH):
-        if blocks.id[WIDTH * block + j] >= 0:
-            tally[PRIMITIVES, i] += 1
 
 
 @kernel

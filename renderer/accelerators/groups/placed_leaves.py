@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.bvh.octants import ENDED
+from renderer.accelerators.bvh.one_ray_leaves import hit_block, nearest_in_block
 from renderer.accelerators.groups.placed_rays import (
     DIRECTION,
     ORIGIN,
@@ -17,29 +18,21 @@ from renderer.accelerators.groups.placed_rays import (
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
-    as_f32,
-    as_i32,
     first_lanes,
-    lane,
-    lowest_bit,
     mask_bits,
     select,
-    smallest,
     splat_f32,
 )
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import (
     gather_row,
-    load_eight,
     load_one,
     load_row,
     scatter_row,
     store_one,
 )
 from renderer.kernels.lanes.vectors import column3, gather_rows3
-from renderer.kinds.shapes.blocks import WIDTH, primitives_in
-from renderer.kinds.shapes.primitives import hit_primitive
 
-_NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
 # words of a leaf of primitives
 FIRST = 0  # its first primitive
 END = 1
@@ -75,7 +68,7 @@ def _meet(primitives, first, end, any_will_do, rows, lists, place, m):
     """Test the rays of a list against primitives in blocks of eight."""
     if primitives is None:
         return
-    if m > SHORT:
+    if m > SHORT and not HAS_AVX2_ONLY:
         _meet_together(primitives, first, end, any_will_do, rows, lists, place, m)
         return
     for j in range(m):
@@ -90,25 +83,19 @@ def _meet_block(blocks, block, any_will_do, rows, ray):
     floats, integers = rows.floats, rows.integers
     t_before = load_one(floats, T, ray)
     origin, direction = column3(floats, ORIGIN, ray), column3(floats, DIRECTION, ray)
-    x = hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_before)
+    x = hit_block(blocks, block, origin, direction, t_before)
     if mask_bits(x.hit) == 0:
         return
     if any_will_do != 0:
         store_one(floats, T, ray, ENDED)
         return
-    # the least t, then the least id among those
-    bits = select(x.hit, as_i32(x.t), _NEVER)
-    t_bits = smallest(bits)
-    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
-    prim = smallest(ids)
-    t = as_f32(t_bits)
+    near = nearest_in_block(blocks, block, x)
     prim_before = load_one(integers, PRIM, ray)
-    if t < t_before or prim_before < 0 or prim < prim_before:
-        k = lowest_bit(mask_bits(ids == prim))
-        store_one(floats, T, ray, t)
-        store_one(integers, PRIM, ray, prim)
-        store_one(floats, U, ray, lane(x.u, k))
-        store_one(floats, V, ray, lane(x.v, k))
+    if near.t < t_before or prim_before < 0 or near.prim < prim_before:
+        store_one(floats, T, ray, near.t)
+        store_one(integers, PRIM, ray, near.prim)
+        store_one(floats, U, ray, near.u)
+        store_one(floats, V, ray, near.v)
 
 
 @kernel

@@ -1,0 +1,95 @@
+"""What one ray meets in a leaf: all of its eight primitives are tested at once.
+
+That needs no other ray. Where 16 rays are at a leaf they can instead be tested together,
+against one primitive after the other. What is cheaper, the width of the processor's vectors
+says: with AVX2 eight lanes are one vector and 16 are two, so that a ray against eight
+primitives takes half of 16 rays against one (docs/performance.md, "Leaves").
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
+    as_f32,
+    as_i32,
+    lane,
+    lane_index,
+    lowest_bit,
+    mask_bits,
+    popcount,
+    select,
+    smallest,
+)
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
+from renderer.kernels.lanes.memory import load_eight, load_one
+from renderer.kernels.lanes.vectors import column3
+from renderer.kernels.records.tally import PRIMITIVES, add_to
+from renderer.kinds.shapes.blocks import WIDTH, primitives_in
+from renderer.kinds.shapes.primitives import hit_primitive
+
+_NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
+# Tests of one ray against eight that take as long as one of 16 rays against a primitive.
+_EIGHTS_A_TEST = 2 if HAS_AVX2_ONLY else 1
+
+
+class BlockHit(NamedTuple):
+    """The nearest hit of one ray among the primitives of a block."""
+
+    t: Any
+    prim: Any
+    u: Any
+    v: Any
+
+
+@kernel
+def held(blocks, block):
+    """Return how many primitives a block holds."""
+    return popcount(mask_bits(load_eight(blocks.id, 0, WIDTH * block) >= 0))
+
+
+@kernel
+def hit_block(blocks, block, origin, direction, t_max):
+    """Intersect one ray with the eight primitives of a block."""
+    return hit_primitive(blocks, primitives_in(blocks, block), origin, direction, t_max)
+
+
+@kernel
+def nearest_in_block(blocks, block, x):
+    """Return the nearest hit of `hit_block`, of equally near ones that of the least id."""
+    # floats that are not negative are ordered as their bits are
+    bits = select(x.hit, as_i32(x.t), _NEVER)
+    t_bits = smallest(bits)
+    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
+    prim = smallest(ids)
+    k = lowest_bit(mask_bits(ids == prim))
+    return BlockHit(as_f32(t_bits), prim, lane(x.u, k), lane(x.v, k))
+
+
+# --------------------------------------------------------------------- of a bundle
+
+
+@kernel
+def better_one_by_one(live, bits):
+    """Return whether `live` rays go one by one, as bits, beside the primitives to test."""
+    return popcount(live) <= _EIGHTS_A_TEST * popcount(bits)
+
+
+@kernel
+def blocked_one_by_one(blocks, block, live, shadow_rays, i, blocked, tally):
+    """Return which of 16 shadow rays are blocked with those that are `live` tested."""
+    while live != 0:
+        j = lowest_bit(live)
+        live &= live - 1
+        if tally is not None:
+            add_to(tally, PRIMITIVES, i + j, held(blocks, block))
+        origin = column3(shadow_rays.origin, 0, i + j)
+        direction = column3(shadow_rays.direction, 0, i + j)
+        t_max = load_one(shadow_rays.t_max, 0, i + j)
+        x = hit_block(blocks, block, origin, direction, t_max)
+        if mask_bits(x.hit) != 0:
+            blocked = blocked | (lane_index() == np.int32(j))
+    return blocked
