@@ -78,30 +78,13 @@ class Entries(NamedTuple):
 
 
 @kernel
-def _in_order(x):
-    """Return the bits of floats as integers that are ordered alike, and back."""
-    return x ^ ((x >> 31) & 0x7FFFFFFF)
-
-
-@kernel
-def _least(x):
-    # by integers: LLVM reduces floats lane by lane
-    return as_f32(np.int32(_in_order(smallest(_in_order(as_i32(x))))))
-
-
-@kernel
-def _most(x):
-    return as_f32(np.int32(_in_order(largest(_in_order(as_i32(x))))))
-
-
-@kernel
 def _least3(v):
-    return vec3(_least(v.x), _least(v.y), _least(v.z))
+    return vec3(smallest(v.x), smallest(v.y), smallest(v.z))
 
 
 @kernel
 def _most3(v):
-    return vec3(_most(v.x), _most(v.y), _most(v.z))
+    return vec3(largest(v.x), largest(v.y), largest(v.z))
 
 
 @kernel
@@ -268,7 +251,7 @@ def find_entries(accel, rays, ends, first, count, entries):
     octant = 1 if least.x + most.x < 0.0 else 0
     octant |= 2 if least.y + most.y < 0.0 else 0
     octant |= 4 if least.z + most.z < 0.0 else 0
-    begin, n = _open_nodes(accel, beam, _most(end), octant, entries)
+    begin, n = _open_nodes(accel, beam, largest(end), octant, entries)
     return beam, mask_bits(other) == 0, begin, n
 
 

@@ -401,17 +401,23 @@ def lane(typingctx: Any, x: Any, k: Any) -> Any:
     return signature(x.element, x, k), codegen
 
 
-def _reduction(llvm_name: str, doc: str) -> Any:
+def _reduction(sign: str, doc: str) -> Any:
     @intrinsic
     def function(typingctx: Any, x: Any) -> Any:
         single = isinstance(x, Lanes) and x.element in (types.float32, types.int32)
         _require(single, f"cannot reduce {x}")
-        floats = x.element == types.float32
-        name = llvm_name if floats else llvm_name.replace("f", "s", 1)
 
         def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            full = f"llvm.vector.reduce.{name}.{_suffix(x)}"
-            return call(builder, full, llvm_vector(x).element, args[0])
+            if x.element == types.int32:
+                name = f"llvm.vector.reduce.{_REDUCTIONS[sign]}.{_suffix(x)}"
+                return call(builder, name, ir.IntType(32), args[0])
+            # LLVM's own reduction of floats goes lane by lane
+            lanes, width = args[0], x.width
+            while width > 1:
+                width //= 2
+                halves = part(builder, lanes, 0, width), part(builder, lanes, width, width)
+                lanes = MASKS.extreme(builder, sign, *halves)
+            return builder.extract_element(lanes, ir.IntType(32)(0))
 
         return signature(x.element, x), codegen
 
@@ -419,5 +425,6 @@ def _reduction(llvm_name: str, doc: str) -> Any:
     return function
 
 
-largest = _reduction("fmax", "The largest lane.")
-smallest = _reduction("fmin", "The smallest lane.")
+_REDUCTIONS = {"<": "smin", ">": "smax"}
+largest = _reduction(">", "The largest lane; none may be NaN.")
+smallest = _reduction("<", "The smallest lane; none may be NaN.")
