@@ -1,15 +1,8 @@
-"""`closest_hit(accel, ...)` and `any_hit(accel, ...)`: resolved by the accelerator's type.
-
-There is no branch at run time; a scene that has no group of some kind passes None and
-nothing is compiled for it.
-"""
+"""Which kernels trace rays through which structure; they are called by their addresses."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
-
-from numba.core import types
-from numba.extending import overload
 
 from renderer.accelerators.bvh.bvh import (
     Bvh,
@@ -46,7 +39,6 @@ from renderer.accelerators.rays.brute_force import (
     closest_hit_brute_force,
 )
 from renderer.accelerators.rays.ray_by_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
-from renderer.kernels.jit import record_class
 
 
 class Traversals(NamedTuple):
@@ -75,59 +67,3 @@ TRAVERSALS = {
 }
 for _structure in (Bsp, UniformGrid, HierarchicalGrid, KdTree, Octree):
     TRAVERSALS[_structure] = _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray)
-
-
-def closest_hit(
-    accel: Any, rays: Any, hits: Any, first: int, count: int, coherent: bool, tally: Any
-) -> None:
-    """Update the hits of `count` rays with the nearer ones among this group."""
-    raise TypeError("inside kernels only")
-
-
-def any_hit(accel: Any, shadow_rays: Any, count: int, coherent: bool, tally: Any) -> None:
-    """Set `blocked` of the shadow rays that meet something of this group."""
-    raise TypeError("inside kernels only")
-
-
-@overload(closest_hit)
-def _closest_hit(accel, rays, hits, first, count, coherent, tally):
-    if isinstance(accel, types.NoneType):
-        return lambda accel, rays, hits, first, count, coherent, tally: None
-    traversals = TRAVERSALS.get(record_class(accel))
-    if traversals is None:
-        return None
-    together, single = traversals.closest_hit_coherent, traversals.closest_hit
-    if together is single:
-        return lambda accel, rays, hits, first, count, coherent, tally: single(
-            accel, rays, hits, first, count, tally
-        )
-
-    def choose(accel, rays, hits, first, count, coherent, tally):
-        if coherent:
-            together(accel, rays, hits, first, count, tally)
-        else:
-            single(accel, rays, hits, first, count, tally)
-
-    return choose
-
-
-@overload(any_hit)
-def _any_hit(accel, shadow_rays, count, coherent, tally):
-    if isinstance(accel, types.NoneType):
-        return lambda accel, shadow_rays, count, coherent, tally: None
-    traversals = TRAVERSALS.get(record_class(accel))
-    if traversals is None:
-        return None
-    together, single = traversals.any_hit_coherent, traversals.any_hit
-    if together is single:
-        return lambda accel, shadow_rays, count, coherent, tally: single(
-            accel, shadow_rays, count, tally
-        )
-
-    def choose(accel, shadow_rays, count, coherent, tally):
-        if coherent:
-            together(accel, shadow_rays, count, tally)
-        else:
-            single(accel, shadow_rays, count, tally)
-
-    return choose

@@ -9,14 +9,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import typeof
 from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
-from renderer.accelerators.dispatch import TRAVERSALS, any_hit, closest_hit
+from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.kernels.jit import (
     call,
     compile_method,
@@ -56,9 +56,20 @@ def _shadow_rays_of(rays, batch, blocked):  # type: ignore[no-untyped-def]
     return ShadowRays(origin, rays.direction[batch], rays.t_max[batch], origin, row, row)
 
 
+@kernel
+def _tally_of(tally, batch):  # type: ignore[no-untyped-def]
+    """Return the rows of a batch, or None where nothing is counted."""
+    if tally is None:
+        return None
+    return tally[batch]
+
+
 @entry_kernel
-def trace_closest(accel, rays, hits, ends, chosen, first, end, coherent):  # type: ignore[no-untyped-def]
-    """Find the nearest hits of batches chosen[first:end], up to `ends` of each ray."""
+def trace_closest(method, record, rays, hits, ends, chosen, first, end, tally):  # type: ignore[no-untyped-def]
+    """Find the nearest hits of batches chosen[first:end], up to `ends` of each ray.
+
+    `tally` is None or (batches, ROWS, stride).
+    """
     for k in range(first, end):
         b = chosen[k]
         batch, found = _rays_of(rays, b, hits.prim[b]), _hits_of(hits, b)
@@ -67,39 +78,17 @@ def trace_closest(accel, rays, hits, ends, chosen, first, end, coherent):  # typ
         if ends:
             for i in range(count):
                 found.t[i] = rays.t_max[b, i]
-        closest_hit(accel, batch, found, 0, count, coherent, None)
+        call(method, record, (batch, found, 0, count, _tally_of(tally, b)))
 
 
 @entry_kernel
-def trace_any(accel, rays, blocked, chosen, first, end, coherent):  # type: ignore[no-untyped-def]
+def trace_any(method, record, rays, blocked, chosen, first, end, tally):  # type: ignore[no-untyped-def]
     """Set `blocked` of the rays of batches chosen[first:end] that meet something."""
     for k in range(first, end):
         b = chosen[k]
         blocked[b, :] = 0
         batch = _shadow_rays_of(rays, b, blocked)
-        any_hit(accel, batch, rays.count[b], coherent, None)
-
-
-@entry_kernel
-def count_closest(method, record, rays, hits, ends, chosen, tally):  # type: ignore[no-untyped-def]
-    """Do as `trace_closest`, one thread, and count: tally is (batches, ROWS, stride)."""
-    for b in chosen:
-        batch, found = _rays_of(rays, b, hits.prim[b]), _hits_of(hits, b)
-        count = rays.count[b]
-        reset_hits(found, 0, count)
-        if ends:
-            for i in range(count):
-                found.t[i] = rays.t_max[b, i]
-        call(method, record, (batch, found, 0, count, tally[b]))
-
-
-@entry_kernel
-def count_any(method, record, rays, blocked, chosen, tally):  # type: ignore[no-untyped-def]
-    """Do as `trace_any`, one thread, and count."""
-    for b in chosen:
-        blocked[b, :] = 0
-        batch = _shadow_rays_of(rays, b, blocked)
-        call(method, record, (batch, rays.count[b], tally[b]))
+        call(method, record, (batch, rays.count[b], _tally_of(tally, b)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,26 +120,51 @@ def spread(batches: int, wanted: int) -> NDArray[np.int64]:
     return ((np.arange(count) + 0.5) * (batches / count)).astype(np.int64)
 
 
+class _Loop(NamedTuple):
+    """A loop over batches, and what to give it before their numbers."""
+
+    entry: Any
+    given: tuple[Any, ...]
+    record: Any  # of the structure; `given` has its address
+
+
+def _loop_over(accel: Any, query: Query, coherent: bool, tally: Any) -> _Loop:
+    """Return what traces batches through a structure.
+
+    Its kernel is called by its address, as stages do: an entry that is given the structure
+    would compile it once more, and both of its ways.
+    """
+    ways, packed, rays = TRAVERSALS[type(accel)], pack(accel), query.rays
+    row = None if tally is None else tally[0]
+    given: tuple[Any, ...]
+    if RAY_KINDS[query.kind].any_hit:
+        kernel = ways.any_hit_coherent if coherent else ways.any_hit
+        given = (_shadow_rays_of.py_func(rays, 0, query.blocked), 0, row)
+        method = compile_method(kernel, packed, *map(typeof, given))
+        return _Loop(trace_any, (*method, rays, query.blocked), packed)
+    kernel = ways.closest_hit_coherent if coherent else ways.closest_hit
+    found = _hits_of.py_func(query.hits, 0)
+    given = (_rays_of.py_func(rays, 0, found.prim), found, 0, 0, row)
+    method = compile_method(kernel, packed, *map(typeof, given))
+    ends = query.kind == "shadow_nearest"
+    return _Loop(trace_closest, (*method, rays, query.hits, ends), packed)
+
+
 def trace(accel: Any, query: Query, chosen: NDArray[np.int64], threads: int = 1) -> float:
     """Trace the chosen batches; return the seconds it took.
 
     The answers are in `query.blocked` for a kind that asks for any hit, else in
     `query.hits`.
     """
-    kind = RAY_KINDS[query.kind]
-    given: tuple[Any, ...]
-    if kind.any_hit:
-        entry, given = trace_any, (accel, query.rays, query.blocked)
-    else:
-        ends = query.kind == "shadow_nearest"
-        entry, given = trace_closest, (accel, query.rays, query.hits, ends)
+    together = RAY_KINDS[query.kind].coherent
+    loop = _loop_over(accel, query, together, None)
     # without Numba's look at each argument, which threads wait for: 0.2 ms of 4
-    nothing = (*given, chosen, 0, 0, kind.coherent)
-    entry(*nothing)
-    compiled = compiled_for(entry, *nothing)
+    nothing = (*loop.given, chosen, 0, 0, None)
+    loop.entry(*nothing)
+    compiled = compiled_for(loop.entry, *nothing)
 
     def run(first: int, end: int) -> None:
-        compiled(*given, chosen, first, end, kind.coherent)
+        compiled(*loop.given, chosen, first, end, None)
 
     n = len(chosen)
     if threads == 1:
@@ -198,26 +212,10 @@ def tallied(
 
     `coherent` None takes the way that the kind is traced.
     """
-    kind = RAY_KINDS[query.kind]
-    together = kind.coherent if coherent is None else coherent
+    together = RAY_KINDS[query.kind].coherent if coherent is None else coherent
     tally = np.zeros((len(query.rays.count), ROWS, query.rays.t_max.shape[1]), np.int32)
-    # by its address: an entry that is given the choice compiles both ways
-    ways, packed, rays = TRAVERSALS[type(accel)], pack(accel), query.rays
-    given: tuple[Any, ...]
-    if kind.any_hit:
-        kernel = ways.any_hit_coherent if together else ways.any_hit
-        batch = _shadow_rays_of.py_func(rays, 0, query.blocked)
-        given = (batch, 0, tally[0])
-        method = compile_method(kernel, packed, *map(typeof, given))
-        count_any(*method, rays, query.blocked, chosen, tally)
-    else:
-        kernel = ways.closest_hit_coherent if together else ways.closest_hit
-        found = _hits_of.py_func(query.hits, 0)
-        batch = _rays_of.py_func(rays, 0, found.prim)
-        given = (batch, found, 0, 0, tally[0])
-        method = compile_method(kernel, packed, *map(typeof, given))
-        ends = query.kind == "shadow_nearest"
-        count_closest(*method, rays, query.hits, ends, chosen, tally)
+    loop = _loop_over(accel, query, together, tally)
+    loop.entry(*loop.given, chosen, 0, len(chosen), tally)
     part = query.rays._replace(count=query.rays.count[chosen])
     return np.stack([flat(tally[chosen, row], part) for row in range(ROWS)])
 
