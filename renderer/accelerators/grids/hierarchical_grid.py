@@ -119,7 +119,7 @@ def _trace_grids(accel, origin, direction, hit, any_will_do, tally, i):
                 add_to(tally, PRIMITIVES, i, 1)
                 hit = nearer(primitives, items[k], origin, direction, hit)
             k += 1
-        if any_will_do and hit.prim >= 0:
+        if any_will_do != 0 and hit.prim >= 0:
             break
         place[level] = k + 1
         if k < end:

@@ -165,7 +165,7 @@ def _hit_in_grid(grid, mailboxed, origin, direction, hit, any_will_do, tally, i)
             if not already_tested(mailboxes, item, tally, i):
                 add_to(tally, PRIMITIVES, i, 1)
                 hit = nearer(primitives, item, origin, direction, hit)
-        if any_will_do and hit.prim >= 0:
+        if any_will_do != 0 and hit.prim >= 0:
             break
         inside = step(walk, 0, lower, size)
     return hit

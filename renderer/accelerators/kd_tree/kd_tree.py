@@ -115,7 +115,7 @@ def _trace_kd_tree(tree, origin, direction, hit, any_will_do, tally, i):
         )
         begin, end = tree.first[leaf], tree.first[leaf + 1]
         hit = nearest_in_range(primitives, begin, end, origin, direction, hit, tally, i)
-        if depth == 0 or leave > hit.t or (any_will_do and hit.prim >= 0):
+        if depth == 0 or leave > hit.t or (any_will_do != 0 and hit.prim >= 0):
             return hit
         depth -= 1
         node, enter, leave = np.int64(waiting[depth]), leave, ends[depth]

@@ -190,7 +190,7 @@ def _trace_bsp(bsp, origin, direction, hit, any_will_do, tally, i):
         hit = hit_in_list(
             primitives, items, start, end, origin, direction, hit, any_will_do, tally, i
         )
-        if waiting.depth == 0 or (any_will_do and hit.prim >= 0):
+        if waiting.depth == 0 or (any_will_do != 0 and hit.prim >= 0):
             break
         node, t_enter, t_leave, waiting = _next(waiting)
         # all that waits begins here or later; at t_enter = hit.t there may be a tie

@@ -95,7 +95,7 @@ def _trace_octree(tree, origin, direction, hit, any_will_do, tally, i):
             begin, end = tree.first[-1 - link], tree.first[-link]
             hit = nearest_in_range(primitives, begin, end, origin, direction, hit, tally, i)
         depth -= 1
-        if depth < 0 or starts[depth] > hit.t or (any_will_do and hit.prim >= 0):
+        if depth < 0 or starts[depth] > hit.t or (any_will_do != 0 and hit.prim >= 0):
             return hit
         link, enter, leave = np.int64(waiting[depth]), starts[depth], ends[depth]
 

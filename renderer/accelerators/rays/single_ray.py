@@ -86,7 +86,7 @@ def hit_in_list(
     for k in range(start, end):
         add_to(tally, PRIMITIVES, i, 1)
         hit = nearer(primitives, items[k], origin, direction, hit)
-        if any_will_do and hit.prim >= 0:
+        if any_will_do != 0 and hit.prim >= 0:
             break
     return hit
 
