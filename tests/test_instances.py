@@ -6,6 +6,7 @@ that turn, stretch, mirror and slant; all tests of hits ask it, so that it compi
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -488,6 +489,7 @@ def test_rays_that_leave_an_instance_do_not_meet_it(size, away, thin):
 # ------------------------------------------------------------------------------ memory
 
 
+@functools.cache
 def copies_of_a_mesh(folder, count):
     """A mesh of 32 triangles, `count` times."""
     rng = np.random.default_rng(9)
