@@ -59,9 +59,11 @@ def compile_method(
         If it returns something else: a caller would misread it.
     """
     signature = (record.numba_type, *arguments)
-    with rare_collections():
-        dispatcher.compile(signature)
-    compiled = dispatcher.overloads[signature]
+    compiled = dispatcher.overloads.get(signature)
+    if compiled is None:
+        with rare_collections():
+            dispatcher.compile(signature)
+        compiled = dispatcher.overloads[signature]
     found = compiled.signature.return_type
     if found != returns:
         raise TypeError(f"{dispatcher.__name__} returns {found}, not {returns}")
