@@ -6,7 +6,6 @@ that turn, stretch, mirror and slant; all tests of hits ask it, so that it compi
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -489,7 +488,6 @@ def test_rays_that_leave_an_instance_do_not_meet_it(size, away, thin):
 # ------------------------------------------------------------------------------ memory
 
 
-@functools.cache
 def copies_of_a_mesh(folder, count):
     """A mesh of 32 triangles, `count` times."""
     rng = np.random.default_rng(9)
@@ -506,6 +504,11 @@ def copies_of_a_mesh(folder, count):
     return renderer.load_file(path)
 
 
+@pytest.fixture(scope="module")
+def ten_thousand(folder):
+    return copies_of_a_mesh(folder, 10_000)
+
+
 def bytes_of(inputs):
     """The bytes of all arrays in the records that kernels see, views of one memory once."""
     arrays, records = {}, [inputs.record, *(packed.record for packed in inputs.tables.kept)]
@@ -518,9 +521,9 @@ def bytes_of(inputs):
     return sum(arrays.values())
 
 
-def test_ten_thousand_copies_cost_two_hundred_bytes_each(folder):
+def test_ten_thousand_copies_cost_two_hundred_bytes_each(folder, ten_thousand):
     """Arrays grow with the mesh, and by transforms and tree nodes for each copy."""
-    scenes = [copies_of_a_mesh(folder, n) for n in (10, 10_000)]
+    scenes = [copies_of_a_mesh(folder, 10), ten_thousand]
     few, many = (inputs_of(scene) for scene in scenes)
     assert accelerators_of(scenes[1]).triangles is None
     assert many.tables.surfaces["triangles"].end == 32
@@ -528,17 +531,17 @@ def test_ten_thousand_copies_cost_two_hundred_bytes_each(folder):
     assert bytes_of(few) < 20_000
 
 
-def test_ten_thousand_copies_are_hit_as_brute_force_does(folder):
-    scene = copies_of_a_mesh(folder, 10_000)
+def test_ten_thousand_copies_are_hit_as_brute_force_does(ten_thousand):
     rng = np.random.default_rng(10)
     origin = rng.uniform(-60, 60, (1000, 3)).astype(np.float32)
     direction = directions(1000, rng).astype(np.float32)
     found, truth = (
-        Hit(inputs_of(scene, accel), origin, direction) for accel in ("auto", "brute")
+        Hit(inputs_of(ten_thousand, accel), origin, direction)
+        for accel in ("auto", "brute")
     )
     assert_same(found, truth)
     assert 0.3 < truth.hit.mean() < 1 and len(set(truth.instance)) > 200
-    lines = make_plan(scene).lines
+    lines = make_plan(ten_thousand).lines
     assert any("10000 instances of 1 group (32 triangles)" in line for line in lines)
 
 

@@ -20,7 +20,6 @@ from numba.core.codegen import get_host_cpu_features
 import renderer
 
 TESTS = Path(__file__).parent
-LANES = str(TESTS / "test_lanes.py")
 SCENES = TESTS.parent / "scenes"
 AVX2 = "+avx,+avx2,+fma,+bmi,+bmi2,+popcnt,+lzcnt,+f16c,+movbe"
 PROCESSORS = {"AVX2": ("haswell", AVX2), "SSE2": ("generic", "")}
@@ -39,13 +38,27 @@ def as_on(request):
     }
 
 
-def test_lanes_of_other_processors(as_on):
-    """Masks, gathers and packing are other instructions there: the same tests must pass."""
-    chosen = "under or masks or minimum or comparisons or joined"
-    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-k", chosen, LANES]
-    run = subprocess.run(command, env=as_on, capture_output=True, text=True)
+def run_tests(environment, file, chosen):
+    """Run some tests of a file in a process of its own; at least one must be there."""
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-k", chosen, file]
+    run = subprocess.run(
+        command, cwd=TESTS, env=environment, capture_output=True, text=True
+    )
     assert run.returncode == 0, run.stdout + run.stderr
     assert " passed" in run.stdout
+
+
+def test_lanes_of_other_processors(as_on):
+    """Masks, gathers and packing are other instructions there: the same tests must pass."""
+    chosen = "under or masks or minimum or comparisons or joined or reductions"
+    run_tests(as_on, "test_lanes.py", chosen)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["test_ray_streams.py", "test_placed_streams.py"])
+def test_streams_of_other_processors(as_on, file):
+    """With AVX2 alone rays go one by one in leaves, elsewhere 16 go together."""
+    run_tests(as_on, file, "test")
 
 
 DRAW = """
@@ -58,7 +71,8 @@ print(hashlib.sha256(pixels.tobytes()).hexdigest())
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "accel"), [("cornell-box", "auto"), ("textured-room", "wide")]
+    ("name", "accel"),
+    [("cornell-box", "auto"), ("textured-room", "wide"), ("instances", "auto")],
 )
 def test_pictures_of_other_processors(as_on, name, accel):
     """Bit for bit: boxes and packets, streams and textures."""

@@ -83,8 +83,11 @@ def test_ends_of_rays_and_what_is_blocked_already(brute, wide):
     assert (truth.prim >= 0).sum() > 50 < (truth.prim != hit.prim).sum()
     assert_agrees(wide, truth, origin, direction, end, "ends")
     before = np.arange(STREAM) % 5 == 0
-    found = blocked(wide, origin, direction, t_max=end, before=before)
-    np.testing.assert_array_equal(found, before | (truth.prim >= 0))
+    for coherent in (False, True):
+        found = blocked(
+            wide, origin, direction, t_max=end, before=before, coherent=coherent
+        )
+        np.testing.assert_array_equal(found, before | (truth.prim >= 0))
 
 
 def test_rays_from_afar_among_near_ones(brute):

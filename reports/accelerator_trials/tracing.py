@@ -136,16 +136,16 @@ def _loop_over(accel: Any, query: Query, coherent: bool, tally: Any) -> _Loop:
     """
     ways, packed, rays = TRAVERSALS[type(accel)], pack(accel), query.rays
     row = None if tally is None else tally[0]
-    given: tuple[Any, ...]
+    arguments: tuple[Any, ...]
     if RAY_KINDS[query.kind].any_hit:
         kernel = ways.any_hit_coherent if coherent else ways.any_hit
-        given = (_shadow_rays_of.py_func(rays, 0, query.blocked), 0, row)
-        method = compile_method(kernel, packed, *map(typeof, given))
+        arguments = (_shadow_rays_of.py_func(rays, 0, query.blocked), 0, row)
+        method = compile_method(kernel, packed, *map(typeof, arguments))
         return _Loop(trace_any, (*method, rays, query.blocked), packed)
     kernel = ways.closest_hit_coherent if coherent else ways.closest_hit
     found = _hits_of.py_func(query.hits, 0)
-    given = (_rays_of.py_func(rays, 0, found.prim), found, 0, 0, row)
-    method = compile_method(kernel, packed, *map(typeof, given))
+    arguments = (_rays_of.py_func(rays, 0, found.prim), found, 0, 0, row)
+    method = compile_method(kernel, packed, *map(typeof, arguments))
     ends = query.kind == "shadow_nearest"
     return _Loop(trace_closest, (*method, rays, query.hits, ends), packed)
 

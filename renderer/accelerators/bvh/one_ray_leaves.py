@@ -3,7 +3,8 @@
 That needs no other ray. Where 16 rays are at a leaf they can instead be tested together,
 against one primitive after the other. What is cheaper, the width of the processor's vectors
 says: with AVX2 eight lanes are one vector and 16 are two, so that a ray against eight
-primitives takes half of 16 rays against one (docs/performance.md, "Leaves").
+primitives takes half of 16 rays against one (docs/performance.md, "Leaves and nodes of
+eight").
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from renderer.kinds.shapes.blocks import WIDTH, primitives_in
 from renderer.kinds.shapes.primitives import hit_primitive
 
 _NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
-# Tests of one ray against eight that take as long as one of 16 rays against a primitive.
+# Tests of one ray against eight that take as long as one of 16 rays against a primitive:
+# measured with AVX2. With AVX-512 the widths say 1, which others get, too.
 _EIGHTS_A_TEST = 2 if HAS_AVX2_ONLY else 1
 
 
@@ -49,6 +51,13 @@ class BlockHit(NamedTuple):
 def held(blocks, block):
     """Return how many primitives a block holds."""
     return popcount(mask_bits(load_eight(blocks.id, 0, WIDTH * block) >= 0))
+
+
+@kernel
+def count_block(tally, blocks, block, i):
+    """Count that ray i is tested against the primitives of a block."""
+    if tally is not None:
+        add_to(tally, PRIMITIVES, i, held(blocks, block))
 
 
 @kernel
@@ -74,18 +83,17 @@ def nearest_in_block(blocks, block, x):
 
 @kernel
 def better_one_by_one(live, bits):
-    """Return whether `live` rays go one by one, as bits, beside the primitives to test."""
+    """Return whether to test `live` rays one by one, not all against `bits` primitives."""
     return popcount(live) <= _EIGHTS_A_TEST * popcount(bits)
 
 
 @kernel
 def blocked_one_by_one(blocks, block, live, shadow_rays, i, blocked, tally):
-    """Return which of 16 shadow rays are blocked with those that are `live` tested."""
+    """Test the `live` rays (bits) one by one; return which of the 16 are blocked."""
     while live != 0:
         j = lowest_bit(live)
         live &= live - 1
-        if tally is not None:
-            add_to(tally, PRIMITIVES, i + j, held(blocks, block))
+        count_block(tally, blocks, block, i + j)
         origin = column3(shadow_rays.origin, 0, i + j)
         direction = column3(shadow_rays.direction, 0, i + j)
         t_max = load_one(shadow_rays.t_max, 0, i + j)

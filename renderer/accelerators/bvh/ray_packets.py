@@ -2,8 +2,9 @@
 
 Neighbouring camera rays visit nearly the same nodes, so each box and each primitive is
 fetched once and tested against all 16 at once; what no ray of the bundle enters is
-skipped. Where a bundle begins, and which primitives of a leaf it may meet, its beam tells
-(`beams`). Measured in docs/performance.md, "Beside Embree".
+skipped. Shadow rays are tested one by one where few of them enter a leaf. Where a bundle
+begins, and which primitives of a leaf it may meet, its beam tells (`beams`). Measured in
+docs/performance.md, "Beside Embree".
 """
 
 from __future__ import annotations

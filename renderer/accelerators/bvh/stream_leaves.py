@@ -1,7 +1,8 @@
 """What the rays of a list meet in a leaf: one by one, or 16 of them together.
 
-A leaf holds seven primitives on the average. With AVX2 even 16 rays take no longer one by
-one than together, fewer take less, and their numbers are neither gathered nor scattered.
+Leaves of large meshes hold seven of eight primitives on average. With AVX2 even 16 rays
+take no longer one by one than together, fewer take less, and their numbers are neither
+gathered nor scattered.
 """
 
 from __future__ import annotations
@@ -9,7 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.bvh.octants import ENDED, T
-from renderer.accelerators.bvh.one_ray_leaves import held, hit_block, nearest_in_block
+from renderer.accelerators.bvh.one_ray_leaves import (
+    count_block,
+    held,
+    hit_block,
+    nearest_in_block,
+)
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import gather_columns
@@ -29,7 +35,6 @@ from renderer.kernels.lanes.memory import (
     store_one,
 )
 from renderer.kernels.lanes.vectors import column3, vec3
-from renderer.kernels.records.tally import PRIMITIVES, add_to
 from renderer.kinds.shapes.blocks import WIDTH
 
 
@@ -44,20 +49,21 @@ def meet_leaf(blocks, block, query, rows, lists, place, m, tally):
         return
     if tally is not None:
         for j in range(place, place + m):
-            _add_primitives(tally, blocks, block, rows, lists[j])
+            if rows.for_boxes[T, lists[j]] >= 0.0:
+                count_block(tally, blocks, block, rows.number[lists[j]])
     _meet_together(blocks, block, query, rows, lists, place, m)
 
 
 @kernel
 def meet_block(blocks, block, query, rows, ray, tally):
     """Test a ray, by its place in the rows, against the primitives of a leaf."""
-    _add_primitives(tally, blocks, block, rows, ray)
+    i = np.int64(load_one(rows.number, 0, ray))
+    count_block(tally, blocks, block, i)
     origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
     t_max = load_one(rows.for_boxes, T, ray)
     x = hit_block(blocks, block, origin, direction, t_max)
     if mask_bits(x.hit) == 0:
         return
-    i = np.int64(load_one(rows.number, 0, ray))
     if query.any_will_do != 0:
         store_one(query.prim, 0, i, 1)
         store_one(rows.for_boxes, T, ray, ENDED)
@@ -106,10 +112,3 @@ def _store(query, rows, ray, number, near, found):
     scatter_row(query.prim, 0, number, near.prim, found)
     scatter_row(query.u, 0, number, near.u, found)
     scatter_row(query.v, 0, number, near.v, found)
-
-
-@kernel
-def _add_primitives(tally, blocks, block, rows, ray):
-    if tally is None:
-        return
-    add_to(tally, PRIMITIVES, rows.number[ray], held(blocks, block))

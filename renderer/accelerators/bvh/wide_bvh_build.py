@@ -88,9 +88,8 @@ def collapse(
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
     """Return the nodes of eight, and where each child is among the pairs.
 
-    A leaf's `child` is eight times the number of its block.
-
-    Which nodes of the binary tree they are is chosen in `wide_bvh_collapse`.
+    A leaf's `child` is eight times the number of its block. `wide_bvh_collapse` chooses
+    which nodes of the binary tree they are.
     """
     most = max(1, np.count_nonzero(count))
     memory = aligned_bytes(WIDE_BYTES * most)

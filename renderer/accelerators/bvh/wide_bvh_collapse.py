@@ -1,4 +1,4 @@
-"""Which nodes of a binary tree become the nodes of eight children that are met least.
+"""Which nodes of a binary tree become nodes of eight: those that rays meet least.
 
 A ray that meets the root's box meets another with a probability of the ratio of their
 surface areas. So what a node n costs that becomes a wide one is
@@ -10,9 +10,9 @@ where C(n, k) is what is below it, if up to k nodes take its place as children:
     C(n, k) = min over j of C'(left, j) + C'(right, k - j)
 
 with C'(m, k) the lesser of C(m) and C(m, k), and 0 for a leaf, which is there either way
-[Ylitie2017]. That is found from the leaves up. To replace always the child with the largest
-surface, the usual rule [Wald2008], leaves what is above the leaves with two children each:
-1.8 times as many nodes on a mesh of 327,680 triangles.
+[Ylitie2017]. That is found from the leaves up. The usual rule replaces the child with the
+largest surface, again and again [Wald2008]. It leaves two children to most nodes above the
+leaves: 1.8 times as many nodes on a mesh of 327,680 triangles.
 """
 
 from __future__ import annotations
@@ -24,21 +24,27 @@ from renderer.kernels.lanes.local import local_i32
 
 CHILDREN = 8
 ROOMS = CHILDREN - 1  # children that a node which is not at the top may be replaced by
+_LEAST_SHARE = 1e-9
 
 
 @kernel
 def write_costs(bounds, child, count, costs):
-    """Write C'(n, k) to costs[n, k - 1] for k from 1 to 7. Children come after parents."""
-    root = half_area(bounds, 0)
+    """Write C'(n, k) to costs[n, k - 1] for k from 1 to 7.
+
+    Children come after their parents, so nodes are taken from the last to the first.
+    """
+    root = _half_area(bounds, 0)
     for node in range(len(count) - 1, -1, -1):
         if count[node] > 0:
             for k in range(ROOMS):
                 costs[node, k] = 0.0
             continue
-        # where the root has no area (points on a line), every box counts as met
-        share = half_area(bounds, node) / root if root > 0.0 else 1.0
+        # points on a line have no area: fewer nodes are better there, too
+        share = _half_area(bounds, node) / root if root > 0.0 else 1.0
         first = child[node]
-        least = np.float32(share) + _best_division(first, CHILDREN, costs)[0]
+        least = (
+            np.float32(max(share, _LEAST_SHARE)) + _best_division(first, CHILDREN, costs)[0]
+        )
         costs[node, 0] = least
         for k in range(2, ROOMS + 1):
             least = min(least, _best_division(first, k, costs)[0])
@@ -77,7 +83,7 @@ def choose_children(child, count, node, costs, members):
 
 
 @kernel
-def half_area(bounds, node):
+def _half_area(bounds, node):
     """Return half the surface of a node's box."""
     a = np.float64(bounds[node, 3]) - np.float64(bounds[node, 0])
     b = np.float64(bounds[node, 4]) - np.float64(bounds[node, 1])

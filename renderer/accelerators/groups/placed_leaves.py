@@ -74,7 +74,8 @@ def _meet(primitives, first, end, any_will_do, rows, lists, place, m):
     for j in range(m):
         ray = np.int64(load_one(lists, 0, place + j))
         for block in range(first >> 3, (end + 7) >> 3):
-            _meet_block(primitives, block, any_will_do, rows, ray)
+            if load_one(rows.floats, T, ray) >= 0.0:
+                _meet_block(primitives, block, any_will_do, rows, ray)
 
 
 @kernel

@@ -37,7 +37,7 @@ from renderer.kernels.lanes.memory import (
 from renderer.kernels.lanes.vectors import gather3, gather_rows3, load3
 
 # Lists of no more rays than this are tested ray by ray, eight children or eight primitives
-# at a time.
+# at a time; with AVX2 all are in leaves.
 SHORT = 8
 OBJECT = ROW  # the first place of an instance's rays
 PLACES = 2 * ROW

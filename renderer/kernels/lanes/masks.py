@@ -111,8 +111,8 @@ class WholeLanes(Bits):
 
     def extreme(self, builder: ir.IRBuilder, sign: str, a: Any, b: Any) -> ir.Value:
         """Return the lesser ("<") or greater (">") of floats; b where one is NaN."""
-        known = getattr(a.type, "element", None) == ir.FloatType() and a.type.count >= 4
-        if not known:
+        floats = getattr(a.type, "element", None) == ir.FloatType()
+        if not floats or a.type.count < 4:
             return super().extreme(builder, sign, a, b)
         return _by_halves(builder, _LESSER if sign == "<" else _GREATER, (a, b))
 
