@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.bvh.bvh_tree import BLOCK, BLOCK_COST, TRAVERSAL_COST
+from renderer.accelerators.surface_area import half_area
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32
 
@@ -134,15 +135,6 @@ def _grow(bounds, box):
 
 
 @kernel
-def _half_area(box):
-    """Return half the surface of a box, in float64, which no box of floats overflows."""
-    a = np.float64(box[3]) - np.float64(box[0])
-    b = np.float64(box[4]) - np.float64(box[1])
-    c = np.float64(box[5]) - np.float64(box[2])
-    return a * b + b * c + c * a
-
-
-@kernel
 def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
     """Return (cost, axis, border): bins below the border go left.
 
@@ -150,7 +142,7 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
     have no area, would be split off bin by bin. The cost is infinite where all centres
     fall into one bin.
     """
-    area = _half_area(bounds)
+    area = half_area(bounds)
     per_area = BLOCK_COST / area if area > 0.0 else 0.0
     side = local_f32(6)
     best_cost = np.inf
@@ -162,7 +154,7 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
             if bin_counts[axis, k] > 0:
                 right += bin_counts[axis, k]
                 _grow(side, bin_bounds[axis, k])
-            right_cost[k] = _half_area(side) * _blocks(right) if right > 0 else 0.0
+            right_cost[k] = half_area(side) * _blocks(right) if right > 0 else 0.0
         size = right + bin_counts[axis, 0]
 
         _empty(side)
@@ -174,7 +166,7 @@ def _cheapest_split(bounds, bin_bounds, bin_counts, right_cost):
             if left == size:
                 break
             _grow(side, bin_bounds[axis, border - 1])
-            both = _half_area(side) * _blocks(left) + right_cost[border]
+            both = half_area(side) * _blocks(left) + right_cost[border]
             cost = TRAVERSAL_COST + per_area * both
             balance = min(left, size - left)
             if cost < best_cost or (cost == best_cost and balance > best_balance):

@@ -32,7 +32,7 @@ from renderer.kernels.records.tally import PRIMITIVES, add_to
 from renderer.kinds.shapes.blocks import WIDTH, primitives_in
 from renderer.kinds.shapes.primitives import hit_primitive
 
-_NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
+NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
 # Tests of one ray against eight that take as long as one of 16 rays against a primitive:
 # measured with AVX2. With AVX-512 the widths say 1, which others get, too.
 _EIGHTS_A_TEST = 2 if HAS_AVX2_ONLY else 1
@@ -70,9 +70,9 @@ def hit_block(blocks, block, origin, direction, t_max):
 def nearest_in_block(blocks, block, x):
     """Return the nearest hit of `hit_block`, of equally near ones that of the least id."""
     # floats that are not negative are ordered as their bits are
-    bits = select(x.hit, as_i32(x.t), _NEVER)
+    bits = select(x.hit, as_i32(x.t), NEVER)
     t_bits = smallest(bits)
-    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), _NEVER)
+    ids = select(bits == t_bits, load_eight(blocks.id, 0, WIDTH * block), NEVER)
     prim = smallest(ids)
     k = lowest_bit(mask_bits(ids == prim))
     return BlockHit(as_f32(t_bits), prim, lane(x.u, k), lane(x.v, k))

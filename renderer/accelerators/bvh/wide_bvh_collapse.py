@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.accelerators.surface_area import half_area
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_i32
 
 CHILDREN = 8
 ROOMS = CHILDREN - 1  # children that a node which is not at the top may be replaced by
-_LEAST_SHARE = 1e-9
+_LEAST_SHARE = 1e-9  # of a box without area: a node there costs something, too
 
 
 @kernel
@@ -33,18 +34,17 @@ def write_costs(bounds, child, count, costs):
 
     Children come after their parents, so nodes are taken from the last to the first.
     """
-    root = _half_area(bounds, 0)
+    root = half_area(bounds[0])
     for node in range(len(count) - 1, -1, -1):
         if count[node] > 0:
             for k in range(ROOMS):
                 costs[node, k] = 0.0
             continue
-        # points on a line have no area: fewer nodes are better there, too
-        share = _half_area(bounds, node) / root if root > 0.0 else 1.0
+        # where the root has no area (points on a line), every box counts as met
+        share = half_area(bounds[node]) / root if root > 0.0 else 1.0
+        share = np.float32(max(share, _LEAST_SHARE))
         first = child[node]
-        least = (
-            np.float32(max(share, _LEAST_SHARE)) + _best_division(first, CHILDREN, costs)[0]
-        )
+        least = share + _best_division(first, CHILDREN, costs)[0]
         costs[node, 0] = least
         for k in range(2, ROOMS + 1):
             least = min(least, _best_division(first, k, costs)[0])
@@ -80,12 +80,3 @@ def choose_children(child, count, node, costs, members):
         members[size], rooms[size] = first + 1, room - mine
         size += 1
     return size
-
-
-@kernel
-def _half_area(bounds, node):
-    """Return half the surface of a node's box."""
-    a = np.float64(bounds[node, 3]) - np.float64(bounds[node, 0])
-    b = np.float64(bounds[node, 4]) - np.float64(bounds[node, 1])
-    c = np.float64(bounds[node, 5]) - np.float64(bounds[node, 2])
-    return a * b + b * c + c * a

@@ -15,6 +15,7 @@ import numpy as np
 
 from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh.octants import T
+from renderer.accelerators.bvh.one_ray_leaves import NEVER
 from renderer.accelerators.bvh.stream_leaves import meet_block
 from renderer.accelerators.bvh.wide_bvh_build import (
     AXIS_BYTES,
@@ -68,7 +69,6 @@ _RAY = 2  # its place in the rows of the stream
 _NEAR_BYTES = 3  # 3 places in a node where its near bounds begin
 _WORD = 8
 _WORDS = RAYS * _WORD
-_NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float
 
 
 class Query(NamedTuple):
@@ -250,7 +250,7 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
     # floats that are not negative are ordered as their bits are; the last three make room
     # for the lane
-    keys = select(enters, (as_i32(enter) & ~7) | lane_index_8(), _NEVER)
+    keys = select(enters, (as_i32(enter) & ~7) | lane_index_8(), NEVER)
     nearest = smallest(keys)
     others = enters & (keys != nearest)
     top = place * STACK + depth

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.rays.sorting import median_of, sort_few
+from renderer.accelerators.surface_area import half_area
 from renderer.kernels.jit import kernel
 
 MIDDLE, MEDIAN, CHEAPEST = 0, 1, 2  # rules
@@ -36,15 +37,6 @@ BINS = 64
 def leaf_cost(count):
     """Return the cost of a leaf of `count` primitives."""
     return BLOCK_COST * ((count + BLOCK - 1) // BLOCK)
-
-
-@kernel
-def half_area(cell):
-    """Return half the surface of a cell, in float64, which no box of floats overflows."""
-    a = np.float64(cell[3]) - np.float64(cell[0])
-    b = np.float64(cell[4]) - np.float64(cell[1])
-    c = np.float64(cell[5]) - np.float64(cell[2])
-    return a * b + b * c + c * a
 
 
 @kernel
