@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.kernels.jit import (
+    Packed,
     call,
     compile_method,
     compiled_for,
@@ -31,7 +32,7 @@ from renderer.stages.intersect import reset_hits
 from renderer.threads import in_threads
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 
-JOBS_PER_THREAD = 4  # enough to even out batches of unlike cost
+JOBS_PER_THREAD = 16
 
 
 @kernel
@@ -64,31 +65,44 @@ def _tally_of(tally, batch):  # type: ignore[no-untyped-def]
     return tally[batch]
 
 
-@entry_kernel
-def trace_closest(method, record, rays, hits, ends, chosen, first, end, tally):  # type: ignore[no-untyped-def]
-    """Find the nearest hits of batches chosen[first:end], up to `ends` of each ray.
+class _Work(NamedTuple):
+    """All that a loop over batches needs; kernels see it through a pointer."""
 
-    `tally` is None or (batches, ROWS, stride).
-    """
+    method: int  # address of the structure's kernel
+    structure: int  # address of the record that it works on
+    rays: RayBatches
+    answers: Any  # Hits, or (batches, stride) int32 blocked
+    ends: bool  # whether rays end at their t_max where the nearest hit is asked for
+    chosen: NDArray[np.int64]  # numbers of batches
+    tally: Any  # None or (batches, ROWS, stride)
+
+
+@entry_kernel
+def trace_closest(work, first, end):  # type: ignore[no-untyped-def]
+    """Find the nearest hits of batches chosen[first:end], up to `ends` of each ray."""
+    rays, hits = work.rays, work.answers
     for k in range(first, end):
-        b = chosen[k]
+        b = work.chosen[k]
         batch, found = _rays_of(rays, b, hits.prim[b]), _hits_of(hits, b)
         count = rays.count[b]
         reset_hits(found, 0, count)
-        if ends:
+        if work.ends:
             for i in range(count):
                 found.t[i] = rays.t_max[b, i]
-        call(method, record, (batch, found, 0, count, _tally_of(tally, b)))
+        arguments = (batch, found, 0, count, _tally_of(work.tally, b))
+        call(work.method, work.structure, arguments)
 
 
 @entry_kernel
-def trace_any(method, record, rays, blocked, chosen, first, end, tally):  # type: ignore[no-untyped-def]
+def trace_any(work, first, end):  # type: ignore[no-untyped-def]
     """Set `blocked` of the rays of batches chosen[first:end] that meet something."""
+    rays, blocked = work.rays, work.answers
     for k in range(first, end):
-        b = chosen[k]
+        b = work.chosen[k]
         blocked[b, :] = 0
         batch = _shadow_rays_of(rays, b, blocked)
-        call(method, record, (batch, rays.count[b], _tally_of(tally, b)))
+        arguments = (batch, rays.count[b], _tally_of(work.tally, b))
+        call(work.method, work.structure, arguments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +135,16 @@ def spread(batches: int, wanted: int) -> NDArray[np.int64]:
 
 
 class _Loop(NamedTuple):
-    """A loop over batches, and what to give it before their numbers."""
+    """A loop over batches, what it works on, and what that has the address of."""
 
     entry: Any
-    given: tuple[Any, ...]
-    record: Any  # of the structure; `given` has its address
+    work: Packed  # of `_Work`
+    structure: Packed
 
 
-def _loop_over(accel: Any, query: Query, coherent: bool, tally: Any) -> _Loop:
+def _loop_over(
+    accel: Any, query: Query, chosen: NDArray[np.int64], coherent: bool, tally: Any
+) -> _Loop:
     """Return what traces batches through a structure.
 
     Its kernel is called by its address, as stages do: an entry that is given the structure
@@ -141,13 +157,15 @@ def _loop_over(accel: Any, query: Query, coherent: bool, tally: Any) -> _Loop:
         kernel = ways.any_hit_coherent if coherent else ways.any_hit
         arguments = (_shadow_rays_of.py_func(rays, 0, query.blocked), 0, row)
         method = compile_method(kernel, packed, *map(typeof, arguments))
-        return _Loop(trace_any, (*method, rays, query.blocked), packed)
+        work = _Work(*method, rays, query.blocked, False, chosen, tally)
+        return _Loop(trace_any, pack(work), packed)
     kernel = ways.closest_hit_coherent if coherent else ways.closest_hit
     found = _hits_of.py_func(query.hits, 0)
     arguments = (_rays_of.py_func(rays, 0, found.prim), found, 0, 0, row)
     method = compile_method(kernel, packed, *map(typeof, arguments))
     ends = query.kind == "shadow_nearest"
-    return _Loop(trace_closest, (*method, rays, query.hits, ends), packed)
+    work = _Work(*method, rays, query.hits, ends, chosen, tally)
+    return _Loop(trace_closest, pack(work), packed)
 
 
 def trace(accel: Any, query: Query, chosen: NDArray[np.int64], threads: int = 1) -> float:
@@ -156,15 +174,12 @@ def trace(accel: Any, query: Query, chosen: NDArray[np.int64], threads: int = 1)
     The answers are in `query.blocked` for a kind that asks for any hit, else in
     `query.hits`.
     """
-    together = RAY_KINDS[query.kind].coherent
-    loop = _loop_over(accel, query, together, None)
-    # without Numba's look at each argument, which threads wait for: 0.2 ms of 4
-    nothing = (*loop.given, chosen, 0, 0, None)
-    loop.entry(*nothing)
-    compiled = compiled_for(loop.entry, *nothing)
+    loop = _loop_over(accel, query, chosen, RAY_KINDS[query.kind].coherent, None)
+    loop.entry(loop.work, 0, 0)
+    compiled = compiled_for(loop.entry, loop.work, 0, 0)
 
     def run(first: int, end: int) -> None:
-        compiled(*loop.given, chosen, first, end, None)
+        compiled(loop.work, first, end)
 
     n = len(chosen)
     if threads == 1:
@@ -214,8 +229,8 @@ def tallied(
     """
     together = RAY_KINDS[query.kind].coherent if coherent is None else coherent
     tally = np.zeros((len(query.rays.count), ROWS, query.rays.t_max.shape[1]), np.int32)
-    loop = _loop_over(accel, query, together, tally)
-    loop.entry(*loop.given, chosen, 0, len(chosen), tally)
+    loop = _loop_over(accel, query, chosen, together, tally)
+    loop.entry(loop.work, 0, len(chosen))
     part = query.rays._replace(count=query.rays.count[chosen])
     return np.stack([flat(tally[chosen, row], part) for row in range(ROWS)])
 

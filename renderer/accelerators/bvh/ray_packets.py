@@ -46,6 +46,7 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     splat_i32,
 )
+from renderer.kernels.lanes.fused import multiply_add
 from renderer.kernels.lanes.local import (
     local_f32,
     local_i32,
@@ -123,12 +124,12 @@ def _bundle_enters(floats, node, bundle, t):
     moving the plane by 2^-23 (|b| + |o|); boxes and origins are padded by 16 times that.
     """
     inverse = bundle.inverse
-    x0 = inverse.x * load_one(floats, 0, node) - bundle.to_lower.x
-    y0 = inverse.y * load_one(floats, 0, node + 1) - bundle.to_lower.y
-    z0 = inverse.z * load_one(floats, 0, node + 2) - bundle.to_lower.z
-    x1 = inverse.x * load_one(floats, 0, node + 3) - bundle.to_upper.x
-    y1 = inverse.y * load_one(floats, 0, node + 4) - bundle.to_upper.y
-    z1 = inverse.z * load_one(floats, 0, node + 5) - bundle.to_upper.z
+    x0 = multiply_add(inverse.x, load_one(floats, 0, node), -bundle.to_lower.x)
+    y0 = multiply_add(inverse.y, load_one(floats, 0, node + 1), -bundle.to_lower.y)
+    z0 = multiply_add(inverse.z, load_one(floats, 0, node + 2), -bundle.to_lower.z)
+    x1 = multiply_add(inverse.x, load_one(floats, 0, node + 3), -bundle.to_upper.x)
+    y1 = multiply_add(inverse.y, load_one(floats, 0, node + 4), -bundle.to_upper.y)
+    z1 = multiply_add(inverse.z, load_one(floats, 0, node + 5), -bundle.to_upper.z)
     enter = maximum(
         maximum(minimum(x0, x1), minimum(y0, y1)),
         maximum(minimum(z0, z1), splat_f32(0.0)),

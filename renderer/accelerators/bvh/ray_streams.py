@@ -61,6 +61,7 @@ from renderer.kernels.lanes.functions import (
     splat_i32,
     upper_half,
 )
+from renderer.kernels.lanes.fused import multiply_add
 from renderer.kernels.lanes.local import local_columns_f32, local_f32, local_i32
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import (
@@ -182,8 +183,8 @@ def _write_planes(accel, node, axis, down, margin, planes):
     octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis + 8 * down
     word = node * WIDE_WORDS + axis
     unit = load_one(accel.floats, 0, word + SCALE)
-    plane = load_bytes(accel.octets, 0, octet) * unit
-    plane = plane + load_one(accel.floats, 0, word + ORIGIN)
+    origin = load_one(accel.floats, 0, word + ORIGIN)
+    plane = multiply_add(load_bytes(accel.octets, 0, octet), unit, origin)
     farther = select(down != 0, -margin, margin)
     near = lane_index() < WIDTH
     plane = plane + select(near, splat_f32(-farther), splat_f32(farther))
@@ -227,12 +228,12 @@ def _enter_children(stream, place, left, masks, size):
 def _enters(planes, k, inverse, start, t):
     """Return the bits of the rays that enter child k before their end t."""
     always_inline()
-    x0 = inverse.x * load_one(planes, 0, k) - start.x
-    x1 = inverse.x * load_one(planes, 0, k + 8) - start.x
-    y0 = inverse.y * load_one(planes, 0, k + 16) - start.y
-    y1 = inverse.y * load_one(planes, 0, k + 24) - start.y
-    z0 = inverse.z * load_one(planes, 0, k + 32) - start.z
-    z1 = inverse.z * load_one(planes, 0, k + 40) - start.z
+    x0 = multiply_add(inverse.x, load_one(planes, 0, k), -start.x)
+    x1 = multiply_add(inverse.x, load_one(planes, 0, k + 8), -start.x)
+    y0 = multiply_add(inverse.y, load_one(planes, 0, k + 16), -start.y)
+    y1 = multiply_add(inverse.y, load_one(planes, 0, k + 24), -start.y)
+    z0 = multiply_add(inverse.z, load_one(planes, 0, k + 32), -start.z)
+    z1 = multiply_add(inverse.z, load_one(planes, 0, k + 40), -start.z)
     enter = maximum(maximum(x0, y0), maximum(z0, np.float32(0.0)))
     leave = minimum(minimum(x1, y1), z1)
     return mask_bits(enter <= minimum(leave * STRETCH, t))

@@ -42,6 +42,7 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     upper_half,
 )
+from renderer.kernels.lanes.fused import multiply_add
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.lanes.memory import (
     append_row,
@@ -201,12 +202,13 @@ def _start(rows, ray, root, flight, place):
 def _start_axis(low, high, inverse, rows, row):
     """Write the three numbers of an axis; return the offset of its near bounds.
 
-    Lower planes are measured from the origin moved up by its margin, upper ones from the
-    origin moved down.
+    Distances are b / d - o / d, as for bundles. Lower planes are measured from the origin
+    moved up by its margin, upper ones from the origin moved down; so the first two numbers
+    are minus where near planes are measured from, and where far ones are, over d.
     """
     down = inverse < 0.0
-    store_one(rows, 0, row, low if down else high)
-    store_one(rows, 0, row + 1, high if down else low)
+    store_one(rows, 0, row, -(low if down else high) * inverse)
+    store_one(rows, 0, row + 1, (high if down else low) * inverse)
     store_one(rows, 0, row + 2, inverse)
     # the bytes are lower, upper, lower: from the second on, upper bounds are the near ones
     return 8 if down else 0
@@ -221,15 +223,16 @@ def _distances(accel, node, axis, flight, place):
     """
     at = np.int64(load_one(flight.words, 0, place * _WORD + _NEAR_BYTES + axis))
     word = node * WIDE_WORDS + axis
-    plane = load_bytes(accel.octets, 0, node * WIDE_BYTES + at) * load_one(
-        accel.floats, 0, word + SCALE
-    ) + load_one(accel.floats, 0, word + ORIGIN)
+    unit = load_one(accel.floats, 0, word + SCALE)
+    origin = load_one(accel.floats, 0, word + ORIGIN)
+    octets = load_bytes(accel.octets, 0, node * WIDE_BYTES + at)
+    plane = multiply_add(octets, unit, origin)
     row = place * _ROW + 3 * axis
     near = splat_f32(load_one(flight.rows, 0, row))
     far = splat_f32(load_one(flight.rows, 0, row + 1))
     inverse = splat_f32(load_one(flight.rows, 0, row + 2))
     first = lane_index() < WIDTH
-    return (plane - select(first, near, far)) * select(first, inverse, -inverse)
+    return multiply_add(plane, select(first, inverse, -inverse), select(first, near, far))
 
 
 @kernel

@@ -19,7 +19,7 @@ from renderer.kernels.lanes.functions import (
     upper_half,
 )
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
-from renderer.kernels.lanes.memory import load_row, store_row
+from renderer.kernels.lanes.memory import load_one, load_row, store_row
 from renderer.kernels.lanes.vectors import lower_half3, upper_half3
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
 from renderer.kinds.shapes.patch import Intersection
@@ -85,7 +85,7 @@ def nearest_of(primitives, start, end, origin, direction, nearest, tally, i, cou
     add_to_packet(tally, PRIMITIVES, i, count, end - start)
     for k in range(start, end):
         x = hit_packet(primitives, k, origin, direction, nearest.t)
-        prim = primitives.id[k]
+        prim = load_one(primitives.id, 0, k)
         # without a sign -1 is the largest id
         tie = (x.t == nearest.t) & (as_u32(nearest.prim) > np.uint32(prim))
         wins = x.hit & ((x.t < nearest.t) | tie)
@@ -107,7 +107,7 @@ def nearest_in_order(primitives, start, end, origin, direction, before):
     hit: where they win, the ray ends at the next larger t. Hits are nearer than the end.
     """
     # without a sign -1, no hit yet, is the largest id
-    wins_ties = as_u32(before.prim) > np.uint32(primitives.id[start])
+    wins_ties = as_u32(before.prim) > np.uint32(load_one(primitives.id, 0, start))
     wins_ties &= before.t < np.float32(np.inf)
     t = select(wins_ties, as_f32(as_i32(before.t) + 1), before.t)
     prim, u, v = before.prim, before.u, before.v
@@ -115,7 +115,7 @@ def nearest_in_order(primitives, start, end, origin, direction, before):
         x = hit_packet(primitives, k, origin, direction, t)
         wins = x.hit & (x.t < t)
         t = select(wins, x.t, t)
-        prim = select(wins, splat_i32(primitives.id[k]), prim)
+        prim = select(wins, splat_i32(load_one(primitives.id, 0, k)), prim)
         u = select(wins, x.u, u)
         v = select(wins, x.v, v)
     return Nearest(select(prim == before.prim, before.t, t), prim, u, v)

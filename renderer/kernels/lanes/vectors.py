@@ -205,7 +205,7 @@ def orthonormal_basis(n):
 @kernel
 def column(array, k):
     """Return the vector in column k of a (3, n) array."""
-    return vec3(array[0, k], array[1, k], array[2, k])
+    return column3(array, 0, k)
 
 
 @kernel

@@ -18,7 +18,7 @@ from renderer.kernels.lanes.functions import (
     to_double,
     to_single,
 )
-from renderer.kernels.lanes.memory import load_row
+from renderer.kernels.lanes.memory import load_one, load_row
 from renderer.kernels.lanes.vectors import column, cross, dot, load3, vec3
 from renderer.kinds.shapes.blocks import column_in, three_in
 
@@ -79,7 +79,7 @@ def patch_at(patches, k):
         column(patches.edge1, k),
         column(patches.edge2, k),
         column(patches.normal, k),
-        patches.breadth[k],
+        load_one(patches.breadth, 0, k),
     )
 
 
