@@ -1,6 +1,6 @@
-"""Which kernels a program compiles, that is, does not find in the cache.
+"""Which kernels a program needs, and which of them it does not find in the cache.
 
-Run in processes of their own: whatever a process has compiled or loaded once, it has.
+Asked in processes of their own: what a process has compiled or loaded once, it has.
 """
 
 from __future__ import annotations
@@ -13,55 +13,79 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import pytest
 from numba.core import event
 
 import renderer
+from renderer.kernels.jit.cache import KernelCache
 
 ROOT = Path(renderer.__file__).parents[1]
 
 
-class Compiled(NamedTuple):
-    """One kernel for one list of argument types."""
+class Needed(NamedTuple):
+    """One kernel for one list of argument types, as machine code of its own."""
 
-    module: str | None  # None for what is written by a program: loaders of parameters
+    module: str
     name: str
     arguments: tuple[str, ...]
+    found: bool  # in the cache; if not, it and what it calls was compiled
 
 
-def recorded(run: Callable[[], Any]) -> list[Compiled]:
-    """Return what is compiled while `run` runs."""
-    with event.install_recorder("numba:compile") as recorder:
+class _Depth(event.Listener):  # type: ignore[misc]
+    """How many kernels are being compiled, each for the one before."""
+
+    now = 0
+
+    def on_start(self, started: Any) -> None:
+        self.now += 1
+
+    def on_end(self, ended: Any) -> None:
+        self.now -= 1
+
+
+def needed(run: Callable[[], Any]) -> list[Needed]:
+    """Return what `run` needs, but not what is looked up to compile something else."""
+    asked, depth, load = [], _Depth(), KernelCache.load_overload
+
+    def noted(cache: Any, signature: Any, context: Any) -> Any:
+        compiled = load(cache, signature, context)
+        if depth.now == 0:
+            function, types = cache._py_func, tuple(map(str, signature))
+            found = compiled is not None
+            asked.append(Needed(function.__module__, function.__qualname__, types, found))
+        return compiled
+
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        event.install_listener("numba:compile", depth),
+    ):
+        patch.setattr(KernelCache, "load_overload", noted)
         run()
-    started = [e.data for _, e in recorder.buffer if e.is_start]
-    return [_compiled(data["dispatcher"].py_func, data["args"]) for data in started]
+    return asked
 
 
-def _compiled(function: Any, arguments: Any) -> Compiled:
-    return Compiled(function.__module__, function.__qualname__, tuple(map(str, arguments)))
-
-
-def compiled_by(statement: str, cache: Path, root: Path = ROOT) -> list[Compiled]:
-    """Return what a statement of Python compiles, in a new process with a given cache.
+def needed_by(statement: str, root: Path = ROOT) -> list[Needed]:
+    """Return what a statement of Python needs, in a new process.
 
     Parameters
     ----------
     statement : str
         A call of a function in a module of `tests/`, such as "module.function(1)".
-    cache : Path
-        For `LIGHTPROOF_CACHE`.
     root : Path
         The folder whose `renderer` is used.
     """
     program = f"""
 import json, compiled_kernels, {statement.partition(".")[0]}
-print(json.dumps(compiled_kernels.recorded(lambda: {statement})))
+print(json.dumps(compiled_kernels.needed(lambda: {statement})))
 """
     paths = os.pathsep.join([str(root), str(Path(__file__).parent)])
-    environment = os.environ | {"LIGHTPROOF_CACHE": str(cache), "PYTHONPATH": paths}
-    environment["NUMBA_OPT"] = "1"  # which kernels they are is the question, not how fast
-    command = [sys.executable, "-c", program]
     done = subprocess.run(
-        command, env=environment, cwd=root, capture_output=True, text=True, check=True
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": paths},
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     found = json.loads(done.stdout.splitlines()[-1])
-    return [Compiled(module, name, tuple(args)) for module, name, args in found]
+    return [Needed(module, name, tuple(args), f) for module, name, args, f in found]
