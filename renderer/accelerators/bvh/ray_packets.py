@@ -121,7 +121,8 @@ def _bundle_enters(floats, node, bundle, t):
     """Return the mask of the rays that enter a node's box before t.
 
     (b - o) / d as b / d - o / d, with o / d made once. Its rounding error is that of
-    moving the plane by 2^-23 (|b| + |o|); boxes and origins are padded by 16 times that.
+    moving the plane by 2^-23 (|b| + |o|), or less where it is one step of the processor;
+    boxes and origins are padded by 16 times that.
     """
     inverse = bundle.inverse
     x0 = multiply_add(inverse.x, load_one(floats, 0, node), -bundle.to_lower.x)

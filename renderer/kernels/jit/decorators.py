@@ -70,9 +70,10 @@ def entry_kernel(function: Any) -> Any:
     `nogil` lets the tile threads run side by side. `error_model="numpy"` makes a
     division plain (otherwise each is a branch and an exception path: 1.44 s against
     0.82 s on the Cornell box). No `fastmath`: the order of sums and the absence of fused
-    multiply-add are part of what makes images bit-identical. No reference counts: kernels
-    allocate nothing, and counting a record's arrays at each call was a sixth of all compile
-    time (docs/decisions/compile-time.md).
+    multiply-add (but in `lanes.fused`, for tests with a margin) are part of what makes
+    images bit-identical. No reference counts: kernels allocate nothing, and counting a
+    record's arrays at each call was a sixth of all compile time
+    (docs/decisions/compile-time.md).
     """
     return _called_from_python(function)
 
