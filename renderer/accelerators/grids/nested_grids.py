@@ -57,13 +57,12 @@ def _build(covers, pad):
 
     columns = np.arange(n).astype(np.int32)
     enclose(covers, columns, pad, low, high)
-    grids.first[0] = 0
-    count_in_grid(grids, 0, covers, columns, low, high, DENSITY, pad, MOST_COPIES * n)
-    used = write_grid(grids, 0, covers, columns, 0)
-    cells = cell_count(grids.resolution[0])
+    g, ready, used = np.int64(0), np.int64(1), np.int64(0)
+    grids.first[g] = 0
+    count_in_grid(grids, g, covers, columns, low, high, DENSITY, pad, MOST_COPIES * n)
+    used = write_grid(grids, g, covers, columns, used)
+    cells = cell_count(grids.resolution[g])
     grids.start[cells] = used
-    ready = 1
-    g = 0
     while g < ready and level[g] + 1 < LEVELS:
         begin = np.int64(grids.first[g])
         for cell in range(begin, begin + cell_count(grids.resolution[g])):

@@ -8,6 +8,7 @@ primitives: at most `ROOM` n references (an empty cell counts as one), so fewer 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,9 @@ from renderer.accelerators.kd_tree.kd_tree_nodes import (
     LEAF,
     MAX_DEPTH,
     KdNodes,
-    lay_out,
+    laid_out,
     retract,
+    room_for,
 )
 from renderer.accelerators.kd_tree.kd_tree_split import (
     BINS,
@@ -40,7 +42,7 @@ from renderer.accelerators.references import (
     lies_above,
     lies_below,
 )
-from renderer.kernels.jit import builder_kernel, kernel
+from renderer.kernels.jit import entry_kernel, kernel
 
 # References for each primitive. Each cell may use the room that is its share by the number
 # of its references, so that no part of the scene takes the room of another.
@@ -81,48 +83,55 @@ def build_kd_arrays(
     (nodes, 2), (leaves + 1,), (items,)
         Nodes as in `KdTree`, where the items of each leaf begin, and items.
     """
-    nodes, items = _split_cells(boxes, hulls, bounds, rule, depth_limit(len(boxes), rule))
-    retract(nodes, rule)
-    return lay_out(nodes, items, len(boxes))
-
-
-@builder_kernel
-def _split_cells(boxes, hulls, bounds, rule, max_depth):
-    """Return all nodes, and the items of the leaves."""
-    n = len(boxes)
-    most = 2 * ROOM * n
-    nodes = KdNodes(
-        np.empty(most, np.int32),
-        np.empty(most, np.float32),
-        np.empty(most, np.int32),
-        np.empty(most, np.int32),
-        np.empty(most, np.float64),
-        np.empty(most, np.int64),
-        np.empty(most, np.int64),
+    n, levels = len(boxes), depth_limit(len(boxes), rule)
+    work = _Work(
+        held=np.empty((ROOM + 1) * n, np.int32),
+        parts=np.empty(((ROOM + 1) * n, 6), np.float32),
+        starts=np.empty(n, np.float32),
+        ends=np.empty(n, np.float32),
+        counts=np.empty((2, BINS), np.int64),
+        waiting=np.empty((levels + 2, 5), np.int64),
+        cells=np.empty((levels + 2, 6), np.float32),
+        rooms=np.empty(levels + 2, np.float64),
     )
-    items = np.empty(ROOM * n, np.int32)
-    made, used = 1, 0
-    nodes.share[0] = 1.0
+    work.held[:n], work.parts[:n] = np.arange(n), boxes
+    work.waiting[0] = (0, 0, n, 0, 0)
+    work.cells[0] = bounds
+    work.rooms[0] = ROOM * n
+    nodes, items = room_for(2 * ROOM * n), np.empty(ROOM * n, np.int32)
+    made, used = _split_cells(hulls, rule, levels, work, nodes, items)
+    nodes = KdNodes(*(row[:made] for row in nodes))
+    retract(nodes, rule, np.empty(made, np.float64))
+    return laid_out(nodes, items[:used], n)
+
+
+class _Work(NamedTuple):
+    """What waits to be split, and room for the search of a split."""
 
     # references of waiting cells, those of the next cell last
-    held = np.empty((ROOM + 1) * n, np.int32)
-    parts = np.empty(((ROOM + 1) * n, 6), np.float32)
-    held[:n] = np.arange(n)
-    parts[:n] = boxes
-    starts, ends = np.empty(n, np.float32), np.empty(n, np.float32)
-    counts = np.empty((2, BINS), np.int64)
+    held: NDArray[np.int32]
+    parts: NDArray[np.float32]  # (references, 6) boxes of what is in the cell
+    starts: NDArray[np.float32]
+    ends: NDArray[np.float32]
+    counts: NDArray[np.int64]
+    # one waiting cell for each level
+    waiting: NDArray[np.int64]  # (levels, 5) node, begin, end, depth, bad splits above
+    cells: NDArray[np.float32]  # (levels, 6)
+    rooms: NDArray[np.float64]
 
-    # one waiting cell for each level: node, begin, end, depth, bad splits above
-    waiting = np.empty((max_depth + 2, 5), np.int64)
-    cells = np.empty((max_depth + 2, 6), np.float32)
-    rooms = np.empty(max_depth + 2, np.float64)
-    waiting[0] = (0, 0, n, 0, 0)
-    cells[0] = bounds
-    rooms[0] = np.float64(ROOM * n)
-    top = 1
+
+@entry_kernel
+def _split_cells(hulls, rule, max_depth, work, nodes, items):
+    """Write all nodes, and the items of the leaves; return how many of each."""
+    held, parts, cells, rooms = work.held, work.parts, work.cells, work.rooms
+    waiting = work.waiting
+    nodes.share[0] = 1.0
+    made, used = np.int64(1), np.int64(0)
+    top = np.int64(1)
     while top > 0:
         top -= 1
-        node, begin, end, depth, bad = waiting[top]
+        node, begin, end = waiting[top, 0], waiting[top, 1], waiting[top, 2]
+        depth, bad = waiting[top, 3], waiting[top, 4]
         cell, room = cells[top], rooms[top]
         nodes.count[node] = end - begin
         nodes.begin[node] = used
@@ -131,11 +140,11 @@ def _split_cells(boxes, hulls, bounds, rule, max_depth):
         axis, plane, good = NONE, np.float32(0.0), False
         if depth < max_depth and rule == CHEAPEST:
             cost, axis, plane = cheapest_split(
-                parts, begin, end, cell, starts, ends, counts
+                parts, begin, end, cell, work.starts, work.ends, work.counts
             )
             good = cost < leaf_cost(end - begin)
         elif depth < max_depth and end - begin > LEAF_SIZE:
-            axis, plane, good = _plain_split(rule, parts, begin, end, cell, starts)
+            axis, plane, good = _plain_split(rule, parts, begin, end, cell, work.starts)
         bad += 0 if good else 1
         if bad > BAD_SPLITS or not _has_room(parts, begin, end, axis, plane, room):
             axis = NONE
@@ -154,9 +163,10 @@ def _split_cells(boxes, hulls, bounds, rule, max_depth):
         nodes.share[made] = share_below(cell, axis, plane)
         nodes.share[made + 1] = share_above(cell, axis, plane)
         middle = begin + above
-        waiting[top] = (made + 1, begin, middle, depth + 1, bad)
-        waiting[top + 1] = (made, middle, middle + below, depth + 1, bad)
-        cells[top + 1] = cell
+        _wait(waiting, top, made + 1, begin, middle, depth + 1, bad)
+        _wait(waiting, top + 1, made, middle, middle + below, depth + 1, bad)
+        for j in range(6):
+            cells[top + 1, j] = cell[j]
         cells[top + 1, axis + 3] = plane
         cell[axis] = plane
         weight = max(above, 1) / (max(above, 1) + max(below, 1))
@@ -164,21 +174,17 @@ def _split_cells(boxes, hulls, bounds, rule, max_depth):
         rooms[top + 1] = room - room * weight
         top += 2
         made += 2
-    return _first_nodes(nodes, made), items[:used]
+    return made, used
 
 
-@builder_kernel
-def _first_nodes(nodes, made):
-    """Return the nodes that were made."""
-    return KdNodes(
-        nodes.axis[:made],
-        nodes.plane[:made],
-        nodes.child[:made],
-        nodes.count[:made],
-        nodes.share[:made],
-        nodes.begin[:made],
-        nodes.end[:made],
-    )
+@kernel
+def _wait(waiting, place, node, begin, end, depth, bad):
+    """Note a cell that waits; a tuple would compile for half a second."""
+    waiting[place, 0] = node
+    waiting[place, 1] = begin
+    waiting[place, 2] = end
+    waiting[place, 3] = depth
+    waiting[place, 4] = bad
 
 
 @kernel

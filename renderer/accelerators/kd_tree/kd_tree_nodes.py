@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.kd_tree.kd_tree_split import CHEAPEST, TRAVERSAL_COST, leaf_cost
-from renderer.kernels.jit import builder_kernel
+from renderer.kernels.jit import entry_kernel
 
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks
 LEAF = 3  # in place of an axis
@@ -27,16 +27,29 @@ class KdNodes(NamedTuple):
     end: NDArray[np.int64]
 
 
-@builder_kernel
-def retract(nodes, rule):
+def room_for(count: int) -> KdNodes:
+    """Return room for so many nodes; nothing is written yet."""
+    return KdNodes(
+        np.empty(count, np.int32),
+        np.empty(count, np.float32),
+        np.empty(count, np.int32),
+        np.empty(count, np.int32),
+        np.empty(count, np.float64),
+        np.empty(count, np.int64),
+        np.empty(count, np.int64),
+    )
+
+
+@entry_kernel
+def retract(nodes, rule, cost):
     """Turn every node into a leaf whose subtree turned out to be no better than a leaf.
+
+    `cost` has room for a number of each node.
 
     The estimate at a split took both parts for leaves; now their real costs are known. The
     other rules keep a subtree if any of its leaves holds less than the node did.
     """
-    made = len(nodes.axis)
-    cost = np.empty(made, np.float64)
-    for node in range(made - 1, -1, -1):
+    for node in range(len(nodes.axis) - 1, -1, -1):
         as_leaf = np.float64(nodes.count[node])
         if rule == CHEAPEST:
             as_leaf = leaf_cost(nodes.count[node])
@@ -55,40 +68,56 @@ def retract(nodes, rule):
             nodes.axis[node] = LEAF
 
 
-@builder_kernel
-def lay_out(nodes, items, n):
+def laid_out(
+    nodes: KdNodes, items: NDArray[np.int32], n: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Return the tree in the order of a walk, near nodes near in memory.
 
-    A retracted node takes what the leaves below it held, each primitive once.
+    A retracted node takes what the leaves below it held, each of the n primitives once.
     """
     made = len(nodes.axis)
     out = np.empty((made, 2), np.int32)
-    planes = out.view(np.float32)
-    first = np.empty(made + 1, np.int32)
-    listed = np.empty(len(items), np.int32)
+    first, listed = np.empty(made + 1, np.int32), np.empty(len(items), np.int32)
     last_leaf = np.full(n, -1, np.int32)
-    waiting = np.empty((MAX_DEPTH + 2, 2), np.int64)  # node, its place
-    waiting[0] = (0, 0)
-    top, placed, leaves, used = 1, 1, 0, 0
+    waiting = np.zeros((MAX_DEPTH + 2, 2), np.int64)
+    planes = out.view(np.float32)
+    placed, leaves, used = _lay_out(
+        nodes, items, last_leaf, waiting, out, planes, first, listed
+    )
+    return out[:placed].copy(), first[: leaves + 1].copy(), listed[:used].copy()
+
+
+@entry_kernel
+def _lay_out(nodes, items, last_leaf, waiting, out, planes, first, listed):
+    """Write nodes, where leaves begin, and their items; return how many of each.
+
+    `waiting` is the nodes that wait, and their places; the root in its own is first.
+    """
+    top, placed = np.int64(1), np.int64(1)
+    leaves, used = np.int64(0), np.int64(0)
     while top > 0:
         top -= 1
-        node, place = waiting[top]
+        node, place = waiting[top, 0], waiting[top, 1]
         axis = nodes.axis[node]
         if axis != LEAF:
             planes[place, 0] = nodes.plane[node]
             out[place, 1] = placed * 4 + axis
-            waiting[top] = (nodes.child[node] + 1, placed + 1)
-            waiting[top + 1] = (np.int64(nodes.child[node]), placed)
+            waiting[top, 0] = nodes.child[node] + 1
+            waiting[top, 1] = placed + 1
+            waiting[top + 1, 0] = nodes.child[node]
+            waiting[top + 1, 1] = placed
             top += 2
             placed += 2
             continue
-        out[place] = (0, leaves * 4 + LEAF)
+        out[place, 0] = 0
+        out[place, 1] = leaves * 4 + LEAF
         first[leaves] = used
-        for k in items[nodes.begin[node] : nodes.end[node]]:
+        for j in range(nodes.begin[node], nodes.end[node]):
+            k = items[j]
             if last_leaf[k] != leaves:
                 last_leaf[k] = leaves
                 listed[used] = k
                 used += 1
         leaves += 1
     first[leaves] = used
-    return out[:placed].copy(), first[: leaves + 1].copy(), listed[:used].copy()
+    return placed, leaves, used
