@@ -31,37 +31,44 @@ class Needed(NamedTuple):
     found: bool  # in the cache; if not, it and what it calls was compiled
 
 
-class _Depth(event.Listener):  # type: ignore[misc]
-    """How many kernels are being compiled, each for the one before."""
+class _Listener(event.Listener):  # type: ignore[misc]
+    """Notes what is found in the cache, and what is compiled but for something else."""
 
-    now = 0
+    def __init__(self) -> None:
+        self.kernels: list[Needed] = []
+        self._depth = 0  # kernels that are being compiled, each for the one before
+
+    def note(self, function: Any, arguments: Any, found: bool) -> None:
+        if self._depth == 0:
+            types = tuple(map(str, arguments))
+            name = function.__module__, function.__qualname__
+            self.kernels.append(Needed(*name, types, found))
 
     def on_start(self, started: Any) -> None:
-        self.now += 1
+        self.note(started.data["dispatcher"].py_func, started.data["args"], False)
+        self._depth += 1
 
     def on_end(self, ended: Any) -> None:
-        self.now -= 1
+        self._depth -= 1
 
 
 def needed(run: Callable[[], Any]) -> list[Needed]:
     """Return what `run` needs, but not what is looked up to compile something else."""
-    asked, depth, load = [], _Depth(), KernelCache.load_overload
+    listener, load = _Listener(), KernelCache.load_overload
 
     def noted(cache: Any, signature: Any, context: Any) -> Any:
         compiled = load(cache, signature, context)
-        if depth.now == 0:
-            function, types = cache._py_func, tuple(map(str, signature))
-            found = compiled is not None
-            asked.append(Needed(function.__module__, function.__qualname__, types, found))
+        if compiled is not None:
+            listener.note(cache._py_func, signature, True)
         return compiled
 
     with (
         pytest.MonkeyPatch.context() as patch,
-        event.install_listener("numba:compile", depth),
+        event.install_listener("numba:compile", listener),
     ):
         patch.setattr(KernelCache, "load_overload", noted)
         run()
-    return asked
+    return listener.kernels
 
 
 def needed_by(statement: str, root: Path = ROOT) -> list[Needed]:

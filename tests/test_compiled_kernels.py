@@ -47,16 +47,19 @@ def test_one_more_kind_of_bsdf_needs_one_kernel_of_its_own(
 ) -> None:
     """All else is what the box needs with a diffuse ball, for the same types of arguments.
 
-    So where that has been rendered before, a new kind compiles its own `scatter_kind` and
-    what this calls: no stage, light, shape or accelerator.
+    That has been rendered before, so it is found; a new kind compiles its own
+    `scatter_kind` with what this calls, and no kernel of another stage, of a light, a shape
+    or an accelerator.
     """
     before = {kernel[:3] for kernel in of_a_diffuse_ball}
     assert {"trace_paths", "reflect_light", "scatter_kind"} <= {
         name for _, name, _ in before
     }
     for kind in ("conductor", "dielectric"):
-        added = [kernel for kernel in box_with(kind) if kernel[:3] not in before]
+        kernels = box_with(kind)
+        added = [kernel for kernel in kernels if kernel[:3] not in before]
         assert [kernel.name for kernel in added] == ["scatter_kind"]
+        assert all(kernel.found for kernel in kernels if kernel[:3] in before)
         assert added[0].arguments[0].startswith("Record.BsdfMethods.")
 
 
@@ -69,4 +72,5 @@ def test_a_second_copy_of_the_sources_compiles_nothing(
     package = Path(renderer.__file__).parent
     shutil.copytree(package, tmp_path / "renderer", ignore=half_written)
     copy = box_with("diffuse", tmp_path)
+    assert {kernel[:3] for kernel in copy} == {kernel[:3] for kernel in of_a_diffuse_ball}
     assert [kernel for kernel in copy if not kernel.found] == []

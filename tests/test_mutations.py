@@ -240,7 +240,10 @@ NARROWER = mutation(  # in a file from which no kernel is compiled
     ids=lambda value: getattr(value, "name", None),
 )
 def test_what_the_camera_sees_is_seen_by_the_aovs(changed, seen):
-    """A defect is caught by the depths and normals, a neutral change is not."""
+    """A defect is caught by the depths and normals, a neutral change is not.
+
+    Defects of kernels are the matrix's: they are compiled anew, which takes 14 s.
+    """
     wanted = RenderRequest(
         str(scene_file("cornell-box")),
         {"width": "48", "height": "48", "spp": "1"},

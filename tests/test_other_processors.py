@@ -52,6 +52,7 @@ def test_lanes_of_other_processors(as_on):
     """Masks, gathers and packing are other instructions there: the same tests must pass."""
     chosen = "under or masks or minimum or comparisons or joined or reductions"
     run_tests(as_on, "test_lanes.py", chosen)
+    run_tests(as_on, "test_lanes_fused.py", "test")
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ RAYS = 8  # under way at the same time; 4 to 16 were measured
 # once. Not a power of two, or the stacks of all rays would fall into the same cache sets.
 STACK = 440
 _STACKS = RAYS * STACK
-_ROW = 9  # floats of a ray: for each axis the origin by either margin, the reciprocal
+_ROW = 9  # floats of a ray, three an axis: see `_start_axis`
 _ROWS = RAYS * _ROW
 # integers of a ray
 _NODE = 0  # where it is: a node, or ~block
@@ -200,11 +200,11 @@ def _start(rows, ray, root, flight, place):
 
 @kernel
 def _start_axis(low, high, inverse, rows, row):
-    """Write the three numbers of an axis; return the offset of its near bounds.
+    """Write -n / d, f / d and 1 / d of an axis; return the offset of its near bounds.
 
-    Distances are b / d - o / d, as for bundles. Lower planes are measured from the origin
-    moved up by its margin, upper ones from the origin moved down; so the first two numbers
-    are minus where near planes are measured from, and where far ones are, over d.
+    Near planes are measured from n, far ones from f: lower planes from the origin moved up
+    by its margin, upper ones from the origin moved down. Distances are b / d - o / d, as
+    for bundles.
     """
     down = inverse < 0.0
     store_one(rows, 0, row, -(low if down else high) * inverse)

@@ -1,7 +1,7 @@
 """a * b + c rounded once, where the compiler of Mitsuba's wheels has fused the two.
 
-Our own kernels never fuse (see `kernels.jit`); a replay must do so in the same places. It
-is rounded the same everywhere: a processor without the instruction calls the C library's.
+Our own kernels fuse nothing but box tests; a replay must do so in the same places. It is
+rounded the same everywhere: a processor without the instruction calls the C library's.
 """
 
 from __future__ import annotations

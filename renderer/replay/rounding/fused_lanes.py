@@ -1,7 +1,8 @@
 """a * b + c rounded once, of sixteen lanes: only for what must equal another renderer.
 
-The other kernels never fuse (see `kernels.jit`). The result is the same on every machine:
-where the processor lacks the instruction, the C library's function is called.
+The other kernels fuse nothing but box tests (`kernels.lanes.fused`). The result is the
+same on every machine: where the processor lacks the instruction, the C library's function
+is called.
 """
 
 from __future__ import annotations
