@@ -211,7 +211,7 @@ def nearest_of_ray(bvh, origin, direction, hit, tally, i):
     stack = local_i32(STACK)
     entries = local_f32(STACK)
     stack[0] = 0
-    entries[0] = ray_enters(bounds, 0, low, high, inverse, hit.t)
+    entries[0] = ray_enters(bounds, np.int64(0), low, high, inverse, hit.t)
     add_to(tally, BOXES, i, 1)
     depth = 1 if entries[0] < _INFINITY else 0
     while depth > 0:
@@ -219,9 +219,9 @@ def nearest_of_ray(bvh, origin, direction, hit, tally, i):
         depth -= 1
         if entries[depth] > hit.t:
             continue
-        node = stack[depth]
+        node = np.int64(stack[depth])
         add_to(tally, NODES, i, 1)
-        child = bvh.child[node]
+        child = np.int64(bvh.child[node])
         if bvh.count[node] == 0:
             near = child
             far = child + 1
@@ -306,16 +306,16 @@ def ray_is_blocked(bvh, origin, direction, t_max, tally, i):
     low, high = origin_margins(origin)
     stack = local_i32(STACK)
     stack[0] = 0
-    depth = 1
+    depth = np.int64(1)
     while depth > 0:
         note_stack(tally, i, depth)
         depth -= 1
-        node = stack[depth]
+        node = np.int64(stack[depth])
         add_to(tally, BOXES, i, 1)
         if ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
             continue
         add_to(tally, NODES, i, 1)
-        child = bvh.child[node]
+        child = np.int64(bvh.child[node])
         if bvh.count[node] == 0:
             stack[depth] = child
             stack[depth + 1] = child + 1

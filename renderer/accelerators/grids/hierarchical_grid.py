@@ -50,7 +50,7 @@ from renderer.accelerators.rays.single_ray import (
     already_tested,
     clear_mailboxes,
     nearer,
-    nearest_in_range,
+    nearest_of_all,
 )
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
@@ -70,7 +70,7 @@ def _enter(grids, g, walk, level, t, tally, i):
     """Enter grid g unless it is beyond t; return whether that was done."""
     add_to(tally, BOXES, i, 1)
     lower, size, resolution = grids.lower[g], grids.size[g], grids.resolution[g]
-    if not enter_grid(walk, level, lower, size, resolution, grids.first[g], t):
+    if not enter_grid(walk, level, lower, size, resolution, np.int64(grids.first[g]), t):
         return False
     add_to(tally, NODES, i, 1)
     note_stack(tally, i, level + 1)
@@ -86,7 +86,7 @@ def _trace_grids(accel, origin, direction, hit, any_will_do, tally, i):
     if not is_ray(origin, direction):
         return hit
     if is_beyond(accel.reach, origin):
-        return nearest_in_range(primitives, 0, count, origin, direction, hit, tally, i)
+        return nearest_of_all(primitives, origin, direction, hit, tally, i)
     mailboxes = local_i32(MAILBOXES)
     clear_mailboxes(mailboxes)
     # of grids: the primitives inside of a grid would soon overwrite it among their own
@@ -106,9 +106,9 @@ def _trace_grids(accel, origin, direction, hit, any_will_do, tally, i):
         local_f32(LEVELS),
     )
     set_out(walk, origin, direction)
-    level = np.int64(-1)
-    if _enter(grids, 0, walk, 0, hit.t, tally, i):
-        level = np.int64(0)
+    level, whole = np.int64(-1), np.int64(0)
+    if _enter(grids, whole, walk, level + 1, hit.t, tally, i):
+        level += 1
         within[0] = 0
         place[0] = start[walk.cell[0]]
     while level >= 0:
@@ -123,7 +123,7 @@ def _trace_grids(accel, origin, direction, hit, any_will_do, tally, i):
             break
         place[level] = k + 1
         if k < end:
-            g = items[k] - count
+            g = np.int64(items[k]) - count
             known = already_tested(entered, g, None, i)
             if not known and _enter(grids, g, walk, level + 1, hit.t, tally, i):
                 level += 1
@@ -131,7 +131,7 @@ def _trace_grids(accel, origin, direction, hit, any_will_do, tally, i):
                 place[level] = start[walk.cell[level]]
             continue
 
-        g = within[level]
+        g = np.int64(within[level])
         if step(walk, level, grids.lower[g], grids.size[g]) and walk.entry[level] <= hit.t:
             add_to(tally, NODES, i, 1)
             place[level] = start[walk.cell[level]]

@@ -41,7 +41,7 @@ from renderer.accelerators.rays.single_ray import (
     already_tested,
     clear_mailboxes,
     nearer,
-    nearest_in_range,
+    nearest_of_all,
 )
 from renderer.kernels.jit import builder_kernel, kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
@@ -133,9 +133,7 @@ def _hit_in_grid(grid, mailboxed, origin, direction, hit, any_will_do, tally, i)
     if not is_ray(origin, direction):
         return hit
     if is_beyond(grid.reach, origin):
-        return nearest_in_range(
-            primitives, 0, primitives.count, origin, direction, hit, tally, i
-        )
+        return nearest_of_all(primitives, origin, direction, hit, tally, i)
     if mailboxed is None:
         mailboxes = None
     else:
@@ -155,7 +153,8 @@ def _hit_in_grid(grid, mailboxed, origin, direction, hit, any_will_do, tally, i)
     set_out(walk, origin, direction)
     add_to(tally, BOXES, i, 1)
     lower, size = grid.lower, grid.size
-    inside = enter_grid(walk, 0, lower, size, grid.resolution, 0, hit.t)
+    level = np.int64(0)  # there is one grid, and its cells are all cells
+    inside = enter_grid(walk, level, lower, size, grid.resolution, level, hit.t)
     # A cell that begins at a hit's t may hold one of smaller id at the same t.
     while inside and walk.entry[0] <= hit.t:
         add_to(tally, NODES, i, 1)
@@ -167,7 +166,7 @@ def _hit_in_grid(grid, mailboxed, origin, direction, hit, any_will_do, tally, i)
                 hit = nearer(primitives, item, origin, direction, hit)
         if any_will_do != 0 and hit.prim >= 0:
             break
-        inside = step(walk, 0, lower, size)
+        inside = step(walk, level, lower, size)
     return hit
 
 

@@ -25,7 +25,7 @@ from renderer.accelerators.kd_tree.kd_tree_nodes import LEAF
 from renderer.accelerators.kd_tree.kd_tree_split import CHEAPEST, MEDIAN, MIDDLE
 from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.ray_interval import interval_in_box, starts_beyond
-from renderer.accelerators.rays.single_ray import nearest_in_range
+from renderer.accelerators.rays.single_ray import nearest_in_range, nearest_of_all
 from renderer.accelerators.references import boxes_of, hulls_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
@@ -98,8 +98,7 @@ def _trace_kd_tree(tree, origin, direction, hit, any_will_do, tally, i):
     """Return the nearest hit of one ray, or the first one found if any will do."""
     primitives = tree.primitives
     if starts_beyond(tree.reach, origin):
-        n = primitives.count
-        return nearest_in_range(primitives, 0, n, origin, direction, hit, tally, i)
+        return nearest_of_all(primitives, origin, direction, hit, tally, i)
     inverse = np.float32(1.0) / direction
     enter, leave = interval_in_box(tree.bounds, origin, inverse, hit.t)
     if not enter <= leave:
@@ -108,12 +107,12 @@ def _trace_kd_tree(tree, origin, direction, hit, any_will_do, tally, i):
     start[0], start[1], start[2] = origin.x, origin.y, origin.z
     scale[0], scale[1], scale[2] = inverse.x, inverse.y, inverse.z
     waiting, ends = local_i32(STACK), local_f32(STACK)
-    node, depth = np.int64(0), 0
+    node, depth = np.int64(0), np.int64(0)
     while True:
         leaf, leave, depth = _leaf_at(
             tree, node, enter, leave, start, scale, waiting, ends, depth, tally, i
         )
-        begin, end = tree.first[leaf], tree.first[leaf + 1]
+        begin, end = np.int64(tree.first[leaf]), np.int64(tree.first[leaf + 1])
         hit = nearest_in_range(primitives, begin, end, origin, direction, hit, tally, i)
         if depth == 0 or leave > hit.t or (any_will_do != 0 and hit.prim >= 0):
             return hit

@@ -25,7 +25,7 @@ from renderer.accelerators.octree_and_bsp.bsp_build import (
     require_nodes,
 )
 from renderer.accelerators.rays.ray_by_ray import trace_ray
-from renderer.accelerators.rays.single_ray import hit_in_list, nearest_in_range
+from renderer.accelerators.rays.single_ray import hit_in_list, nearest_of_all
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
@@ -174,11 +174,9 @@ def _trace_bsp(bsp, origin, direction, hit, any_will_do, tally, i):
     if not _is_ray(origin, direction):
         return hit
     if not _within(origin, direction, bsp.reach):
-        return nearest_in_range(
-            primitives, 0, primitives.count, origin, direction, hit, tally, i
-        )
-    waiting = Waiting(local_i32(STACK), local_f32(STACK), local_f32(STACK), 0)
-    node = 0
+        return nearest_of_all(primitives, origin, direction, hit, tally, i)
+    waiting = Waiting(local_i32(STACK), local_f32(STACK), local_f32(STACK), np.int64(0))
+    node = np.int64(0)
     t_enter, t_leave = _interval(bsp.bounds, origin, direction, hit.t)
     add_to(tally, BOXES, i, 1)
     while t_enter <= t_leave:

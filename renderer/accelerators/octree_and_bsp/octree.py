@@ -18,7 +18,7 @@ from renderer.accelerators.octree_and_bsp.octree_build import EMPTY, build_octre
 from renderer.accelerators.octree_and_bsp.octree_checks import validate_octree_arrays
 from renderer.accelerators.rays.ray_by_ray import trace_ray
 from renderer.accelerators.rays.ray_interval import interval_in_box, starts_beyond
-from renderer.accelerators.rays.single_ray import nearest_in_range
+from renderer.accelerators.rays.single_ray import nearest_in_range, nearest_of_all
 from renderer.accelerators.references import boxes_of, hulls_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
@@ -73,15 +73,14 @@ def _trace_octree(tree, origin, direction, hit, any_will_do, tally, i):
     """Return the nearest hit of one ray, or the first one found if any will do."""
     primitives = tree.primitives
     if starts_beyond(tree.reach, origin):
-        n = primitives.count
-        return nearest_in_range(primitives, 0, n, origin, direction, hit, tally, i)
+        return nearest_of_all(primitives, origin, direction, hit, tally, i)
     inverse = np.float32(1.0) / direction
     enter, leave = interval_in_box(tree.bounds, origin, inverse, hit.t)
     if not enter <= leave:
         return hit
     waiting = local_i32(STACK)
     starts, ends = local_f32(STACK), local_f32(STACK)
-    depth = 0
+    depth = np.int64(0)
     link = np.int64(tree.link[0])
     while True:
         add_to(tally, NODES, i, 1)
@@ -92,7 +91,7 @@ def _trace_octree(tree, origin, direction, hit, any_will_do, tally, i):
             )
             note_stack(tally, i, depth)
         else:
-            begin, end = tree.first[-1 - link], tree.first[-link]
+            begin, end = np.int64(tree.first[-1 - link]), np.int64(tree.first[-link])
             hit = nearest_in_range(primitives, begin, end, origin, direction, hit, tally, i)
         depth -= 1
         if depth < 0 or starts[depth] > hit.t or (any_will_do != 0 and hit.prim >= 0):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import first_lanes, lane, lowest_bit, mask_bits
 from renderer.kernels.records.tally import PRIMITIVES, SAVED, add_to
@@ -59,6 +61,14 @@ def nearest_in_range(primitives, start, end, origin, direction, hit, tally, i):
             if t < hit.t or (t == hit.t and (hit.prim < 0 or prim < hit.prim)):
                 hit = RayHit(t, prim, lane(x.u, j), lane(x.v, j))
     return hit
+
+
+@kernel
+def nearest_of_all(primitives, origin, direction, hit, tally, i):
+    """Return the nearest hit of a ray that is beyond what a structure was built for."""
+    # int64 as elsewhere: for each other type of whole number it would be compiled again
+    first, end = np.int64(0), np.int64(primitives.count)
+    return nearest_in_range(primitives, first, end, origin, direction, hit, tally, i)
 
 
 @kernel
