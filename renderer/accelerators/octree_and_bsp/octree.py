@@ -80,7 +80,7 @@ def _trace_octree(tree, origin, direction, hit, any_will_do, tally, i):
         return hit
     waiting = local_i32(STACK)
     starts, ends = local_f32(STACK), local_f32(STACK)
-    depth = np.int64(0)
+    depth = 0
     link = np.int64(tree.link[0])
     while True:
         add_to(tally, NODES, i, 1)
