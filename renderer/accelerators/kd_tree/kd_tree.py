@@ -107,7 +107,7 @@ def _trace_kd_tree(tree, origin, direction, hit, any_will_do, tally, i):
     start[0], start[1], start[2] = origin.x, origin.y, origin.z
     scale[0], scale[1], scale[2] = inverse.x, inverse.y, inverse.z
     waiting, ends = local_i32(STACK), local_f32(STACK)
-    node, depth = np.int64(0), np.int64(0)
+    node, depth = np.int64(0), 0
     while True:
         leaf, leave, depth = _leaf_at(
             tree, node, enter, leave, start, scale, waiting, ends, depth, tally, i
