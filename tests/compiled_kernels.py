@@ -23,42 +23,49 @@ ROOT = Path(renderer.__file__).parents[1]
 
 
 class Needed(NamedTuple):
-    """One kernel for one list of argument types, as machine code of its own."""
+    """One kernel for one list of argument types."""
 
-    module: str
+    module: str | None  # None for what is written by a program: loaders of parameters
     name: str
     arguments: tuple[str, ...]
-    found: bool  # in the cache; if not, it and what it calls was compiled
+    found: bool  # in the cache; if not, it was compiled
+    caller: str  # for whose machine code it was compiled; empty: it has its own
 
 
 class _Listener(event.Listener):  # type: ignore[misc]
-    """Notes what is found in the cache, and what is compiled but for something else."""
+    """Notes what is found in the cache, and what is compiled."""
 
     def __init__(self) -> None:
         self.kernels: list[Needed] = []
-        self._depth = 0  # kernels that are being compiled, each for the one before
+        self.under_way: list[str] = []  # what is being compiled, each for the one before
 
     def note(self, function: Any, arguments: Any, found: bool) -> None:
-        if self._depth == 0:
-            types = tuple(map(str, arguments))
-            name = function.__module__, function.__qualname__
-            self.kernels.append(Needed(*name, types, found))
+        types = tuple(map(str, arguments))
+        name = function.__module__, function.__qualname__
+        self.kernels.append(Needed(*name, types, found, (self.under_way or [""])[0]))
 
     def on_start(self, started: Any) -> None:
-        self.note(started.data["dispatcher"].py_func, started.data["args"], False)
-        self._depth += 1
+        function = started.data["dispatcher"].py_func
+        self.note(function, started.data["args"], False)
+        self.under_way.append(function.__qualname__)
 
     def on_end(self, ended: Any) -> None:
-        self._depth -= 1
+        self.under_way.pop()
 
 
-def needed(run: Callable[[], Any]) -> list[Needed]:
-    """Return what `run` needs, but not what is looked up to compile something else."""
+def needed(run: Callable[[], Any], anew: str) -> list[Needed]:
+    """Return what `run` needs, and all that goes into kernels of the name `anew`.
+
+    These are compiled, in the cache or not, and so is all that they call.
+    """
     listener, load = _Listener(), KernelCache.load_overload
 
     def noted(cache: Any, signature: Any, context: Any) -> Any:
+        name = cache._py_func.__qualname__
+        if anew in (name, *listener.under_way):
+            return None
         compiled = load(cache, signature, context)
-        if compiled is not None:
+        if compiled is not None and not listener.under_way:
             listener.note(cache._py_func, signature, True)
         return compiled
 
@@ -71,7 +78,7 @@ def needed(run: Callable[[], Any]) -> list[Needed]:
     return listener.kernels
 
 
-def needed_by(statement: str, root: Path = ROOT) -> list[Needed]:
+def needed_by(statement: str, root: Path = ROOT, anew: str = "") -> list[Needed]:
     """Return what a statement of Python needs, in a new process.
 
     Parameters
@@ -80,10 +87,12 @@ def needed_by(statement: str, root: Path = ROOT) -> list[Needed]:
         A call of a function in a module of `tests/`, such as "module.function(1)".
     root : Path
         The folder whose `renderer` is used.
+    anew : str
+        The name of kernels that are compiled with all that they call; empty: of none.
     """
     program = f"""
 import json, compiled_kernels, {statement.partition(".")[0]}
-print(json.dumps(compiled_kernels.needed(lambda: {statement})))
+print(json.dumps(compiled_kernels.needed(lambda: {statement}, "{anew}")))
 """
     paths = os.pathsep.join([str(root), str(Path(__file__).parent)])
     done = subprocess.run(
@@ -95,4 +104,4 @@ print(json.dumps(compiled_kernels.needed(lambda: {statement})))
         check=True,
     )
     found = json.loads(done.stdout.splitlines()[-1])
-    return [Needed(module, name, tuple(args), f) for module, name, args, f in found]
+    return [Needed(module, name, tuple(args), *of) for module, name, args, *of in found]
