@@ -22,15 +22,20 @@ from renderer.accelerators.validate import validate
 NAMES = tuple(BUILDERS)
 # Grouped by name, so that the processes of a test run share out what is to be compiled.
 every_name = pytest.mark.parametrize("name", NAMES, scope="module")
-# What a leaf tests is compiled for each kind of primitive in each structure. Loops over
-# rays meet every kind in one structure each; the others that share a loop with a kd-tree
-# (`ray_by_ray`) meet flat ones, and in the slow tests the rest.
-_OWN_LOOP = ("brute", "bvh", "bvh-median", "bvh-middle", "wide", "kd-sah")
+# What a leaf tests is compiled for each kind of primitive in each structure. The tree of
+# usual scenes meets every kind; those with a loop of their own meet flat and curved ones,
+# the rest, which share the loop `ray_by_ray`, flat ones; in the slow tests all meet all.
+_FLAT = ("triangles", "rectangles")
+QUICK_KINDS = (
+    dict.fromkeys(NAMES, _FLAT)
+    | dict.fromkeys(("bvh", "bvh-median", "bvh-middle", "kd-sah"), (*_FLAT, "spheres"))
+    | dict.fromkeys(("brute", "wide"), KINDS)
+)
 _SLOW = {
     (name, kind): pytest.mark.slow
     for name in NAMES
     for kind in KINDS
-    if name not in _OWN_LOOP and kind not in ("triangles", "rectangles")
+    if kind not in QUICK_KINDS[name]
 }
 every_pair = pytest.mark.parametrize(
     ("name", "kind"),

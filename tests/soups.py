@@ -21,7 +21,7 @@ from renderer.scene_file.meshes.mesh import _degenerate
 
 # The same examples in every run: a failure of one run is a failure of the next.
 SAME_EXAMPLES = settings(
-    deadline=None, derandomize=True, print_blob=False, database=None, max_examples=12
+    deadline=None, derandomize=True, print_blob=False, database=None, max_examples=8
 )
 
 

@@ -14,6 +14,7 @@ import pytest
 from agreement import (
     assert_agrees,
     assert_same,
+    brute_force,
     every_name,
     extents_for,
     proved,
@@ -165,8 +166,7 @@ def check_heap(name, make, count, rays):
     origin, direction, reach = rays_for(points, rays, np.random.default_rng(4))
     accel = proved(name, "triangles", surfaces, reach)
     assert bytes_of(accel) < count * BYTES + 2**20
-    brute = accelerator("triangles", surfaces, "brute")
-    truth = closest(brute, origin, direction)
+    truth = brute_force("triangles", surfaces, origin, direction)
     assert (truth.prim >= 0).any()
     label = f"{name}, {make.__name__}"
     assert_agrees(accel, truth, origin, direction, np.inf, label)
@@ -210,7 +210,7 @@ def test_few_primitives(name, n):
     rng = np.random.default_rng(n)
     surfaces = soup("triangles", n, rng, size=1.0)
     origin, direction = rng.uniform(-1.5, 1.5, (500, 3)), directions(500, rng)
-    truth = closest(accelerator("triangles", surfaces, "brute"), origin, direction)
+    truth = brute_force("triangles", surfaces, origin, direction)
     accel = proved(name, "triangles", surfaces, 5.0)
     assert_agrees(accel, truth, origin, direction, np.inf, name)
     assert blocked(accel, origin, direction).sum() == (truth.prim >= 0).sum()

@@ -41,10 +41,10 @@ def scene(offset, scale, axis_parallel=False):
     )
 
 
-def hits_from_outside(inputs, k, offset, scale, seed=0):
-    """Up to 16384 points of shape k, seen from outside (flat ones from both sides)."""
+def hits_from_outside(inputs, k, offset, scale, seed=0, hits=HITS):
+    """Return points of shape k, seen from outside (flat ones from both sides)."""
     rng = np.random.default_rng(seed)
-    n = 4 * HITS
+    n = 4 * hits
     middle = center(k, offset, scale)
     origin = middle + scale * rng.uniform(2, 2.4, (n, 1)) * directions(n, rng)
     target = middle + scale * rng.uniform(0, 1, (n, 1)) * directions(n, rng)
@@ -61,10 +61,10 @@ def hits_from_outside(inputs, k, offset, scale, seed=0):
     normal = seen.normal[keep] * np.sign(side[keep])[:, None]
     outgoing *= np.sign(np.sum(outgoing * normal, axis=1, keepdims=True))
     again = look(
-        inputs, origin[hit][keep][:HITS], direction[hit][keep][:HITS], outgoing[:HITS]
+        inputs, origin[hit][keep][:hits], direction[hit][keep][:hits], outgoing[:hits]
     )
-    assert len(again.t) > HITS / 2
-    return again, outgoing[:HITS], normal[:HITS]
+    assert len(again.t) > hits / 2
+    return again, outgoing[:hits], normal[:hits]
 
 
 def own_hits(inputs, k, origin, direction, t_max=np.inf):
@@ -120,7 +120,7 @@ def test_positions_are_known_far_better_than_the_offset(name, offset, scale):
     """Their distance from the true surface is a tenth of the offset at most, in float64."""
     k = SHAPES.index(name)
     inputs = kernel_inputs(scene(offset, scale, axis_parallel=True))
-    seen, _, _ = hits_from_outside(inputs, k, offset, scale)
+    seen, _, _ = hits_from_outside(inputs, k, offset, scale, hits=HITS // 4)
     local = seen.position - center(k, offset, scale).astype(np.float32)
     error = {
         "rectangle": lambda: np.abs(local[:, 2]),
@@ -137,7 +137,7 @@ def test_the_offset_is_small(offset, scale):
     """At most 6e-5 of sizes and coordinates: 64 units of the sum of edges and corner."""
     inputs = kernel_inputs(scene(offset, scale))
     for k in range(len(SHAPES)):
-        seen, _, _ = hits_from_outside(inputs, k, offset, scale)
+        seen, _, _ = hits_from_outside(inputs, k, offset, scale, hits=HITS // 4)
         size = np.abs(center(k, offset, scale)).max() + scale
         assert 0 < seen.offset.min() and seen.offset.max() < 6e-5 * size
 

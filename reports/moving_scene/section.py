@@ -37,7 +37,7 @@ def moving_scene_section(study: Record) -> Markup:
     motions = study["motions"]
     text = fill(
         "moving_scene.html",
-        filters={"milliseconds": lambda value: formatting.seconds(value / 1e3)},
+        filters={"milliseconds": _milliseconds},
         study=study,
         motions=motions,
         times=_chart(motions, "time of a ray, refitted / rebuilt", "ns_per_ray"),
@@ -52,6 +52,10 @@ def rays_to_win_back(frame: Record) -> float | None:
     saved = frame["refitted"]["ns_per_ray"] - frame["rebuilt"]["ns_per_ray"]
     spent = 1e6 * (frame["rebuild_ms"] - frame["refit_ms"])
     return max(spent, 0.0) / saved if saved > 0.0 else None
+
+
+def _milliseconds(value: float) -> str:
+    return formatting.seconds(value / 1e3)
 
 
 def _shown(motion: Record) -> Sequence[Record]:

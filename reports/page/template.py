@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,7 +12,8 @@ from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
 from reports.charts.library import packed_library
 from reports.page import formatting, heat_map, pictures
 
-FILTERS: dict[str, Callable[..., str]] = {
+Filter = Callable[..., str]
+FILTERS: dict[str, Filter] = {
     "number": formatting.number,
     "seconds": formatting.seconds,
     "judgement": formatting.judgement,
@@ -19,9 +21,7 @@ FILTERS: dict[str, Callable[..., str]] = {
 }
 
 
-def fill(
-    template: str, filters: Mapping[str, Callable[..., str]] | None = None, **context: Any
-) -> str:
+def fill(template: str, filters: Mapping[str, Filter] | None = None, **context: Any) -> str:
     """Return the HTML; a name that the template asks for and `context` lacks is an error.
 
     Parameters
@@ -29,10 +29,17 @@ def fill(
     template
         A file in reports/templates.
     filters
-        Further ways to write a value.
+        Further ways to write a value; functions of a module, as a template is compiled
+        once for each set of them.
     **context
         What the template shows; all of it is escaped but `Markup`.
     """
+    environment = _environment(frozenset((filters or {}).items()))
+    return environment.get_template(template).render(**context)
+
+
+@functools.cache
+def _environment(filters: frozenset[tuple[str, Filter]]) -> Environment:
     environment = Environment(
         loader=PackageLoader("reports"),
         autoescape=True,
@@ -40,7 +47,7 @@ def fill(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update({**FILTERS, **(filters or {})})
+    environment.filters.update({**FILTERS, **dict(filters)})
     environment.globals.update(
         packed_library=packed_library,
         work_ramp=heat_map.ramp_css(),
@@ -51,4 +58,4 @@ def fill(
             "rgb({:.0f} {:.0f} {:.0f})".format(*colour) for colour in pictures.DIVERGING
         ),
     )
-    return environment.get_template(template).render(**context)
+    return environment

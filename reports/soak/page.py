@@ -16,14 +16,14 @@ def soak_page(soak: Soak) -> str:
     shown = [(study, soak.parts.get(study.name, Part())) for study in STUDIES]
     return fill(
         "soak.html",
-        filters={
-            "grouped": lambda number: f"{number:,}".replace(
-                ",", "\N{NARROW NO-BREAK SPACE}"
-            )
-        },
+        filters={"grouped": _grouped},
         record=soak,
         shown=[(study, part, _chart(part)) for study, part in shown],
     )
+
+
+def _grouped(number: int) -> str:
+    return f"{number:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
 def _chart(part: Part) -> Markup | None:

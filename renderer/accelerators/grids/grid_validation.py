@@ -149,7 +149,7 @@ def _require_found(
     k, cell, low, high = _cells_met(grids, parts, _ASTRAY * extents.pad)
     met = _plane_meets(parts.primitive[k], low, high, extents)
     primitive = parts.primitive[k]
-    met &= ~np.isin(cell * total + primitive, holder * total + grids.items)
+    met &= ~_in_sorted(cell * total + primitive, holder * total + grids.items)
     k, cell, primitive, low, high = (a[..., met] for a in (k, cell, primitive, low, high))
 
     finer, inside = _finer_grid(grids, cell, primitive, reachable, n)
@@ -161,6 +161,12 @@ def _require_found(
         )
     low, high = np.maximum(parts.low[:, k], low), np.minimum(parts.high[:, k], high)
     return _Parts(finer, primitive, low, high)
+
+
+def _in_sorted(numbers: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which numbers are among the known ones, which ascend."""
+    place = np.searchsorted(known, numbers)
+    return np.append(known, -1)[place] == numbers
 
 
 def _require_inside(grids: Grids, parts: _Parts) -> None:
@@ -237,6 +243,6 @@ def _finer_grid(
         if at.size == 0:
             break
         grid = grids.items[end[at] - back] - n
-        leads = np.isin(grid * n + primitive[at], reachable)
+        leads = _in_sorted(grid * n + primitive[at], reachable)
         finer[at] = np.where(leads | (finer[at] < 0), grid, finer[at])
     return finer, finer >= 0

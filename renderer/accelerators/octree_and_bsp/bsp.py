@@ -223,14 +223,17 @@ def validate_bsp(bsp: Bsp, extents: Extents) -> None:
 
     grown = extents.radius.astype(np.float64) + PROVEN * extents.pad
     waiting = [(0, np.arange(n), 0)]
+    held = np.zeros(n, bool)
     while waiting:
         node, arriving, depth = waiting.pop()
         if depth > MAX_DEPTH:
             raise ValueError(f"BSP node {node} is deeper than {MAX_DEPTH}")
         child = int(bsp.child[node])
         if bsp.count[node]:
-            held = bsp.items[child : child + bsp.count[node]]
-            missing = np.setdiff1d(arriving, held)
+            items = bsp.items[child : child + bsp.count[node]]
+            held[items] = True
+            missing = arriving[~held[arriving]]
+            held[items] = False
             if missing.size:
                 raise ValueError(
                     f"BSP leaf {node} lacks primitive {missing[0]}"

@@ -55,25 +55,42 @@ def _reaches_into(extents, columns, lower, upper):
     growth = extents.radius[columns] + grow
     centre, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
     points -= centre[:, None]
-    apart = np.zeros(len(columns), bool)
-    for axis in _axes(points):
-        along = _dot(points, axis[:, None])
-        reach = _dot(half, np.abs(axis)) + growth * np.sqrt(_dot(axis, axis))
-        apart |= (along.min(axis=0) > reach) | (along.max(axis=0) < -reach)
-    reaches[reaches] = ~apart
+    # normals of faces first: they leave few of those that are apart at all
+    for axes in (_face_normals, _box_and_edges):
+        met = ~_apart_along(axes(points), points, half, growth)
+        reaches[reaches] = met
+        points, half, growth = points[..., met], half[:, met], growth[met]
     return reaches
 
 
-def _axes(points):
-    """Yield all axes (3, m) along which hulls and boxes can be apart."""
-    edges = {(a, b): points[:, b] - points[:, a] for a, b in _PAIRS}
+def _apart_along(axes, points, half, growth):
+    """Return whether hulls and boxes around the origin are apart along any of the axes."""
+    apart = np.zeros(points.shape[2], bool)
+    for axis in axes:
+        along = _dot(points, axis[:, None])
+        reach = _dot(half, np.abs(axis)) + growth * np.sqrt(_dot(axis, axis))
+        apart |= (along.min(axis=0) > reach) | (along.max(axis=0) < -reach)
+    return apart
+
+
+def _edges(points):
+    return {(a, b): points[:, b] - points[:, a] for a, b in _PAIRS}
+
+
+def _face_normals(points):
+    edges = _edges(points)
+    for a, b, c in _FACES:
+        yield _cross(edges[a, b], edges[a, c])
+
+
+def _box_and_edges(points):
+    """Yield the normals of boxes, and across each of their edges and each of a hull's."""
+    edges = _edges(points)
     for unit in np.eye(3):
         unit = np.broadcast_to(unit[:, None], (3, points.shape[2]))
         yield unit
         for edge in edges.values():
             yield _cross(edge, unit)
-    for a, b, c in _FACES:
-        yield _cross(edges[a, b], edges[a, c])
 
 
 def _dot(a, b):
