@@ -83,6 +83,33 @@ def test_the_picture_of_a_point_light_does_not_depend_on_their_number():
     np.testing.assert_allclose(four.pixels, one.pixels, rtol=1e-5)
 
 
+def test_without_light_samples_bsdf_samples_find_the_lamp():
+    """The mean of both ways, within five errors; with more noise, as it is one alone."""
+    mean, variance = mean_and_variance(1, 1)
+    alone, more = mean_and_variance(0, 1)
+    assert abs(alone - mean) < 5.0 * np.sqrt((variance + more) / 65536)
+    assert more > 2.0 * variance
+
+
+def test_without_light_samples_points_give_no_light():
+    """As in Mitsuba: no direction that the BSDF chooses meets one."""
+    for directions in (1, 2):
+        image = renderer.render(loaded(0, directions, POINT), spp=4)
+        assert not image.pixels.any()
+
+
+@pytest.mark.parametrize("directions", [1, 3])
+@pytest.mark.parametrize("content", [LAMP, POINT + LAMP])
+def test_without_light_samples_the_paths_are_mitsubas(
+    content, directions, references, tmp_path
+):
+    path = tmp_path / "scene.xml"
+    path.write_text(SCENE.format(0, directions, content))
+    options = Options(checks="replay", replay=(1,))
+    result = validate_scene(path, options, render_ours, references).result
+    assert result.verdict == "pass", result.reasons
+
+
 @pytest.fixture(scope="module")
 def references():
     with MitsubaWorker(time_limit=120.0) as worker:

@@ -43,6 +43,7 @@ def test_path_depths_are_those_of_mitsuba(content: str) -> None:
         "",
         integer("emitter_samples", 3),
         integer("bsdf_samples", 0),
+        integer("emitter_samples", 0),
         integer("emitter_samples", 1) + integer("bsdf_samples", 2),
         integer("shading_samples", 4),
     ],
@@ -196,7 +197,10 @@ def test_supported_lists_name_every_property() -> None:
     )
 
 
-def test_no_light_samples_at_all_are_refused() -> None:
-    """Mitsuba takes `emitter_samples` 0, and then shows no point light."""
-    text = TEXT.format("direct", integer("emitter_samples", 0))
-    assert 'property "emitter_samples": found 0, expected at least 1' in error_of(text)
+def test_no_samples_at_all_are_refused() -> None:
+    """Neither of lights nor of the BSDF: Mitsuba refuses these too."""
+    none = integer("emitter_samples", 0) + integer("bsdf_samples", 0)
+    with pytest.raises(RuntimeError, match="at least 1"):
+        shown("direct", none)
+    message = error_of(TEXT.format("direct", none))
+    assert 'property "bsdf_samples": found 0 beside "emitter_samples" 0' in message

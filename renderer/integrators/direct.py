@@ -65,7 +65,8 @@ def trace_several(scene, tile, sample, work):
         return
     begin_bounce(scene, tile, sample, work, count)
     _keep(rays, hits, count)
-    _points(scene, work, count, settings.light_samples)
+    if settings.light_samples > 0:
+        _points(scene, work, count, settings.light_samples)
     for number in range(settings.light_samples):
         direct_light(scene, tile, sample, number, work)
     for number in range(settings.bsdf_samples):
@@ -82,15 +83,20 @@ def _read(properties: Properties) -> Integrator:
     if both and separate:
         properties.fail(separate[0], 'a value beside "shading_samples"', "one of the two")
     shared = properties.integer("shading_samples", 1, at_least=1, at_most=MOST)
+    lights, directions = (
+        properties.integer(name, shared, at_least=0, at_most=MOST)
+        for name in ("emitter_samples", "bsdf_samples")
+    )
+    if lights == directions == 0:
+        properties.fail("bsdf_samples", '0 beside "emitter_samples" 0', "one of each")
     return Integrator(
         "direct",
         max_depth=2,
         hide_emitters=properties.boolean("hide_emitters", False),
-        # Mitsuba takes 0 and then shows no point light; nobody can want that
-        emitter_samples=properties.integer(
-            "emitter_samples", shared, at_least=1, at_most=MOST
-        ),
-        bsdf_samples=properties.integer("bsdf_samples", shared, at_least=0, at_most=MOST),
+        emitter_samples=lights,
+        bsdf_samples=directions,
+        # without light samples points and directions give no light, as in Mitsuba
+        strategy="both" if lights else "bsdfs",
     )
 
 

@@ -84,7 +84,7 @@ def decide_direct(case: Case, depth: int) -> Decision:
     """Return how direct light alone is followed."""
     light_samples, samples = case.asked.emitter_samples, case.asked.bsdf_samples
     if case.reduce and not case.extended:  # nothing varies from sample to sample
-        light_samples, samples = 1, min(samples, 1)
+        light_samples, samples = min(light_samples, 1), min(samples, 1)
     return Decision(
         "direct",
         depth,

@@ -222,9 +222,12 @@ DEFECTS = (
         "the film's sums are kept in float32",
         (
             Edit(
-                "rendering/film/film.py",
-                "np.zeros((layers * len(self.tiles), channels + 1, size, size))",
-                "np.zeros((layers * len(self.tiles), channels + 1, size, size), 'f4')",
+                "stages/film.py",
+                "                store_row(plane, y, x, value)\n",
+                "                store_row(plane, y, x, value)\n"
+                "                for k in range(4):\n"
+                "                    single = np.float32(load_one(plane, y, x + k))\n"
+                "                    store_one(plane, y, x + k, np.float64(single))\n",
             ),
         ),
         scene="cornell-box",

@@ -200,7 +200,8 @@ def explain_weights(plan: Plan, scene: Scene, extended: bool, why: Explanation) 
         why.say("left out", f"{what}, light samples: there is no light but the sky")
         return
     if plan.strategy != "both":
-        why.say("weights", f"{_ALONE[plan.strategy]}, as simplified")
+        who = "simplified" if plan.light_samples else "asked for"
+        why.say("weights", f"{_ALONE[plan.strategy]}, as {who}")
         return
     if plan.finds_sky:
         reason = "no other light can be hit"

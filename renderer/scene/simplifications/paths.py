@@ -64,7 +64,8 @@ def by_lights(description: SceneDescription) -> SceneDescription:
 
     def alone(integrator: Integrator) -> Integrator:
         weighed = integrator.name == "path" or (
-            integrator.name == "direct" and integrator.bsdf_samples > 0
+            integrator.name == "direct"
+            and min(integrator.emitter_samples, integrator.bsdf_samples) > 0
         )
         if not weighed or integrator.max_depth in (0, 1):
             return integrator
