@@ -318,6 +318,16 @@ def test_a_rung_that_sees_the_unchanged_renderer_proves_nothing():
     assert not row(True, AOVS, broken=(REPLAY,)).as_expected
 
 
+def test_a_mutant_that_numba_refuses_shows_nothing():
+    """The edit no longer fits what is around it: no check has seen the defect."""
+    why = "TypingError: Failed in kernel mode pipeline (step: nopython frontend)"
+    refused = Row("m", "d", True, "none", (Rung(RUNS, True, why, None, 0.0),), 0.0)
+    assert not refused.compiles
+    assert not refused.as_expected
+    crashed = Row("m", "d", True, "none", (Rung(RUNS, True, "died", None, 0.0),), 0.0)
+    assert crashed.as_expected
+
+
 def test_the_matrix_is_written_with_its_circumstances(tmp_path):
     path = tmp_path / "out" / "matrix.json"
     write_matrix([row(True, AOVS)], {"command": "made up"}, path)

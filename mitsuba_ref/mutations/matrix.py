@@ -61,9 +61,16 @@ class Row:
         return tuple(r.name for r in self.rungs if not r.caught and r.name != RUNS)
 
     @property
+    def compiles(self) -> bool:
+        """Whether there is a mutant at all: one that Numba refuses has no defect to see."""
+        refused = "Failed in kernel mode pipeline"  # Numba's words, for our pipeline
+        return not any(r.name == RUNS and refused in r.why for r in self.rungs)
+
+    @property
     def as_expected(self) -> bool:
         """Harmful and seen, or neutral and not seen, by rungs that mean something."""
-        return (self.caught_by is not None) == self.harmful and not self.broken
+        seen = self.caught_by is not None
+        return seen == self.harmful and not self.broken and self.compiles
 
 
 class SharedReferences(ReferenceCache):

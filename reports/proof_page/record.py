@@ -187,6 +187,8 @@ def _matrix_faults(matrix: Matrix) -> list[str]:
 def _unexpected(row: Row) -> str:
     if row.broken:
         return f"{', '.join(row.broken)} also sees the unchanged renderer"
+    if not row.compiles:
+        return "it does not compile any more, so that it shows nothing"
     if row.harmful:
         return "no check catches this defect"
     return f"{row.caught_by} alarms although nothing is wrong"
