@@ -20,7 +20,7 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # NumPy's temporaries of 128 kB and more would each be fetched from the system, zeroed page
-# by page, and given back: up to a quarter of the time of tests with many rays. From
+# by page, and given back: up to a sixth of the time of tests with many rays. From
 # malloc.h of glibc; other C libraries have no such function.
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
 _mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
