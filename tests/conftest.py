@@ -1,4 +1,4 @@
-"""What all tests share: failures are printed at once, memory is kept, no collector looks.
+"""What all tests share: failures are printed at once, and the collector is kept out.
 
 A run that something ends from outside (a hung process, CI's own limit) never comes to
 pytest's closing summary; without this its output says that tests failed and not which.
@@ -6,7 +6,6 @@ pytest's closing summary; without this its output says that tests failed and not
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import os
 import sys
@@ -18,16 +17,6 @@ import pytest
 # before anything imports NumPy: two workers' threads for products of matrices would wait
 # for each other, at the price of as much time again
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-# NumPy's temporaries of 128 kB and more would each be fetched from the system, zeroed page
-# by page, and given back: up to a sixth of the time of tests with many rays. From
-# malloc.h of glibc; other C libraries have no such function.
-_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
-_mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-if _mallopt is not None:
-    _mallopt(_M_MMAP_THRESHOLD, 32 << 20)
-    _mallopt(_M_TRIM_THRESHOLD, 512 << 20)
-    _mallopt(_M_TOP_PAD, 64 << 20)
 
 
 class FailuresAtOnce:

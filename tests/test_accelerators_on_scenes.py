@@ -86,7 +86,9 @@ def loaded(path: Path) -> renderer.Scene:
 def check_scene(name, path, kinds):
     """Compare with brute force over some kinds of primitives, as the renderer builds."""
     scene = loaded(path)
-    asked = kinds & scene.surfaces.keys()
+    asked = [kind for kind in scene.surfaces if kind in kinds]
+    if not asked:
+        pytest.skip("the scene has no such primitives")
     found = 0
     for kind in asked:
         surfaces = scene.surfaces[kind]
@@ -98,7 +100,7 @@ def check_scene(name, path, kinds):
         label = f"{name}, {kind} of {path.parent.name}"
         assert_agrees(accel, truth, origin, direction, np.inf, label)
         found += (truth.prim >= 0).sum()
-    assert found > 100 or not asked
+    assert found > 100
 
 
 @every_name
@@ -108,7 +110,7 @@ def test_every_scene(name, path):
 
 
 @pytest.mark.slow
-@every_name
+@pytest.mark.parametrize("name", [n for n in NAMES if set(KINDS) - set(QUICK_KINDS[n])])
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
 def test_other_kinds_of_every_scene(name, path):
     check_scene(name, path, set(KINDS) - set(QUICK_KINDS[name]))

@@ -98,6 +98,14 @@ def test_without_light_samples_points_give_no_light():
         assert not image.pixels.any()
 
 
+@pytest.mark.parametrize("other", ["path", "whitted"])
+def test_another_integrator_samples_lights_all_the_same(other):
+    scene = loaded(0, 1, POINT)
+    plan = make_plan(scene, integrator=other)
+    assert (plan.strategy, plan.light_samples) == ("both", 1)
+    assert renderer.render(scene, spp=1, integrator=other).pixels.any()
+
+
 @pytest.mark.parametrize("directions", [1, 3])
 @pytest.mark.parametrize("content", [LAMP, POINT + LAMP])
 def test_without_light_samples_the_paths_are_mitsubas(

@@ -13,6 +13,7 @@ import re
 from pathlib import Path
 
 import pytest
+from numba.core.errors import TypingError
 
 from mitsuba_ref.comparison.aovs import compare_aovs
 from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, DEFECTS, named
@@ -44,6 +45,7 @@ from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.errors import SceneError
+from renderer.kernels.jit import entry_kernel
 
 every_mutation = pytest.mark.parametrize("mutation", CATALOGUE, ids=lambda m: m.name)
 
@@ -320,7 +322,14 @@ def test_a_rung_that_sees_the_unchanged_renderer_proves_nothing():
 
 def test_a_mutant_that_numba_refuses_shows_nothing():
     """The edit no longer fits what is around it: no check has seen the defect."""
-    why = "TypingError: Failed in kernel mode pipeline (step: nopython frontend)"
+
+    @entry_kernel
+    def broken(x):
+        return x.no_such_thing
+
+    with pytest.raises(TypingError) as error:
+        broken(1.0)
+    why = str(error.value)
     refused = Row("m", "d", True, "none", (Rung(RUNS, True, why, None, 0.0),), 0.0)
     assert not refused.compiles
     assert not refused.as_expected

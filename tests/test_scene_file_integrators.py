@@ -204,3 +204,4 @@ def test_no_samples_at_all_are_refused() -> None:
         shown("direct", none)
     message = error_of(TEXT.format("direct", none))
     assert 'property "bsdf_samples": found 0 beside "emitter_samples" 0' in message
+    assert "expected 1 or more of either" in message

@@ -62,8 +62,8 @@ class Row:
 
     @property
     def compiles(self) -> bool:
-        """Whether there is a mutant at all: one that Numba refuses has no defect to see."""
-        refused = "Failed in kernel mode pipeline"  # Numba's words, for our pipeline
+        """Whether its scene finds a mutant at all: what Numba refuses has no defect."""
+        refused = "Failed in kernel mode pipeline"  # Numba's words
         return not any(r.name == RUNS and refused in r.why for r in self.rungs)
 
     @property

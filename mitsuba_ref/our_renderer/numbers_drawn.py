@@ -59,7 +59,7 @@ class NumbersDrawn:
         drawn: Numbers = {}
         if sampler is None:
             return drawn
-        if sampler.smooth[self._shape[prim]]:
+        if sampler.lights and sampler.smooth[self._shape[prim]]:
             drawn |= self._pair(tile, light_number(0), LIGHT)
         if sampler.bsdf:
             drawn["bsdf"] = self._number(tile, BSDF_CHOICE)

@@ -88,15 +88,15 @@ def _read(properties: Properties) -> Integrator:
         for name in ("emitter_samples", "bsdf_samples")
     )
     if lights == directions == 0:
-        properties.fail("bsdf_samples", '0 beside "emitter_samples" 0', "one of each")
+        properties.fail(
+            "bsdf_samples", '0 beside "emitter_samples" 0', "1 or more of either"
+        )
     return Integrator(
         "direct",
         max_depth=2,
         hide_emitters=properties.boolean("hide_emitters", False),
         emitter_samples=lights,
         bsdf_samples=directions,
-        # without light samples points and directions give no light, as in Mitsuba
-        strategy="both" if lights else "bsdfs",
     )
 
 

@@ -50,8 +50,7 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
             f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are up to "
             f"{MOST_SAMPLES}, whose numbers are drawn ahead"
         )
-    simplified = asked.strategy != "both" and asked.emitter_samples > 0
-    if simplified or not asked.caustics:
+    if asked.strategy != "both" or not asked.caustics:
         raise NotReplayable(
             "sampler 'mitsuba': Mitsuba has no integrator with one of the two ways to find "
             "light, or without caustics; possible is the scene without sampling=lights, "

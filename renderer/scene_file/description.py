@@ -515,14 +515,14 @@ class Integrator:
     max_depth: int = -1  # segments of a path; -1 is no limit, 2 is direct light alone
     rr_depth: int = 5
     hide_emitters: bool = False
-    emitter_samples: int = 1  # direct; 0 is as strategy "bsdfs"
+    emitter_samples: int = 1  # direct; 0: BSDF samples alone
     bsdf_samples: int = 1  # direct; 0 is no multiple importance sampling
     cutoff: float = 1.0 / 1024.0  # whitted: a ray of less weight than this is dropped
     aovs: tuple[tuple[str, str], ...] = ()  # aov: (channel name, one of AOV_KINDS)
     block_size: int = 0  # of Mitsuba's work; 0 is its default. It decides pixels' seeds
     one_pass: bool = True  # false where the file gives samples_per_pass
-    # path and direct, of simplified scenes (and direct without light samples): of the two
-    # ways to find light "lights" or "bsdfs"; and whether paths may be caustics
+    # path and direct, of simplified scenes alone: of the two ways to find light "lights" or
+    # "bsdfs", by sampling lights or BSDFs; and whether paths may be caustics
     strategy: str = "both"
     caustics: bool = True
     nested: Integrator | None = None  # aov: the integrator whose colours come first

@@ -242,7 +242,7 @@ def _finer_grid(
         at = at[grids.items[end[at] - back] >= n]
         if at.size == 0:
             break
-        grid = grids.items[end[at] - back] - n
+        grid = grids.items[end[at] - back].astype(np.int64) - n
         leads = _in_sorted(grid * n + primitive[at], reachable)
         finer[at] = np.where(leads | (finer[at] < 0), grid, finer[at])
     return finer, finer >= 0

@@ -1,4 +1,4 @@
-"""What a simplified scene leaves out of its paths, where they have it at all.
+"""What a simplified scene, or `direct` without light samples, leaves out of its paths.
 
 One of the two ways to find light can be left out, and the paths that are caustics. A scene
 in which that would change nothing is planned as if nobody had asked.
@@ -33,6 +33,8 @@ def restrict(decision: Decision, case: Case, *, sampled_whole: bool) -> Restrict
     sampled = case.lights and case.smooth and decision.max_depth > 1
     weighed = sampled and case.extended and decision.follow
     strategy = case.asked.strategy
+    if decision.method == "direct" and decision.light_samples == 0:
+        strategy = "bsdfs"  # points and directions give no light then, as in Mitsuba
     if not (weighed if strategy == "lights" else sampled):
         strategy = "both"
     # camera, rough surface, mirror or glass, lamp: three segments
