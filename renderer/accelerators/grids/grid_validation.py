@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.extents import Extents
 from renderer.accelerators.grids.grid_cells import Grids
 from renderer.accelerators.grids.grid_walk import LEVELS
+from renderer.accelerators.octree_and_bsp.cell_checks import in_sorted
 
 # Rays that are in a cell may be so far outside of it by their rounding, in `pad` (which is
 # 32 units in the last place of `reach`; a plane's distance takes 4 operations).
@@ -149,7 +150,7 @@ def _require_found(
     k, cell, low, high = _cells_met(grids, parts, _ASTRAY * extents.pad)
     met = _plane_meets(parts.primitive[k], low, high, extents)
     primitive = parts.primitive[k]
-    met &= ~_in_sorted(cell * total + primitive, holder * total + grids.items)
+    met &= ~in_sorted(cell * total + primitive, holder * total + grids.items)
     k, cell, primitive, low, high = (a[..., met] for a in (k, cell, primitive, low, high))
 
     finer, inside = _finer_grid(grids, cell, primitive, reachable, n)
@@ -161,12 +162,6 @@ def _require_found(
         )
     low, high = np.maximum(parts.low[:, k], low), np.minimum(parts.high[:, k], high)
     return _Parts(finer, primitive, low, high)
-
-
-def _in_sorted(numbers: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which numbers are among the known ones, which ascend."""
-    place = np.searchsorted(known, numbers)
-    return np.append(known, -1)[place] == numbers
 
 
 def _require_inside(grids: Grids, parts: _Parts) -> None:
@@ -243,6 +238,6 @@ def _finer_grid(
         if at.size == 0:
             break
         grid = grids.items[end[at] - back].astype(np.int64) - n
-        leads = _in_sorted(grid * n + primitive[at], reachable)
+        leads = in_sorted(grid * n + primitive[at], reachable)
         finer[at] = np.where(leads | (finer[at] < 0), grid, finer[at])
     return finer, finer >= 0

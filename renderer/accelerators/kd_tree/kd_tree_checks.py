@@ -15,6 +15,7 @@ from renderer.accelerators.extents import Extents
 from renderer.accelerators.kd_tree.kd_tree_nodes import LEAF, MAX_DEPTH
 from renderer.accelerators.kd_tree.kd_tree_split import BLOCK, BLOCK_COST, TRAVERSAL_COST
 from renderer.accelerators.octree_and_bsp.cell_checks import (
+    in_sorted,
     reaches_into,
     require_lists,
     require_none,
@@ -107,8 +108,7 @@ def _require_held(tree: Any, extents: Extents, cells: Cells) -> None:
     while node.size:
         at_leaf = axis[node] == LEAF
         key = child[node[at_leaf]] * n + k[at_leaf]
-        place = np.minimum(np.searchsorted(listed, key), len(listed) - 1)
-        missing = np.flatnonzero(at_leaf)[listed[place] != key]
+        missing = np.flatnonzero(at_leaf)[~in_sorted(key, listed)]
         cell = cells[node[missing]].astype(np.float64)
         reaches = reaches_into(extents, k[missing], cell[:, :3], cell[:, 3:])
         lost = missing[reaches]

@@ -102,6 +102,12 @@ def _cross(a, b):
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
+def in_sorted(numbers: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which numbers, none below 0, are among the known ones, which ascend."""
+    place = np.searchsorted(known, numbers)
+    return np.append(known, -1)[place] == numbers
+
+
 def require_none(what: str, numbers: NDArray[np.int64], fault: str) -> None:
     """Raise ValueError if any number is given: the first one, with its fault."""
     if numbers.size:

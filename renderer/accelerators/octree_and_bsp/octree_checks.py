@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.extents import Extents
 from renderer.accelerators.octree_and_bsp.cell_checks import (
+    in_sorted,
     reaches_into,
     require_lists,
     require_none,
@@ -95,8 +96,7 @@ def _require_held(tree: Any, extents: Extents, cells: NDArray[np.float32]) -> No
     while cell.size:
         at_leaf = tree.link[cell] < 0
         key = (-1 - tree.link[cell[at_leaf]].astype(np.int64)) * n + k[at_leaf]
-        place = np.minimum(np.searchsorted(listed, key), len(listed) - 1)
-        missing = np.flatnonzero(at_leaf)[listed[place] != key]
+        missing = np.flatnonzero(at_leaf)[~in_sorted(key, listed)]
         box = np.clip(cells[cell[missing]].astype(np.float64), -far, far)
         lost = missing[reaches_into(extents, k[missing], box[:, :3], box[:, 3:])]
         if lost.size:
