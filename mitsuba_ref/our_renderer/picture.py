@@ -135,6 +135,7 @@ def edit_description(
     box_filter: bool,
     first_hits: bool,
     independent_samples: bool = False,
+    colors_alone: bool = False,
 ) -> SceneDescription:
     """Return the scene with the changes that Mitsuba's side makes too.
 
@@ -148,7 +149,12 @@ def edit_description(
         All AOVs, of one ray through the centre of each pixel.
     independent_samples
         The sampler `independent`.
+    colors_alone
+        The integrator whose colours an `aov` or `moment` shows, instead of these.
     """
+    if colors_alone:
+        integrator = integrator_of_colors(description.integrator)
+        description = dataclasses.replace(description, integrator=integrator)
     camera = description.camera
     if box_filter:
         film = dataclasses.replace(
@@ -167,3 +173,8 @@ def edit_description(
         integrator = Integrator(name="aov", aovs=all_kinds)
         description = dataclasses.replace(description, integrator=integrator)
     return dataclasses.replace(description, camera=camera)
+
+
+def integrator_of_colors(asked: Integrator) -> Integrator:
+    """Return the integrator whose colours `aov` and `moment` show; others as they are."""
+    return dataclasses.replace(asked.nested or asked, moments=None)

@@ -28,6 +28,7 @@ BOX_INSTEAD = "reconstruction filter replaced by box"
 PATH_INSTEAD = (
     "path, since the file names no integrator, without which Mitsuba does not render"
 )
+AROUND_INTEGRATORS = ("aov", "moment")
 OURS_ALONE = ("implicit",)  # shapes that Mitsuba lacks
 
 
@@ -49,6 +50,7 @@ def load_edited_scene(
     keep_shapes_apart: bool = False,
     fixed_blocks: bool = False,
     independent_samples: bool = False,
+    colors_alone: bool = False,
     plugins: str | None = None,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
@@ -70,6 +72,8 @@ def load_edited_scene(
         which random numbers a pixel gets follows from them.
     independent_samples
         Replace the sampler by `independent`.
+    colors_alone
+        Replace `aov` and `moment` by the integrator whose colours they show.
     plugins
         A Python file that registers plugins of the user's (`user_plugins`).
     """
@@ -109,6 +113,8 @@ def load_edited_scene(
             changes.append("one sample at each pixel's centre")
         if independent_samples and nodes.replace("Sampler", "independent", {}):
             changes.append("sampler replaced by independent")
+        if colors_alone and nodes.unwrap_integrator():
+            changes.append("without AOVs and second moments")
         if fixed_blocks:
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")
@@ -159,12 +165,12 @@ class SceneNodes:
     def plugin(self, kind: str) -> str | None:
         """Return the plugin's name of the first node of `kind`."""
         index = self._find(kind)
-        return None if index is None else str(self._nodes[index].props.plugin_name())
+        return None if index is None else self._plugin(index)
 
     def refuse(self, plugins: Collection[str]) -> None:
         """Say that Mitsuba lacks a plugin, in clearer words than its own."""
-        for node in self._nodes:
-            if (name := str(node.props.plugin_name())) in plugins:
+        for index in range(len(self._nodes)):
+            if (name := self._plugin(index)) in plugins:
                 raise RuntimeError(
                     f'the reference has no such shape: "{name}" is lightproof\'s own; '
                     "there is nothing to compare it with but its tests"
@@ -190,6 +196,15 @@ class SceneNodes:
         self._add("Integrator", "path", parent=0)
         return True
 
+    def unwrap_integrator(self) -> bool:
+        """Leave out what stands around the colours' integrator; tell whether."""
+        first, *_ = around = self._find_all("Integrator")
+        inside = [k for k in around if self._plugin(k) not in AROUND_INTEGRATORS]
+        if not inside or inside[0] == first:
+            return False
+        self._nodes[first].props = self._nodes[inside[0]].props
+        return True
+
     def set_block_size(self, size: int) -> None:
         """Set the block size of all integrators: those inside of others have their own."""
         for index in self._find_all("Integrator"):
@@ -200,13 +215,16 @@ class SceneNodes:
         index = self._find(kind)
         if index is None:
             index = self._add(kind, plugin, parent=self._parents[kind])
-        elif self._nodes[index].props.plugin_name() == plugin and not values:
+        elif self._plugin(index) == plugin and not values:
             return False
         properties = self._properties(plugin)
         for name, value in values.items():
             properties[name] = value
         self._nodes[index].props = properties
         return True
+
+    def _plugin(self, index: int) -> str:
+        return str(self._nodes[index].props.plugin_name())
 
     def _find_all(self, kind: str) -> list[int]:
         wanted = getattr(self._mi.ObjectType, kind)

@@ -40,6 +40,11 @@ PLACES = (
 )
 """Names of such quantities."""
 
+CHOSEN = 2e-5
+"""The same of a direction that has a density, so that a rough surface may have chosen it:
+where that is seen along its normal, Mitsuba's sine as sqrt(1 - cos^2) has few digits left.
+(Measured: 1.7e-5 in `principledthin`, 2.6e-6 under a bump map.)"""
+
 DENSITY = 1e-3
 """The same of the density of a direction, which only weighs the lamp that it may find: it
 is that of a half vector, which rounding turns. (Measured: 1.3e-4.)"""
@@ -111,7 +116,8 @@ class LedPath:
             if name == "throughput" and error <= EXACT + 2.0 * after:
                 continue  # that after the bounce before, over the chance of roulette
             after = error if name == "throughput after" else after
-            if error <= _inexact(quantity):
+            chosen = found.get((bounce, "BSDF pdf", turn))
+            if error <= _inexact(quantity, chosen):
                 continue
             step = self._smallest_step(key, quantity)
             if step is None:
@@ -200,14 +206,18 @@ def small_moves(ray: Ray, arrived: Bounce, segment: int) -> Iterator[tuple[float
             yield step, Moved(segment, numbers=(a, b))
 
 
-def _inexact(quantity: Quantity) -> float:
+def _inexact(quantity: Quantity, density: Quantity | None) -> float:
     """Return the relative error of a quantity that no move has to explain.
+
+    `density` is that of the direction in which its path goes on.
 
     A lobe of density p is about 1 / sqrt(pi p) wide, and so steep that a direction off by d
     changes its density by 4 sqrt(p) d. Where it is chosen, no move of the ray shows that.
     """
     if quantity.name == "BSDF pdf" and isinstance(quantity.reference, float):
         return max(DENSITY, 4.0 * math.sqrt(quantity.reference) * STEPS[-1])
+    if quantity.name == "BSDF direction" and density is not None and density.reference:
+        return CHOSEN
     return PLACED if quantity.name in PLACES else EXACT
 
 

@@ -244,6 +244,7 @@ def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
         job["parameters"],
         box_filter=True,
         keep_shapes_apart=True,
+        colors_alone=True,
         plugins=job["plugins"],
     )
     sensor = edited.scene.sensors()[0]

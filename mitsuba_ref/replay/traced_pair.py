@@ -7,7 +7,11 @@ from types import TracebackType
 from typing import Self
 
 from mitsuba_ref.our_renderer.moved_ray import Moved
-from mitsuba_ref.our_renderer.picture import edit_description, read_scene
+from mitsuba_ref.our_renderer.picture import (
+    edit_description,
+    integrator_of_colors,
+    read_scene,
+)
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
@@ -24,18 +28,19 @@ from mitsuba_ref.replay.path_comparison import (
 )
 from mitsuba_ref.replay.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
-from renderer.rendering.planning.plan import Plan, make_plan
+from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
+from renderer.scene_file.description import SceneDescription
 
 METHODS = ("path", "direct")
 
 Pixel = tuple[int, int]
 
 
-def is_traceable(plan: Plan) -> bool:
-    """Tell whether a plan's paths are written down bounce by bounce."""
-    return plan.name in METHODS
+def is_traceable(description: SceneDescription) -> bool:
+    """Tell whether the paths of a scene's colours are written down bounce by bounce."""
+    return integrator_of_colors(description.integrator).name in METHODS
 
 
 class NotTraceable(SceneError):
@@ -68,11 +73,13 @@ class TracedPair:
 
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
         description = read_scene(request)
-        description = edit_description(description, box_filter=True, first_hits=False)
+        description = edit_description(
+            description, box_filter=True, first_hits=False, colors_alone=True
+        )
         film = description.camera.film
         scene = build_scene(description)
         plan = make_plan(scene, sampler="mitsuba", spp=request.spp, ray_offset="mitsuba")
-        if not is_traceable(plan):
+        if plan.name not in METHODS:
             known = " and ".join(METHODS)
             raise NotTraceable(
                 f"{request.path}: a trace follows {known} with one sample at a point, not "

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.kernels.jit import pack
+from renderer.kinds.lights.envmap import EnvironmentMaps
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.kinds.shapes.flat import replaced
@@ -24,13 +27,17 @@ from renderer.replay.numbers.pixel_seeds import pixel_seeds
 from renderer.replay.numbers.sequences import make_sequence
 from renderer.replay.rounding.camera import replay_camera, round_camera_rays
 from renderer.replay.rounding.directions import AsMitsuba
+from renderer.replay.rounding.environment import rounded_environment
 from renderer.replay.rounding.hit_points import round_surface_points
 from renderer.replay.rounding.mesh_lights import triangle_shares
 from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
 from renderer.replay.rounding.surfaces import rounding_of
+from renderer.replay.rounding.texture_means import rounded_shares
 from renderer.replay.rounding.triangle_arithmetic import face_normals, triangle_tangents
-from renderer.scene.materials import kind_of, sides
+from renderer.scene.light_tables import LightTables
+from renderer.scene.materials import MaterialTables, kind_of, sides
 from renderer.scene.scene import Scene
+from renderer.scene_file.description import EnvironmentMap
 
 if TYPE_CHECKING:
     from renderer.rendering.planning.plan import Plan
@@ -99,6 +106,22 @@ class Replayed:
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
         """Return cumulated areas."""
         return triangle_shares(count, surfaces, tables)
+
+    def lights(self, scene: Scene, lights: LightTables) -> LightTables:
+        """Return them with Mitsuba's way into environment maps and out of them."""
+        emitters = scene.description.emitters
+        skies = [sky for sky in emitters if isinstance(sky, EnvironmentMap)]
+        tables = [
+            rounded_environment(table, skies[0])
+            if isinstance(table, EnvironmentMaps)
+            else table
+            for table in lights.tables
+        ]
+        return dataclasses.replace(lights, tables=tables)
+
+    def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
+        """Return them with lobes chosen by means of textures as Mitsuba adds them up."""
+        return rounded_shares(materials)
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Round camera rays, surface points and scattered rays."""

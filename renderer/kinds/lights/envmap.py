@@ -36,16 +36,17 @@ from renderer.kinds.sampling.hierarchical_warp import (
     warp_density,
 )
 from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
+from renderer.kinds.textures.kind import LUMINANCE
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import EnvironmentMap
 from renderer.scene_file.images.images import read_image
 
 _PI = np.float32(np.pi)
-_INV_TWO_PI = np.float32(0.5 / np.pi)
+INV_TWO_PI = np.float32(0.5 / np.pi)
 # Jacobian of directions by (u, v) in [0, 1]^2, without the sine: du dv = 2 pi^2 sin dw
-_BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
-_SMALLEST_SINE = np.float32(2.0**-24)
-_LUMINANCE = np.array([0.212671, 0.715160, 0.072169], np.float32)  # those of Mitsuba
+BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
+SMALLEST_SINE = np.float32(2.0**-24)
+_LUMINANCE = np.array(LUMINANCE, np.float32)
 _FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # a smaller image repeats its last column and row
 
 
@@ -94,21 +95,37 @@ def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _importance(environment: EnvironmentMap) -> NDArray[np.float32]:
+    # in float32 throughout: the choice of a patch follows its last bits, and with these
+    # an even map is sampled as in Mitsuba to the bit
+    r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
+    sine = np.sin(latitudes(len(environment.pixels)))
+    return importance(r + g + b, sine, compensated=environment.mis_compensation)
+
+
+def latitudes(height: int) -> NDArray[np.float32]:
+    """Return the angles from the pole to the rows of texels, (height,)."""
+    step = np.float32(1.0 / (height - 1)) * np.float32(np.pi)
+    return np.arange(height, dtype=np.float32) * step
+
+
+def importance(
+    luminance: NDArray[np.float32], sine: NDArray[np.float32], *, compensated: bool
+) -> NDArray[np.float32]:
     """Return the unscaled density in (u, v) at the texels, (H, W + 1).
 
-    With compensation what is everywhere is left to the BSDFs' samples: it is luminance
-    above the mean that counts [Karlik2019].
+    Parameters
+    ----------
+    luminance : ndarray of shape (H, W)
+    sine : ndarray of shape (H,)
+        Of the angle from the pole.
+    compensated
+        What is everywhere is left to the BSDFs' samples: it is luminance above the mean
+        that counts [Karlik2019].
     """
-    r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
-    luminance = r + g + b
-    if environment.mis_compensation:
+    if compensated:
         mean = np.float32(luminance.mean(dtype=np.float64))
         if mean - luminance.min() > np.float32(0.01) * mean:  # else there is nothing above
             luminance = np.maximum(luminance - mean, np.float32(0.0))
-    # in float32 throughout: the choice of a patch follows its last bits, and with these
-    # an even map is sampled as in Mitsuba to the bit
-    step = np.float32(1.0 / (len(luminance) - 1)) * np.float32(np.pi)
-    sine = np.sin(np.arange(len(luminance), dtype=np.float32) * step)
     sine = np.maximum(sine, np.float32(0.0))
     return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
 
@@ -155,7 +172,8 @@ def _radiance(sky, u, v, mask):
 
 
 @kernel
-def _half_texel(sky):
+def half_texel(sky):
+    """Return by how much the warp's patches begin before the texels' centres, in u."""
     return np.float32(0.5) / np.float32(sky.width)
 
 
@@ -164,13 +182,13 @@ def _half_texel(sky):
 def sample_envmap(sky, kind, light, mask, position, x, y, z):
     """Choose a direction in proportion to its luminance."""
     u, v, density = sample_warp(sky.warp, x, y, mask)
-    u = u + _half_texel(sky)
+    u = u + half_texel(sky)
     sine, cosine = sincos(v * _PI)
     across, along = sincos(u * TWO_PI)
     wi = column(sky.to_world, 0) * (across * sine)
     wi = wi + column(sky.to_world, 1) * cosine
     wi = wi - column(sky.to_world, 2) * (along * sine)
-    pdf = density * (_BY_SOLID_ANGLE / maximum(sine, splat_f32(_SMALLEST_SINE)))
+    pdf = density * (BY_SOLID_ANGLE / maximum(sine, splat_f32(SMALLEST_SINE)))
     usable = pdf > 0.0  # NaN is not
     pdf = select(usable, pdf, splat_f32(0.0))
     radiance = _radiance(sky, u, v, mask) * (1.0 / select(usable, pdf, splat_f32(1.0)))
@@ -186,11 +204,11 @@ def _envmap_light(sky, direction, mask):
     x = dot(column(sky.to_world, 0), direction)
     y = dot(column(sky.to_world, 1), direction)
     z = dot(column(sky.to_world, 2), direction)
-    u, v = arctan2(x, -z) * _INV_TWO_PI, arccos(y) * INV_PI
-    shifted = u - _half_texel(sky)
+    u, v = arctan2(x, -z) * INV_TWO_PI, arccos(y) * INV_PI
+    shifted = u - half_texel(sky)
     density = warp_density(sky.warp, shifted - floor(shifted), v, mask)
-    sine = maximum(sqrt(x * x + z * z), splat_f32(_SMALLEST_SINE))
-    return _radiance(sky, u, v, mask), density * (_BY_SOLID_ANGLE / sine)
+    sine = maximum(sqrt(x * x + z * z), splat_f32(SMALLEST_SINE))
+    return _radiance(sky, u, v, mask), density * (BY_SOLID_ANGLE / sine)
 
 
 ENVMAP = LightPlugin(

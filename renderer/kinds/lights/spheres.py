@@ -49,8 +49,17 @@ def near_surface(arithmetic: Any) -> Any:
 
 
 @interface
-def cone_of_density(arithmetic: Any, one_minus_cos: Any, sine2: Any) -> Any:
+def cone_of_density(
+    arithmetic: Any, one_minus_cos: Any, to_center: Any, radius: Any
+) -> Any:
     """Return 1 - cos of the half angle of the cone, as the density has it."""
+
+
+@interface
+def part_of_cone(
+    arithmetic: Any, x: Any, one_minus_cos: Any, to_center: Any, radius: Any
+) -> Any:
+    """Return 1 - cos of the angle that has the share x of a cone's solid angle inside."""
 
 
 @near_surface.by(Plain)
@@ -61,8 +70,14 @@ def _near_surface(arithmetic):
 
 @cone_of_density.by(Plain)
 @kernel
-def _cone_of_density(arithmetic, one_minus_cos, sine2):
+def _cone_of_density(arithmetic, one_minus_cos, to_center, radius):
     return one_minus_cos
+
+
+@part_of_cone.by(Plain)
+@kernel
+def _part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
+    return x * one_minus_cos
 
 
 @kernel
@@ -82,8 +97,8 @@ def sphere_light_pdf(
     """Return the density [1/sr] with which `sample_sphere` chooses a direction."""
     to_center = center - position
     distance2 = dot(to_center, to_center)
-    one_minus_cos, sine2 = _cone(distance2, radius)
-    one_minus_cos = cone_of_density(arithmetic, one_minus_cos, sine2)
+    one_minus_cos, _ = _cone(distance2, radius)
+    one_minus_cos = cone_of_density(arithmetic, one_minus_cos, to_center, radius)
     outside = _outside(arithmetic, distance2, radius, orientation)
     by_area = distance * distance * inverse_area / cosine
     return select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)
@@ -106,7 +121,8 @@ def sample_sphere(spheres, kind, light, mask, position, x, y, z):
     distance2 = dot(to_center, to_center)
     distance = sqrt(distance2)
     one_minus_cos, sine2_max = _cone(distance2, radius)
-    small = x * one_minus_cos  # 1 - cos theta
+    # 1 - cos theta
+    small = part_of_cone(kind.arithmetic, x, one_minus_cos, to_center, radius)
     sine2 = small * (2.0 - small)
     sine_theta = sqrt(sine2)
     sine, cosine = sincos(TWO_PI * y)

@@ -29,7 +29,7 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import gather_row
 
 # relative difference of two ends below which a linear density is taken as constant
-_FLAT = np.float32(1e-4)
+FLAT = np.float32(1e-4)
 
 
 class Warp(NamedTuple):
@@ -97,14 +97,14 @@ def _between(a, b, t):
 @kernel
 def _linear(a, b, x):
     """Return where x of the area below a line from a to b lies to the left."""
-    steep = fabs(a - b) > _FLAT * (a + b)
+    steep = fabs(a - b) > FLAT * (a + b)
     slope = select(steep, a - b, splat_f32(1.0))
     below = sqrt(maximum(_between(a * a, b * b, x), splat_f32(0.0)))
     return select(steep, (a - below) / slope, x)
 
 
 @kernel
-def _corners(warp, column, row, mask):
+def corners(warp, column, row, mask):
     """Return the density at the corners 00, 10, 01, 11 of patches."""
     first = row * np.int32(warp.columns + 1) + column
     above = first + np.int32(warp.columns + 1)
@@ -117,14 +117,13 @@ def _corners(warp, column, row, mask):
 
 
 @kernel
-def sample_warp(warp, x, y, mask):
-    """Map numbers in [0, 1) to points (u, v) of the unit square.
+def choose_patch(warp, x, y, mask):
+    """Choose patches in proportion to their sums by numbers in [0, 1).
 
     Returns
     -------
-    u, v, density
-        The density is NaN or 0 in the rare case that a number falls on the edge of a
-        part that is never chosen.
+    column, row, x, y
+        What is left of the numbers is even in [0, 1) again.
     """
     column, row = splat_i32(0), splat_i32(0)
     for level in range(warp.start.size):
@@ -149,7 +148,21 @@ def sample_warp(warp, x, y, mask):
         inverse = 1.0 / (share * part)
         y = y * (part * inverse)
         x = x * (share * inverse)
-    v00, v10, v01, v11 = _corners(warp, column, row, mask)
+    return column, row, x, y
+
+
+@kernel
+def sample_warp(warp, x, y, mask):
+    """Map numbers in [0, 1) to points (u, v) of the unit square.
+
+    Returns
+    -------
+    u, v, density
+        The density is NaN or 0 in the rare case that a number falls on the edge of a
+        part that is never chosen.
+    """
+    column, row, x, y = choose_patch(warp, x, y, mask)
+    v00, v10, v01, v11 = corners(warp, column, row, mask)
     y = _linear(v00 + v10, v01 + v11, y)
     left, right = _between(v00, v01, y), _between(v10, v11, y)
     x = _linear(left, right, x)
@@ -164,6 +177,6 @@ def warp_density(warp, u, v, mask):
     x, y = _clip(u) * np.float32(warp.columns), _clip(v) * np.float32(warp.rows)
     column = minimum(to_i32(x), splat_i32(np.int32(warp.columns - 1)))
     row = minimum(to_i32(y), splat_i32(np.int32(warp.rows - 1)))
-    v00, v10, v01, v11 = _corners(warp, column, row, mask)
+    v00, v10, v01, v11 = corners(warp, column, row, mask)
     x, y = x - to_f32(column), y - to_f32(row)
     return _between(_between(v00, v10, x), _between(v01, v11, x), y)

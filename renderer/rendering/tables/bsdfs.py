@@ -53,14 +53,15 @@ def bsdf_tables(
     scene: Scene,
     plan: Plan,
     settings: Settings,
+    parameters: NDArray[np.float32],
     arithmetic: Any,
     lit: bool,
     derivatives: Callable[[], NDArray[np.int64]],
 ) -> Bsdfs:
     """Return the tables of all BSDFs; those that a plan does not follow have no methods.
 
-    `lit`: lights are sampled at smooth ones. `derivatives` returns the methods that find
-    dp/du and dp/dv, for bumps.
+    `parameters` are the constant ones. `lit`: lights are sampled at smooth ones.
+    `derivatives` returns the methods that find dp/du and dp/dv, for bumps.
     """
     materials = scene.materials
     kinds, textures = materials.kinds, materials.textures()
@@ -82,7 +83,7 @@ def bsdf_tables(
         methods,
         sum(kind.smooth for kind in kinds) if lit else 0,
         np.array([place[kind_of(b).name] for b in materials.bsdfs] or [-1], np.int32),
-        materials.values(),
+        parameters,
         np.array([kind.row_count for kind in kinds], np.int32),
         materials.look_ups(needed, texture_tables),
         materials.texture_ids(),

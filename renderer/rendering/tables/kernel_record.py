@@ -171,7 +171,7 @@ class _SceneTables:
             by_kind = light_tables(scene, surfaces, variant.mesh_choice)
             lights = light_methods(
                 tables,
-                by_kind,
+                variant.lights(scene, by_kind),
                 settings,
                 scene.shapes,
                 variant.arithmetic,
@@ -197,6 +197,7 @@ class _SceneTables:
                 scene,
                 plan,
                 settings,
+                variant.parameters(scene.materials),
                 variant.arithmetic,
                 lit,
                 lambda: derivative_methods(tables, scene, placements),

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.kernels.jit import pack
 from renderer.kinds.sampling.arithmetic import Plain
@@ -17,7 +18,8 @@ from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
 from renderer.kinds.sampling.sobol import Sobol, make_sobol
 from renderer.kinds.sampling.source import Sampling
 from renderer.rendering.planning.plan import Plan, stratified_cells
-from renderer.scene.light_tables import alias_tables
+from renderer.scene.light_tables import LightTables, alias_tables
+from renderer.scene.materials import MaterialTables
 from renderer.scene.scene import Scene
 from renderer.stages.draws import choose_light, draw, draw_aperture, draw_film
 
@@ -37,6 +39,12 @@ class Variant(Protocol):
 
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
         """Return the table by which a triangle of a mesh light is chosen."""
+
+    def lights(self, scene: Scene, lights: LightTables) -> LightTables:
+        """Return the lights of the scene, more exactly rounded where it matters."""
+
+    def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
+        """Return the constant parameters of BSDFs, (rows, BSDFs)."""
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Return (kernel, record) of what is done after stages; None for nothing."""
@@ -62,6 +70,14 @@ class OwnWay:
     def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
         """Choose in constant time."""
         return alias_tables(count, surfaces, tables)
+
+    def lights(self, scene: Scene, lights: LightTables) -> LightTables:
+        """Return them as they are."""
+        return lights
+
+    def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
+        """Return them as they were read."""
+        return materials.values()
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Do nothing more."""

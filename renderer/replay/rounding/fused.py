@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core.errors import TypingError
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
 
 
 @intrinsic
@@ -25,3 +29,11 @@ def fused_multiply_add(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
         return builder.fma(*args)
 
     return signature(types.float32, a, b, c), codegen
+
+
+def fused_in_numpy(a: Floats, b: Floats | np.float32, c: Floats) -> Floats:
+    """Return a * b + c of float32 arrays, but for one case in 2^29 rounded once.
+
+    The product is exact in double precision; its sum may lie between two float32 there.
+    """
+    return (np.multiply(a, b, dtype=np.float64) + c).astype(np.float32)
