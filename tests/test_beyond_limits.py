@@ -104,6 +104,22 @@ def test_a_value_that_a_tiny_move_changes_as_much_is_within_rounding():
     assert (found.within_rounding, found.step) == (True, STEPS[-1])
 
 
+@pytest.mark.parametrize(
+    ("pdf", "off", "passes"),
+    [(0.5, 1.5e-5, True), (0.5, 3e-5, False), (0.0, 1.5e-5, False), (0.0, 1e-6, True)],
+)
+def test_a_rough_surface_may_choose_a_direction_less_exactly_than_a_mirror(
+    pdf, off, passes, monkeypatch
+):
+    """A direction with a density is made of a half vector; a mirror's is not."""
+    scattered = PATH.bounces[0].scattered
+    theirs = replace(scattered, pdf=pdf)
+    x, y, z = scattered.direction
+    ours = replace(theirs, direction=(x + off, y, z))
+    monkeypatch.setitem(globals(), "PATH", with_bounce(0, scattered=theirs))
+    assert finding(with_bounce(0, scattered=ours)).within_rounding == passes
+
+
 @pytest.mark.parametrize(("size", "passes"), [(2.0 * STEPS[0], True), (1e-4, False)])
 def test_a_shadow_is_rounding_only_where_a_tiny_move_flips_it(size, passes):
     """1e-4 is two hundred times what rounding may do there."""

@@ -52,6 +52,24 @@ def test_agreeing_paths_are_status_0(capsys):
     assert "first" not in output and "…" not in output
 
 
+@pytest.mark.parametrize(
+    "around", ['type="moment">', 'type="aov"><string name="aovs" value="d:depth"/>']
+)
+def test_the_paths_of_the_colours_are_traced_inside_other_integrators(
+    pair, tmp_path, around
+):
+    """`aov` and `moment` draw no numbers of their own: the same two paths."""
+    path = '<integrator type="path">'
+    text = BOX.read_text().replace(path, f"<integrator {around}{path}")
+    scene = tmp_path / "scene.xml"
+    scene.write_text(text.replace("</integrator>", "</integrator></integrator>"))
+    with TracedPair(RenderRequest(str(scene), SIZE, spp=3, seed=5)) as both:
+        wrapped = both.trace((5, 4), 2)
+    plain = pair.trace((5, 4), 2)
+    assert [path.numbers for path in wrapped] == [path.numbers for path in plain]
+    assert [path.radiance for path in wrapped] == [path.radiance for path in plain]
+
+
 def test_a_blocked_light_is_told_from_one_that_is_seen(pair):
     """At the floor of the box, between the blocks, and where paths go on from there."""
     said = []

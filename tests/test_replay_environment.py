@@ -1,0 +1,115 @@
+"""Environment maps in a replay: Mitsuba's directions to the bit, and no defect hidden."""
+
+import numpy as np
+import pytest
+from light_probes import LightProbe
+from test_envmap import LAMP, directions, turned, write_exr
+
+import renderer.replay.way
+from renderer.kinds.lights.envmap import EnvironmentMaps
+from renderer.replay.rounding.environment import rounded_environment
+
+mi = pytest.importorskip("mitsuba")
+N = 1500
+WHITE = (1.0, 1.0, 1.0)
+
+
+def steep(height=64, width=128):
+    """Texels of which one is often ten times its neighbour: all digits of a place count."""
+    rng = np.random.default_rng(3)
+    return np.exp(2.0 * rng.normal(size=(height, width, 3))).astype(np.float32)
+
+
+MAPS = {
+    "as it is": {},
+    "turned": {"to_world": np.array(turned().matrix, np.float64)},
+    "compensated": {"mis_compensation": True},
+}
+
+
+@pytest.fixture(scope="module", params=list(MAPS))
+def pair(request, tmp_path_factory):
+    """Ours and Mitsuba's environment."""
+    path = write_exr(tmp_path_factory.mktemp("sky") / "steep.exr", steep())
+    settings = MAPS[request.param]
+    matrix = " ".join(map(repr, settings.get("to_world", np.eye(4)).ravel().tolist()))
+    compensated = str(settings.get("mis_compensation", False)).lower()
+    theirs = mi.load_string(  # a file's matrix is inverted in double precision
+        f"""<scene version="3.0.0"><shape type="sphere"/><emitter type="envmap">
+        <string name="filename" value="{path}"/>
+        <boolean name="mis_compensation" value="{compensated}"/>
+        <transform name="to_world"><matrix value="{matrix}"/></transform>
+        </emitter></scene>"""
+    ).environment()
+    content = {"type": "envmap", "filename": path, **settings}
+    return LightProbe(LAMP, {"sky": content}, WHITE, replay=True), theirs
+
+
+def numbers():
+    return np.random.default_rng(5).random((3, N), np.float32)
+
+
+def asked(theirs, random):
+    """Mitsuba's directions, densities and weights."""
+    at = mi.Interaction3f()
+    at.p = [0.1, 0.2, 0.3]
+    found = [theirs.sample_direction(at, mi.Point2f(x, y)) for x, y, _ in random.T]
+    wi, pdf = [np.array(ds.d) for ds, _ in found], [ds.pdf for ds, _ in found]
+    return np.array(wi), np.array(pdf), np.array([np.array(weight) for _, weight in found])
+
+
+def test_samples_are_mitsubas(pair):
+    """All bits of most directions, and the last one of others; light to a few roundings."""
+    ours, theirs = pair
+    drawn = ours.sample("sky", [0.1, 0.2, 0.3], numbers())
+    wi, pdf, weight = asked(theirs, numbers())
+    assert (drawn.wi == wi).all(axis=1).mean() > 0.97
+    for found, expected, most in ((drawn.pdf, pdf, 2e-6), (drawn.radiance, weight, 2e-5)):
+        off = np.abs(found / expected - 1.0)
+        assert np.quantile(off, 0.97) < most
+        assert off.max() < 2e-3
+    np.testing.assert_allclose(drawn.wi, wi, atol=2e-6)
+
+
+def test_lookups_are_mitsubas(pair):
+    """The same place in the image. At a pole acos makes much of a last bit: 1 in 200."""
+    ours, theirs = pair
+    wi = directions(N)
+    radiance, pdf = ours.environment("sky", wi)
+    at, sample = mi.SurfaceInteraction3f(), mi.DirectionSample3f()
+    expected, density = [], []
+    for d in wi:
+        at.wi, sample.d = mi.Vector3f(-d), mi.Vector3f(d)
+        expected.append(np.array(theirs.eval(at)))
+        density.append(theirs.pdf_direction(at, sample))
+    off = np.abs(radiance - expected).max(axis=1) / np.max(expected, axis=1)
+    assert np.quantile(off, 0.99) < 2e-6
+    off = np.abs(pdf - density) / np.maximum(density, 1e-3 * np.max(density))
+    assert np.quantile(off, 0.99) < 5e-6
+
+
+@pytest.mark.parametrize("defect", ["turned", "shifted", "brighter"])
+def test_a_defect_of_ours_stays(tmp_path, monkeypatch, defect):
+    """More than rounding is not replaced: the replay shows what our own table gives."""
+
+    def broken(own: EnvironmentMaps, sky):
+        if defect == "turned":
+            own = own._replace(to_world=np.roll(own.to_world, 1, axis=0))
+        elif defect == "shifted":
+            own = own._replace(texels=np.roll(own.texels, 1, axis=1))
+        else:
+            own = own._replace(scale=1.01)
+        return rounded_environment(own, sky)
+
+    path = write_exr(tmp_path / "steep.exr", steep())
+    content = {"type": "envmap", "filename": path}
+    right = LightProbe(LAMP, {"sky": content}, WHITE, replay=True)
+    monkeypatch.setattr(renderer.replay.way, "rounded_environment", broken)
+    wrong = LightProbe(LAMP, {"sky": content}, WHITE, replay=True)
+    wi = directions(N)
+    apart = np.abs(wrong.environment("sky", wi)[0] / right.environment("sky", wi)[0] - 1)
+    assert np.median(apart.max(axis=1)) > 0.009
+    a, b = (probe.sample("sky", np.zeros(3), numbers()) for probe in (wrong, right))
+    assert np.median(np.abs(a.radiance / b.radiance - 1).max(axis=1)) > 0.009 or (
+        np.median(np.abs(a.wi - b.wi).max(axis=1)) > 0.1
+    )

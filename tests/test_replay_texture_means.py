@@ -1,0 +1,42 @@
+"""Means of bitmaps in a replay: sums in single precision, as Mitsuba's to the bit."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import renderer
+from renderer.replay.rounding.texture_means import rounded_mean, rounded_shares
+
+mi = pytest.importorskip("mitsuba")
+mi.set_variant("scalar_rgb")
+SIZE = 700  # so many texels that a sum of 24 bits drifts by 1e-4
+
+
+def texels(channels):
+    rng = np.random.default_rng(8)
+    shape = (SIZE, SIZE, channels) if channels > 1 else (SIZE, SIZE)
+    return np.uint8(255.0 * rng.random(shape) ** 2)
+
+
+def plastic(**texture):
+    """A description of a plastic sphere with this diffuse reflectance."""
+    bsdf = {"type": "plastic", "diffuse_reflectance": {"type": "bitmap", **texture}}
+    content = {"type": "scene", "camera": {"type": "perspective"}}
+    return renderer.load_dict(content | {"ball": {"type": "sphere", "bsdf": bsdf}})
+
+
+@pytest.mark.parametrize("raw", [False, True])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_means_are_mitsubas(tmp_path, channels, raw):
+    """Of bytes, decoded or as they are."""
+    path = str(tmp_path / "texels.png")
+    Image.fromarray(texels(channels)).save(path)
+    scene = plastic(filename=path, raw=raw)
+    (bsdf,) = scene.materials.bsdfs
+    texture = bsdf.diffuse_reflectance
+    theirs = mi.load_dict({"type": "bitmap", "filename": path, "raw": raw}).mean()
+    assert np.float32(rounded_mean(texture)) == np.float32(theirs)
+    read, rounded = scene.materials.values(), rounded_shares(scene.materials)
+    (row,) = np.flatnonzero((read != rounded).any(axis=1))
+    assert scene.materials.kinds[0].layout()[3][:2] == ("specular_share", row)
+    np.testing.assert_allclose(rounded[row, 0], 1.0 / (1.0 + theirs), rtol=1e-7)
