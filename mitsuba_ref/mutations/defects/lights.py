@@ -217,7 +217,7 @@ DEFECTS = (
         (
             Edit(
                 "kinds/lights/envmap.py",
-                "shifted = u - _half_texel(sky)",
+                "shifted = u - half_texel(sky)",
                 "shifted = u",
             ),
         ),
