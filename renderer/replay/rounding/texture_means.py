@@ -33,16 +33,15 @@ def rounded_shares(materials: MaterialTables) -> Floats:
     """Return the constant parameters of all BSDFs, with Mitsuba's choices of lobes."""
     values = materials.values()
     for k, bsdf in enumerate(materials.bsdfs):
-        for name, first, _ in kind_of(bsdf).layout():
-            if not name.endswith(_SHARE):
-                continue
+        rows = {name: first for name, first, _ in kind_of(bsdf).layout()}
+        for name, row in rows.items():
             of = name.removesuffix(_SHARE)
-            diffuse, specular = (
-                rounded_mean(value_of(bsdf, f"{of}{part}_reflectance"))
-                for part in ("diffuse", "specular")
-            )
+            both = f"{of}diffuse_reflectance", f"{of}specular_reflectance"
+            if not (name.endswith(_SHARE) and rows.keys() >= set(both)):
+                continue
+            diffuse, specular = (rounded_mean(value_of(bsdf, part)) for part in both)
             if diffuse + specular > 0.0:
-                values[first, k] = specular / (diffuse + specular)
+                values[row, k] = specular / (diffuse + specular)
     return values
 
 
