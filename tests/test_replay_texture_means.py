@@ -40,3 +40,30 @@ def test_means_are_mitsubas(tmp_path, channels, raw):
     (row,) = np.flatnonzero((read != rounded).any(axis=1))
     assert scene.materials.kinds[0].layout()[3][:2] == ("specular_share", row)
     np.testing.assert_allclose(rounded[row, 0], 1.0 / (1.0 + theirs), rtol=1e-7)
+
+
+def test_a_mean_of_squares_is_made_of_those_of_their_bitmaps(tmp_path):
+    """The colours of a checkerboard are textures of their own."""
+    path = str(tmp_path / "texels.png")
+    Image.fromarray(texels(3)).save(path)
+    board = {"type": "checkerboard", "color0": {"type": "bitmap", "filename": path}}
+    theirs = mi.load_dict(board).mean()
+    bsdf = {"type": "plastic", "diffuse_reflectance": board}
+    content = {"type": "scene", "camera": {"type": "perspective"}}
+    scene = renderer.load_dict(content | {"ball": {"type": "sphere", "bsdf": bsdf}})
+    mean = rounded_mean(scene.materials.bsdfs[0].diffuse_reflectance)
+    assert mean == pytest.approx(theirs, rel=1e-6)
+
+
+def test_a_wrong_share_stays_wrong(tmp_path):
+    """More than sums can drift is a defect, which a replay has to find."""
+    path = str(tmp_path / "texels.png")
+    Image.fromarray(texels(3)).save(path)
+    materials = plastic(filename=path).materials
+    right, read = rounded_shares(materials), materials.values()
+    (row,) = np.flatnonzero((read != right).any(axis=1))
+    spoiled = read.copy()
+    spoiled[row] *= 1.05
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(materials), "values", lambda _: spoiled.copy())
+        assert (rounded_shares(materials) == spoiled).all()

@@ -18,7 +18,7 @@ from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import VERDICTS
-from mitsuba_ref.replay.traced_pair import TracedPair
+from mitsuba_ref.replay.traced_pair import TracedPair, is_traceable
 
 SCENES = Path(__file__).parent.parent / "scenes"
 BOX = SCENES / "cornell-box" / "scene.xml"
@@ -222,3 +222,12 @@ def test_the_steps_are_the_render(pair):
 def test_a_pixel_whose_samples_agree_has_no_cause(pair):
     """`cause` is for pixels that diverged."""
     assert pair.cause((5, 4)) == ""
+
+
+def test_what_has_several_samples_at_a_point_is_not_traced():
+    """By its plan, not by its plugin's name: a replay then tells other causes."""
+    scenes = Path(__file__).parent / "plugins"
+    several = RenderRequest(str(scenes / "direct_samples.xml"), spp=1)
+    assert not is_traceable(several)
+    one = RenderRequest(str(scenes / "envmap.xml"), spp=1)
+    assert is_traceable(one)

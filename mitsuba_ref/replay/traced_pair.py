@@ -9,7 +9,6 @@ from typing import Self
 from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.picture import (
     edit_description,
-    integrator_of_colors,
     read_scene,
 )
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
@@ -28,19 +27,27 @@ from mitsuba_ref.replay.path_comparison import (
 )
 from mitsuba_ref.replay.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.rendering.rendering import Rendering
-from renderer.scene.scene import build_scene
-from renderer.scene_file.description import SceneDescription
+from renderer.scene.scene import Scene, build_scene
 
 METHODS = ("path", "direct")
 
 Pixel = tuple[int, int]
 
 
-def is_traceable(description: SceneDescription) -> bool:
+def is_traceable(request: RenderRequest) -> bool:
     """Tell whether the paths of a scene's colours are written down bounce by bounce."""
-    return integrator_of_colors(description.integrator).name in METHODS
+    return _read_traced(request)[1].name in METHODS
+
+
+def _read_traced(request: RenderRequest) -> tuple[Scene, Plan]:
+    """Return the scene as it is traced, of its colours alone, and its plan."""
+    description = edit_description(
+        read_scene(request), box_filter=True, first_hits=False, colors_alone=True
+    )
+    scene = build_scene(description)
+    return scene, make_plan(scene, sampler="mitsuba", spp=request.spp, ray_offset="mitsuba")
 
 
 class NotTraceable(SceneError):
@@ -72,13 +79,8 @@ class TracedPair:
     """
 
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
-        description = read_scene(request)
-        description = edit_description(
-            description, box_filter=True, first_hits=False, colors_alone=True
-        )
-        film = description.camera.film
-        scene = build_scene(description)
-        plan = make_plan(scene, sampler="mitsuba", spp=request.spp, ray_offset="mitsuba")
+        scene, plan = _read_traced(request)
+        film = scene.description.camera.film
         if plan.name not in METHODS:
             known = " and ".join(METHODS)
             raise NotTraceable(

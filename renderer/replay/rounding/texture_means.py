@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kinds.textures.kind import LUMINANCE
-from renderer.kinds.textures.registry import mean_of
+from renderer.kinds.textures.registry import kind_of_texture
 from renderer.replay.rounding.fused import fused_in_numpy
 from renderer.scene.materials import MaterialTables, kind_of, value_of
 from renderer.scene_file.description import BitmapTexture
@@ -22,6 +22,7 @@ from renderer.scene_file.description import BitmapTexture
 Floats = NDArray[np.float32]
 
 _SHARE = "specular_share"  # a parameter of coated BSDFs, which follows from two others
+_DRIFT = 0.02  # of a share at most; what differs by more has another cause than rounding
 # sRGB to linear above 0.04045 as a quotient of polynomials, off by 1e-7
 _ABOVE = (-0.0163933279112946, -0.7386328024653209, -11.199318357635072)
 _ABOVE += (-47.46726633009393, -36.04572663838034)
@@ -41,14 +42,17 @@ def rounded_shares(materials: MaterialTables) -> Floats:
                 continue
             diffuse, specular = (rounded_mean(value_of(bsdf, part)) for part in both)
             if diffuse + specular > 0.0:
-                values[row, k] = specular / (diffuse + specular)
+                share = specular / (diffuse + specular)
+                if abs(share - values[row, k]) <= _DRIFT * values[row, k]:
+                    values[row, k] = share
     return values
 
 
 def rounded_mean(texture: Any) -> float:
-    """Return the mean of a texture; of other kinds than bitmaps the exact one."""
+    """Return the mean of a texture; only those of bitmaps are rounded in many steps."""
     if not isinstance(texture, BitmapTexture):
-        return mean_of(texture)
+        kind = kind_of_texture(texture)
+        return float(texture) if kind is None else kind.mean(texture, rounded_mean)
     texels = texture.texels[::-1]  # from the top row of the file
     if texels.dtype == np.uint8:
         decoded = np.arange(256, dtype=np.float32) * np.float32(1.0 / 255.0)
