@@ -74,12 +74,12 @@ def replay_scene(
     request = replace(request, camera=camera)
     ours = render_ours(request)
     result = compare_replay(ours.pixels, reference.pixels, limits)
-    if limits.traced and result.verdict == "fail" and is_traceable(request):
+    if limits.traced and result.verdict == "fail" and is_traceable(description):
         pictures = ours.pixels, reference.pixels
         result = look_at_causes(result, *pictures, request, limits, time_limit)
     if causes and result.listed:
         few = result.listed[:causes]
-        if is_traceable(request):
+        if is_traceable(description):
             told = _with_causes(few, request, time_limit)
         else:
             told = first_hit_causes(few, request, plan.name, render_ours)

@@ -30,24 +30,25 @@ from renderer.errors import SceneError
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import Scene, build_scene
+from renderer.scene_file.description import SceneDescription
 
 METHODS = ("path", "direct")
 
 Pixel = tuple[int, int]
 
 
-def is_traceable(request: RenderRequest) -> bool:
+def is_traceable(description: SceneDescription) -> bool:
     """Tell whether the paths of a scene's colours are written down bounce by bounce."""
-    return _read_traced(request)[1].name in METHODS
+    return _to_trace(description, None)[1].name in METHODS
 
 
-def _read_traced(request: RenderRequest) -> tuple[Scene, Plan]:
-    """Return the scene as it is traced, of its colours alone, and its plan."""
+def _to_trace(description: SceneDescription, spp: int | None) -> tuple[Scene, Plan]:
+    """Return a scene with its colours alone, and the plan of its trace."""
     description = edit_description(
-        read_scene(request), box_filter=True, first_hits=False, colors_alone=True
+        description, box_filter=True, first_hits=False, colors_alone=True
     )
     scene = build_scene(description)
-    return scene, make_plan(scene, sampler="mitsuba", spp=request.spp, ray_offset="mitsuba")
+    return scene, make_plan(scene, sampler="mitsuba", spp=spp, ray_offset="mitsuba")
 
 
 class NotTraceable(SceneError):
@@ -79,7 +80,7 @@ class TracedPair:
     """
 
     def __init__(self, request: RenderRequest, time_limit: float = TIME_LIMIT) -> None:
-        scene, plan = _read_traced(request)
+        scene, plan = _to_trace(read_scene(request), request.spp)
         film = scene.description.camera.film
         if plan.name not in METHODS:
             known = " and ".join(METHODS)

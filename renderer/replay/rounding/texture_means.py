@@ -8,13 +8,15 @@ bit; with these, the means of all 17 images that were tried agree in all bits.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kinds.textures.kind import LUMINANCE
-from renderer.kinds.textures.registry import kind_of_texture
+from renderer.kinds.textures.registry import kind_of_texture, mean_of
 from renderer.replay.rounding.fused import fused_in_numpy
 from renderer.scene.materials import MaterialTables, kind_of, value_of
 from renderer.scene_file.description import BitmapTexture
@@ -22,7 +24,6 @@ from renderer.scene_file.description import BitmapTexture
 Floats = NDArray[np.float32]
 
 _SHARE = "specular_share"  # a parameter of coated BSDFs, which follows from two others
-_DRIFT = 0.02  # of a share at most; what differs by more has another cause than rounding
 # sRGB to linear above 0.04045 as a quotient of polynomials, off by 1e-7
 _ABOVE = (-0.0163933279112946, -0.7386328024653209, -11.199318357635072)
 _ABOVE += (-47.46726633009393, -36.04572663838034)
@@ -40,12 +41,17 @@ def rounded_shares(materials: MaterialTables) -> Floats:
             both = f"{of}diffuse_reflectance", f"{of}specular_reflectance"
             if not (name.endswith(_SHARE) and rows.keys() >= set(both)):
                 continue
-            diffuse, specular = (rounded_mean(value_of(bsdf, part)) for part in both)
-            if diffuse + specular > 0.0:
-                share = specular / (diffuse + specular)
-                if abs(share - values[row, k]) <= _DRIFT * values[row, k]:
-                    values[row, k] = share
+            parts = [value_of(bsdf, part) for part in both]
+            # Sums of 10^8 texels may drift by any amount, so no limit would do: a share
+            # that does not follow from the exact means is a defect, or something else.
+            if np.isclose(values[row, k], _share(mean_of, parts), rtol=1e-6, atol=0.0):
+                values[row, k] = _share(rounded_mean, parts)
     return values
+
+
+def _share(mean: Callable[[Any], float], parts: Sequence[Any]) -> float:
+    diffuse, specular = map(mean, parts)
+    return specular / (diffuse + specular) if diffuse + specular > 0.0 else math.nan
 
 
 def rounded_mean(texture: Any) -> float:
