@@ -88,28 +88,47 @@ def test_lookups_are_mitsubas(pair):
     assert np.quantile(off, 0.99) < 5e-6
 
 
-@pytest.mark.parametrize("defect", ["turned", "shifted", "brighter"])
-def test_a_defect_of_ours_stays(tmp_path, monkeypatch, defect):
-    """More than rounding is not replaced: the replay shows what our own table gives."""
-
-    def broken(own: EnvironmentMaps, sky):
-        if defect == "turned":
-            own = own._replace(to_world=np.roll(own.to_world, 1, axis=0))
-        elif defect == "shifted":
-            own = own._replace(texels=np.roll(own.texels, 1, axis=1))
-        else:
-            own = own._replace(scale=1.01)
-        return rounded_environment(own, sky)
-
+def probes(tmp_path, monkeypatch, broken):
+    """The environment as it is, and with our own table as `broken` returns it."""
     path = write_exr(tmp_path / "steep.exr", steep())
     content = {"type": "envmap", "filename": path}
     right = LightProbe(LAMP, {"sky": content}, WHITE, replay=True)
-    monkeypatch.setattr(renderer.replay.way, "rounded_environment", broken)
-    wrong = LightProbe(LAMP, {"sky": content}, WHITE, replay=True)
+
+    def of_broken(own: EnvironmentMaps, sky):
+        return rounded_environment(own, sky)._replace(own=broken(own))
+
+    monkeypatch.setattr(renderer.replay.way, "rounded_environment", of_broken)
+    return LightProbe(LAMP, {"sky": content}, WHITE, replay=True), right
+
+
+def denser(own, by):
+    return own._replace(warp=own.warp._replace(nodes=own.warp.nodes * np.float32(by)))
+
+
+def test_a_density_of_ours_stays(tmp_path, monkeypatch):
+    """Mitsuba's table is right, ours 0.1 % off; a replay shows ours, both ways."""
+    wrong, right = probes(tmp_path, monkeypatch, lambda own: denser(own, 1.001))
     wi = directions(N)
-    apart = np.abs(wrong.environment("sky", wi)[0] / right.environment("sky", wi)[0] - 1)
-    assert np.median(apart.max(axis=1)) > 0.009
+    off = wrong.environment("sky", wi)[1] / right.environment("sky", wi)[1]
+    np.testing.assert_allclose(off, 1.001, rtol=1e-5)
     a, b = (probe.sample("sky", np.zeros(3), numbers()) for probe in (wrong, right))
-    assert np.median(np.abs(a.radiance / b.radiance - 1).max(axis=1)) > 0.009 or (
-        np.median(np.abs(a.wi - b.wi).max(axis=1)) > 0.1
-    )
+    np.testing.assert_array_equal(a.wi, b.wi)
+    clear = (
+        np.abs(a.pdf / b.pdf - 1.001) < 1e-4
+    )  # not where a neighbour is 100 times as bright
+    assert clear.mean() > 0.99
+
+
+@pytest.mark.parametrize(("share", "stays"), [(1.02, True), (1.0 + 1e-6, False)])
+def test_a_choice_of_ours_stays(tmp_path, monkeypatch, share, stays):
+    """Parts of our warp are too large: directions turn by more than 1e-4, or by less."""
+
+    def drawn_elsewhere(own):
+        blocks = own.warp.blocks.copy()
+        blocks[0] *= np.float32(share)
+        return own._replace(warp=own.warp._replace(blocks=blocks))
+
+    wrong, right = probes(tmp_path, monkeypatch, drawn_elsewhere)
+    a, b = (probe.sample("sky", np.zeros(3), numbers()) for probe in (wrong, right))
+    other = (a.wi != b.wi).any(axis=1).mean()
+    assert other > 0.95 if stays else other < 0.02

@@ -225,6 +225,30 @@ DEFECTS = (
         tests=("test_envmap.py::test_samples_follow_the_density",),
     ),
     Mutation(
+        "envmap-density-of-less-than-one",
+        "the density of directions to an environment map is 0.8 % too small",
+        (
+            Edit(
+                "kinds/lights/envmap.py",
+                "return density * (_BY_SOLID_ANGLE /",
+                "return density * (np.float32(0.992) * _BY_SOLID_ANGLE /",
+            ),
+        ),
+        scene="envmap",
+    ),
+    Mutation(
+        "envmap-pi-of-four-digits",
+        "the angle from the pole of an environment map is taken with 3.141 for pi",
+        (
+            Edit(
+                "kinds/lights/envmap.py",
+                "_PI = np.float32(np.pi)",
+                "_PI = np.float32(3.141)",
+            ),
+        ),
+        scene="envmap",
+    ),
+    Mutation(
         "warp-cuts-columns-in-the-wrong-place",
         "what is left of a number after a choice is cut off a little too high",
         (

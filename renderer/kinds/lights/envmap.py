@@ -24,7 +24,7 @@ from renderer.kernels.lanes.functions import (
     to_i32,
 )
 from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
-from renderer.kernels.lanes.vectors import column, dot, gather3, select3, vec3
+from renderer.kernels.lanes.vectors import column, gather3, select3, vec3
 from renderer.kinds.lights.choice.bounds import LightBounds, from_everywhere
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.kind import LightPlugin, LightSample, sample_light
@@ -44,8 +44,8 @@ from renderer.scene_file.images.images import read_image
 _PI = np.float32(np.pi)
 INV_TWO_PI = np.float32(0.5 / np.pi)
 # Jacobian of directions by (u, v) in [0, 1]^2, without the sine: du dv = 2 pi^2 sin dw
-BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
-SMALLEST_SINE = np.float32(2.0**-24)
+_BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
+_SMALLEST_SINE = np.float32(2.0**-24)
 _LUMINANCE = np.array(LUMINANCE, np.float32)
 _FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # a smaller image repeats its last column and row
 
@@ -59,6 +59,7 @@ class EnvironmentMaps(NamedTuple):
     height: int  # H
     scale: float
     to_world: NDArray[np.float32]  # (3, 3) a rotation
+    to_local: NDArray[np.float32]  # (3, 3) its inverse; a file's rotation has a few digits
     warp: Warp  # chooses (u - half a texel, v)
     distance: float  # beyond the whole scene
 
@@ -95,8 +96,7 @@ def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _importance(environment: EnvironmentMap) -> NDArray[np.float32]:
-    # in float32 throughout: the choice of a patch follows its last bits, and with these
-    # an even map is sampled as in Mitsuba to the bit
+    # in float32 throughout, as Mitsuba: the choice of a patch follows its last bits
     r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
     sine = np.sin(latitudes(len(environment.pixels)))
     return importance(r + g + b, sine, compensated=environment.mis_compensation)
@@ -136,12 +136,14 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
     warp = make_warp(_importance(sky))
     assert warp is not None  # as `read` has seen
     around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
+    to_world = sky.to_world[:3, :3]
     return EnvironmentMaps(
         np.ascontiguousarray(around.reshape(-1, 3).T),
         sky.pixels.shape[1],
         sky.pixels.shape[0],
         sky.scale,
-        np.ascontiguousarray(sky.to_world[:3, :3], np.float32),
+        np.ascontiguousarray(to_world, np.float32),
+        np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
         warp,
         beyond,
     )
@@ -155,10 +157,50 @@ def bounds(sky: EnvironmentMap) -> LightBounds:
 
 
 @kernel
-def _radiance(sky, u, v, mask):
-    """Return the radiance at points of the image; it repeats in u and ends in v."""
-    x = (u - floor(u)) * np.float32(sky.width) + 0.5  # from the centre of the copy in front
+def half_texel(sky):
+    """Return how far the warp's square begins behind the left edge of the image, in u.
+
+    Its patches lie between the centres of texels.
+    """
+    return np.float32(0.5) / np.float32(sky.width)
+
+
+@kernel
+def rotated(matrix, d):
+    """Return a (3, 3) matrix times directions."""
+    return column(matrix, 0) * d.x + column(matrix, 1) * d.y + column(matrix, 2) * d.z
+
+
+@kernel
+def image_point(sky, direction):
+    """Return (u, v) of directions, and the sine of their angle from the pole."""
+    local = rotated(sky.to_local, direction)
+    u, v = arctan2(local.x, -local.z) * INV_TWO_PI, arccos(local.y) * INV_PI
+    return u, v, sqrt(local.x * local.x + local.z * local.z)
+
+
+@kernel
+def sphere_point(sky, u, v):
+    """Return the direction of points of the image, and the sine of its angle."""
+    sine, cosine = sincos(v * _PI)
+    across, along = sincos(u * TWO_PI)
+    return rotated(sky.to_world, vec3(across * sine, cosine, -(along * sine))), sine
+
+
+@kernel
+def texel_place(sky, u, v):
+    """Return places in the image, in texels from the centre of the very first.
+
+    It repeats in u, where a copy of the last column lies in front, and ends in v.
+    """
+    x = (u - floor(u)) * np.float32(sky.width) + 0.5
     y = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0)) * np.float32(sky.height - 1)
+    return x, y
+
+
+@kernel
+def texel_radiance(sky, x, y, mask):
+    """Return the radiance between the four texels around places in the image."""
     i = minimum(to_i32(x), splat_i32(np.int32(sky.width)))
     j = minimum(to_i32(y), splat_i32(np.int32(sky.height - 2)))
     a, b = x - to_f32(i), y - to_f32(j)
@@ -172,43 +214,52 @@ def _radiance(sky, u, v, mask):
 
 
 @kernel
-def half_texel(sky):
-    """Return by how much the warp's patches begin before the texels' centres, in u."""
-    return np.float32(0.5) / np.float32(sky.width)
+def by_solid_angle(density, sine):
+    """Return densities [1/sr] of densities in (u, v)."""
+    return density * (_BY_SOLID_ANGLE / maximum(sine, splat_f32(_SMALLEST_SINE)))
+
+
+@kernel
+def image_density(sky, u, v, mask):
+    """Return the density in (u, v) at points of the image."""
+    shifted = u - half_texel(sky)
+    return warp_density(sky.warp, shifted - floor(shifted), v, mask)
+
+
+@kernel
+def distant_sample(sky, wi, radiance, pdf):
+    """Return directions with what they bring over their densities, of which some are NaN.
+
+    Those bring nothing.
+    """
+    usable = pdf > 0.0
+    pdf = select(usable, pdf, splat_f32(0.0))
+    radiance = radiance * (1.0 / select(usable, pdf, splat_f32(1.0)))
+    black = splat_f32(0.0)
+    radiance = select3(usable, radiance, vec3(black, black, black))
+    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
 
 
 @sample_light.by(EnvironmentMaps)
 @kernel
-def sample_envmap(sky, kind, light, mask, position, x, y, z):
+def _sample_envmap(sky, kind, light, mask, position, x, y, z):
     """Choose a direction in proportion to its luminance."""
     u, v, density = sample_warp(sky.warp, x, y, mask)
     u = u + half_texel(sky)
-    sine, cosine = sincos(v * _PI)
-    across, along = sincos(u * TWO_PI)
-    wi = column(sky.to_world, 0) * (across * sine)
-    wi = wi + column(sky.to_world, 1) * cosine
-    wi = wi - column(sky.to_world, 2) * (along * sine)
-    pdf = density * (BY_SOLID_ANGLE / maximum(sine, splat_f32(SMALLEST_SINE)))
-    usable = pdf > 0.0  # NaN is not
-    pdf = select(usable, pdf, splat_f32(0.0))
-    radiance = _radiance(sky, u, v, mask) * (1.0 / select(usable, pdf, splat_f32(1.0)))
-    black = splat_f32(0.0)
-    radiance = select3(usable, radiance, vec3(black, black, black))
-    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
+    wi, sine = sphere_point(sky, u, v)
+    across, down = texel_place(sky, u, v)
+    radiance = texel_radiance(sky, across, down, mask)
+    return distant_sample(sky, wi, radiance, by_solid_angle(density, sine))
 
 
 @environment_light.by(EnvironmentMaps)
 @kernel
 def _envmap_light(sky, direction, mask):
     """Go from the direction to (u, v)."""
-    x = dot(column(sky.to_world, 0), direction)
-    y = dot(column(sky.to_world, 1), direction)
-    z = dot(column(sky.to_world, 2), direction)
-    u, v = arctan2(x, -z) * INV_TWO_PI, arccos(y) * INV_PI
-    shifted = u - half_texel(sky)
-    density = warp_density(sky.warp, shifted - floor(shifted), v, mask)
-    sine = maximum(sqrt(x * x + z * z), splat_f32(SMALLEST_SINE))
-    return _radiance(sky, u, v, mask), density * (BY_SOLID_ANGLE / sine)
+    u, v, sine = image_point(sky, direction)
+    x, y = texel_place(sky, u, v)
+    density = image_density(sky, u, v, mask)
+    return texel_radiance(sky, x, y, mask), by_solid_angle(density, sine)
 
 
 ENVMAP = LightPlugin(

@@ -3,7 +3,10 @@
 Its arc tangent is off by up to 6e-7, its place in the image is rounded three times, and a
 number that chose one texel among 10^5 has few digits left: where a map is steep, light
 differs by 1e-4. With the same operations, fused as in its wheels, (u, v) of 20000 of 20000
-samples agreed in all bits. As everywhere in a replay, no more than rounding is replaced.
+samples agreed in all bits.
+
+What is replaced are places and directions, by no more than rounding. Radiance and density
+at a place are the renderer's own, so that a defect in them is not replaced.
 """
 
 from __future__ import annotations
@@ -11,72 +14,62 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.kernels.jit import entry_kernel, kernel
 from renderer.kernels.lanes.functions import (
-    as_f32,
-    as_i32,
     fabs,
     floor,
     maximum,
     minimum,
     select,
     splat_f32,
-    splat_i32,
     sqrt,
     to_f32,
-    to_i32,
 )
 from renderer.kernels.lanes.memory import load_row, store_row
-from renderer.kernels.lanes.vectors import column, gather3, select3, vec3
+from renderer.kernels.lanes.vectors import column, select3, vec3
 from renderer.kinds.lights.environment import environment_light
 from renderer.kinds.lights.envmap import (
-    BY_SOLID_ANGLE,
     INV_TWO_PI,
-    SMALLEST_SINE,
     EnvironmentMaps,
+    by_solid_angle,
+    distant_sample,
     half_texel,
+    image_density,
+    image_point,
     importance,
     latitudes,
-    sample_envmap,
+    sphere_point,
+    texel_place,
+    texel_radiance,
 )
-from renderer.kinds.lights.kind import LightSample, sample_light
+from renderer.kinds.lights.kind import sample_light
 from renderer.kinds.sampling.hierarchical_warp import (
     FLAT,
     Warp,
     choose_patch,
     corners,
     make_warp,
+    sample_warp,
+    warp_density,
 )
 from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
+from renderer.replay.rounding.arcs import arccos_as_mitsuba, arctan2_as_mitsuba
 from renderer.replay.rounding.directions import sincos_as_mitsuba
+from renderer.replay.rounding.fused import Floats
 from renderer.replay.rounding.fused_lanes import fused
 from renderer.replay.rounding.texture_means import rounded_luminance
 from renderer.scene_file.description import EnvironmentMap
 
-Floats = NDArray[np.float32]
-
-_TURNED = np.float32(1e-3)  # directions farther apart are not one direction, rounded
-_CHANGED = np.float32(1e-2)  # the same of light and densities, relative: steep maps do 3e-3
-_SIGN_BIT = -0x80000000
+# What rounding does at most, in radians: to a direction that was chosen by numbers (steep
+# maps of 512 x 256 texels 3.4e-5), to the place that a direction is looked up at, and to
+# sines, cosines and sums of three products.
+_CHOSEN = np.float32(1e-4)
+_FOUND = np.float32(2e-6)
+_TURNED = np.float32(1e-6)
+_TEXELS = np.float32(2.0**-22)  # of the image's width: a place in it, rounded four times
 _PI = np.float32(np.pi)
-_HALF_PI = np.float32(0.5 * np.pi)
-_ARC_TANGENT = tuple(
-    np.float32(c)
-    for c in (
-        *(0.99999934166683966009, -0.33326497518773606976, 0.19881342388439013552),
-        *(-0.13486708938456973185, 0.083863120428809689910, -0.037006525670417265220),
-        0.0078613793713198150252,
-    )
-)
-_ARC_SINE = tuple(
-    np.float32(c)
-    for c in (
-        *(1.666675242e-1, 7.4953002686e-2, 4.5470025998e-2, 2.4181311049e-2),
-        4.2163199048e-2,
-    )
-)
+_TWICE_PI = np.float32(2.0 * np.pi)
 
 
 class RoundedEnvironment(NamedTuple):
@@ -84,7 +77,6 @@ class RoundedEnvironment(NamedTuple):
 
     own: EnvironmentMaps
     warp: Warp  # of luminances and sines with Mitsuba's roundings
-    to_local: Floats  # (3, 3) the inverse; a rotation in a file is one to a few digits only
 
 
 def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnvironment:
@@ -92,8 +84,7 @@ def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnv
     luminance = rounded_luminance(*np.moveaxis(sky.pixels, -1, 0))
     sine = _sines(latitudes(len(sky.pixels)))
     warp = make_warp(importance(luminance, sine, compensated=sky.mis_compensation))
-    to_local = np.linalg.inv(sky.to_world[:3, :3]).astype(np.float32)
-    return RoundedEnvironment(own, own.warp if warp is None else warp, to_local)
+    return RoundedEnvironment(own, own.warp if warp is None else warp)
 
 
 def _sines(angle: Floats) -> Floats:
@@ -125,6 +116,7 @@ def _linear(a, b, x):
 
 @kernel
 def _sample_warp(warp, x, y, mask):
+    """Return (u, v), the density there, and its largest at the patch's corners."""
     column, row, x, y = choose_patch(warp, x, y, mask)
     v00, v10, v01, v11 = corners(warp, column, row, mask)
     y = _linear(v00 + v10, v01 + v11, y)
@@ -132,77 +124,26 @@ def _sample_warp(warp, x, y, mask):
     x = _linear(left, right, x)
     u = (to_f32(column) + x) * np.float32(1.0 / warp.columns)
     v = (to_f32(row) + y) * np.float32(1.0 / warp.rows)
-    return u, v, _between(left, right, x)
+    largest = maximum(maximum(v00, v10), maximum(v01, v11))
+    return u, v, _between(left, right, x), largest
 
 
 @kernel
-def _warp_density(warp, u, v, mask):
-    x, y = u * np.float32(warp.columns), v * np.float32(warp.rows)
-    column = minimum(to_i32(x), splat_i32(np.int32(warp.columns - 1)))
-    row = minimum(to_i32(y), splat_i32(np.int32(warp.rows - 1)))
-    v00, v10, v01, v11 = corners(warp, column, row, mask)
-    x, y = x - to_f32(column), y - to_f32(row)
-    return _between(_between(v00, v10, x), _between(v01, v11, x), y)
+def _image_point(to_local, d):
+    local = _rotated(to_local, d)
+    u = arctan2_as_mitsuba(local.x, -local.z) * INV_TWO_PI
+    return u, arccos_as_mitsuba(local.y) * INV_PI
 
 
 @kernel
-def arctan2_as_mitsuba(y, x):
-    """Return the angle of (x, y) in [-pi, pi], off by 6e-7 at most as Mitsuba's."""
-    across, up = fabs(x), fabs(y)
-    larger = maximum(across, up)
-    ratio = minimum(across, up) / select(larger > 0.0, larger, splat_f32(1.0))
-    z = ratio * ratio
-    z2 = z * z
-    c = _ARC_TANGENT
-    low = fused(z2, fused(z, c[3], splat_f32(c[2])), fused(z, c[1], splat_f32(c[0])))
-    high = fused(z2, c[6], fused(z, c[5], splat_f32(c[4])))
-    t = fused(z2 * z2, high, low) * ratio
-    t = select(up > across, _HALF_PI - t, t)
-    t = select(x < 0.0, _PI - t, t)
-    return select(y < 0.0, -t, t)
+def _sphere_point(to_world, u, v):
+    sine, cosine = sincos_as_mitsuba(v * _PI)
+    across, along = sincos_as_mitsuba(u * TWO_PI)
+    return _rotated(to_world, vec3(across * sine, cosine, -(along * sine))), sine
 
 
 @kernel
-def arccos_as_mitsuba(x):
-    """Return the arc cosine in [0, pi] of lanes clamped to [-1, 1]."""
-    x = minimum(maximum(x, splat_f32(-1.0)), splat_f32(1.0))
-    magnitude = fabs(x)
-    steep = magnitude > 0.5
-    half = 0.5 * (1.0 - magnitude)
-    z = select(steep, half, x * x)
-    r = select(steep, sqrt(half), magnitude)
-    z2 = z * z
-    c = _ARC_SINE
-    low = fused(z2, fused(z, c[3], splat_f32(c[2])), fused(z, c[1], splat_f32(c[0])))
-    arc = fused(fused(z2 * z2, c[4], low), z * r, r)
-    twice = arc + arc
-    signed = as_f32(as_i32(arc) | (as_i32(x) & _SIGN_BIT))
-    return select(steep, select(x < 0.0, _PI - twice, twice), _HALF_PI - signed)
-
-
-@kernel
-def _radiance(sky, u, v, mask):
-    """Return the radiance at points of the image: of W + 2 columns, for Mitsuba."""
-    across, down = np.float32(sky.width + 2), np.float32(sky.height)
-    v = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0))
-    x = fused(u - floor(u), np.float32(sky.width), splat_f32(1.0)) / across
-    y = fused(v, np.float32(sky.height - 1), splat_f32(0.5)) / down
-    x, y = fused(x, across, splat_f32(-0.5)), fused(y, down, splat_f32(-0.5))
-    x, y = maximum(x, splat_f32(0.0)), maximum(y, splat_f32(0.0))
-    i = minimum(to_i32(x), splat_i32(np.int32(sky.width)))
-    j = minimum(to_i32(y), splat_i32(np.int32(sky.height - 2)))
-    a, b = x - to_f32(i), y - to_f32(j)
-    first = j * np.int32(sky.width + 2) + i
-    below = first + np.int32(sky.width + 2)
-    upper = gather3(sky.texels, first, mask) * (1.0 - a)
-    upper = upper + gather3(sky.texels, first + 1, mask) * a
-    lower = gather3(sky.texels, below, mask) * (1.0 - a)
-    lower = lower + gather3(sky.texels, below + 1, mask) * a
-    return (upper * (1.0 - b) + lower * b) * np.float32(sky.scale)
-
-
-@kernel
-def _times(matrix, d):
+def _rotated(matrix, d):
     a, b, c = column(matrix, 0), column(matrix, 1), column(matrix, 2)
     return vec3(
         fused(c.x, d.z, fused(b.x, d.y, a.x * d.x)),
@@ -212,51 +153,73 @@ def _times(matrix, d):
 
 
 @kernel
-def _largest(a):
-    return maximum(fabs(a.x), maximum(fabs(a.y), fabs(a.z)))
+def _texel_place(width, height, u, v):
+    """Return the place in an image of W + 2 columns, as it is for Mitsuba."""
+    across, down = np.float32(width + 2), np.float32(height)
+    v = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0))
+    x = fused(u - floor(u), np.float32(width), splat_f32(1.0)) / across
+    y = fused(v, np.float32(height - 1), splat_f32(0.5)) / down
+    x, y = fused(x, across, splat_f32(-0.5)), fused(y, down, splat_f32(-0.5))
+    return maximum(x, splat_f32(0.0)), maximum(y, splat_f32(0.0))
+
+
+# ------------------------------------------- ours, moved to Mitsuba's by rounding at most
 
 
 @kernel
-def _rounded(own, other):
-    """Return where light is the same but for rounding."""
-    return _largest(own - other) <= _CHANGED * _largest(own)
+def _nearby(u, v, own_u, own_v, sine, angle):
+    """Return (u, v), or our own where they are farther apart than `angle` in radians.
+
+    Near a pole the arc cosine and tangent make much of a last bit, but little of a way.
+    """
+    turned = u - own_u
+    turned = turned - floor(turned + 0.5)
+    away = maximum(fabs(turned) * _TWICE_PI, fabs(v - own_v) * _PI) * sine
+    same = away <= angle
+    return select(same, u, own_u), select(same, v, own_v)
+
+
+@kernel
+def _radiance(own, u, v, mask):
+    own_x, own_y = texel_place(own, u, v)
+    x, y = _texel_place(own.width, own.height, u, v)
+    across = fabs(x - own_x) <= _TEXELS * np.float32(own.width + 2)
+    down = fabs(y - own_y) <= _TEXELS * np.float32(own.height)
+    return texel_radiance(own, select(across, x, own_x), select(down, y, own_y), mask)
 
 
 @sample_light.by(RoundedEnvironment)
 @kernel
 def _sample(sky, kind, light, mask, position, x, y, z):
-    own = sample_envmap(sky.own, kind, light, mask, position, x, y, z)
-    u, v, density = _sample_warp(sky.warp, x, y, mask)
-    u = u + half_texel(sky.own)
-    sine, cosine = sincos_as_mitsuba(v * _PI)
-    across, along = sincos_as_mitsuba(u * TWO_PI)
-    wi = _times(sky.own.to_world, vec3(across * sine, cosine, -(along * sine)))
-    pdf = density * (1.0 / maximum(sine, splat_f32(SMALLEST_SINE))) * BY_SOLID_ANGLE
-    usable = pdf > 0.0
-    radiance = _radiance(sky.own, u, v, mask) / select(usable, pdf, splat_f32(1.0))
-    same = usable & (_largest(own.wi - wi) <= _TURNED)
-    same = same & (fabs(own.pdf - pdf) <= _CHANGED * own.pdf)
-    same = same & _rounded(own.radiance, radiance)
-    return LightSample(
-        select3(same, wi, own.wi),
-        own.distance,
-        select3(same, radiance, own.radiance),
-        select(same, pdf, own.pdf),
+    own = sky.own
+    own_u, own_v, own_density = sample_warp(own.warp, x, y, mask)
+    u, v, density, largest = _sample_warp(sky.warp, x, y, mask)
+    _, own_sine = sphere_point(own, own_u, own_v)
+    u, v = _nearby(u, v, own_u, own_v, own_sine, _CHOSEN)
+    # the density that came with our own point, moved along
+    before = warp_density(own.warp, own_u, own_v, mask)
+    moved = warp_density(own.warp, u, v, mask)
+    moved = own_density * select(before > 0.0, moved / before, splat_f32(1.0))
+    same = fabs(density - moved) <= largest * (_TEXELS * np.float32(own.width))
+    density = select(same, density, moved)
+    u = u + half_texel(own)
+    own_wi, own_sine = sphere_point(own, u, v)
+    wi, sine = _sphere_point(own.to_world, u, v)
+    apart = wi - own_wi
+    turned = maximum(fabs(apart.x), maximum(fabs(apart.y), fabs(apart.z)))
+    wi = select3(turned <= _TURNED, wi, own_wi)
+    sine = select(fabs(sine - own_sine) <= _TURNED, sine, own_sine)
+    return distant_sample(
+        own, wi, _radiance(own, u, v, mask), by_solid_angle(density, sine)
     )
 
 
 @environment_light.by(RoundedEnvironment)
 @kernel
 def _light(sky, direction, mask):
-    own, own_density = environment_light(sky.own, direction, mask)
-    local = _times(sky.to_local, direction)
-    u = arctan2_as_mitsuba(local.x, -local.z) * INV_TWO_PI
-    v = arccos_as_mitsuba(local.y) * INV_PI
-    radiance = _radiance(sky.own, u, v, mask)
-    shifted = u - half_texel(sky.own)
-    density = _warp_density(sky.warp, shifted - floor(shifted), v, mask)
-    sine = maximum(sqrt(local.x * local.x + local.z * local.z), splat_f32(SMALLEST_SINE))
-    density = density * (1.0 / sine) * BY_SOLID_ANGLE
-    same = _rounded(own, radiance)
-    near = fabs(own_density - density) <= _CHANGED * own_density
-    return select3(same, radiance, own), select(near, density, own_density)
+    own = sky.own
+    own_u, own_v, sine = image_point(own, direction)
+    u, v = _image_point(own.to_local, direction)
+    u, v = _nearby(u, v, own_u, own_v, sine, _FOUND)
+    density = image_density(own, u, v, mask)
+    return _radiance(own, u, v, mask), by_solid_angle(density, sine)

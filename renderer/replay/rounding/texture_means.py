@@ -13,15 +13,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.kinds.textures.kind import LUMINANCE
 from renderer.kinds.textures.registry import kind_of_texture, mean_of
-from renderer.replay.rounding.fused import fused_in_numpy
+from renderer.replay.rounding.fused import Floats, fused_in_numpy
 from renderer.scene.materials import MaterialTables, kind_of, value_of
 from renderer.scene_file.description import BitmapTexture
-
-Floats = NDArray[np.float32]
 
 _SHARE = "specular_share"  # a parameter of coated BSDFs, which follows from two others
 # sRGB to linear above 0.04045 as a quotient of polynomials, off by 1e-7
