@@ -128,6 +128,25 @@ def test_radiance_and_density_by_direction(pair):
     assert_close(pdf, np.array(their_pdf), 1e-3)
 
 
+def test_rotations_of_few_digits_are_undone_by_their_inverse(tmp_path):
+    """Their transpose, 1e-4 beside it, gave other texels: light was off by 2e-3 here."""
+    path = write_exr(tmp_path / "steep.exr", noise(64, 128))
+    few_digits = np.array(turned().matrix, np.float64)
+    few_digits[:3, :3] += 4e-5 * np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    placed, plain = (
+        LightProbe(LAMP, {"sky": sky}, (1.0, 1.0, 1.0))
+        for sky in (
+            {"type": "envmap", "filename": path, "to_world": few_digits},
+            {"type": "envmap", "filename": path},
+        )
+    )
+    d = directions(1500)
+    radiance, pdf = placed.environment("sky", d @ few_digits[:3, :3].T)
+    expected, density = plain.environment("sky", d)
+    assert np.median(np.abs(radiance / expected - 1.0)) < 2e-5
+    assert np.median(np.abs(pdf / density - 1.0)) < 2e-5
+
+
 def test_samples(pair):
     """The same numbers give the same direction, density and weight."""
     numbers = np.random.default_rng(SEED).random((3, 1500), np.float32)

@@ -147,10 +147,11 @@ def _compare_indices(
 def _on_a_shared_edge(
     kind: str, ours: Mapping[str, Array], reference: Mapping[str, Array]
 ) -> Mask:
-    """Return where both hit one point, of two primitives.
+    """Return where both hit one point of two primitives or shapes, along a thin line.
 
-    Of two shapes only if a ray beside it hits ours in Mitsuba too: of coincident ones that
-    need not be. The triangles at the pole of a mesh are smaller than the pixels.
+    An edge is no wider than a pixel: in the midst of eight others like it a pixel is not on
+    one. Of two shapes ours must be hit beside it in Mitsuba too: coincident ones need not
+    be. The triangles at the pole of a mesh are smaller than the pixels.
     """
     # without them no tie is excused
     if not {"position", "shape_index", kind} <= ours.keys():
@@ -158,12 +159,11 @@ def _on_a_shared_edge(
     a, b = ours[kind][..., 0], reference[kind][..., 0]
     same_point = _errors("position", ours, reference) <= TOLERANCES["position"][0]
     if kind == "prim_index":
-        one_shape = ours["shape_index"][..., 0] == reference["shape_index"][..., 0]
-        return np.asarray((a != b) & same_point & one_shape)
-    among = np.zeros(a.shape, dtype=bool)
-    for neighbour in _neighbours(b):
-        among |= neighbour == a
-    return np.asarray((a != b) & same_point & among)
+        fits = ours["shape_index"][..., 0] == reference["shape_index"][..., 0]
+    else:
+        fits = np.logical_or.reduce([neighbour == a for neighbour in _neighbours(b)])
+    either = (a != b) & same_point & fits
+    return np.asarray(either & ~np.logical_and.reduce([*_neighbours(either)]))
 
 
 def _about_ties(tied: float) -> str:

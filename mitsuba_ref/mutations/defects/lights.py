@@ -249,6 +249,18 @@ DEFECTS = (
         scene="envmap",
     ),
     Mutation(
+        "sphere-light-crowded-at-its-middle",
+        "the middle of the cone that a sphere light fills is chosen too often",
+        (
+            Edit(
+                "kinds/lights/spheres.py",
+                "return x * one_minus_cos",
+                "return x * x * one_minus_cos",
+            ),
+        ),
+        scene="emitters",
+    ),
+    Mutation(
         "warp-cuts-columns-in-the-wrong-place",
         "what is left of a number after a choice is cut off a little too high",
         (

@@ -76,7 +76,8 @@ def _cone_of_density(arithmetic, one_minus_cos, to_center, radius):
 
 @part_of_cone.by(Plain)
 @kernel
-def _part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
+def even_part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
+    """Return it as it is: the solid angle of a cone is even in 1 - cos."""
     return x * one_minus_cos
 
 

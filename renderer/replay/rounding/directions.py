@@ -35,6 +35,7 @@ from renderer.kernels.lanes.vectors import (
 )
 from renderer.kinds.lights.spheres import (
     cone_of_density,
+    even_part_of_cone,
     near_surface,
     part_of_cone,
 )
@@ -60,6 +61,7 @@ _COSINE = tuple(
     for c in (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5)
 )
 _SIGN_BIT = -0x80000000
+_LOST = np.float32(3e-7)  # what is left of 1 - cos has so large a rounding
 _NARROW = np.float32(0.00068523)  # sin^2 of 1.5 degrees
 
 
@@ -223,7 +225,7 @@ def _cone(to_center, radius):
 def _cone_of_density(arithmetic, one_minus_cos, to_center, radius):
     """Return 1 - cos with the digits that Mitsuba loses."""
     _, cosine = _cone(to_center, radius)
-    return 1.0 - cosine
+    return _rounded(1.0 - cosine, one_minus_cos, 1e-6)
 
 
 @part_of_cone.by(AsMitsuba)
@@ -237,4 +239,13 @@ def _part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
     sine2_max, cosine = _cone(to_center, radius)
     cosine = fused(cosine - 1.0, x, splat_f32(1.0))
     sine2 = select(sine2_max > _NARROW, 1.0 - cosine * cosine, sine2_max * x)
-    return sine2 / (1.0 + sqrt(maximum(1.0 - sine2, splat_f32(0.0))))
+    part = sine2 / (1.0 + sqrt(maximum(1.0 - sine2, splat_f32(0.0))))
+    own = even_part_of_cone(arithmetic, x, one_minus_cos, to_center, radius)
+    return _rounded(part, own, 2e-4)
+
+
+@kernel
+def _rounded(theirs, own, share):
+    """Return Mitsuba's 1 - cos; our own where that is not what rounding makes of it."""
+    same = fabs(theirs - own) <= own * np.float32(share) + _LOST
+    return select(same, theirs, own)
