@@ -189,9 +189,9 @@ def sphere_point(sky, u, v):
 
 @kernel
 def texel_place(sky, u, v):
-    """Return places in the image, in texels from the centre of the very first.
+    """Return places in the image, in texels from the centre of the first that is stored.
 
-    It repeats in u, where a copy of the last column lies in front, and ends in v.
+    It repeats in u, for which a copy of the last column comes first, and ends in v.
     """
     x = (u - floor(u)) * np.float32(sky.width) + 0.5
     y = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0)) * np.float32(sky.height - 1)

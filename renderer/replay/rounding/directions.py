@@ -36,6 +36,7 @@ from renderer.kernels.lanes.vectors import (
 from renderer.kinds.lights.spheres import (
     cone_of_density,
     even_part_of_cone,
+    exact_cone_of_density,
     near_surface,
     part_of_cone,
 )
@@ -225,7 +226,8 @@ def _cone(to_center, radius):
 def _cone_of_density(arithmetic, one_minus_cos, to_center, radius):
     """Return 1 - cos with the digits that Mitsuba loses."""
     _, cosine = _cone(to_center, radius)
-    return _rounded(1.0 - cosine, one_minus_cos, 1e-6)
+    own = exact_cone_of_density(arithmetic, one_minus_cos, to_center, radius)
+    return _rounded(1.0 - cosine, own, 1e-6)
 
 
 @part_of_cone.by(AsMitsuba)

@@ -67,7 +67,7 @@ from renderer.scene_file.description import EnvironmentMap
 _CHOSEN = np.float32(1e-4)
 _FOUND = np.float32(2e-6)
 _TURNED = np.float32(1e-6)
-_TEXELS = np.float32(2.0**-22)  # of the image's width: a place in it, rounded four times
+_TEXELS = np.float32(2.0**-22)  # of its columns or rows: a place in it, rounded four times
 _PI = np.float32(np.pi)
 _TWICE_PI = np.float32(2.0 * np.pi)
 
@@ -129,17 +129,17 @@ def _sample_warp(warp, x, y, mask):
 
 
 @kernel
-def _image_point(to_local, d):
-    local = _rotated(to_local, d)
+def _image_point(own, direction):
+    local = _rotated(own.to_local, direction)
     u = arctan2_as_mitsuba(local.x, -local.z) * INV_TWO_PI
     return u, arccos_as_mitsuba(local.y) * INV_PI
 
 
 @kernel
-def _sphere_point(to_world, u, v):
+def _sphere_point(own, u, v):
     sine, cosine = sincos_as_mitsuba(v * _PI)
     across, along = sincos_as_mitsuba(u * TWO_PI)
-    return _rotated(to_world, vec3(across * sine, cosine, -(along * sine))), sine
+    return _rotated(own.to_world, vec3(across * sine, cosine, -(along * sine))), sine
 
 
 @kernel
@@ -153,12 +153,12 @@ def _rotated(matrix, d):
 
 
 @kernel
-def _texel_place(width, height, u, v):
+def _texel_place(own, u, v):
     """Return the place in an image of W + 2 columns, as it is for Mitsuba."""
-    across, down = np.float32(width + 2), np.float32(height)
+    across, down = np.float32(own.width + 2), np.float32(own.height)
     v = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0))
-    x = fused(u - floor(u), np.float32(width), splat_f32(1.0)) / across
-    y = fused(v, np.float32(height - 1), splat_f32(0.5)) / down
+    x = fused(u - floor(u), np.float32(own.width), splat_f32(1.0)) / across
+    y = fused(v, np.float32(own.height - 1), splat_f32(0.5)) / down
     x, y = fused(x, across, splat_f32(-0.5)), fused(y, down, splat_f32(-0.5))
     return maximum(x, splat_f32(0.0)), maximum(y, splat_f32(0.0))
 
@@ -182,7 +182,7 @@ def _nearby(u, v, own_u, own_v, sine, angle):
 @kernel
 def _radiance(own, u, v, mask):
     own_x, own_y = texel_place(own, u, v)
-    x, y = _texel_place(own.width, own.height, u, v)
+    x, y = _texel_place(own, u, v)
     across = fabs(x - own_x) <= _TEXELS * np.float32(own.width + 2)
     down = fabs(y - own_y) <= _TEXELS * np.float32(own.height)
     return texel_radiance(own, select(across, x, own_x), select(down, y, own_y), mask)
@@ -204,7 +204,7 @@ def _sample(sky, kind, light, mask, position, x, y, z):
     density = select(same, density, moved)
     u = u + half_texel(own)
     own_wi, own_sine = sphere_point(own, u, v)
-    wi, sine = _sphere_point(own.to_world, u, v)
+    wi, sine = _sphere_point(own, u, v)
     apart = wi - own_wi
     turned = maximum(fabs(apart.x), maximum(fabs(apart.y), fabs(apart.z)))
     wi = select3(turned <= _TURNED, wi, own_wi)
@@ -219,7 +219,7 @@ def _sample(sky, kind, light, mask, position, x, y, z):
 def _light(sky, direction, mask):
     own = sky.own
     own_u, own_v, sine = image_point(own, direction)
-    u, v = _image_point(own.to_local, direction)
+    u, v = _image_point(own, direction)
     u, v = _nearby(u, v, own_u, own_v, sine, _FOUND)
     density = image_density(own, u, v, mask)
     return _radiance(own, u, v, mask), by_solid_angle(density, sine)
