@@ -25,7 +25,7 @@ from mitsuba_ref.replay.path_comparison import (
     place,
     value_text,
 )
-from mitsuba_ref.replay.within_rounding import sides
+from mitsuba_ref.replay.within_rounding import changes_as_much, sides
 
 EXACT = 1e-5
 """Relative: what one step of both renderers, from the same ray, may differ by anyway: as
@@ -143,7 +143,7 @@ class LedPath:
             here = _compare(path, beside).get(key)
             if here is None or here.error is None:
                 continue
-            if value and quantity.counted_error <= here.error < math.inf:
+            if value and changes_as_much(quantity, here.error):
                 return step
             if not value and here.error == 0.0:
                 return step
