@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.metrics import distances
+from mitsuba_ref.metrics.distances import TILE
 from mitsuba_ref.records.results import Metric
-from mitsuba_ref.statistics import floors
-from mitsuba_ref.statistics.floors import Distance
+from mitsuba_ref.statistics.one_distance import EXCESS_LIMIT, beside_floor, most_by_noise
 from mitsuba_ref.statistics.one_picture import BiasTest, bias_tests
 
 Array = NDArray[np.float32]
@@ -29,21 +29,22 @@ def judge_with_noise(
     ours, references
         As `compare` takes them, finite.
     factor
-        How much larger than its floor the RMSE may be.
+        How much larger than its floor the RMSE may be, whatever the noise.
     """
     tests = bias_tests(ours, references)
+    tiles = beside_floor(ours, references, distances.tile_rmse)
     return {
-        "rmse": _beside_floor(distances.rmse, "distance", ours, references, factor),
-        "trimmed_rmse": _beside_floor(
-            distances.trimmed_rmse,
-            "distance without the worst 0.1 % of the values",
+        "rmse": _judged_distance(ours, references, "distance", factor),
+        "trimmed_rmse": _judged_distance(
             ours,
             references,
+            "distance without the worst 0.1 % of the values",
             # What makes a plain RMSE wander is left out, whatever the scene.
             NOISY_RMSE_FACTOR,
+            trimmed=True,
         ),
-        "tile_rmse": _beside_floor(
-            distances.tile_rmse, "distance of 8 x 8 tile means", ours, references
+        "tile_rmse": Metric(
+            *tiles, None, None, _beside(references, "distance of 8 x 8 tile means")
         ),
         "tile_bias": _judged(
             tests.tiles,
@@ -75,27 +76,38 @@ def compare_filtered(ours: Array, references: Sequence[Array]) -> Metric:
         As `compare` takes them, finite.
     """
     what = "distance, with the file's own filter on both sides,"
-    return _beside_floor(distances.rmse, what, ours, references, NOISY_RMSE_FACTOR)
+    return _judged_distance(ours, references, what, NOISY_RMSE_FACTOR, tile=TILE)
 
 
-def _beside_floor(
-    distance: Distance,
-    what: str,
+def _judged_distance(
     ours: Array,
     references: Sequence[Array],
-    factor: float | None = None,
+    what: str,
+    factor: float,
+    *,
+    trimmed: bool = False,
+    tile: int = 1,
 ) -> Metric:
-    """Return a distance to Mitsuba's pictures beside the same among those."""
-    value, floor = floors.beside_floor(ours, references, distance)
+    """Return the RMSE to Mitsuba's pictures beside the same among those, with its limit.
+
+    `trimmed` and `tile` as in `most_by_noise`.
+    """
+    distance = distances.trimmed_rmse if trimmed else distances.rmse
+    value, floor = beside_floor(ours, references, distance)
+    by_noise = most_by_noise(ours, references, floor, trimmed=trimmed, tile=tile)
+    limit = max(factor * floor, by_noise)
     meaning = (
+        f"{_beside(references, what)}; at most {factor:g} times the floor, or "
+        f"{EXCESS_LIMIT:g} standard errors more, {by_noise:.3g}"
+    )
+    return Metric(value, floor, limit, value <= limit, meaning)
+
+
+def _beside(references: Sequence[Array], what: str) -> str:
+    return (
         f"{what} to {len(references)} Mitsuba pictures, root mean square; floor: the same "
         "among those"
     )
-    if factor is None:
-        return Metric(value, floor, None, None, meaning)
-    limit = factor * floor
-    meaning += f"; at most {factor:g} times the floor"
-    return Metric(value, floor, limit, value <= limit, meaning)
 
 
 def _judged(test: BiasTest, meaning: str) -> Metric:

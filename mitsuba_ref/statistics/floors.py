@@ -7,8 +7,7 @@ noise, it lies between the two. So what counts is its excess over the *larger* f
 by its rank among relabelled pictures: exact for equal noise and any distance, and on the
 safe side for different noise (in the scene "emitters" ours is half of Mitsuba's).
 
-With a single picture of ours there is nothing to relabel: `beside_floor` gives the numbers
-alone, for a limit that somebody else has set.
+With a single picture of ours there are too few relabellings for a rank: `one_distance`.
 
 Sees a bias that is large beside the noise of one picture. Not more noise on one side: that
 is for the harness's comparison of RMSE with Mitsuba's floor.
@@ -82,21 +81,6 @@ def all_distances(pictures: Sequence[NDArray[np.floating]], distance: Distance) 
         for j in range(i):
             table[i, j] = table[j, i] = distance(first, pictures[j])
     return table
-
-
-def beside_floor(
-    ours: NDArray[np.floating],
-    references: Sequence[NDArray[np.floating]],
-    distance: Distance,
-) -> tuple[float, float]:
-    """Return (how far one picture is from the references, how far these are apart).
-
-    Root mean squares over the pairs.
-    """
-    table = all_distances([ours, *references], distance)
-    pairs = table[1:, 1:][np.triu_indices(len(references), 1)]
-    across, within = (np.sqrt(np.mean(found**2)) for found in (table[0, 1:], pairs))
-    return float(across), float(within)
 
 
 def floor_test(name: str, table: Floats, dealt: NDArray[np.bool_], alpha: float) -> Floor:
