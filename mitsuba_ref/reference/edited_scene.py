@@ -39,6 +39,7 @@ class EditedScene:
     scene: Any  # mitsuba.Scene
     integrator: str  # the plugin that the file names
     changes: tuple[str, ...]  # what is otherwise than the file says, a phrase each
+    bump_maps: bool  # whether there are some
 
 
 def load_edited_scene(
@@ -122,7 +123,8 @@ def load_edited_scene(
         scene = mi.parser.instantiate(config, state)
     if divided := divide_lights_without_extent(mi, scene):
         changes.append(divided)
-    return EditedScene(scene, integrator, tuple(changes))
+    bump_maps = any(node.props.plugin_name() == "bumpmap" for node in state.nodes)
+    return EditedScene(scene, integrator, tuple(changes), bump_maps)
 
 
 def refuse_code(path: Path, parameters: Mapping[str, object]) -> None:

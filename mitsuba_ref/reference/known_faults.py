@@ -1,7 +1,7 @@
 """What Mitsuba 3.9.1 cannot do in `scalar_rgb`, or does wrong: undone on its side.
 
 Each leaves a sentence. Without the first two there would be no picture to compare, and
-without the last one a picture that is known to be wrong.
+without the others a picture or normals that are known to be wrong.
 """
 
 from __future__ import annotations
@@ -9,6 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from renderer.scene_file.colors.colors import Use, read_constant_plugin
 from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS
@@ -18,6 +21,7 @@ from renderer.scene_file.reading import Reading
 
 RGB_INSTEAD = "spectra that scalar_rgb cannot evaluate replaced by their colours"
 PIXELS_INSTEAD = "pixels of the film in rgb"
+TURNED = "normals of bump maps turned from the surface's frame into the world"
 WRONG = "lights without extent divided by "
 """What a change begins with that undoes a fault; `wrong_by` makes a sentence of it."""
 
@@ -87,6 +91,35 @@ def divide_lights_without_extent(mi: Any, scene: Any) -> str:
 def _without_extent(mi: Any, scene: Any) -> Iterator[Any]:
     delta = mi.EmitterFlags.Delta
     return (e for e in scene.emitters() if mi.has_flag(e.flags(), delta))
+
+
+def turn_normals_of_bump_maps(mi: Any, scene: Any, normals: NDArray[np.float32]) -> bool:
+    """Undo that a `bumpmap` gives its shading normal in the frame of the surface.
+
+    The others give theirs in the world, and so does whatever stands around a bump map.
+
+    Parameters
+    ----------
+    mi, scene
+        Mitsuba, and a scene of its.
+    normals
+        The AOV `sh_normal`, (H, W, 3), of rays through the pixels' centres; changed.
+
+    Returns
+    -------
+    Whether a pixel shows such a normal.
+    """
+    sensor, middle = scene.sensors()[0], mi.Point2f(0.5, 0.5)
+    height, width, _ = normals.shape
+    found = False
+    for y, x in np.ndindex(height, width):
+        pixel = mi.Point2f((x + 0.5) / width, (y + 0.5) / height)
+        ray, _ = sensor.sample_ray_differential(0.0, 0.5, pixel, middle)
+        hit = scene.ray_intersect(ray)
+        if hit.is_valid() and hit.bsdf(ray).class_name() == "BumpMap":
+            normals[y, x] = hit.to_world(mi.Vector3f(normals[y, x]))
+            found = True
+    return found
 
 
 def wrong_by(changes: tuple[str, ...]) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaRefused
+from mitsuba_ref.reference.known_faults import TURNED, turn_normals_of_bump_maps
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
 from renderer.scene_file.description import AOV_KINDS
 
@@ -77,6 +78,10 @@ def render_reference(request: RenderRequest) -> Reference:
         raise MitsubaRefused(_one_line(str(error))) from None
     pixels = np.array(image, dtype=np.float32)
     arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
+    changes = edited.changes
+    if wants_aovs and edited.bump_maps:
+        if turn_normals_of_bump_maps(mi, scene, arrays["sh_normal"]):
+            changes += (TURNED,)
     if request.replay:
         arrays["camera"] = camera_entries(mi, sensor)
     return Reference(
@@ -85,7 +90,7 @@ def render_reference(request: RenderRequest) -> Reference:
         threads=threads,
         spp=int(sensor.sampler().sample_count()),
         integrator="aov" if wants_aovs else edited.integrator,
-        changes=edited.changes,
+        changes=changes,
     )
 
 

@@ -19,7 +19,7 @@ from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.kinds.sampling.arithmetic import density_normal
 from renderer.kinds.sampling.numbers_and_warps import square_to_triangle
 from renderer.kinds.shapes import flat
-from renderer.kinds.shapes.arrays import empty_rows, float32
+from renderer.kinds.shapes.arrays import empty_rows
 from renderer.kinds.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.kinds.shapes.kind import ShapeKind, flipped
 from renderer.kinds.shapes.mesh_plugins import MESH_PLUGINS
@@ -116,23 +116,6 @@ class TriangleSurfaces(NamedTuple):
     normals: NDArray[np.float32] = empty_rows(9)  # (9, n) unit, of the vertices in turn
     uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
     tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
-
-
-def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
-    """Return dp/du (3, n), not unit; 0 where u and v span no area.
-
-    Where there are no texture coordinates u is the first barycentric one.
-    """
-    uvs = triangles.uvs.astype(np.float64)
-    if uvs.shape[1] == 0:
-        return float32(triangles.edge1)
-    du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
-    du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
-    area = du1 * dv2 - dv1 * du2
-    along_u = dv2 * triangles.edge1 - dv1 * triangles.edge2
-    flat = area == 0.0
-    tangents = np.where(flat, 0.0, along_u / np.where(flat, 1.0, area))
-    return np.ascontiguousarray(tangents, np.float32)
 
 
 @kernel

@@ -96,27 +96,45 @@ def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
     u0, v0, u1, v1, u2, v2 = triangles.uvs.astype(float)
     area = (u1 - u0) * (v2 - v0) - (v1 - v0) * (u2 - u0)
     with np.errstate(all="ignore"):
-        along_u = ((v2 - v0) * edge1 - (v1 - v0) * edge2) / area
         along_v = ((u1 - u0) * edge2 - (u2 - u0) * edge1) / area
-    there = (
-        (area != 0.0) & np.isfinite(along_u).all(axis=0) & np.isfinite(along_v).all(axis=0)
-    )
-    s, t = _tangents(edge1, edge2)
-    return (
-        np.ascontiguousarray(np.where(there, along_u, s), np.float32),
-        np.ascontiguousarray(np.where(there, along_v, t), np.float32),
-    )
+    _, other = _face_tangents(edge1, edge2)
+    along_v = np.where(np.isfinite(along_v).all(axis=0), along_v, other)
+    return texture_tangents(triangles), np.ascontiguousarray(along_v, np.float32)
 
 
-def _tangents(edge1: NDArray[np.float64], edge2: NDArray[np.float64]) -> tuple[Any, Any]:
-    """Return two unit vectors along triangles [Duff2017]; 0 for those without area."""
+def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
+    """Return dp/du (3, n), not unit; where u and v span no area, of length 1.
+
+    Where there are no texture coordinates u is the first barycentric one.
+    """
+    uvs = triangles.uvs.astype(np.float64)
+    if uvs.shape[1] == 0:
+        return float32(triangles.edge1)
+    edge1, edge2 = triangles.edge1.astype(float), triangles.edge2.astype(float)
+    du1, dv1 = uvs[2] - uvs[0], uvs[3] - uvs[1]
+    du2, dv2 = uvs[4] - uvs[0], uvs[5] - uvs[1]
+    with np.errstate(all="ignore"):
+        along_u = (dv2 * edge1 - dv1 * edge2) / (du1 * dv2 - dv1 * du2)
+    there = np.isfinite(along_u).all(axis=0)
+    other, _ = _face_tangents(edge1, edge2)
+    return np.ascontiguousarray(np.where(there, along_u, other), np.float32)
+
+
+def _face_tangents(
+    edge1: NDArray[np.float64], edge2: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return two unit vectors along triangles [Duff2017]; 0 for those without area.
+
+    What Mitsuba takes for dp/du and dp/dv where u and v span no area.
+    """
     n = np.cross(edge1, edge2, axis=0)
     length = np.linalg.norm(n, axis=0)
     x, y, z = n / np.where(length > 0.0, length, 1.0)
     sign = np.copysign(1.0, z)
     a = -1.0 / (sign + z)
     s = np.array([1.0 + sign * x * x * a, sign * x * y * a, -sign * x])
-    return s * (length > 0.0), np.array([x * y * a, sign + y * y * a, -y]) * (length > 0.0)
+    t = np.array([x * y * a, sign + y * y * a, -y])
+    return s * (length > 0.0), t * (length > 0.0)
 
 
 @interface
