@@ -19,8 +19,8 @@ NOISY_RMSE_FACTOR = 1.25
 """Of the noise floor, where a scene's proof.toml says nothing."""
 
 WIDEST_RMSE_FACTOR = 2.5
-"""Of the noise floor, whatever noise may explain: by itself a single pixel of any brightness
-raises what it is held to. (Measured: 2.3 between pictures of the Cornell box.)"""
+"""Of the noise floor, whatever noise may explain: a single pixel of any brightness raises
+the limit that it is held to. (Measured: 2.3 between pictures of the Cornell box.)"""
 
 
 def judge_with_noise(
