@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from renderer.errors import ClusterError, SceneError
     from renderer.kernels.jit import kernel
     from renderer.kinds.bsdfs.registry import register_bsdf
-    from renderer.picture.image import Image
+    from renderer.rendering.picture.image import Image
     from renderer.rendering.render_scene import render, render_frames
     from renderer.rendering.render_to_file import render_to_file
     from renderer.rendering.sitting import Progress
@@ -46,7 +46,7 @@ __all__ = [
 # the version, the command's help or a scene's description need not wait for.
 _MODULES = {
     "ClusterError": "renderer.errors",
-    "Image": "renderer.picture.image",
+    "Image": "renderer.rendering.picture.image",
     "Progress": "renderer.rendering.sitting",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
@@ -103,7 +103,7 @@ def load_file(
     SceneError
         With file, line, plugin and property, if the scene cannot be rendered.
     """
-    from renderer.memory import limited_to
+    from renderer.process.memory import limited_to
     from renderer.scene_file import read_file_with
 
     with limited_to(memory):
@@ -124,7 +124,7 @@ def load_string(
     The other arguments are those of `load_file`; the scene's own folder is `base_dir`, or
     without one the working directory.
     """
-    from renderer.memory import limited_to
+    from renderer.process.memory import limited_to
     from renderer.scene_file import read_string
 
     with limited_to(memory):
@@ -145,7 +145,7 @@ def load_dict(
     The other arguments are those of `load_string`, but that files may lie anywhere unless
     `allow_outside` is given (it may be empty): a dictionary is a program's own.
     """
-    from renderer.memory import limited_to
+    from renderer.process.memory import limited_to
     from renderer.scene_file import read_dict
 
     with limited_to(memory):

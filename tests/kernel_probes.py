@@ -16,6 +16,9 @@ from numba import typeof
 
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import TRAVERSALS
+from renderer.integrators.stages.intersect import intersect
+from renderer.integrators.stages.surface.shading_frame import leave_surface
+from renderer.integrators.stages.surface.surface import append_hits, surface_points
 from renderer.kernels.jit import (
     Packed,
     call,
@@ -34,19 +37,16 @@ from renderer.kernels.records.batch import (
 )
 from renderer.kernels.records.kernel_scene import ANY
 from renderer.kernels.records.tile import SampleKey
-from renderer.kinds.shapes import flat
 from renderer.kinds.shapes.cylinder import CylinderSurfaces
-from renderer.kinds.shapes.disk import DiskSurfaces
-from renderer.kinds.shapes.rectangle import RectangleSurfaces
+from renderer.kinds.shapes.flat.disk import DiskSurfaces
+from renderer.kinds.shapes.flat import flat
+from renderer.kinds.shapes.flat.rectangle import RectangleSurfaces
+from renderer.kinds.shapes.flat.triangle import TriangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
-from renderer.kinds.shapes.triangle import TriangleSurfaces
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay, Variant
 from renderer.scene.scene import Scene
-from renderer.stages.intersect import intersect
-from renderer.stages.shading_frame import leave_surface
-from renderer.stages.surface import append_hits, surface_points
 
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
 FIRST_ID = 5  # not 0, so that a column number taken for a primitive id shows

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import renderer
-from renderer import threads
+from renderer.process import threads
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.checkpoints.file import find_checkpoint
 

@@ -12,12 +12,12 @@ import numpy as np
 from kernel_probes import Inputs, fill, float32, run_surface_points
 from light_probes import light_kinds, sample_lights
 
+from renderer.integrators.stages.surface.shading_frame import frame_at
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, Workspace
-from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import (
     BsdfMethods,
     Numbers,
@@ -25,15 +25,15 @@ from renderer.kinds.bsdfs.kind import (
     parameters_at,
     sample_bsdf,
 )
-from renderer.kinds.lights.area import AreaLights
+from renderer.kinds.bsdfs.smooth.diffuse import DIFFUSE
+from renderer.kinds.lights.areas.area import AreaLights
 from renderer.kinds.sampling.arithmetic import seen_from, to_local
 from renderer.kinds.sampling.numbers_and_warps import choose_one
-from renderer.kinds.shapes.surface import pdf_shape
+from renderer.kinds.shapes.surface.surface import pdf_shape
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.tables.variant import way_of
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.scene.scene import Scene
-from renderer.stages.shading_frame import frame_at
 
 
 def replay_inputs(scene: Scene) -> Inputs:

@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 import renderer
 from renderer.integrators.kind import NO_LIMIT
+from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.materials import load_parameters
+from renderer.integrators.stages.scatter import scatter
+from renderer.integrators.stages.split import split
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import store3, vec3
 from renderer.kernels.records.batch import CAPACITY, Rays, Workspace
 from renderer.kernels.records.kernel_scene import RECORD
 from renderer.kernels.records.tile import Tile
-from renderer.kinds.bsdfs.diffuse import Diffuse, eval_pdf
+from renderer.kinds.bsdfs.smooth.diffuse import Diffuse, eval_pdf
 from renderer.kinds.sampling.numbers_and_warps import Independent
 from renderer.rendering.planning.plan import make_plan
-from renderer.stages.camera_rays import camera_rays
-from renderer.stages.materials import load_parameters
-from renderer.stages.scatter import scatter
-from renderer.stages.split import split
 
 Array = NDArray[np.float64]
 TILE = Tile(0, 0, 32, 32, 32)

@@ -45,11 +45,11 @@ from renderer.kernels.records.kernel_scene import (
     SAMPLE_LIGHT,
     SCATTER,
 )
-from renderer.kinds.lights.area import AreaLights
-from renderer.kinds.lights.constant import ConstantLights
-from renderer.kinds.lights.directional import DirectionalLights
-from renderer.kinds.lights.point import PointLights
-from renderer.kinds.lights.spot import SpotLights
+from renderer.kinds.lights.areas.area import AreaLights
+from renderer.kinds.lights.environments.constant import ConstantLights
+from renderer.kinds.lights.points.directional import DirectionalLights
+from renderer.kinds.lights.points.point import PointLights
+from renderer.kinds.lights.points.spot import SpotLights
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 

@@ -124,7 +124,9 @@ def test_one_pixel():
 
 
 def test_progress_counts_up_to_the_last_sample(monkeypatch):
-    monkeypatch.setattr(renderer.threads, "WAKE", 1e-4)  # so short a render is over soon
+    monkeypatch.setattr(
+        renderer.process.threads, "WAKE", 1e-4
+    )  # so short a render is over soon
     seen = []
     loaded = renderer.load_dict(lit_floor(size=(40, 40)))
     renderer.render(loaded, spp=529, progress=seen.append)

@@ -12,15 +12,15 @@ import OpenEXR
 import pytest
 
 import renderer
-from renderer import memory
 from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
-from renderer.picture.exr_rows import ExrRows
-from renderer.picture.image import Image
+from renderer.process import memory
 from renderer.rendering import memory_estimate, render_to_file
 from renderer.rendering.film.band import Band, FilmShape
 from renderer.rendering.film.film import Film
 from renderer.rendering.memory_estimate import rows_at_once
+from renderer.rendering.picture.exr_rows import ExrRows
+from renderer.rendering.picture.image import Image
 from renderer.rendering.sitting import Progress
 
 mi.set_variant("scalar_rgb")

@@ -15,8 +15,8 @@ import pytest
 from stranger_scenes import STRANGERS
 from test_path_comparison import PATH, with_bounce, with_light
 
-import renderer.kinds.bsdfs.dielectric
-import renderer.kinds.bsdfs.diffuse
+import renderer.kinds.bsdfs.smooth.dielectric
+import renderer.kinds.bsdfs.smooth.diffuse
 from mitsuba_ref.mutations import rungs
 from mitsuba_ref.mutations.mutation import PACKAGE
 from mitsuba_ref.our_renderer import picture as our_picture
@@ -27,8 +27,13 @@ from mitsuba_ref.records.results import ReplayResult, SceneResult
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaCrashed
 from mitsuba_ref.reference.picture_process import MitsubaWorker
-from mitsuba_ref.replay import beyond_limits, replay_scene
-from mitsuba_ref.replay.beyond_limits import excluded_share, look_at_causes, spread_evenly
+from mitsuba_ref.replay import replay_scene
+from mitsuba_ref.replay.explanations import beyond_limits
+from mitsuba_ref.replay.explanations.beyond_limits import (
+    excluded_share,
+    look_at_causes,
+    spread_evenly,
+)
 from mitsuba_ref.replay.led_path import EXACT, STEPS, LedPath
 from mitsuba_ref.replay.replay_comparison import compare_replay
 from renderer.rendering.planning import plan
@@ -212,8 +217,8 @@ def defect(monkeypatch, kind, size):
         monkeypatch.setitem(plan.RAY_OFFSETS, "mitsuba", rule)
         return
     module, name = {
-        "albedo": (renderer.kinds.bsdfs.diffuse, "read_texture"),
-        "index": (renderer.kinds.bsdfs.dielectric, "read_relative_index"),
+        "albedo": (renderer.kinds.bsdfs.smooth.diffuse, "read_texture"),
+        "index": (renderer.kinds.bsdfs.smooth.dielectric, "read_relative_index"),
     }[kind]
     sound = getattr(module, name)
 

@@ -17,7 +17,7 @@ import test_nested_bsdfs as nested
 from bsdf_probes import BsdfProbe, MitsubaProbe, albedo, seen_under
 from scene_file_samples import mi
 
-from mitsuba_ref.reference.merl import register_merl
+from mitsuba_ref.reference.plugins.merl import register_merl
 
 register_merl(mi)
 MEASURED = Path(__file__).parent / "plugins" / "small.binary"

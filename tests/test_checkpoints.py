@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 
 import renderer
-from renderer import threads
 from renderer.command.cli import main
 from renderer.command.progress_display import ProgressDisplay
 from renderer.errors import CheckpointWarning, SceneError
 from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.process import threads
 from renderer.rendering.checkpoints import checkpoint as checkpoint_module
 from renderer.rendering.checkpoints import file as checkpoint_file
 from renderer.rendering.checkpoints import identity

@@ -20,9 +20,9 @@ import pytest
 from distributed import Client, LocalCluster, WorkerPlugin, get_worker
 
 import renderer
-from renderer import memory
 from renderer.command import cli
 from renderer.errors import ClusterError, NotAllowed, SceneError
+from renderer.process import memory
 from renderer.rendering import memory_estimate
 from renderer.rendering.cluster import connect, worker
 from renderer.rendering.cluster import team as teams

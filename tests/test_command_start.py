@@ -15,8 +15,8 @@ import pytest
 
 import renderer
 from renderer import __main__ as process
-from renderer import names
 from renderer.accelerators.build import BUILDERS
+from renderer.process import names
 from renderer.rendering.planning.plan import RAY_OFFSETS
 
 ROOT = Path(__file__).parent.parent
@@ -41,7 +41,7 @@ def imported(finished):
 
 @pytest.mark.parametrize("option", ["--version", "--help"])
 def test_version_and_help_import_nothing_slow(option):
-    """Not even NumPy; what --help lists comes from `renderer.names`."""
+    """Not even NumPy; what --help lists comes from `renderer.process.names`."""
     finished = run("-m", "renderer", option)
     assert finished.returncode == 0
     assert "lightproof" in finished.stdout

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 
 import renderer.rendering.film.film
-from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.records.batch import CAPACITY, make_workspace
-from renderer.kernels.records.tile import TILE_SIZE, Tile
-from renderer.kinds.sampling.numbers_and_warps import Independent
-from renderer.rendering.film.film import Film
-from renderer.scene.reconstruction import lookup_weight, pixels_touched
-from renderer.scene_file.description import ReconstructionFilter
-from renderer.stages.draws import draw_film
-from renderer.stages.film import (
+from renderer.integrators.stages.film.draws import draw_film
+from renderer.integrators.stages.film.film import (
     BOX,
     add_to_tile,
     close_sums,
@@ -22,6 +15,13 @@ from renderer.stages.film import (
     filter_table,
     open_sums,
 )
+from renderer.kernels.jit import entry_kernel, pack
+from renderer.kernels.records.batch import CAPACITY, make_workspace
+from renderer.kernels.records.tile import TILE_SIZE, Tile
+from renderer.kinds.sampling.numbers_and_warps import Independent
+from renderer.rendering.film.film import Film
+from renderer.scene.reconstruction import lookup_weight, pixels_touched
+from renderer.scene_file.description import ReconstructionFilter
 
 
 @entry_kernel

@@ -9,12 +9,12 @@ import pytest
 
 import renderer
 from renderer.errors import SceneError
+from renderer.process.threads import Crew
 from renderer.rendering.accuracy import estimate, relative_error
 from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Sitting
-from renderer.threads import Crew
 
 SCENES = Path(__file__).parent.parent / "scenes"
 

@@ -12,9 +12,13 @@ import PIL.Image
 import pytest
 
 from renderer.errors import SceneError
-from renderer.picture.image import Image
-from renderer.picture.image_files import aov_channel_names, check_output_path, encode_png
-from renderer.picture.srgb import srgb_from_linear
+from renderer.rendering.picture.image import Image
+from renderer.rendering.picture.image_files import (
+    aov_channel_names,
+    check_output_path,
+    encode_png,
+)
+from renderer.rendering.picture.srgb import srgb_from_linear
 from renderer.scene_file.description import AOV_KINDS
 
 mi.set_variant("scalar_rgb")

@@ -17,7 +17,7 @@ import pytest
 from renderer import __main__
 from renderer.command import cli
 from renderer.command.interrupts import Interrupts
-from renderer.signals import put_off_interrupts
+from renderer.process.signals import put_off_interrupts
 
 ROOT = Path(__file__).parent.parent
 BOX = ROOT / "scenes" / "cornell-box" / "scene.xml"

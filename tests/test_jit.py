@@ -23,7 +23,7 @@ from numba.core.errors import TypingError
 from numba.extending import overload
 
 import renderer
-import renderer.stages.film
+import renderer.integrators.stages.film.film
 from renderer.kernels.jit import (
     always_inline,
     cache,
@@ -372,8 +372,12 @@ def test_a_kernel_left_out_of_the_hash_is_known_by_its_own_file() -> None:
     assert kept.name.endswith("-" + cache.file_digest(png_filters.__file__))
     inside = Path(cache.KernelCache(_doubled.py_func)._cache_path)
     assert inside.name.endswith("-" + cache.file_digest(__file__))
-    plain = Path(cache.KernelCache(renderer.stages.film.add_to_tile.py_func)._cache_path)
-    assert plain.name == "renderer_stages_film"
+    plain = Path(
+        cache.KernelCache(
+            renderer.integrators.stages.film.film.add_to_tile.py_func
+        )._cache_path
+    )
+    assert plain.name == "renderer_integrators_stages_film_film"
 
 
 # ------------------------------------------------------------------ versions of Numba

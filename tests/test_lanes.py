@@ -661,7 +661,7 @@ SCRIPT = """
 import numpy as np
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, sqrt
-from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.mathematics.mathematics import sincos
 from renderer.kernels.lanes.vectors import load3, normalize, store3
 
 @entry_kernel

@@ -1,4 +1,4 @@
-"""`kernels.lanes.mathematics` against NumPy in float64, in units in the last place."""
+"""`lanes.mathematics.mathematics` against NumPy in float64, in units in the last place."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.mathematics.mathematics import arccos, arctan2, sincos
 from renderer.kernels.lanes.memory import load_row, store_row
 
 NAN, INF = np.nan, np.inf

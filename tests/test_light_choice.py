@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from small_scenes import rgb
 
 import renderer
-from mitsuba_ref.statistics.welch import tile_test
+from mitsuba_ref.statistics.hypothesis_tests.welch import tile_test
 from renderer.kernels.jit import call, entry_kernel, pack
 from renderer.kernels.records.batch import CAPACITY
 from renderer.kernels.records.kernel_scene import (

@@ -15,11 +15,12 @@ import pytest
 from PIL import Image as Pillow
 
 import renderer
-from renderer import memory, scene_file
+from renderer import scene_file
 from renderer.accelerators.build import build_accelerators
 from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
-from renderer.memory import parse_size, shown
+from renderer.process import memory
+from renderer.process.memory import parse_size, shown
 from renderer.rendering import memory_estimate
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.memory_estimate import estimate

@@ -10,7 +10,7 @@ from scene_file_samples import mi
 from small_scenes import scene, sensor
 
 import renderer
-from mitsuba_ref.reference.merl import register_merl
+from mitsuba_ref.reference.plugins.merl import register_merl
 from renderer.errors import SceneError
 from renderer.kinds.bsdfs.merl_file import (
     SCALES,

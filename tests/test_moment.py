@@ -9,7 +9,7 @@ import pytest
 import renderer
 from renderer.errors import SceneError
 from renderer.integrators.moment import XYZ_FROM_SRGB
-from renderer.picture.image_files import aov_channel_names
+from renderer.rendering.picture.image_files import aov_channel_names
 from renderer.rendering.planning.plan import make_plan
 
 mi.set_variant("scalar_rgb")

@@ -124,14 +124,17 @@ def test_a_file_that_is_gone_is_an_error():
 
 
 def test_two_edits_of_one_file_are_both_made():
-    edits = [("picture/srgb.py", "12.92", "13.0"), ("picture/srgb.py", "1.055 *", "1.0 *")]
-    text = mutated_files(mutation(*edits))["picture/srgb.py"]
+    edits = [
+        ("rendering/picture/srgb.py", "12.92", "13.0"),
+        ("rendering/picture/srgb.py", "1.055 *", "1.0 *"),
+    ]
+    text = mutated_files(mutation(*edits))["rendering/picture/srgb.py"]
     assert "13.0" in text and "12.92" not in text and "1.0 *" in text
 
 
 def test_a_copy_differs_in_the_mutated_file_alone_and_is_found_again(tmp_path):
     """Numba finds kernels by path and time of a source: a copy must not be made twice."""
-    made = mutation(("picture/srgb.py", "12.92", "13.0"))
+    made = mutation(("rendering/picture/srgb.py", "12.92", "13.0"))
     folder = mutant_folder(made, tmp_path)
     sources = sorted(p.relative_to(PACKAGE) for p in PACKAGE.rglob("*.py"))
     assert sorted(p.relative_to(folder / "renderer") for p in folder.rglob("*.py")) == (
@@ -142,18 +145,22 @@ def test_a_copy_differs_in_the_mutated_file_alone_and_is_found_again(tmp_path):
         for s in sources
         if (folder / "renderer" / s).read_bytes() != (PACKAGE / s).read_bytes()
     ]
-    assert differing == ["picture/srgb.py"]
-    before = (folder / "renderer" / "picture/srgb.py").stat().st_mtime_ns
+    assert differing == ["rendering/picture/srgb.py"]
+    before = (folder / "renderer" / "rendering/picture/srgb.py").stat().st_mtime_ns
     assert mutant_folder(made, tmp_path) == folder
-    assert (folder / "renderer" / "picture/srgb.py").stat().st_mtime_ns == before
+    assert (folder / "renderer" / "rendering/picture/srgb.py").stat().st_mtime_ns == before
 
 
 def test_a_changed_mutation_has_another_folder_and_the_old_one_goes(tmp_path):
-    first = mutant_folder(mutation(("picture/srgb.py", "12.92", "13.0")), tmp_path)
-    other = mutant_folder(
-        mutation(("picture/srgb.py", "12.92", "13.0"), name="made"), tmp_path
+    first = mutant_folder(
+        mutation(("rendering/picture/srgb.py", "12.92", "13.0")), tmp_path
     )
-    second = mutant_folder(mutation(("picture/srgb.py", "12.92", "14.0")), tmp_path)
+    other = mutant_folder(
+        mutation(("rendering/picture/srgb.py", "12.92", "13.0"), name="made"), tmp_path
+    )
+    second = mutant_folder(
+        mutation(("rendering/picture/srgb.py", "12.92", "14.0")), tmp_path
+    )
     assert sorted(tmp_path.iterdir()) == sorted([other, second])
     assert first != second
 
@@ -189,7 +196,7 @@ def test_a_refusal_arrives_as_what_it_is(tmp_path):
     content = scene_file("grey-furnace").read_text(encoding="utf-8")
     scene = tmp_path / "scene.xml"
     scene.write_text(content.replace('type="sphere"', 'type="hypercube"'))
-    made = mutation(("picture/srgb.py", "12.92", "13.0"))
+    made = mutation(("rendering/picture/srgb.py", "12.92", "13.0"))
     with Mutant(made, 120.0, tmp_path) as mutant:
         with pytest.raises(SceneError, match="hypercube"):
             mutant.render(dataclasses.replace(request(), path=str(scene)))
@@ -206,7 +213,9 @@ def test_kernels_are_compiled_again_only_where_one_is_changed(tmp_path, monkeypa
 
 
 def test_tests_that_do_not_end_are_stopped(tmp_path):
-    made = mutation(("picture/srgb.py", "def srgb", "while True: pass\n\ndef srgb"))
+    made = mutation(
+        ("rendering/picture/srgb.py", "def srgb", "while True: pass\n\ndef srgb")
+    )
     with Mutant(made, 6.0, tmp_path) as mutant:
         with pytest.raises(MutantError, match="tests did not end within 6 s"):
             mutant.run_tests(("test_image.py",))
@@ -231,7 +240,7 @@ def test_the_same_test_passes_on_the_unchanged_renderer(tmp_path):
 
 
 NARROWER = mutation(  # in a file from which no kernel is compiled
-    ("scene_file/objects/sensors.py", "return fov_x\n", "return 0.9 * fov_x\n"),
+    ("scene_file/objects/view/sensors.py", "return fov_x\n", "return 0.9 * fov_x\n"),
     name="narrower",
 )
 

@@ -10,7 +10,7 @@ from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.scene_file.description import NOWHERE
 from renderer.scene_file.document.tree import Element
-from renderer.scene_file.objects.integrators import read_scene_integrator
+from renderer.scene_file.objects.view.integrators import read_scene_integrator
 from renderer.scene_file.reading import Reading
 
 SMALL = SENSOR.replace(

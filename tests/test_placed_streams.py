@@ -14,7 +14,7 @@ from test_instances import accelerators_of, content, rays
 from test_surface_points import write_meshes
 
 import renderer
-from renderer.accelerators.bvh.octants import STREAM
+from renderer.accelerators.bvh.wide.octants import STREAM
 from renderer.accelerators.groups.instances import Instances
 from renderer.accelerators.groups.placed_rays import SHORT
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally

@@ -22,8 +22,8 @@ from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import NO_PROOF, USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.reference.cache import ReferenceCache
-from mitsuba_ref.reference.known_faults import TURNED
 from mitsuba_ref.reference.picture_process import MitsubaWorker
+from mitsuba_ref.reference.plugins.known_faults import TURNED
 from mitsuba_ref.replay.replay_scene import replay_scene
 
 SCENES = sorted((Path(__file__).parent / "plugins").glob("*.xml"))

@@ -93,8 +93,8 @@ def rooms_of(package):
         ("renderer/a.py", "import mitsuba_ref"),
         ("mitsuba_ref/a.py", "from reports import page"),
         ("mitsuba_ref/records/a.py", "import mitsuba_ref.reference"),
-        ("renderer/kinds/a.py", "import renderer.stages"),
-        ("renderer/stages/a.py", "import renderer.replay"),
+        ("renderer/kinds/a.py", "import renderer.integrators.stages"),
+        ("renderer/integrators/stages/a.py", "import renderer.replay"),
         ("renderer/kernels/jit/a.py", "import renderer.kernels.lanes"),
     ],
 )

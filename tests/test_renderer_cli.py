@@ -21,9 +21,9 @@ from renderer.command import cli
 from renderer.command.cli import main
 from renderer.command.progress_display import ProgressDisplay
 from renderer.errors import ClusterError, NotAllowed
-from renderer.picture import image_files
-from renderer.picture.image import Image
 from renderer.rendering import render_scene
+from renderer.rendering.picture import image_files
+from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
 from renderer.rendering.sitting import Progress

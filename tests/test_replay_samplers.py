@@ -33,7 +33,7 @@ from renderer.replay.numbers.sequences import (
 )
 from renderer.replay.samplers.low_discrepancy import sobol, van_der_corput
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.objects.samplers import round_sample_count
+from renderer.scene_file.objects.view.samplers import round_sample_count
 
 SEEDS = np.array([0, 1, 31, 65537, 2**31 + 5, 2**32 - 1], np.uint32)
 OWN_SEEDS = (0, 9, 2**32 - 2)  # the last one makes the sum with a pixel's seed overflow

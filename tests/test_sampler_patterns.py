@@ -15,7 +15,6 @@ from small_scenes import rgb, sensor
 from test_sampling import multijitter, whole_grid
 
 import renderer
-from renderer import names
 from renderer.kinds.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     BLOCKS_PER_BOUNCE,
@@ -25,6 +24,7 @@ from renderer.kinds.sampling.numbers_and_warps import (
 )
 from renderer.kinds.sampling.sobol import make_sobol
 from renderer.kinds.sampling.sobol_digits import net_digits, sequence_digits
+from renderer.process import names
 
 SCATTER, LIGHT = 1, 2
 BLOCKS = {

@@ -33,7 +33,7 @@ from renderer.kernels.records.tile import (
 )
 from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified, draw4
 from renderer.kinds.sampling.sobol import make_sobol
-from renderer.names import REPLAY, SAMPLERS
+from renderer.process.names import REPLAY, SAMPLERS
 from renderer.rendering.planning import plan as planning
 from renderer.rendering.planning.plan import MOST_TOGETHER, make_plan
 from renderer.rendering.rendering import Rendering

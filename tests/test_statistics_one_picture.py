@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mitsuba_ref.statistics.one_picture import MEAN_LIMIT, bias_tests
+from mitsuba_ref.statistics.hypothesis_tests.one_picture import MEAN_LIMIT, bias_tests
 
 SHAPE = (32, 40, 3)
 

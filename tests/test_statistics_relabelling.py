@@ -12,17 +12,17 @@ from scipy import stats
 from mitsuba_ref.ladder import rungs_with_noise
 from mitsuba_ref.statistics import power
 from mitsuba_ref.statistics.floors import floor_test, floor_tests
-from mitsuba_ref.statistics.noise_free_mse import (
-    noise_free_mse,
-    relative_to_brightness,
-    squared_difference,
-)
-from mitsuba_ref.statistics.relabelling import deals, limit_of, rank_p
-from mitsuba_ref.statistics.uniformity import (
+from mitsuba_ref.statistics.hypothesis_tests.relabelling import deals, limit_of, rank_p
+from mitsuba_ref.statistics.hypothesis_tests.uniformity import (
     BINS,
     informative,
     uniformity_test,
     unlike_noise,
+)
+from mitsuba_ref.statistics.noise_free_mse import (
+    noise_free_mse,
+    relative_to_brightness,
+    squared_difference,
 )
 
 ALPHA = 1e-3

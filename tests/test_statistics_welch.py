@@ -12,9 +12,7 @@ import pytest
 from noise_samples import fireflies, gaussian, pictures, scene, skewed
 from scipy import stats
 
-from mitsuba_ref.statistics.power import detectable_bias, noncentrality
-from mitsuba_ref.statistics.samples import ROUNDING, stack
-from mitsuba_ref.statistics.welch import (
+from mitsuba_ref.statistics.hypothesis_tests.welch import (
     critical_t,
     family_test,
     mean_test,
@@ -25,6 +23,8 @@ from mitsuba_ref.statistics.welch import (
     tiled,
     welch,
 )
+from mitsuba_ref.statistics.power import detectable_bias, noncentrality
+from mitsuba_ref.statistics.samples import ROUNDING, stack
 
 
 def at_most(trials: int, rate: float) -> int:

@@ -13,6 +13,8 @@ from PIL import Image
 from scene_file_samples import mi
 
 import renderer
+from renderer.integrators.stages.materials import look_up_textures
+from renderer.integrators.stages.surface.shading_frame import load_constants
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
 from renderer.kinds.textures.registry import mean_of
@@ -25,9 +27,7 @@ from renderer.scene_file.description import (
     Dielectric,
     Diffuse,
 )
-from renderer.simple.textures import eval_texture
-from renderer.stages.materials import look_up_textures
-from renderer.stages.shading_frame import load_constants
+from renderer.simple.surfaces.textures import eval_texture
 
 POINTS = 600
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.threads import STACK, Crew, in_own_thread, in_threads
+from renderer.process.threads import STACK, Crew, in_own_thread, in_threads
 
 ROOT = Path(__file__).parent.parent
 

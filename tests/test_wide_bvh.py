@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kernel_probes import accelerator, closest, directions, soup, triangles
 
-from renderer.accelerators.bvh.wide_bvh_build import (
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
     BOX_BYTES,
     CHILD,
     PAIR_COUNT,
@@ -17,7 +17,7 @@ from renderer.accelerators.bvh.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
-from renderer.accelerators.bvh.wide_bvh_checks import validate_wide
+from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
 from renderer.accelerators.extents import extents_of
 from renderer.kinds.shapes.blocks import WIDTH
 

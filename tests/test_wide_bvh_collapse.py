@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.bvh.wide_bvh_build import CHILD, WIDE_WORDS, collapse
+from renderer.accelerators.bvh.wide.wide_bvh_build import CHILD, WIDE_WORDS, collapse
 
 
 def boxes(n, rng):

@@ -17,6 +17,14 @@ from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, 
 import renderer
 from renderer.command.cli import main
 from renderer.errors import SceneError
+from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.film.heat_map import (
+    _ROOTS_FROM_OKLAB,
+    _SRGB_FROM_CONES,
+    CONTROL_POINTS,
+    heat_colours,
+)
+from renderer.integrators.stages.intersect import intersect
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.records.tally import (
     BOXES,
@@ -27,18 +35,10 @@ from renderer.kernels.records.tally import (
     make_tally,
 )
 from renderer.kernels.records.tile import Tile
-from renderer.names import INTEGRATORS
-from renderer.picture.heat_map import (
-    _ROOTS_FROM_OKLAB,
-    _SRGB_FROM_CONES,
-    CONTROL_POINTS,
-    heat_colours,
-)
+from renderer.process.names import INTEGRATORS
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.planning.plan_text import plan_text
 from renderer.rendering.rendering import Rendering
-from renderer.stages.camera_rays import camera_rays
-from renderer.stages.intersect import intersect
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow
 AOVS = tuple(f"work.{name.replace(' ', '_')}" for name in NAMES)

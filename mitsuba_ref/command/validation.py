@@ -36,7 +36,7 @@ from mitsuba_ref.records.results import SceneResult, Seconds
 from mitsuba_ref.records.verdicts import COMPARED
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
-from mitsuba_ref.reference.known_faults import wrong_by
+from mitsuba_ref.reference.plugins.known_faults import wrong_by
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.replay.replay_scene import replay_all
 from mitsuba_ref.speed.speed_against_accuracy import measure_ladder

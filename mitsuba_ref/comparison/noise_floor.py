@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.metrics.distances import TILE
 from mitsuba_ref.records.results import Metric
+from mitsuba_ref.statistics.hypothesis_tests.one_picture import BiasTest, bias_tests
 from mitsuba_ref.statistics.one_distance import EXCESS_LIMIT, beside_floor, most_by_noise
-from mitsuba_ref.statistics.one_picture import BiasTest, bias_tests
 
 Array = NDArray[np.float32]
 

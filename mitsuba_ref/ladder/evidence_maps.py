@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from mitsuba_ref.statistics.hypothesis_tests.welch import welch
 from mitsuba_ref.statistics.samples import ROUNDING, Floats
-from mitsuba_ref.statistics.welch import welch
 
 P_BINS = 20
 Z_LIMIT = 5.0

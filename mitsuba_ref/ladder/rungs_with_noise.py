@@ -15,26 +15,26 @@ from mitsuba_ref.records.results import Rung
 from mitsuba_ref.statistics import power
 from mitsuba_ref.statistics.convergence import FALSE_ALARMS, INDEPENDENT, Convergence
 from mitsuba_ref.statistics.floors import floor_tests
-from mitsuba_ref.statistics.noise_free_mse import (
-    CONFIDENCE,
-    noise_free_mse,
-    relative_to_brightness,
-)
-from mitsuba_ref.statistics.registration import (
+from mitsuba_ref.statistics.hypothesis_tests.registration import (
     EXPLAINED,
     NEGLIGIBLE,
     find_flip,
     picture_shift,
 )
-from mitsuba_ref.statistics.samples import Floats
-from mitsuba_ref.statistics.uniformity import uniformity_test
-from mitsuba_ref.statistics.welch import (
+from mitsuba_ref.statistics.hypothesis_tests.uniformity import uniformity_test
+from mitsuba_ref.statistics.hypothesis_tests.welch import (
     FamilyTest,
     critical_t,
     mean_test,
     pixel_test,
     tile_test,
 )
+from mitsuba_ref.statistics.noise_free_mse import (
+    CONFIDENCE,
+    noise_free_mse,
+    relative_to_brightness,
+)
+from mitsuba_ref.statistics.samples import Floats
 
 
 def registration(

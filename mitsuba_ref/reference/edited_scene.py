@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mitsuba_ref.reference.known_faults import (
+from mitsuba_ref.reference.plugins.known_faults import (
     PIXELS_INSTEAD,
     RGB_INSTEAD,
     divide_lights_without_extent,
     give_spectra_colours,
 )
-from mitsuba_ref.reference.user_plugins import register_user_plugins
+from mitsuba_ref.reference.plugins.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.errors import SceneError
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaRefused
-from mitsuba_ref.reference.known_faults import TURNED, turn_normals_of_bump_maps
+from mitsuba_ref.reference.plugins.known_faults import TURNED, turn_normals_of_bump_maps
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
 from renderer.scene_file.description import AOV_KINDS
 

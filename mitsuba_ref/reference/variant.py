@@ -22,8 +22,8 @@ def load_mitsuba() -> Any:
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(max(MIN_THREADS, os.cpu_count() or 1))
 
-    from mitsuba_ref.reference.merl import register_merl
-    from mitsuba_ref.reference.whitted import register_whitted
+    from mitsuba_ref.reference.plugins.merl import register_merl
+    from mitsuba_ref.reference.plugins.whitted import register_whitted
 
     register_whitted(mitsuba)
     register_merl(mitsuba)

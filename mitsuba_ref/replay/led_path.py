@@ -16,6 +16,7 @@ import numpy as np
 
 from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.traced_path import Bounce, TracedPath, Vector
+from mitsuba_ref.replay.explanations.within_rounding import changes_as_much, sides
 from mitsuba_ref.replay.path_comparison import (
     MEANINGS,
     WHOLE,
@@ -25,7 +26,6 @@ from mitsuba_ref.replay.path_comparison import (
     place,
     value_text,
 )
-from mitsuba_ref.replay.within_rounding import changes_as_much, sides
 
 EXACT = 1e-5
 """Relative: what one step of both renderers, from the same ray, may differ by anyway: as

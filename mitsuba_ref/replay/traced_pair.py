@@ -16,7 +16,8 @@ from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
 from mitsuba_ref.reference.variant_process import VariantProcess
-from mitsuba_ref.replay.coincident_surface import ShapesAlone
+from mitsuba_ref.replay.explanations.coincident_surface import ShapesAlone
+from mitsuba_ref.replay.explanations.within_rounding import rounding_sentence, smallest_move
 from mitsuba_ref.replay.led_path import LedPath
 from mitsuba_ref.replay.path_comparison import (
     TOLERANCE,
@@ -25,7 +26,6 @@ from mitsuba_ref.replay.path_comparison import (
     difference_sentence,
     first_difference,
 )
-from mitsuba_ref.replay.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.rendering.rendering import Rendering

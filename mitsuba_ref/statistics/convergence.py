@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from mitsuba_ref.metrics.distances import rmse
-from mitsuba_ref.statistics.relabelling import SEED
+from mitsuba_ref.statistics.hypothesis_tests.relabelling import SEED
 
 INDEPENDENT = -0.5
 TOLERANCE = 0.05

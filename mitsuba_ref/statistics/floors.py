@@ -22,7 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.metrics import distances
-from mitsuba_ref.statistics.relabelling import deals, limit_of, quadratic, rank_p
+from mitsuba_ref.statistics.hypothesis_tests.relabelling import (
+    deals,
+    limit_of,
+    quadratic,
+    rank_p,
+)
 from mitsuba_ref.statistics.samples import Floats
 
 DEALS = 9999

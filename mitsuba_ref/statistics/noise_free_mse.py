@@ -19,7 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_ref.metrics.distances import tile_means
-from mitsuba_ref.statistics.relabelling import SEED, deals, limit_of, quadratic, rank_p
+from mitsuba_ref.statistics.hypothesis_tests.relabelling import (
+    SEED,
+    deals,
+    limit_of,
+    quadratic,
+    rank_p,
+)
 from mitsuba_ref.statistics.samples import Floats
 
 DEALS = 9999

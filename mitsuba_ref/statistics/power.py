@@ -14,10 +14,10 @@ import numpy as np
 from scipy import optimize, special
 
 from mitsuba_ref.statistics.floors import Floor
+from mitsuba_ref.statistics.hypothesis_tests.uniformity import BINS, Uniformity
+from mitsuba_ref.statistics.hypothesis_tests.welch import FamilyTest, critical_t
 from mitsuba_ref.statistics.noise_free_mse import NoiseFreeMse
 from mitsuba_ref.statistics.samples import ROUNDING, Floats
-from mitsuba_ref.statistics.uniformity import BINS, Uniformity
-from mitsuba_ref.statistics.welch import FamilyTest, critical_t
 
 POWER = 0.99
 Z = 2.3263478740408408

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh import build_bvh
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.bvh.wide_bvh import build_wide
+from renderer.accelerators.bvh.wide.wide_bvh import build_wide
 from renderer.accelerators.choice import choose_structure, choose_structures
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.accelerators.extents import (
@@ -41,9 +41,9 @@ from renderer.accelerators.rays.boxes import build_boxes
 from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
 from renderer.kernels.records.kernel_scene import EMIT
+from renderer.kinds.shapes.flat.triangle import Triangles
 from renderer.kinds.shapes.registry import SHAPES
-from renderer.kinds.shapes.triangle import Triangles
-from renderer.names import ACCELERATORS
+from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import KINDS, Scene
 
 # name -> how it is built
@@ -149,9 +149,9 @@ def build_accelerators(
     scene : Scene
         The primitives.
     name : str
-        One of `renderer.names.ACCELERATORS`; `auto` takes what the cost model expects to
-        be the fastest. Instances and the groups that they show have trees of eight,
-        but under `brute`, and groups of a few primitives.
+        One of `renderer.process.names.ACCELERATORS`; `auto` takes what the cost model
+        expects to be the fastest. Instances and the groups that they show have trees of
+        eight, but under `brute`, and groups of a few primitives.
     rays : RayCounts
         That will be traced; for `auto`.
     left_out : LeftOut, optional

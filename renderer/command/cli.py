@@ -19,17 +19,17 @@ import renderer
 from renderer.command.interrupts import Interrupts
 from renderer.command.options import make_parser, read_options
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
-from renderer.memory import limited_to
+from renderer.process.memory import limited_to
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
-    from renderer.picture.image import Image
     from renderer.rendering.cluster.team import Team
+    from renderer.rendering.picture.image import Image
     from renderer.rendering.render_to_file import PictureFile
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
 # what imports C code, in which no interrupt must fall, before a scene is read
-_WITH_C_CODE = ("renderer.picture.image_files", "renderer.scene.scene")
+_WITH_C_CODE = ("renderer.rendering.picture.image_files", "renderer.scene.scene")
 # options that change the picture, and that all renders take
 _OF_THE_PICTURE = (
     "spp",
@@ -159,7 +159,7 @@ def _run_frames(
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
-    from renderer.picture.image_files import check_output_path
+    from renderer.rendering.picture.image_files import check_output_path
 
     for output in options.output:
         check_output_path(output)

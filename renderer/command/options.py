@@ -9,8 +9,8 @@ from typing import NoReturn
 
 import renderer
 from renderer.errors import SceneError
-from renderer.memory import parse_size
-from renderer.names import (
+from renderer.process.memory import parse_size
+from renderer.process.names import (
     ACCELERATORS,
     INTEGRATORS,
     LIGHT_CHOICES,

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.integrators import first_hit
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.integrators.stages import first_hit
 from renderer.scene_file.description import AOV_KINDS, Integrator
 from renderer.scene_file.numbers import quoted, split_list
-from renderer.scene_file.objects.integrators import read_integrator
+from renderer.scene_file.objects.view.integrators import read_integrator
 from renderer.scene_file.properties import Properties
 
 _CHANNELS = {

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.first_hit import CHANNELS, DEPTH, trace_first_hits
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.integrators.stages.first_hit import CHANNELS, DEPTH, trace_first_hits
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
 

@@ -1,4 +1,4 @@
-"""What an integrator is: a file of this folder, and its name in `renderer.names`."""
+"""What an integrator is: a file of this folder, and its name in `process.names`."""
 
 from __future__ import annotations
 

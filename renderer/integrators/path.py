@@ -11,21 +11,21 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
-from renderer.kernels.jit import call, kernel, method_kernel
-from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
-from renderer.scene_file.description import Integrator
-from renderer.scene_file.properties import Properties
-from renderer.stages.camera_rays import camera_rays
-from renderer.stages.direct_light import direct_light
-from renderer.stages.emission import arrive
-from renderer.stages.intersect import intersect, reset_hits
-from renderer.stages.materials import group_by_bsdf
-from renderer.stages.scatter import scatter
-from renderer.stages.straight_through import (
+from renderer.integrators.stages.direct_light import direct_light
+from renderer.integrators.stages.emission import arrive
+from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.scatter import scatter
+from renderer.integrators.stages.straight_through import (
     drop_transparent,
     keep_marks,
     mark_camera_rays,
 )
+from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
+from renderer.scene_file.description import Integrator
+from renderer.scene_file.properties import Properties
 
 
 @kernel

@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from renderer import names
 from renderer.integrators.kind import IntegratorKind
 from renderer.integrators.moment import MOMENT
+from renderer.process import names
 
 INTEGRATORS: dict[str, IntegratorKind] = {
     name: importlib.import_module(f"renderer.integrators.{name}").INTEGRATOR

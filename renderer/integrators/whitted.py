@@ -13,16 +13,16 @@ import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
 from renderer.integrators.path import decide_without_lights
+from renderer.integrators.stages.direct_light import direct_light
+from renderer.integrators.stages.emission import arrive
+from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.intersect import intersect, reset_hits
+from renderer.integrators.stages.materials import group_by_bsdf
+from renderer.integrators.stages.split import split
 from renderer.kernels.jit import method_kernel
 from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
-from renderer.stages.camera_rays import camera_rays
-from renderer.stages.direct_light import direct_light
-from renderer.stages.emission import arrive
-from renderer.stages.intersect import intersect, reset_hits
-from renderer.stages.materials import group_by_bsdf
-from renderer.stages.split import split
 
 REGION = 2 * CAPACITY + 64  # a batch of rays has at most two children each
 USUAL_DEPTH = 8  # where the file gives no limit: light caught in glass never leaves

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.film.heat_map import heat_map
+from renderer.integrators.stages.intersect import intersect
 from renderer.kernels.jit import method_kernel
 from renderer.kernels.records.tally import ROWS
-from renderer.picture.heat_map import heat_map
 from renderer.scene_file.description import Integrator
-from renderer.stages.camera_rays import camera_rays
-from renderer.stages.intersect import intersect
 
 COLOURS = (
     "box tests and primitive tests per ray, from 0 (black) to the pixel with the most "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from renderer.picture.image import Image
+from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan, make_plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Integrator

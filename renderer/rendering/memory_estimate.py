@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer import memory
 from renderer.accelerators.choice import choose_structures
 from renderer.errors import NotAllowed
+from renderer.process import memory
 from renderer.rendering.film.band import FilmShape
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import film_shape, workspace_of

@@ -14,8 +14,9 @@ import numpy as np
 
 from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
-from renderer.memory import limited_to
-from renderer.names import ACCELERATORS
+from renderer.process.memory import limited_to
+from renderer.process.names import ACCELERATORS
+from renderer.process.threads import default_threads
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.checkpoints.checkpoint import (
     Checkpoint,
@@ -31,7 +32,6 @@ from renderer.rendering.planning.plan import MOST_SAMPLES, Plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
-from renderer.threads import default_threads
 
 MOST_THREADS = 1024
 INSTEAD = (

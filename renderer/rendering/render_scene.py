@@ -14,9 +14,9 @@ import numpy as np
 
 from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.integrators.moment import show_moments
-from renderer.picture.image import Image
 from renderer.rendering.aovs import with_picture
 from renderer.rendering.cluster.connect import team_of
+from renderer.rendering.picture.image import Image
 from renderer.rendering.preparation import Options, Prepared, prepare
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
@@ -61,9 +61,9 @@ def render(
         `direct`, `whitted`, `path`, `depth`, `aov` or `work`; None or `auto` take the
         least method that gives what the file asks for.
     accel : str, optional
-        One of `renderer.names.ACCELERATORS`, such as `brute`, `wide` or `kd-sah`; all
-        give the same picture. None or `auto` take for each kind of primitive the structure
-        that a cost model expects to be the fastest.
+        One of `renderer.process.names.ACCELERATORS`, such as `brute`, `wide` or `kd-sah`;
+        all give the same picture. None or `auto` take for each kind of primitive the
+        structure that a cost model expects to be the fastest.
     sampler : str, optional
         A sampler's name instead of the file's; `mitsuba` is the file's with the random
         numbers that Mitsuba's scalar variants draw, so that both take the same paths.

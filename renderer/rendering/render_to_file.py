@@ -10,14 +10,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from renderer import memory as room_of_memory
 from renderer.errors import SceneError
-from renderer.names import REPLAY
-from renderer.picture.exr_rows import ExrRows
-from renderer.picture.image import Image
+from renderer.process import memory as room_of_memory
+from renderer.process.names import REPLAY
 from renderer.rendering.aovs import plans_of, with_picture
 from renderer.rendering.film.band import Band
 from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
+from renderer.rendering.picture.exr_rows import ExrRows
+from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.preparation import Options, build_rendering, checked
 from renderer.rendering.render_scene import image_of

@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.render_tiles import render_tiles
+from renderer.integrators.stages.film.film import (
+    BOX,
+    FilterTable,
+    filter_border,
+    filter_table,
+)
 from renderer.integrators.whitted import REGION
 from renderer.kernels.jit import Method, Packed, compiled_for, pack
 from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
@@ -30,7 +36,6 @@ from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.scene import Scene
-from renderer.stages.film import BOX, FilterTable, filter_border, filter_table
 
 if TYPE_CHECKING:  # needs Dask, an extra
     from renderer.rendering.cluster.team import Team

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError, SceneError
+from renderer.process.threads import Crew
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import MOST_SAMPLES
-from renderer.threads import Crew
 
 if TYPE_CHECKING:  # a team needs Dask, an extra
     from renderer.rendering.cluster.team import Team

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import pack
-from renderer.kinds.lights.envmap import EnvironmentMaps
+from renderer.kinds.lights.environments.envmap import EnvironmentMaps
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
-from renderer.kinds.shapes.flat import replaced
+from renderer.kinds.shapes.flat.flat import replaced
 from renderer.replay.numbers.numbers import (
     Replay,
     begin_bounce,
@@ -28,12 +28,15 @@ from renderer.replay.numbers.sequences import make_sequence
 from renderer.replay.rounding.camera import replay_camera, round_camera_rays
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.replay.rounding.environment import rounded_environment
-from renderer.replay.rounding.hit_points import round_surface_points
+from renderer.replay.rounding.hits.hit_points import round_surface_points
+from renderer.replay.rounding.hits.surfaces import rounding_of
+from renderer.replay.rounding.hits.triangle_arithmetic import (
+    face_normals,
+    triangle_tangents,
+)
 from renderer.replay.rounding.mesh_lights import triangle_shares
 from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
-from renderer.replay.rounding.surfaces import rounding_of
 from renderer.replay.rounding.texture_means import rounded_shares
-from renderer.replay.rounding.triangle_arithmetic import face_normals, triangle_tangents
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import MaterialTables, kind_of, sides
 from renderer.scene.scene import Scene

@@ -14,8 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from renderer import memory
 from renderer.errors import NotAllowed, SceneError
+from renderer.process import memory
 from renderer.scene_file.description import Location
 from renderer.scene_file.numbers import quoted
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 
 # Of the shape that it becomes, measured; a crossing is an edge with a sign at either end.
 _BYTES_A_POINT, _BYTES_A_CROSSING = 34, 500

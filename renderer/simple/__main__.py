@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.picture.image import Image
+from renderer.rendering.picture.image import Image
 from renderer.scene_file import read_file
 from renderer.simple.path_tracer import render
 

@@ -24,7 +24,7 @@ from renderer.scene_file.description import (
     SpotLight,
 )
 from renderer.simple.lights import Light
-from renderer.simple.surfaces import Surface
+from renderer.simple.surfaces.surfaces import Surface
 from renderer.simple.vectors import Vector, normalize
 
 UNIFORM = 1.0 / 16.0

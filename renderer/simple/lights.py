@@ -19,7 +19,7 @@ from renderer.scene_file.description import (
     Sphere,
     SpotLight,
 )
-from renderer.simple.surfaces import Hit, Surface
+from renderer.simple.surfaces.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector, normalize, orthonormal_basis
 from renderer.simple.warps import square_to_sphere
 

@@ -22,11 +22,11 @@ from functools import partial
 import numpy as np
 
 from renderer.scene_file.description import Diffuse, SceneDescription
-from renderer.simple.bsdfs import albedo, sample_bsdf
 from renderer.simple.camera import Ray, camera_ray
 from renderer.simple.lights import pdf_light, power_heuristic, sample_light
 from renderer.simple.scene import Scene, closest_hit, visible
-from renderer.simple.surfaces import Hit
+from renderer.simple.surfaces.bsdfs import albedo, sample_bsdf
+from renderer.simple.surfaces.surfaces import Hit
 from renderer.simple.vectors import Vector
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the

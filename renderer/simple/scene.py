@@ -15,8 +15,8 @@ from renderer.scene_file.description import (
 )
 from renderer.simple.light_choice import LightChoice
 from renderer.simple.lights import EMITTERS, Light
-from renderer.simple.surfaces import Hit, Surface
-from renderer.simple.unit_shapes import UNIT_SHAPES
+from renderer.simple.surfaces.surfaces import Hit, Surface
+from renderer.simple.surfaces.unit_shapes import UNIT_SHAPES
 from renderer.simple.vectors import Vector
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the

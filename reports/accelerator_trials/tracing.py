@@ -17,6 +17,7 @@ from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from renderer.accelerators.dispatch import TRAVERSALS
+from renderer.integrators.stages.intersect import reset_hits
 from renderer.kernels.jit import (
     Packed,
     call,
@@ -28,8 +29,7 @@ from renderer.kernels.jit import (
 )
 from renderer.kernels.records.batch import CAPACITY, Hits, Rays, ShadowRays
 from renderer.kernels.records.tally import ROWS
-from renderer.stages.intersect import reset_hits
-from renderer.threads import in_threads
+from renderer.process.threads import in_threads
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 
 # Evens out batches of unlike cost: of two threads, what one does alone at the end is a 32nd

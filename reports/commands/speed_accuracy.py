@@ -21,7 +21,7 @@ from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.errors import SceneError
-from renderer.names import SAMPLERS
+from renderer.process.names import SAMPLERS
 from reports.argument_types import at_least
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, PART, WRONG_USE, draw
 from reports.page.formatting import number, seconds

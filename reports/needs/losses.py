@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.metrics.distances import flip, tile_means
-from mitsuba_ref.statistics.welch import critical_t
+from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t
 from renderer.rendering.accuracy import LEFT_OUT, relative_squares
 from reports.needs.record import Loss
 

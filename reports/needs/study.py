@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import renderer
 from renderer.errors import SceneError
-from renderer.picture.image import Image
+from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import MOST_SAMPLES
 from renderer.scene.scene import Scene
 from renderer.scene.simplifications.simplify import differs, offered, simplified

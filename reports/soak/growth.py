@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.statistics.relabelling import rank_p
+from mitsuba_ref.statistics.hypothesis_tests.relabelling import rank_p
 from reports.soak.record import Step
 
 BLOCKS = 20

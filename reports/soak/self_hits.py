@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 import renderer
 from mitsuba_ref.our_renderer.single_stages import locate_step, next_hit_step
+from renderer.integrators.stages.surface.shading_frame import leave_surface
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, make_workspace
 from renderer.rendering.planning.plan import make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay
-from renderer.stages.shading_frame import leave_surface
 from reports.accelerator_trials.meshes import displaced_icosphere
 from reports.soak.record import Step
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.statistics.welch import critical_t, sidak_p, welch
+from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t, sidak_p, welch
 
 Rgb = tuple[float, float, float]
 

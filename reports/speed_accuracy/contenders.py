@@ -20,7 +20,7 @@ import renderer
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from renderer.names import SAMPLERS
+from renderer.process.names import SAMPLERS
 from renderer.scene.scene import Scene
 from reports.speed import turns
 

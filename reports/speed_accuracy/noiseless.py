@@ -18,7 +18,7 @@ import renderer
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.errors import SceneError
-from renderer.names import ACCELERATORS, RAY_OFFSETS, REPLAY
+from renderer.process.names import ACCELERATORS, RAY_OFFSETS, REPLAY
 from renderer.rendering.accuracy import relative_error, relative_squares
 from renderer.rendering.planning.plan import make_plan
 from renderer.scene.scene import Scene

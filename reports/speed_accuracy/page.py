@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from renderer.names import SAMPLERS
+from renderer.process.names import SAMPLERS
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import SYMBOLS, Point, Series
 from reports.page.formatting import number, seconds

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsuba_ref.statistics.equal_error import geometric_mean
-from mitsuba_ref.statistics.welch import critical_t
+from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t
 from reports.speed_accuracy.record import OURS, Curve, NoisyScene, SpeedAccuracy
 
 ALPHA = 0.05  # of all intervals, two-sided

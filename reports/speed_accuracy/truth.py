@@ -21,11 +21,11 @@ from renderer.scene_file.description import (
     Dielectric,
     SceneDescription,
 )
-from renderer.simple.bsdfs import fresnel, sample_bsdf
 from renderer.simple.camera import Ray, camera_ray
 from renderer.simple.path_tracer import emission, light_of
 from renderer.simple.scene import Scene, closest_hit
-from renderer.simple.surfaces import Hit, Surface
+from renderer.simple.surfaces.bsdfs import fresnel, sample_bsdf
+from renderer.simple.surfaces.surfaces import Hit, Surface
 from renderer.simple.vectors import Vector
 
 CENTRE = (0.5, 0.5)

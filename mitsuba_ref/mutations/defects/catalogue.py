@@ -8,14 +8,16 @@ from mitsuba_ref.mutations.defects import (
     implicit_surfaces,
     integrators,
     lights,
+    transport,
+)
+from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
+from mitsuba_ref.mutations.defects.surfaces import (
     materials,
     nested_bsdfs,
     rough_surfaces,
     spectra,
     textures,
-    transport,
 )
-from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
 from mitsuba_ref.mutations.mutation import Mutation
 
 DEFECTS: tuple[Mutation, ...] = (

@@ -136,12 +136,12 @@ DEFECTS = (
         "every sample of a pixel lies at its centre",
         (
             Edit(
-                "stages/camera_rays.py",
+                "integrators/stages/film/camera_rays.py",
                 "px = to_f32(x + tile.x) + load_row(film, 0, first)",
                 "px = to_f32(x + tile.x) + 0.5",
             ),
             Edit(
-                "stages/camera_rays.py",
+                "integrators/stages/film/camera_rays.py",
                 "py = to_f32(y + tile.y) + load_row(film, 1, first)",
                 "py = to_f32(y + tile.y) + 0.5",
             ),
@@ -153,7 +153,7 @@ DEFECTS = (
         "a pixel is divided by the number of its samples, not by their weights",
         (
             Edit(
-                "stages/film.py",
+                "integrators/stages/film/film.py",
                 "load_four(splats, 0, i) + value * weight)",
                 "load_four(splats, 0, i) + select(lane_index_4() == np.int32(channels - 4 "
                 "* group), value, value * weight))",
@@ -168,7 +168,7 @@ DEFECTS = (
         "the reconstruction filter is centred on a pixel's corner",
         (
             Edit(
-                "stages/film.py",
+                "integrators/stages/film/film.py",
                 "px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.5",
                 "px = np.float64(load_one(film, 0, slot)) - tile.x + border - 0.25",
             ),
@@ -222,7 +222,7 @@ DEFECTS = (
         "the film's sums are kept in float32",
         (
             Edit(
-                "stages/film.py",
+                "integrators/stages/film/film.py",
                 "                store_row(plane, y, x, value)\n",
                 "                store_row(plane, y, x, value)\n"
                 "                for k in range(4):\n"
@@ -239,7 +239,7 @@ DEFECTS = (
         "a PNG is encoded by the curve of sRGB twice",
         (
             Edit(
-                "picture/image_files.py",
+                "rendering/picture/image_files.py",
                 "encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))",
                 "encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))\n"
                 "    encoded = srgb_from_linear(encoded)",
@@ -254,7 +254,7 @@ DEFECTS = (
         "an EXR file holds B, G, R in the place of R, G, B",
         (
             Edit(
-                "picture/image_files.py",
+                "rendering/picture/image_files.py",
                 'for c, name in enumerate("RGB")',
                 'for c, name in enumerate("BGR")',
             ),

@@ -10,7 +10,7 @@ DEFECTS = (
         "new rays start 1e-3 off their surface, whatever the scene's size",
         (
             Edit(
-                "stages/surface.py",
+                "integrators/stages/surface/surface.py",
                 "place.offset * per_rounding + unlike_rounding",
                 "place.offset * 0.0 + 1e-3",
             ),
@@ -49,7 +49,7 @@ DEFECTS = (
         "rays after a bounce leave a box a tenth before its far side",
         (
             Edit(
-                "accelerators/bvh/ray_streams.py",
+                "accelerators/bvh/streams/ray_streams.py",
                 "return mask_bits(enter <= minimum(leave * STRETCH, t))",
                 "return mask_bits(enter <= minimum(leave * 0.9, t))",
             ),
@@ -62,7 +62,7 @@ DEFECTS = (
         "of the last rays of a stream that go the same way one is forgotten",
         (
             Edit(
-                "accelerators/bvh/ray_streams.py",
+                "accelerators/bvh/streams/ray_streams.py",
                 "stream.lists, queue, asked, node, tally)",
                 "stream.lists, queue, asked - 1, node, tally)",
             ),
@@ -88,7 +88,7 @@ DEFECTS = (
         "vertex normals are read and not used",
         (
             Edit(
-                "kinds/shapes/triangle.py",
+                "kinds/shapes/flat/triangle.py",
                 "shading_normal = interpolated_normal("
                 "triangles.normals, index, mask, u, v, normal)",
                 "shading_normal = normal",
@@ -102,7 +102,7 @@ DEFECTS = (
         "where g may have several roots along a ray, none is looked for",
         (
             Edit(
-                "kinds/shapes/roots.py",
+                "kinds/shapes/implicit/roots.py",
                 "if half > narrowest and depth < _STACK:",
                 "if half > narrowest and depth < 0:",
             ),
@@ -118,7 +118,7 @@ DEFECTS = (
         "the slope of sin g is that of g",
         (
             Edit(
-                "kinds/shapes/intervals.py",
+                "kinds/shapes/implicit/intervals.py",
                 "return sine(a), multiply(cosine(a), da)",
                 "return sine(a), da",
             ),
@@ -135,7 +135,7 @@ DEFECTS = (
         "normals of an implicit surface are moved as vectors are",
         (
             Edit(
-                "kinds/shapes/implicit.py",
+                "kinds/shapes/implicit/implicit.py",
                 "unit_normal(surfaces.to_object, k, g,",
                 "unit_normal(surfaces.to_world, k, g,",
             ),
@@ -149,7 +149,7 @@ DEFECTS = (
         "in a cell of a grid of distances, the pieces where a cubic turns are forgotten",
         (
             Edit(
-                "kinds/shapes/trilinear.py",
+                "kinds/shapes/implicit/trilinear.py",
                 "if not square > 0.0:",
                 "if not square > np.inf:",
             ),
@@ -162,7 +162,7 @@ DEFECTS = (
         "smooth normals on a grid of distances weigh the wrong neighbour along x",
         (
             Edit(
-                "kinds/shapes/sdf_normals.py",
+                "kinds/shapes/implicit/sdf_normals.py",
                 "x, y, z = x1 if a else x0,",
                 "x, y, z = x0 if a else x1,",
             ),
@@ -175,7 +175,7 @@ DEFECTS = (
         "smooth normals ignore the neighbour beyond the end of a grid, as none is there",
         (
             Edit(
-                "kinds/shapes/sdf_normals.py",
+                "kinds/shapes/implicit/sdf_normals.py",
                 "weight = 1.0 if plane < 1.0 else x - plane + 0.5",
                 "weight = x - plane + 0.5",
             ),
@@ -214,7 +214,7 @@ DEFECTS = (
         "direct light is weighed by the cosine to the face instead of the smooth normal",
         (
             Edit(
-                "stages/direct_light.py",
+                "integrators/stages/direct_light.py",
                 "frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)",
                 "frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)\n"
                 "        seen = dot(load3(points.wo, i), load3(points.shading_normal, i))\n"
@@ -223,12 +223,12 @@ DEFECTS = (
                 "        frame = Frame(frame.s, frame.t, flat)",
             ),
             Edit(
-                "stages/direct_light.py",
+                "integrators/stages/direct_light.py",
                 "from renderer.kinds.sampling.arithmetic import to_local",
                 "from renderer.kinds.sampling.arithmetic import Frame, to_local",
             ),
             Edit(
-                "stages/direct_light.py",
+                "integrators/stages/direct_light.py",
                 "from renderer.kernels.lanes.vectors import append3, length, load3",
                 "from renderer.kernels.lanes.vectors import append3, dot, length, load3, "
                 "select3",
@@ -241,7 +241,7 @@ DEFECTS = (
         "new rays leave a surface along its shading normal",
         (
             Edit(
-                "stages/shading_frame.py",
+                "integrators/stages/surface/shading_frame.py",
                 "normal = load3(points.normal, i)",
                 "normal = load3(points.shading_normal, i)",
             ),
@@ -254,7 +254,7 @@ DEFECTS = (
         "normals of instances are transformed like points",
         (
             Edit(
-                "stages/placement.py",
+                "integrators/stages/surface/placement.py",
                 "normal = transposed_times(back, place.normal)",
                 "normal = times(out, place.normal)",
             ),
@@ -267,7 +267,7 @@ DEFECTS = (
         "the two barycentric coordinates of a triangle change places",
         (
             Edit(
-                "kinds/shapes/triangle.py",
+                "kinds/shapes/flat/triangle.py",
                 "return divided(p, depth >= 0.0, t_max)",
                 "found = divided(p, depth >= 0.0, t_max)\n"
                 "    return Intersection(found.hit, found.t, found.v, found.u)",
@@ -281,7 +281,7 @@ DEFECTS = (
         "a disk reaches to the corners of its square",
         (
             Edit(
-                "kinds/shapes/disk.py",
+                "kinds/shapes/flat/disk.py",
                 "x.hit & (x.u * x.u + x.v * x.v <= 1.0)",
                 "x.hit & (x.u * x.u <= 1.0) & (x.v * x.v <= 1.0)",
             ),

@@ -10,7 +10,7 @@ DEFECTS = (
         "a diffuse surface does not weigh incident light by its cosine",
         (
             Edit(
-                "kinds/bsdfs/diffuse.py",
+                "kinds/bsdfs/smooth/diffuse.py",
                 "return diffuse.reflectance * (INV_PI * cos_i), INV_PI * cos_i",
                 "one = select(wi.z > 0.0, cos_i * 0.0 + 1.0, 0.0)\n"
                 "    return diffuse.reflectance * (INV_PI * one), INV_PI * cos_i",
@@ -26,7 +26,7 @@ DEFECTS = (
         "the diffuse BRDF is k_d instead of k_d / pi",
         (
             Edit(
-                "kinds/bsdfs/diffuse.py",
+                "kinds/bsdfs/smooth/diffuse.py",
                 "return diffuse.reflectance * (INV_PI * cos_i), ",
                 "return diffuse.reflectance * cos_i, ",
             ),
@@ -81,7 +81,7 @@ DEFECTS = (
         "the weight of a BSDF sample forgets that one light of several is sampled",
         (
             Edit(
-                "kinds/lights/area.py",
+                "kinds/lights/areas/area.py",
                 "settings, load_row(points.pdf, 0, i), light_pdf * probability",
                 "settings, load_row(points.pdf, 0, i), light_pdf",
             ),
@@ -93,7 +93,7 @@ DEFECTS = (
         "paths that survive roulette are not weighed up by 1 / q",
         (
             Edit(
-                "stages/scatter.py",
+                "integrators/stages/scatter.py",
                 "alive & (number < survival), throughput / survival",
                 "alive & (number < survival), throughput",
             ),
@@ -106,7 +106,7 @@ DEFECTS = (
         "the survival probability does not undo the eta^2 of the glass around",
         (
             Edit(
-                "stages/scatter.py",
+                "integrators/stages/scatter.py",
                 "minimum(largest(throughput) * eta * eta, ",
                 "minimum(largest(throughput), ",
             ),
@@ -119,7 +119,7 @@ DEFECTS = (
         "roulette begins one bounce before rr_depth",
         (
             Edit(
-                "stages/scatter.py",
+                "integrators/stages/scatter.py",
                 "if depth < settings.roulette_depth:",
                 "if depth + 1 < settings.roulette_depth:",
             ),

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.wide_rays import any_hits, nearest_hits
+from renderer.accelerators.bvh.wide.wide_rays import any_hits, nearest_hits
 from renderer.accelerators.groups.placed_streams import trace_placed
 from renderer.kernels.jit import method_kernel
 from renderer.kernels.lanes.functions import splat_i32

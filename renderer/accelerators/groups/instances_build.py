@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.bvh_tree import BvhTree
-from renderer.accelerators.bvh.wide_bvh_build import (
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
     CHILD,
     WIDE_WORDS,
     collapse,

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.wide_bvh_build import CHILD, WIDE_BYTES, WIDE_WORDS
-from renderer.accelerators.bvh.wide_bvh_checks import validate_wide_nodes
+from renderer.accelerators.bvh.wide.wide_bvh_build import CHILD, WIDE_BYTES, WIDE_WORDS
+from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide_nodes
 from renderer.accelerators.groups.instances import Instances
 from renderer.accelerators.groups.placed_leaves import (
     END,

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.bvh import wide_bvh_build
 from renderer.accelerators.bvh.bvh import STRETCH
-from renderer.accelerators.bvh.octants import ENDED
-from renderer.accelerators.bvh.wide_bvh_build import (
+from renderer.accelerators.bvh.wide import wide_bvh_build
+from renderer.accelerators.bvh.wide.octants import ENDED
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
     SCALE,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.bvh.octants import ENDED
-from renderer.accelerators.bvh.one_ray_leaves import hit_block, nearest_in_block
+from renderer.accelerators.bvh.wide.octants import ENDED
+from renderer.accelerators.bvh.wide.one_ray_leaves import hit_block, nearest_in_block
 from renderer.accelerators.groups.placed_rays import (
     DIRECTION,
     ORIGIN,

@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
-from renderer.accelerators.bvh.octants import ROW, STREAM
-from renderer.accelerators.bvh.stream_stack import (
+from renderer.accelerators.bvh.streams.stream_stack import (
     WAITING_WORDS,
     pop_child,
     push_children,
 )
-from renderer.accelerators.bvh.wide_bvh_build import (
+from renderer.accelerators.bvh.wide.octants import ROW, STREAM
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
     CHILD,
     WIDE_WORDS,
 )

@@ -43,7 +43,6 @@ KERNEL_FOLDERS = (
     "kernels",
     "kinds",
     "replay",
-    "stages",
 )
 
 

@@ -21,7 +21,7 @@ import llvmlite.binding as llvm
 from numba.core import codegen, cpu, targetconfig
 
 from renderer.kernels.jit.versions import IS_TRIED
-from renderer.signals import put_off_interrupts
+from renderer.process.signals import put_off_interrupts
 
 SEPARATE: set[str] = set()  # names of functions that become machine code by themselves
 

@@ -120,7 +120,7 @@ class Settings(NamedTuple):
     weigh: int  # multiple importance sampling
     every_light: int  # all lights at each point, instead of one chosen at random
     hide_emitters: int  # the camera looks through them
-    transparent: int  # see `stages.straight_through`
+    transparent: int  # see `integrators.stages.straight_through`
     with_uv: int  # somebody looks at uv
     with_tangents: int  # somebody looks at dp/du
     light_samples: int  # of `direct`, at each point

@@ -19,7 +19,7 @@ import numpy as np
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.memory import gather_row, load_row
 from renderer.kernels.lanes.vectors import dot, load3, select3, vec3
-from renderer.kinds.bsdfs.mirror import reflect, refract
+from renderer.kinds.bsdfs.smooth.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import cosine_direction as cosine_direction
 from renderer.kinds.sampling.arithmetic import to_world
 

@@ -10,11 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from renderer.kernels.jit.cache import file_digest
-from renderer.kinds.bsdfs.blend import BLEND
-from renderer.kinds.bsdfs.bumpmap import BUMP_MAP
-from renderer.kinds.bsdfs.conductor import CONDUCTOR
-from renderer.kinds.bsdfs.dielectric import DIELECTRIC
-from renderer.kinds.bsdfs.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.kind import (
     BsdfKind,
     Color,
@@ -23,7 +18,6 @@ from renderer.kinds.bsdfs.kind import (
     hints_of,
     make_known,
 )
-from renderer.kinds.bsdfs.mask import MASK
 from renderer.kinds.bsdfs.merl import MERL
 from renderer.kinds.bsdfs.nesting import (
     Structure,
@@ -31,16 +25,22 @@ from renderer.kinds.bsdfs.nesting import (
     make_nestable,
     make_wrapper_known,
 )
-from renderer.kinds.bsdfs.normalmap import NORMAL_MAP
-from renderer.kinds.bsdfs.null import NULL
-from renderer.kinds.bsdfs.plastic import PLASTIC
-from renderer.kinds.bsdfs.principled import PRINCIPLED
-from renderer.kinds.bsdfs.principledthin import PRINCIPLEDTHIN
-from renderer.kinds.bsdfs.roughconductor import ROUGHCONDUCTOR
-from renderer.kinds.bsdfs.roughdielectric import ROUGHDIELECTRIC
-from renderer.kinds.bsdfs.roughplastic import ROUGHPLASTIC
-from renderer.kinds.bsdfs.thindielectric import THIN_DIELECTRIC
-from renderer.kinds.bsdfs.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
+from renderer.kinds.bsdfs.rough.principled import PRINCIPLED
+from renderer.kinds.bsdfs.rough.principledthin import PRINCIPLEDTHIN
+from renderer.kinds.bsdfs.rough.roughconductor import ROUGHCONDUCTOR
+from renderer.kinds.bsdfs.rough.roughdielectric import ROUGHDIELECTRIC
+from renderer.kinds.bsdfs.rough.roughplastic import ROUGHPLASTIC
+from renderer.kinds.bsdfs.smooth.conductor import CONDUCTOR
+from renderer.kinds.bsdfs.smooth.dielectric import DIELECTRIC
+from renderer.kinds.bsdfs.smooth.diffuse import DIFFUSE
+from renderer.kinds.bsdfs.smooth.null import NULL
+from renderer.kinds.bsdfs.smooth.plastic import PLASTIC
+from renderer.kinds.bsdfs.smooth.thindielectric import THIN_DIELECTRIC
+from renderer.kinds.bsdfs.wrappers.blend import BLEND
+from renderer.kinds.bsdfs.wrappers.bumpmap import BUMP_MAP
+from renderer.kinds.bsdfs.wrappers.mask import MASK
+from renderer.kinds.bsdfs.wrappers.normalmap import NORMAL_MAP
+from renderer.kinds.bsdfs.wrappers.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
 from renderer.scene_file.description import OtherBsdf, TwoSided
 from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 

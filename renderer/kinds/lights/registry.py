@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from renderer.kinds.lights.area import AREA
-from renderer.kinds.lights.constant import CONSTANT
-from renderer.kinds.lights.directional import DIRECTIONAL
-from renderer.kinds.lights.envmap import ENVMAP
+from renderer.kinds.lights.areas.area import AREA
+from renderer.kinds.lights.environments.constant import CONSTANT
+from renderer.kinds.lights.environments.envmap import ENVMAP
 from renderer.kinds.lights.kind import LightPlugin
-from renderer.kinds.lights.point import POINT
-from renderer.kinds.lights.projector import PROJECTOR
-from renderer.kinds.lights.spot import SPOT
+from renderer.kinds.lights.points.directional import DIRECTIONAL
+from renderer.kinds.lights.points.point import POINT
+from renderer.kinds.lights.points.projector import PROJECTOR
+from renderer.kinds.lights.points.spot import SPOT
 
 LIGHTS: dict[str, LightPlugin] = {
     kind.name: kind

@@ -26,7 +26,7 @@ from renderer.kernels.lanes.functions import (
     to_f32,
     to_i32,
 )
-from renderer.kernels.lanes.mathematics import sincos
+from renderer.kernels.lanes.mathematics.mathematics import sincos
 from renderer.kernels.lanes.vectors import vec3
 
 TWO_PI = np.float32(2.0 * np.pi)

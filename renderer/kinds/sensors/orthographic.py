@@ -16,7 +16,7 @@ from renderer.kernels.lanes.vectors import column, vec3
 from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import vector_column
 from renderer.scene_file.description import OrthographicCamera
-from renderer.scene_file.objects.sensors import shared
+from renderer.scene_file.objects.view.sensors import shared
 from renderer.scene_file.reach import FARTHEST
 
 

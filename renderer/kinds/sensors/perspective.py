@@ -12,7 +12,7 @@ from renderer.kernels.lanes.vectors import column, dot, normalize
 from renderer.kinds.sensors.kind import CameraRay, SensorKind, camera_ray
 from renderer.kinds.sensors.pinhole import pinhole, vector_column
 from renderer.scene_file.description import PerspectiveCamera
-from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
+from renderer.scene_file.objects.view.sensors import read_fov_x, shared, without_scale
 
 
 class Perspective(NamedTuple):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import renderer.kinds.lights.spheres  # noqa: F401  (how spheres are sampled as lamps)
+import renderer.kinds.lights.areas.spheres  # noqa: F401  (how spheres are sampled as lamps)
 from renderer.kinds.shapes.cylinder import CYLINDERS
-from renderer.kinds.shapes.disk import DISKS
-from renderer.kinds.shapes.implicit import IMPLICITS
+from renderer.kinds.shapes.flat.disk import DISKS
+from renderer.kinds.shapes.flat.rectangle import RECTANGLES
+from renderer.kinds.shapes.flat.triangle import TRIANGLES
+from renderer.kinds.shapes.implicit.implicit import IMPLICITS
+from renderer.kinds.shapes.implicit.sdfgrid import SDF_CELLS
 from renderer.kinds.shapes.kind import ShapeKind, ShapePlugin
-from renderer.kinds.shapes.rectangle import RECTANGLES
-from renderer.kinds.shapes.sdfgrid import SDF_CELLS
 from renderer.kinds.shapes.sphere import SPHERES
-from renderer.kinds.shapes.triangle import TRIANGLES
 
 SHAPES: dict[str, ShapeKind] = {
     kind.name: kind

@@ -20,7 +20,7 @@ from renderer.kernels.lanes.local import local_f32
 from renderer.kernels.lanes.memory import load_eight, load_row
 from renderer.kernels.lanes.types import Lanes
 from renderer.kernels.lanes.vectors import vec3
-from renderer.kinds.shapes.patch import Intersection
+from renderer.kinds.shapes.flat.patch import Intersection
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
 
 INFINITY = np.float32(np.inf)

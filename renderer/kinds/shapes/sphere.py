@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, sqrt
-from renderer.kernels.lanes.mathematics import arccos
+from renderer.kernels.lanes.mathematics.mathematics import arccos
 from renderer.kernels.lanes.memory import gather_row, load_eight, load_one, load_row
 from renderer.kernels.lanes.vectors import (
     column,
@@ -26,10 +26,10 @@ from renderer.kernels.lanes.vectors import (
 )
 from renderer.kinds.shapes.arrays import float32
 from renderer.kinds.shapes.blocks import BLOCKS_OF, column_in, primitives_in, three_in
+from renderer.kinds.shapes.flat.patch import ZERO, Intersection
 from renderer.kinds.shapes.kind import ShapeKind, flipped
-from renderer.kinds.shapes.patch import ZERO, Intersection
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
-from renderer.kinds.shapes.surface import (
+from renderer.kinds.shapes.surface.surface import (
     ROUNDING,
     SurfacePoint,
     around_axis,

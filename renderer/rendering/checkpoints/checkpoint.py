@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import CheckpointWarning, SceneError
+from renderer.process.threads import Crew
 from renderer.rendering.checkpoints.file import (
     Arrays,
     Stored,
@@ -21,7 +22,6 @@ from renderer.rendering.checkpoints.file import (
     write_checkpoint,
 )
 from renderer.rendering.checkpoints.identity import Identity, difference
-from renderer.threads import Crew
 
 MAY_DIFFER = "only threads, accel and, if the sampler is independent, spp may differ"
 

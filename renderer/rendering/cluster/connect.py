@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from renderer import memory
 from renderer.errors import ClusterError
+from renderer.process import memory
 
 if TYPE_CHECKING:
     from renderer.rendering.cluster.team import Team

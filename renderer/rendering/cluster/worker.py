@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError
+from renderer.process.threads import in_own_thread
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
 from renderer.rendering.cluster.plugin_files import PluginFiles
@@ -27,7 +28,6 @@ from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
-from renderer.threads import in_own_thread
 
 KEPT = 3  # scenes that a process keeps ready: those of neighbours in a sweep
 MOST_THREADS = 256  # of one worker

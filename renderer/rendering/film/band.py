@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.integrators.stages.film.develop import develop_rows
 from renderer.kernels.records.tile import TILE_SIZE
+from renderer.process.threads import in_threads
 from renderer.rendering.film.film import Film
-from renderer.stages.develop import develop_rows
-from renderer.threads import in_threads
 
 
 class FilmShape(NamedTuple):

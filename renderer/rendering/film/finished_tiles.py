@@ -14,8 +14,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.integrators.stages.film.develop import TileGrid, compiled_development
 from renderer.rendering.film.film import Film
-from renderer.stages.develop import TileGrid, compiled_development
 
 MOST_BYTES = 512 << 10  # of a strip's sums: sixteen tiles of three channels
 STRIPS_OF_A_THREAD = 16  # if there are so many tiles, so that threads end together

@@ -9,14 +9,15 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from renderer import names
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.errors import SceneError
 from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.registry import INTEGRATORS
 from renderer.kinds.bsdfs.registry import reaches_all
 from renderer.kinds.lights.registry import plugin_of
-from renderer.names import LIGHT_CHOICES, REPLAY, SAMPLERS
+from renderer.process import names
+from renderer.process.names import LIGHT_CHOICES, REPLAY, SAMPLERS
+from renderer.process.threads import default_threads
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
@@ -43,8 +44,7 @@ from renderer.scene_file.description import (
     Moments,
     Sampler,
 )
-from renderer.scene_file.objects.samplers import round_sample_count
-from renderer.threads import default_threads
+from renderer.scene_file.objects.view.samplers import round_sample_count
 
 OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 # A new ray starts off its surface, so as not to meet it again: so many rounding errors of

@@ -5,14 +5,14 @@ from __future__ import annotations
 import textwrap
 from itertools import chain
 
-from renderer import memory
+from renderer.process import memory
+from renderer.process.threads import default_threads
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.memory_estimate import Estimate, estimate_all
 from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
-from renderer.threads import default_threads
 
 WIDTH = 92
 

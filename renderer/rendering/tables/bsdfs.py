@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.first_hit import show_albedo, show_normal, show_seen_albedo
+from renderer.integrators.stages.direct_light import reflect_light
+from renderer.integrators.stages.first_hit import show_albedo, show_normal, show_seen_albedo
+from renderer.integrators.stages.scatter import scatter_kind
+from renderer.integrators.stages.split import split_glass, split_mirror
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     LOOK_UP_COLOR,
@@ -36,9 +39,6 @@ from renderer.rendering.tables.methods import (
 )
 from renderer.scene.materials import Kind, MaterialTables, kind_of, leaves, table_of
 from renderer.scene.scene import Scene
-from renderer.stages.direct_light import reflect_light
-from renderer.stages.scatter import scatter_kind
-from renderer.stages.split import split_glass, split_mirror
 
 # in the order of their columns
 _LOOK_UPS = {

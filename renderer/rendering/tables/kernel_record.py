@@ -16,6 +16,8 @@ from renderer.accelerators.build import (
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import USUAL_RAYS
 from renderer.integrators.kind import NO_LIMIT
+from renderer.integrators.stages.caustics import CausticMarks, mark_caustics
+from renderer.integrators.stages.film.camera_rays import fill_rays
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
@@ -27,7 +29,7 @@ from renderer.kernels.records.kernel_scene import (
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.kinds.shapes.arrays import empty_rows
-from renderer.kinds.shapes.uv_derivatives import texture_tangents
+from renderer.kinds.shapes.surface.uv_derivatives import texture_tangents
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (
@@ -60,8 +62,6 @@ from renderer.scene.light_properties import (
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler, Sensor
-from renderer.stages.camera_rays import fill_rays
-from renderer.stages.caustics import CausticMarks, mark_caustics
 
 _NO_METHODS = np.zeros((1, 1), np.int64)
 _NO_PLACEMENTS = Placements(*(np.zeros(0, t) for t in ("f4", "f4", "i4", "i4")))

@@ -8,16 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
+from renderer.integrators.stages.caustics import (
+    add_emission_but_caustics,
+    add_environment_but_caustics,
+)
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Lights, Methods, Settings, Shapes
-from renderer.kinds.lights.area import add_emission, emitted_light
+from renderer.kinds.lights.areas.area import add_emission, emitted_light
 from renderer.kinds.lights.choice.choose import (
     LightChoice,
     choose_by_importance,
     weigh_found_lights,
 )
 from renderer.kinds.lights.choice.tree import light_choice
-from renderer.kinds.lights.environment import add_environment, environment_light
+from renderer.kinds.lights.environments.environment import (
+    add_environment,
+    environment_light,
+)
 from renderer.kinds.lights.kind import LightKind, sample_lights_of
 from renderer.kinds.lights.registry import plugin_of
 from renderer.rendering.tables.methods import (
@@ -35,10 +42,6 @@ from renderer.scene.light_properties import asked_lights
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import kind_of
 from renderer.scene.scene import Scene
-from renderer.stages.caustics import (
-    add_emission_but_caustics,
-    add_environment_but_caustics,
-)
 
 _NO_CHOICE = np.zeros((0, 3), np.int64)
 _NO_IDS = np.zeros(0, np.int32)

@@ -12,6 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.integrators.stages.film.draws import (
+    choose_light,
+    draw,
+    draw_aperture,
+    draw_film,
+)
 from renderer.kernels.jit import pack
 from renderer.kinds.sampling.arithmetic import Plain
 from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified
@@ -21,7 +27,6 @@ from renderer.rendering.planning.plan import Plan, stratified_cells
 from renderer.scene.light_tables import LightTables, alias_tables
 from renderer.scene.materials import MaterialTables
 from renderer.scene.scene import Scene
-from renderer.stages.draws import choose_light, draw, draw_aperture, draw_film
 
 
 class Variant(Protocol):

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface, kernel, method_kernel, never_inline
 from renderer.kernels.lanes.vectors import column, vec3
-from renderer.replay.rounding.fused import fused_multiply_add
-from renderer.replay.rounding.rounded_once import (
+from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
+from renderer.replay.rounding.arithmetic.rounded_once import (
     fused_sum,
     times_point,
     times_vector,

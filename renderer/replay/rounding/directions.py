@@ -33,7 +33,7 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.kinds.lights.spheres import (
+from renderer.kinds.lights.areas.spheres import (
     cone_of_density,
     even_part_of_cone,
     exact_cone_of_density,
@@ -47,7 +47,7 @@ from renderer.kinds.sampling.arithmetic import (
     tangents_of,
     to_world,
 )
-from renderer.replay.rounding.fused_lanes import fused
+from renderer.replay.rounding.arithmetic.fused_lanes import fused
 
 _QUARTER_PI = np.float32(0.25) * np.float32(np.pi)
 _HALF_PI = np.float32(0.5) * np.float32(np.pi)

@@ -28,8 +28,8 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import column, select3, vec3
-from renderer.kinds.lights.environment import environment_light
-from renderer.kinds.lights.envmap import (
+from renderer.kinds.lights.environments.environment import environment_light
+from renderer.kinds.lights.environments.envmap import (
     INV_TWO_PI,
     EnvironmentMaps,
     by_solid_angle,
@@ -54,10 +54,10 @@ from renderer.kinds.sampling.hierarchical_warp import (
     warp_density,
 )
 from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
-from renderer.replay.rounding.arcs import arccos_as_mitsuba, arctan2_as_mitsuba
+from renderer.replay.rounding.arithmetic.arcs import arccos_as_mitsuba, arctan2_as_mitsuba
+from renderer.replay.rounding.arithmetic.fused import Floats
+from renderer.replay.rounding.arithmetic.fused_lanes import fused
 from renderer.replay.rounding.directions import sincos_as_mitsuba
-from renderer.replay.rounding.fused import Floats
-from renderer.replay.rounding.fused_lanes import fused
 from renderer.replay.rounding.texture_means import rounded_luminance
 from renderer.scene_file.description import EnvironmentMap
 

@@ -18,9 +18,9 @@ from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.vectors import column, dot, vec3
 from renderer.kinds.bsdfs.nesting import Structure
 from renderer.kinds.bsdfs.registry import kind_of
-from renderer.replay.rounding.fused import fused_multiply_add
-from renderer.replay.rounding.hit_points import ROUNDING
-from renderer.replay.rounding.rounded_once import fused_cross, fused_sum, unit
+from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
+from renderer.replay.rounding.arithmetic.rounded_once import fused_cross, fused_sum, unit
+from renderer.replay.rounding.hits.hit_points import ROUNDING
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)

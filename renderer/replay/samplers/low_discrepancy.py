@@ -11,7 +11,7 @@ from renderer.kernels.jit import kernel
 from renderer.replay.numbers.dimensions import next_key, no_dimensions, pattern_keys
 from renderer.replay.numbers.permutations import encrypt, permute_power_of_two
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.objects.samplers import round_sample_count
+from renderer.scene_file.objects.view.samplers import round_sample_count
 
 _ONE = np.uint64(1)
 _NINE = np.uint64(9)

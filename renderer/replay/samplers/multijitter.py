@@ -17,9 +17,9 @@ from renderer.replay.numbers.dimensions import (
     place_in_stratum,
 )
 from renderer.replay.numbers.permutations import LOW_32, permute_any_size
-from renderer.replay.rounding.fused import fused_multiply_add
+from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.objects.samplers import round_sample_count
+from renderer.scene_file.objects.view.samplers import round_sample_count
 
 _ONE = np.float32(1.0)
 # each permutation of a dimension has its own key, the dimension's times one of these

@@ -22,7 +22,7 @@ from renderer.replay.numbers.dimensions import (
 )
 from renderer.replay.numbers.permutations import LOW_32, permute_any_size
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.objects.samplers import round_sample_count
+from renderer.scene_file.objects.view.samplers import round_sample_count
 
 _ONE = np.uint64(1)
 _TWO = np.uint64(2)

@@ -18,7 +18,7 @@ from renderer.replay.numbers.dimensions import (
 )
 from renderer.replay.numbers.permutations import permute_any_size
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.objects.samplers import round_sample_count
+from renderer.scene_file.objects.view.samplers import round_sample_count
 
 _ONE = np.float32(1.0)
 

@@ -6,8 +6,8 @@ import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.description import Location
 from renderer.scene_file.document.tree import SpectrumValue
 from renderer.scene_file.numbers import parse_float, quoted, split_list

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.colors.spectra import SRGB_FROM_XYZ
 
 _MAGIC = b"\x76\x2f\x31\x01"

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.images.exr_image import is_exr, read_exr
 from renderer.scene_file.images.image import Image, checked
 from renderer.scene_file.images.pfm_image import is_pfm, read_pfm

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 
 _HEADER = re.compile(
     rb"P([Ff])\s+(\d{1,7})\s+(\d{1,7})\s+([+-]?[0-9.]{1,20}(?:[eE][+-]?\d{1,3})?)\s"

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.images.png_chunks import CHANNELS, HEAD, SIGNATURE, image_data
 
 _LARGEST = 2**28  # pixels

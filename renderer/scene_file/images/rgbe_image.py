@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 
 _SIZE = re.compile(rb"-Y (\d{1,7}) \+X (\d{1,7})")
 _LONGEST_HEADER = 1 << 16  # [bytes]

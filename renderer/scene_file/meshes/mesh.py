@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file import transforms
 from renderer.scene_file.description import NOWHERE, Bsdf, Location, Mesh, Radiance
 from renderer.scene_file.meshes.mesh_data import MeshData, first_not_finite, show_numbers

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 
 _BLANKS = bytes(b for b in range(256) if chr(b).isspace())  # between words of latin-1
 

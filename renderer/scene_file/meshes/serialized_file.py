@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer import memory
 from renderer.errors import SceneError
+from renderer.process import memory
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
     clear_zero_normals,

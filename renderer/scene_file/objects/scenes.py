@@ -7,12 +7,12 @@ from renderer.scene_file.description import Emitter, SceneDescription
 from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
-from renderer.scene_file.objects.films import read_film, read_rfilter
 from renderer.scene_file.objects.groups import SPECIAL, read_shapes
-from renderer.scene_file.objects.integrators import read_scene_integrator
-from renderer.scene_file.objects.samplers import read_sampler
-from renderer.scene_file.objects.sensors import read_sensor
 from renderer.scene_file.objects.textures import read_texture_plugin
+from renderer.scene_file.objects.view.films import read_film, read_rfilter
+from renderer.scene_file.objects.view.integrators import read_scene_integrator
+from renderer.scene_file.objects.view.samplers import read_sampler
+from renderer.scene_file.objects.view.sensors import read_sensor
 from renderer.scene_file.plugins import (
     UNSUPPORTED_TAGS,
     registered_kinds,

@@ -1,0 +1,1 @@
+"""What Mitsuba lacks or does wrong, made good on its side."""

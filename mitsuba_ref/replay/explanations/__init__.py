@@ -1,0 +1,1 @@
+"""Whether a difference of a replay is rounding, and of what kind."""

@@ -1,0 +1,338 @@
+"""Beams: where the bundles of a batch enter a tree, found once for all of them.
+
+A beam is the box of the origins of some rays and the box of their directions. A node that
+the beam of a batch (of camera rays, say) does not meet is met by none of its rays
+[Reshetov2005]. What is left of the tree is a list of nodes; each bundle of 16 rays has a
+beam of its own, tested against 16 nodes of the list at once, and begins with those it may
+meet instead of the root. Whether its rays meet them is asked there, so that a beam that is
+too wide costs time and no hit.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
+    AXIS_BYTES,
+    BOX_BYTES,
+    CHILD,
+    ORIGIN,
+    SCALE,
+    WIDE_BYTES,
+    WIDE_WORDS,
+)
+from renderer.accelerators.rays.ray_interval import is_finite_ray
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
+    as_f32,
+    as_i32,
+    first_lanes,
+    lane,
+    largest,
+    mask_bits,
+    maximum,
+    minimum,
+    popcount,
+    select,
+    smallest,
+    splat_f32,
+    splat_mask,
+)
+from renderer.kernels.lanes.memory import (
+    append_row,
+    load_bytes,
+    load_eight,
+    load_one,
+    load_row,
+    store_one,
+    store_row,
+)
+from renderer.kernels.lanes.vectors import load3, vec3
+
+ENTRIES = 64  # nodes that the bundles of a batch begin with at most
+ROOM = ENTRIES + 16  # of a list, so that 16 may be read behind its last
+# An axis tells nothing where directions go both ways, or nearly along the planes: less
+# than this share of the largest component.
+_LEAST_SHARE = np.float32(1e-6)
+
+
+class Beam(NamedTuple):
+    """The boxes that rays are in, as scalars."""
+
+    low: Any  # least origins, with their margins
+    high: Any
+    least: Any  # of 1 / direction; 0 for an axis that tells nothing
+    most: Any
+
+
+class Entries(NamedTuple):
+    """Nodes, from far to near, in one of two lists: the other is what they come from."""
+
+    boxes: Any  # (6, 2 ROOM) float32 lower, then upper corners
+    nodes: Any  # (2, 2 ROOM) int32 the wide node (or ~block), the node of a pair
+    planes: Any  # (48,) float32 of one node's children
+    stack: Any  # (STACK + ROOM,) int32 of a bundle
+
+
+@kernel
+def _least3(v):
+    return vec3(smallest(v.x), smallest(v.y), smallest(v.z))
+
+
+@kernel
+def _most3(v):
+    return vec3(largest(v.x), largest(v.y), largest(v.z))
+
+
+@kernel
+def _minimum3(a, b, mask):
+    """Return the lesser where `mask`, else b."""
+    return vec3(
+        minimum(select(mask, a.x, b.x), b.x),
+        minimum(select(mask, a.y, b.y), b.y),
+        minimum(select(mask, a.z, b.z), b.z),
+    )
+
+
+@kernel
+def _maximum3(a, b, mask):
+    return vec3(
+        maximum(select(mask, a.x, b.x), b.x),
+        maximum(select(mask, a.y, b.y), b.y),
+        maximum(select(mask, a.z, b.z), b.z),
+    )
+
+
+@kernel
+def _beam(low, high, least, most):
+    """Return the beam of the least and most origins and directions."""
+    x = max(abs(least.x), abs(most.x))
+    y = max(abs(least.y), abs(most.y))
+    limit = max(max(x, y), max(abs(least.z), abs(most.z))) * _LEAST_SHARE
+    one, zero = np.float32(1.0), np.float32(0.0)
+    tells_x = (least.x > limit) | (most.x < -limit)
+    tells_y = (least.y > limit) | (most.y < -limit)
+    tells_z = (least.z > limit) | (most.z < -limit)
+    return Beam(
+        low,
+        high,
+        vec3(
+            one / most.x if tells_x else zero,
+            one / most.y if tells_y else zero,
+            one / most.z if tells_z else zero,
+        ),
+        vec3(
+            one / least.x if tells_x else zero,
+            one / least.y if tells_y else zero,
+            one / least.z if tells_z else zero,
+        ),
+    )
+
+
+@kernel
+def _between(enter, leave, lower, upper, low, high, least, most):
+    """Return where a beam enters and leaves boxes at the soonest and the latest."""
+    if least == 0.0:
+        return enter, leave
+    near, far = (lower - high, upper - low) if least > 0.0 else (upper - low, lower - high)
+    enter = maximum(enter, minimum(near * least, near * most))
+    leave = minimum(leave, maximum(far * least, far * most))
+    return enter, leave
+
+
+@kernel
+def _meets(beam, lower, upper, zero):
+    """Return the mask of the boxes that a beam may meet; `zero`: of as many lanes."""
+    b = beam
+    leave = zero + np.float32(np.inf)
+    enter, leave = _between(
+        zero, leave, lower.x, upper.x, b.low.x, b.high.x, b.least.x, b.most.x
+    )
+    enter, leave = _between(
+        enter, leave, lower.y, upper.y, b.low.y, b.high.y, b.least.y, b.most.y
+    )
+    enter, leave = _between(
+        enter, leave, lower.z, upper.z, b.low.z, b.high.z, b.least.z, b.most.z
+    )
+    return enter <= leave * STRETCH
+
+
+@kernel
+def _bundle_beam(beam, alike, origin, direction, traced):
+    """Return the beam of 16 rays; `alike` says that all rays start where `beam` does."""
+    x, y, z = direction.x, direction.y, direction.z
+    inf = np.float32(np.inf)
+    least = _least3(
+        vec3(select(traced, x, inf), select(traced, y, inf), select(traced, z, inf))
+    )
+    most = _most3(
+        vec3(select(traced, x, -inf), select(traced, y, -inf), select(traced, z, -inf))
+    )
+    low, high = beam.low, beam.high
+    if not alike:
+        below, above = origin_margins(origin)
+        low = _least3(
+            vec3(
+                select(traced, below.x, inf),
+                select(traced, below.y, inf),
+                select(traced, below.z, inf),
+            )
+        )
+        high = _most3(
+            vec3(
+                select(traced, above.x, -inf),
+                select(traced, above.y, -inf),
+                select(traced, above.z, -inf),
+            )
+        )
+    return _beam(low, high, least, most)
+
+
+@kernel
+def begin_bundle(entries, begin, count, beam, alike, origin, direction, traced):
+    """Push the entries that 16 rays may meet, the nearest last; return beam and number."""
+    b = _bundle_beam(beam, alike, origin, direction, traced)
+    boxes = entries.boxes
+    depth = np.int64(0)
+    for i in range(begin, begin + count, 16):
+        lower = vec3(load_row(boxes, 0, i), load_row(boxes, 1, i), load_row(boxes, 2, i))
+        upper = vec3(load_row(boxes, 3, i), load_row(boxes, 4, i), load_row(boxes, 5, i))
+        met = _meets(b, lower, upper, splat_f32(0.0)) & first_lanes(begin + count - i)
+        append_row(entries.stack, 0, depth, load_row(entries.nodes, 1, i), met)
+        depth += popcount(mask_bits(met))
+    return b, depth
+
+
+@kernel
+def meets_in_leaf(boxes, block, beam):
+    """Return the bits of those primitives of a block that the rays of a beam may meet."""
+    lower = vec3(
+        load_eight(boxes, block, 0),
+        load_eight(boxes, block, 8),
+        load_eight(boxes, block, 16),
+    )
+    upper = vec3(
+        load_eight(boxes, block, 24),
+        load_eight(boxes, block, 32),
+        load_eight(boxes, block, 40),
+    )
+    return mask_bits(_meets(beam, lower, upper, as_f32(as_i32(lower.x) & 0)))
+
+
+@kernel
+def find_entries(accel, rays, ends, first, count, entries):
+    """Find where rays first to first + count - 1 enter the tree, up to their ends.
+
+    Returns the beam, whether all rays start at one point, and where in `entries` the list
+    begins and how long it is.
+    """
+    inf, minus = splat_f32(np.float32(np.inf)), splat_f32(np.float32(-np.inf))
+    low, least = vec3(inf, inf, inf), vec3(inf, inf, inf)
+    high, most = vec3(minus, minus, minus), vec3(minus, minus, minus)
+    end = minus
+    start = load3(rays.origin, first)
+    start = vec3(lane(start.x, 0), lane(start.y, 0), lane(start.z, 0))
+    other = splat_mask(False)
+    for i in range(first, first + count, 16):
+        origin, direction = load3(rays.origin, i), load3(rays.direction, i)
+        live = first_lanes(first + count - i) & is_finite_ray(origin, direction)
+        below, above = origin_margins(origin)
+        low, high = _minimum3(below, low, live), _maximum3(above, high, live)
+        least = _minimum3(direction, least, live)
+        most = _maximum3(direction, most, live)
+        end = maximum(select(live, load_row(ends, 0, i), end), end)
+        moved = (origin.x != start.x) | (origin.y != start.y) | (origin.z != start.z)
+        other = other | (moved & live)
+    least, most = _least3(least), _most3(most)
+    beam = _beam(_least3(low), _most3(high), least, most)
+    octant = 1 if least.x + most.x < 0.0 else 0
+    octant |= 2 if least.y + most.y < 0.0 else 0
+    octant |= 4 if least.z + most.z < 0.0 else 0
+    begin, n = _open_nodes(accel, beam, largest(end), octant, entries)
+    return beam, mask_bits(other) == 0, begin, n
+
+
+@kernel
+def _open_nodes(accel, beam, end, octant, entries):
+    """Put children in the place of their parents, level by level, while there is room.
+
+    A list ends where its half of the memory does and grows towards the front: the nearest
+    come first, so that these are opened if not all can be.
+    """
+    nodes, boxes = entries.nodes, entries.boxes
+    count = np.int64(1)
+    begin = np.int64(ENTRIES - 1)
+    store_one(nodes, 0, begin, 0)
+    store_one(nodes, 1, begin, 0)
+    for row in range(3):
+        # all there is; its own box is tested by each bundle
+        store_one(boxes, row, begin, np.float32(-np.inf))
+        store_one(boxes, 3 + row, begin, np.float32(np.inf))
+    while True:
+        to = np.int64(ENTRIES + ROOM if begin < ENTRIES else ENTRIES)
+        last = to
+        opened = False
+        for j in range(begin + count - 1, begin - 1, -1):
+            node = np.int64(load_one(nodes, 0, j))
+            if node >= 0 and last - to + ENTRIES >= 8 + j - begin:
+                last = _open_one(accel, node, beam, end, octant, entries, last)
+                opened = True
+                continue
+            last -= 1
+            for row in range(2):
+                store_one(nodes, row, last, load_one(nodes, row, j))
+            for row in range(6):
+                store_one(boxes, row, last, load_one(boxes, row, j))
+        begin, count = last, to - last
+        if not opened:
+            return begin, count
+
+
+@kernel
+def _children_between(accel, node, axis, enter, leave, planes, low, high, least, most):
+    """Narrow what a beam has of the children of a node by an axis; note their planes."""
+    octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis
+    word = node * WIDE_WORDS + axis
+    unit = load_one(accel.floats, 0, word + SCALE)
+    start = load_one(accel.floats, 0, word + ORIGIN)
+    store_row(planes, 0, 16 * axis, load_bytes(accel.octets, 0, octet) * unit + start)
+    lower = load_eight(planes, 0, 16 * axis)
+    upper = load_eight(planes, 0, 16 * axis + 8)
+    return _between(enter, leave, lower, upper, low, high, least, most)
+
+
+@kernel
+def _open_one(accel, node, beam, end, octant, entries, last):
+    """Write the children that the beam meets before `last`; return where they begin."""
+    nodes, boxes, planes = entries.nodes, entries.boxes, entries.planes
+    word = node * WIDE_WORDS + CHILD
+    children = load_eight(accel.integers, 0, word)
+    there = children != 0
+    enter = as_f32(children & 0)
+    leave = enter + end
+    b = beam
+    enter, leave = _children_between(
+        accel, node, 0, enter, leave, planes, b.low.x, b.high.x, b.least.x, b.most.x
+    )
+    enter, leave = _children_between(
+        accel, node, 1, enter, leave, planes, b.low.y, b.high.y, b.least.y, b.most.y
+    )
+    enter, leave = _children_between(
+        accel, node, 2, enter, leave, planes, b.low.z, b.high.z, b.least.z, b.most.z
+    )
+    met = mask_bits(there & (enter <= leave * STRETCH))
+    order = np.int64(load_one(accel.order, 0, 8 * node + octant))
+    for nth in range(popcount(mask_bits(there)) - 1, -1, -1):
+        k = (order >> (4 * nth)) & 7
+        if (met >> k) & 1 == 0:
+            continue
+        last -= 1
+        store_one(nodes, 0, last, load_one(accel.integers, 0, word + k))
+        store_one(nodes, 1, last, load_one(accel.pair_of, 0, 8 * node + k))
+        for axis in range(3):
+            store_one(boxes, axis, last, load_one(planes, 0, 16 * axis + k))
+            store_one(boxes, 3 + axis, last, load_one(planes, 0, 16 * axis + 8 + k))
+    return last

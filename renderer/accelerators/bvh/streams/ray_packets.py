@@ -1,0 +1,301 @@
+"""Bundles of rays: 16 coherent rays go through a binary tree together.
+
+Neighbouring camera rays visit nearly the same nodes, so each box and each primitive is
+fetched once and tested against all 16 at once; what no ray of the bundle enters is
+skipped. Shadow rays are tested one by one where few of them enter a leaf. Where a bundle
+begins, and which primitives of a leaf it may meet, its beam tells (`beams`). Measured in
+docs/performance.md, "Beside Embree".
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
+from renderer.accelerators.bvh.streams.beams import (
+    ROOM,
+    Entries,
+    begin_bundle,
+    find_entries,
+    meets_in_leaf,
+)
+from renderer.accelerators.bvh.wide.one_ray_leaves import (
+    better_one_by_one,
+    blocked_one_by_one,
+)
+from renderer.accelerators.bvh.wide.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
+from renderer.accelerators.rays.packets import (
+    Nearest,
+    blocked_by,
+    nearest_of,
+)
+from renderer.accelerators.rays.ray_interval import is_finite_ray
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
+    fabs,
+    first_lanes,
+    lane,
+    lowest_bit,
+    mask_bits,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_i32,
+)
+from renderer.kernels.lanes.local import (
+    local_f32,
+    local_i32,
+    local_rows_f32,
+    local_rows_i32,
+)
+from renderer.kernels.lanes.mathematics.fused import multiply_add
+from renderer.kernels.lanes.memory import load_one, load_row, store_one, store_row
+from renderer.kernels.lanes.vectors import load3, vec3
+from renderer.kernels.records.tally import (
+    BOXES,
+    NODES,
+    add_to_packet,
+    note_packet_stack,
+)
+
+# At most `MAX_DEPTH` = 60 edges to a leaf, and what a bundle begins with
+STACK = 64 + ROOM
+_LISTS = 2 * ROOM
+BATCH = 1024  # rays that are looked at together before they go in bundles
+# A direction's components are taken to be at least this share of the largest: the ray is
+# moved by less than a rounding error, and no product below is 0 * inf or overflows.
+LEAST_COMPONENT = np.float32(1e-12)
+
+
+class PairedBvh(NamedTuple):
+    """A binary tree for bundles; see `wide_bvh_build` for the words of a node."""
+
+    floats: NDArray[np.float32]  # (nodes * 8,)
+    integers: NDArray[np.int32]  # the same memory
+    primitives: Any  # in leaf order
+
+
+class Bundle(NamedTuple):
+    """16 rays, and what their box tests need."""
+
+    inverse: Any  # 1 / direction
+    to_lower: Any  # origin moved up by the margin, times inverse
+    to_upper: Any  # origin moved down, times inverse
+
+
+@kernel
+def _away_from_zero(d, least):
+    return select(fabs(d) > least, d, select(d < 0.0, -least, least))
+
+
+@kernel
+def safe_reciprocal(direction):
+    """Return 1 / d for each component of one ray or 16.
+
+    Finite, unless the direction is 0 or shorter than 1e-26.
+    """
+    x, y, z = fabs(direction.x), fabs(direction.y), fabs(direction.z)
+    largest = select(x > y, x, y)
+    least = select(z > largest, z, largest) * LEAST_COMPONENT
+    one = np.float32(1.0)
+    return vec3(
+        one / _away_from_zero(direction.x, least),
+        one / _away_from_zero(direction.y, least),
+        one / _away_from_zero(direction.z, least),
+    )
+
+
+@kernel
+def _bundle_of(origin, direction):
+    inverse = safe_reciprocal(direction)
+    low, high = origin_margins(origin)
+    return Bundle(inverse, high * inverse, low * inverse)
+
+
+@kernel
+def _bundle_enters(floats, node, bundle, t):
+    """Return the mask of the rays that enter a node's box before t.
+
+    (b - o) / d as b / d - o / d, with o / d made once. Its rounding error is that of
+    moving the plane by 2^-23 (|b| + |o|), or less where it is one step of the processor;
+    boxes and origins are padded by 16 times that.
+    """
+    inverse = bundle.inverse
+    x0 = multiply_add(inverse.x, load_one(floats, 0, node), -bundle.to_lower.x)
+    y0 = multiply_add(inverse.y, load_one(floats, 0, node + 1), -bundle.to_lower.y)
+    z0 = multiply_add(inverse.z, load_one(floats, 0, node + 2), -bundle.to_lower.z)
+    x1 = multiply_add(inverse.x, load_one(floats, 0, node + 3), -bundle.to_upper.x)
+    y1 = multiply_add(inverse.y, load_one(floats, 0, node + 4), -bundle.to_upper.y)
+    z1 = multiply_add(inverse.z, load_one(floats, 0, node + 5), -bundle.to_upper.z)
+    enter = maximum(
+        maximum(minimum(x0, x1), minimum(y0, y1)),
+        maximum(minimum(z0, z1), splat_f32(0.0)),
+    )
+    leave = minimum(minimum(maximum(x0, x1), maximum(y0, y1)), maximum(z0, z1))
+    return enter <= minimum(leave * STRETCH, t)
+
+
+@kernel
+def _signs(direction):
+    """Return bits 0, 1, 2: whether the first ray goes down the x, y, z axis."""
+    x = 1 if lane(direction.x, 0) < 0.0 else 0
+    y = 2 if lane(direction.y, 0) < 0.0 else 0
+    z = 4 if lane(direction.z, 0) < 0.0 else 0
+    return np.int64(x | y | z)
+
+
+@kernel
+def closest_hit_bundles(accel, rays, hits, first, count, tally):
+    """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
+    entries = Entries(
+        local_rows_f32(6, _LISTS),
+        local_rows_i32(2, _LISTS),
+        local_f32(48),
+        local_i32(STACK),
+    )
+    for begin in range(first, first + count, BATCH):
+        n = min(first + count - begin, BATCH)
+        _closest_hits(accel, rays, hits, begin, n, tally, entries)
+
+
+@kernel
+def _closest_hits(accel, rays, hits, first, count, tally, entries):
+    pairs = accel.pairs
+    floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
+    stack = entries.stack
+    beam, alike, begin, n = find_entries(accel, rays, hits.t, first, count, entries)
+    if n == 0:
+        return
+    for i in range(first, first + count, 16):
+        left = first + count - i
+        origin = load3(rays.origin, i)
+        direction = load3(rays.direction, i)
+        # lanes beyond the last ray end before they begin
+        traced = first_lanes(left) & is_finite_ray(origin, direction)
+        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
+        if depth == 0:
+            continue
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
+        t = select(traced, load_row(hits.t, 0, i), -1.0)
+        prim = load_row(hits.prim, 0, i)
+        nearest = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
+        while depth > 0:
+            note_packet_stack(tally, i, left, depth)
+            depth -= 1
+            node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
+            add_to_packet(tally, BOXES, i, left, 1)
+            if mask_bits(_bundle_enters(floats, node, bundle, nearest.t)) == 0:
+                continue
+            add_to_packet(tally, NODES, i, left, 1)
+            child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
+            size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
+            if size > 0:
+                add_to_packet(tally, BOXES, i, left, 1)
+                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
+                while bits != 0:
+                    k = child + lowest_bit(bits)
+                    bits &= bits - 1
+                    nearest = nearest_of(
+                        primitives, k, k + 1, origin, direction, nearest, tally, i, left
+                    )
+                continue
+            order = -1 - size
+            second = ((signs >> (order >> 1)) ^ order) & 1
+            store_one(stack, 0, depth, child + 1 - second)
+            store_one(stack, 0, depth + 1, child + second)
+            depth += 2
+        found = nearest.prim != prim
+        if mask_bits(found) == 0:
+            continue  # and leave alone what is not in the cache
+        store_row(hits.t, 0, i, select(found, nearest.t, load_row(hits.t, 0, i)))
+        store_row(hits.prim, 0, i, nearest.prim)
+        store_row(hits.u, 0, i, select(found, nearest.u, load_row(hits.u, 0, i)))
+        store_row(hits.v, 0, i, select(found, nearest.v, load_row(hits.v, 0, i)))
+
+
+@kernel
+def any_hit_bundles(accel, shadow_rays, count, tally):
+    """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
+    entries = Entries(
+        local_rows_f32(6, _LISTS),
+        local_rows_i32(2, _LISTS),
+        local_f32(48),
+        local_i32(STACK),
+    )
+    for begin in range(0, count, BATCH):
+        n = min(count - begin, BATCH)
+        _any_hits(accel, shadow_rays, np.int64(begin), n, tally, entries)
+
+
+@kernel
+def _any_hits(accel, shadow_rays, first, count, tally, entries):
+    pairs = accel.pairs
+    floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
+    stack = entries.stack
+    ends = shadow_rays.t_max
+    beam, alike, begin, n = find_entries(accel, shadow_rays, ends, first, count, entries)
+    if n == 0:
+        return
+    for i in range(first, first + count, 16):
+        left = first + count - i
+        origin = load3(shadow_rays.origin, i)
+        direction = load3(shadow_rays.direction, i)
+        traced = first_lanes(left) & is_finite_ray(origin, direction)
+        t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
+        before = load_row(shadow_rays.blocked, 0, i) != 0
+        blocked = before | ~traced
+        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
+        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
+        if depth == 0:
+            continue
+        bundle = _bundle_of(origin, direction)
+        signs = _signs(direction)
+        while depth > 0 and mask_bits(blocked) != 0xFFFF:
+            note_packet_stack(tally, i, left, depth)
+            depth -= 1
+            node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
+            add_to_packet(tally, BOXES, i, left, 1)
+            enters = mask_bits(_bundle_enters(floats, node, bundle, t_max) & ~blocked)
+            if enters == 0:
+                continue
+            add_to_packet(tally, NODES, i, left, 1)
+            child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
+            size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
+            if size > 0:
+                add_to_packet(tally, BOXES, i, left, 1)
+                block = child >> 3
+                bits = meets_in_leaf(accel.boxes, block, own) & ((1 << size) - 1)
+                if better_one_by_one(enters, bits):
+                    blocked = blocked_one_by_one(
+                        primitives, block, enters, shadow_rays, i, blocked, tally
+                    )
+                    continue
+                while bits != 0:
+                    k = child + lowest_bit(bits)
+                    bits &= bits - 1
+                    blocked = blocked_by(
+                        primitives,
+                        k,
+                        k + 1,
+                        origin,
+                        direction,
+                        t_max,
+                        blocked,
+                        tally,
+                        i,
+                        left,
+                    )
+                continue
+            order = -1 - size
+            second = ((signs >> (order >> 1)) ^ order) & 1
+            store_one(stack, 0, depth, child + 1 - second)
+            store_one(stack, 0, depth + 1, child + second)
+            depth += 2
+        met = before | (blocked & traced)
+        store_row(shadow_rays.blocked, 0, i, select(met, splat_i32(1), splat_i32(0)))

@@ -1,0 +1,1 @@
+"""The tree with eight children a node: built, checked, and traversed by one ray."""

@@ -1,0 +1,186 @@
+"""The proof of the wide tree: both forms reach all primitives, in boxes that hold them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
+    BOX_BYTES,
+    CHILD,
+    ORIGIN,
+    PAIR_CHILD,
+    PAIR_WORDS,
+    SCALE,
+    WIDE_BYTES,
+    WIDE_WORDS,
+)
+from renderer.accelerators.extents import Extents
+from renderer.kinds.shapes.blocks import WIDTH
+
+
+def validate_wide(accel: Any, extents: Extents) -> None:
+    """Check that both trees reach every block once and that all boxes hold their contents.
+
+    Parameters
+    ----------
+    accel
+        A `WideBvh`.
+    extents
+        What it was built over.
+
+    Raises
+    ------
+    ValueError
+        If not; the message says which tree, node and block or primitive.
+    """
+    lower, upper = _block_boxes(accel.blocks, extents)
+    validate_wide_nodes(accel.octets, lower, upper)
+    _validate_orders(accel.integers, accel.order)
+    _validate_pairs(accel.pairs, accel.blocks, lower, upper)
+    _validate_boxes(accel, extents)
+    _validate_ways_across(accel)
+
+
+def _block_boxes(blocks: Any, extents: Extents) -> tuple[Any, Any]:
+    """Return the (n, 3) corners of each block; check that they share out the primitives."""
+    ids = blocks.id.reshape(-1, WIDTH)
+    held = ids[ids >= 0].astype(np.int64)
+    n = extents.lower.shape[1]
+    if len(held) != n or len(np.unique(held)) != n:
+        raise ValueError(f"blocks hold {len(np.unique(held))} of {n} primitives once")
+    column = np.where(ids >= 0, np.searchsorted(np.sort(held), ids), 0)
+    filled = (ids >= 0)[..., None]
+    lower = np.where(filled, extents.lower.T[column], np.inf).min(axis=1)
+    upper = np.where(filled, extents.upper.T[column], -np.inf).max(axis=1)
+    return lower, upper
+
+
+def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
+    """Check that nodes of eight reach every leaf once, in boxes that hold it.
+
+    Parameters
+    ----------
+    octets
+        The nodes, as bytes; the root is the first.
+    lower, upper
+        (n, 3) corners of the leaves.
+
+    Raises
+    ------
+    ValueError
+        If not; the message says which node or leaf.
+    """
+    nodes = octets.reshape(-1, WIDE_BYTES)
+    floats, integers = nodes.view(np.float32), nodes.view(np.int32)
+    origin, unit = floats[:, ORIGIN : ORIGIN + 3, None], floats[:, SCALE : SCALE + 3, None]
+    stored = nodes[:, BOX_BYTES:].reshape(len(nodes), 3, 3, 8).astype(np.float64)
+    if not np.array_equal(stored[:, :, 0], stored[:, :, 2]):
+        raise ValueError("wide node: the two copies of the lower bounds differ")
+    low, high = (origin + unit * stored[:, :, k] for k in (0, 1))
+    children = integers[:, CHILD : CHILD + 8]
+    _require_once("wide node", children[children > 0], 1, len(nodes))
+    _require_once("block of the wide tree", ~children[children < 0], 0, len(lower))
+
+    held_low = np.full((len(nodes), 3), np.inf)
+    held_high = -held_low
+    for node in range(len(nodes) - 1, -1, -1):  # children come after their parents
+        for k in np.flatnonzero(children[node]):
+            c = children[node, k]
+            if c > 0 and c <= node:
+                raise ValueError(f"wide node {c} comes before its parent {node}")
+            a, b = (held_low[c], held_high[c]) if c > 0 else (lower[~c], upper[~c])
+            if (low[node, :, k] > a).any() or (high[node, :, k] < b).any():
+                raise ValueError(f"wide node {node}: box {k} does not hold its contents")
+            held_low[node] = np.minimum(held_low[node], a)
+            held_high[node] = np.maximum(held_high[node], b)
+
+
+def _validate_boxes(accel: Any, extents: Extents) -> None:
+    """Check that the boxes of each block are those of its primitives."""
+    ids = accel.blocks.id
+    filled = np.flatnonzero(ids >= 0)
+    column = np.searchsorted(np.sort(ids[filled]), ids[filled])
+    boxes = accel.boxes.reshape(-1, 6, WIDTH).swapaxes(1, 2).reshape(-1, 6)[filled]
+    if not np.array_equal(boxes.T, np.vstack((extents.lower, extents.upper))[:, column]):
+        raise ValueError("a block of the wide tree has boxes of other primitives")
+
+
+def _validate_ways_across(accel: Any) -> None:
+    """Check that wide nodes and pairs hold the same where one leads to the other."""
+    children = accel.integers.reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8]
+    links = accel.pairs.integers.reshape(-1, PAIR_WORDS)[:, PAIR_CHILD:]
+    across = accel.pair_of.reshape(-1, 8)
+
+    def blocks_below(pair: int) -> set[int]:
+        child, count = (int(k) for k in links[pair])
+        if count > 0:
+            return {child // WIDTH}
+        return blocks_below(child) | blocks_below(child + 1)
+
+    held: dict[int, set[int]] = {}
+    for node in range(len(children) - 1, -1, -1):  # children come after their parents
+        held[node] = set()
+        for c, pair in zip(children[node], across[node], strict=True):
+            if c == 0:
+                continue
+            below = {~int(c)} if c < 0 else held[int(c)]
+            if blocks_below(int(pair)) != below:
+                raise ValueError(f"wide node {node}: its pairs hold other blocks")
+            held[node] |= below
+
+
+def _validate_orders(integers: Any, order: Any) -> None:
+    """Check that the order for each octant names each child once."""
+    here = integers.reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8] != 0
+    size = here.sum(axis=1)
+    named = (order.reshape(-1, 8, 1) >> (4 * np.arange(8))) & 15
+    named = np.where(np.arange(8) < size[:, None, None], named, 8)
+    wanted = np.sort(np.where(here, np.arange(8), 8), axis=1)
+    wrong = np.argwhere(np.sort(named, axis=2) != wanted[:, None])
+    if wrong.size:
+        node, octant, _ = wrong[0]
+        raise ValueError(
+            f"wide node {node}: the order of octant {octant} names not each child once"
+        )
+
+
+def _validate_pairs(pairs: Any, blocks: Any, lower: Any, upper: Any) -> None:
+    boxes = pairs.floats.reshape(-1, PAIR_WORDS)[:, :6]
+    links = pairs.integers.reshape(-1, PAIR_WORDS)[:, PAIR_CHILD:]
+    seen: list[int] = []
+    waiting = [(0, np.array([-np.inf] * 3), np.array([np.inf] * 3))]
+    while waiting:
+        node, outer_low, outer_high = waiting.pop()
+        low, high = boxes[node, :3], boxes[node, 3:]
+        if (low < outer_low).any() or (high > outer_high).any():
+            raise ValueError(f"pair node {node} is not inside of its parent")
+        child, count = links[node]
+        if count < 0 and not 0 < child < len(boxes) - 1:
+            raise ValueError(f"pair node {node} has children that do not exist")
+        if len(seen) + len(waiting) > len(boxes):
+            raise ValueError(f"pair node {node} is below itself")
+        if count < 0:
+            waiting += [(child, low, high), (child + 1, low, high)]
+            continue
+        block = child // WIDTH
+        if not 0 <= block < len(lower):
+            raise ValueError(f"pair node {node} names block {block} of {len(lower)}")
+        seen.append(block)
+        if child % WIDTH or count != (blocks.id[child : child + WIDTH] >= 0).sum():
+            raise ValueError(
+                f"pair node {node} is a leaf of other primitives than a block's"
+            )
+        if (low > lower[block]).any() or (high < upper[block]).any():
+            raise ValueError(f"pair node {node} does not hold block {block}")
+    _require_once("block of the pairs", np.array(seen), 0, len(lower))
+
+
+def _require_once(what: str, found: Any, first: int, end: int) -> None:
+    """Check that `found` holds each number first .. end - 1 once, and no other."""
+    numbers, times = np.unique(found, return_counts=True)
+    wrong = np.setxor1d(numbers[times == 1], np.arange(first, end))
+    if wrong.size:
+        reached = np.count_nonzero(found == wrong[0])
+        raise ValueError(f"{what} {wrong[0]} is reached {reached} times, not once")

@@ -1,0 +1,181 @@
+"""Stage 5, direct light: L_o = sum over lights of f I / r^2 V cos, as shadow rays.
+
+In three steps that do not know each other: a light is sampled from each point, the BSDF
+there says what it reflects of it, and a shadow ray asks for the visibility V.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.integrators.stages.intersect import trace_shadow_rays
+from renderer.integrators.stages.surface.shading_frame import frame_at, leave_surface
+from renderer.kernels.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.lanes.functions import first_lanes, mask_bits, popcount
+from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.kernels.lanes.vectors import append3, length, load3
+from renderer.kernels.records.kernel_scene import (
+    CHOOSE_BY_IMPORTANCE,
+    CHOOSE_LIGHT,
+    DRAW,
+    RECORD,
+    REFLECT_LIGHT,
+    SAMPLE_LIGHT,
+)
+from renderer.kinds.bsdfs.kind import eval_pdf_bsdf, parameters_at
+from renderer.kinds.lights.choice.choose import divide_by_probability
+from renderer.kinds.lights.weights import light_probability, light_sample_weight
+from renderer.kinds.sampling.arithmetic import to_local
+from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+
+# Shadow rays end this fraction before the light, which must not shade itself: at the
+# silhouette of a sphere the distance is uncertain by the root of the rounding error (2.4e-4
+# of it). It is Mitsuba's own, so that both take the same decisions.
+BEFORE_LIGHT = np.float32(1.0 - 15000.0 * 2.0**-24)
+
+
+@kernel
+def lights_asked(lights, settings):
+    """Return how many lights are sampled at each surface point."""
+    asked = np.int64(lights.asked.size)
+    return min(np.int64(1), asked) if settings.every_light == 0 else asked
+
+
+@kernel
+def _number_in_file(lights, samples, count):
+    """Go from one of the lights that are asked to its number among all."""
+    for i in range(0, count, 16):
+        chosen = load_row(samples.light, 0, i)
+        valid = first_lanes(count - i)
+        store_row(samples.light, 0, i, gather_row(lights.asked, 0, chosen, valid))
+
+
+@kernel
+def sample_lights(scene, turn, tile, sample, bounce, work, count):
+    """Sample one light from each of the first `count` points.
+
+    The same light for all, number `turn`, or one of all for each, as the settings say.
+    """
+    lights, points, samples = scene.lights, work.points, work.light_samples
+    block = 2 + bounce * BLOCKS_PER_BOUNCE + turn
+    by_importance = lights.choice.shape[0] != 0
+    if by_importance:
+        call(
+            scene.sampler[0, DRAW],
+            scene.sampler[0, RECORD],
+            (tile, sample, block, points.slot, count, work.numbers),
+        )
+        call(
+            lights.choice[0, CHOOSE_BY_IMPORTANCE],
+            lights.choice[0, RECORD],
+            (points, count, work.numbers, samples.light),
+        )
+    else:
+        call(
+            scene.sampler[0, CHOOSE_LIGHT],
+            scene.sampler[0, RECORD],
+            (
+                tile,
+                sample,
+                block,
+                turn if scene.settings.every_light != 0 else np.int64(-1),
+                lights.asked.size,
+                points.slot,
+                count,
+                work.numbers,
+                samples.light,
+            ),
+        )
+        if lights.asked.size != lights.count:
+            _number_in_file(lights, samples, count)
+    for kind in range(lights.methods.shape[0]):
+        if lights.methods[kind, SAMPLE_LIGHT] != 0:
+            call(
+                lights.methods[kind, SAMPLE_LIGHT],
+                lights.methods[kind, RECORD],
+                (points, work.numbers, samples, count),
+            )
+    if by_importance:
+        divide_by_probability(samples, work.numbers, count)
+
+
+@method_kernel
+def reflect_light(
+    bsdf, settings, probability, points, samples, start, stop, shadow_rays, cast
+):
+    """Append the shadow rays of one kind of BSDF; return the new count.
+
+    `probability` is that with which each light was chosen.
+    """
+    for i in range(start, stop, 16):
+        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        # f cos of the BSDF, in the local frame
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wi = load3(samples.wi, i)
+        f_cos, bsdf_pdf = eval_pdf_bsdf(
+            parameters_at(bsdf.form, points, i),
+            to_local(frame, load3(points.wo, i)),
+            to_local(frame, wi),
+        )
+
+        # what arrives if nothing is in between
+        light_pdf = load_row(samples.pdf, 0, i) * probability
+        weight = light_sample_weight(settings, light_pdf, bsdf_pdf) / probability
+        throughput = load3(points.throughput, i)
+        carried = throughput * f_cos * load3(samples.radiance, i) * weight
+        lit = mine & (carried.x + carried.y + carried.z > 0.0)
+
+        # the shadow ray
+        origin = leave_surface(points, i, wi)
+        position, r = load3(points.position, i), load_row(samples.distance, 0, i)
+        to_light = position + wi * r - origin
+        distance = length(to_light)
+        append3(shadow_rays.origin, cast, origin, lit)
+        append3(shadow_rays.direction, cast, to_light / distance, lit)
+        append_row(shadow_rays.t_max, 0, cast, distance * BEFORE_LIGHT, lit)
+        append3(shadow_rays.radiance, cast, carried, lit)
+        append_row(shadow_rays.slot, 0, cast, load_row(points.slot, 0, i), lit)
+        cast += popcount(mask_bits(lit))
+    return cast
+
+
+@kernel
+def cast_shadow_rays(scene, work):
+    """Append what the sampled lights would contribute to `work.shadow_rays`."""
+    bsdfs, ends = scene.bsdfs, work.ends
+    probability = light_probability(scene.lights, scene.settings)
+    cast = np.int64(0)
+    for kind in range(bsdfs.smooth):
+        if bsdfs.methods[kind, REFLECT_LIGHT] != 0:
+            cast = count_of(
+                bsdfs.methods[kind, REFLECT_LIGHT],
+                bsdfs.methods[kind, RECORD],
+                (
+                    scene.settings,
+                    probability,
+                    work.points,
+                    work.light_samples,
+                    ends[kind],
+                    ends[kind + 1],
+                    work.shadow_rays,
+                    cast,
+                ),
+            )
+    return cast
+
+
+@kernel
+def direct_light(scene, tile, sample, bounce, work):
+    """Add the direct light at the points that have a smooth BSDF, which come first."""
+    count = work.ends[scene.bsdfs.smooth]
+    if count == 0:
+        return
+    for turn in range(lights_asked(scene.lights, scene.settings)):
+        sample_lights(scene, turn, tile, sample, bounce, work, count)
+        cast = cast_shadow_rays(scene, work)
+        coherent = bounce == 0
+        trace_shadow_rays(
+            scene.shadow_groups, work.shadow_rays, cast, coherent, work.radiance
+        )

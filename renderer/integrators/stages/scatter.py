@@ -1,0 +1,151 @@
+"""Stage 6, scattering: the path goes on in a direction that its BSDF chooses.
+
+One stage for all kinds of BSDF: it owns frame, Russian roulette and appending, and is
+compiled once for each kind, around the kind's own formulas.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.integrators.stages.surface.shading_frame import frame_at, leave_surface
+from renderer.kernels.jit import call, count_of, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    first_lanes,
+    lane_index,
+    mask_bits,
+    maximum,
+    minimum,
+    popcount,
+    splat_f32,
+)
+from renderer.kernels.lanes.memory import append_row, load_row
+from renderer.kernels.lanes.vectors import append3, load3
+from renderer.kernels.records.kernel_scene import (
+    AFTER_SCATTERING,
+    DRAW,
+    RECORD,
+    SCATTER,
+)
+from renderer.kinds.bsdfs.kind import (
+    Numbers,
+    is_possible,
+    outgoing,
+    parameters_at,
+    sample_bsdf,
+)
+from renderer.kinds.sampling.arithmetic import to_local
+from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+
+_MOST = np.float32(0.95)  # a path never survives roulette for certain
+
+
+@kernel
+def largest(color):
+    """Return the largest component of colours."""
+    return maximum(maximum(color.x, color.y), color.z)
+
+
+@kernel
+def _survive(settings, depth, throughput, eta, number, alive):
+    """Play Russian roulette; return who survives and their raised throughput.
+
+    The survival probability undoes the eta^2 that radiance loses on entering glass, as
+    it will be gained again on leaving.
+    """
+    if depth < settings.roulette_depth:
+        return alive, throughput
+    survival = minimum(largest(throughput) * eta * eta, splat_f32(_MOST))
+    return alive & (number < survival), throughput / survival
+
+
+@kernel
+def append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive):
+    """Append the rays of the masked lanes to `rays`; return the new end."""
+    append3(rays.origin, end, leave_surface(points, i, direction), alive)
+    append3(rays.direction, end, direction, alive)
+    append3(rays.throughput, end, throughput, alive)
+    append_row(rays.pdf, 0, end, pdf, alive)
+    append_row(rays.eta, 0, end, eta, alive)
+    append_row(rays.slot, 0, end, load_row(points.slot, 0, i), alive)
+    append_row(rays.point, 0, end, lane_index() + np.int32(i), alive)
+    return end + popcount(mask_bits(alive))
+
+
+@method_kernel
+def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end):
+    """Send paths on from the points start .. stop - 1 of one kind; return the new end."""
+    for i in range(start, stop, 16):
+        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
+        if mask_bits(mine) == 0:
+            continue
+        # the BSDF chooses a direction, in the local frame
+        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        wo = load3(points.wo, i)
+        drawn = Numbers(
+            load_row(numbers, 0, i),
+            load_row(numbers, 1, i),
+            load_row(numbers, 2, i),
+            bsdf.arithmetic,
+        )
+        parameters = parameters_at(bsdf.form, points, i)
+        chosen = sample_bsdf(parameters, to_local(frame, wo), drawn)
+
+        # throughput, and who goes on
+        throughput = load3(points.throughput, i) * chosen.weight
+        eta = load_row(points.eta, 0, i) * chosen.eta
+        alive = mine & is_possible(bsdf.form, chosen) & (largest(throughput) > 0.0)
+        alive, throughput = _survive(
+            settings, bounce + 1, throughput, eta, load_row(numbers, 3, i), alive
+        )
+
+        # the next ray
+        direction = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
+        end = append_rays(
+            rays, end, points, i, direction, throughput, chosen.pdf, eta, alive
+        )
+    return end
+
+
+@kernel
+def scatter(scene, tile, sample, bounce, work):
+    """Send the paths on from their surface points; return how many go on."""
+    methods, points, ends = scene.bsdfs.methods, work.points, work.ends
+    kinds = methods.shape[0]
+    call(
+        scene.sampler[0, DRAW],
+        scene.sampler[0, RECORD],
+        (
+            tile,
+            sample,
+            1 + bounce * BLOCKS_PER_BOUNCE,
+            points.slot,
+            ends[kinds],
+            work.numbers,
+        ),
+    )
+    end = np.int64(0)
+    for kind in range(kinds):
+        if methods[kind, SCATTER] != 0:
+            end = count_of(
+                methods[kind, SCATTER],
+                methods[kind, RECORD],
+                (
+                    scene.settings,
+                    bounce,
+                    points,
+                    work.numbers,
+                    ends[kind],
+                    ends[kind + 1],
+                    work.rays,
+                    end,
+                ),
+            )
+    after = scene.hooks
+    if after[AFTER_SCATTERING, 1] != 0:
+        call(
+            after[AFTER_SCATTERING, 1],
+            after[AFTER_SCATTERING, RECORD],
+            (scene.settings, work.rays, end, points),
+        )
+    return end

@@ -1,0 +1,1 @@
+"""The surface at a hit: position, frame, derivatives, and its place in the world."""

@@ -1,0 +1,1 @@
+"""Functions of sixteen float32 at once."""

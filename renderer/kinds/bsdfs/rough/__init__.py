@@ -1,0 +1,1 @@
+"""Rough surfaces: microfacets, and the principled models that are made of them."""

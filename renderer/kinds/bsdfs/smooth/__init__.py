@@ -1,0 +1,1 @@
+"""Smooth surfaces: diffuse ones, and mirrors, glass and plastic by Fresnel's equations."""

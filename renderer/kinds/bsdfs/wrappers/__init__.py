@@ -1,0 +1,1 @@
+"""BSDFs around others: two sides, holes, blends, bumps."""

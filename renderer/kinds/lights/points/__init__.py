@@ -1,0 +1,1 @@
+"""Lights that no ray meets by chance: points, and one direction."""

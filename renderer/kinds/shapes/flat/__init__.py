@@ -1,0 +1,1 @@
+"""Flat primitives: triangles, and meshes of them, rectangles, disks."""

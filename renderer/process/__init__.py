@@ -1,0 +1,1 @@
+"""The program around the renderer: memory, threads, signals, names of options."""

@@ -1,0 +1,163 @@
+"""An EXR file written some rows at a time: what is in the file was never in memory at once.
+
+OpenEXR's Python interface writes whole pictures. (An older class writes rows, and crashes
+where a channel has 2 GiB.) But rows are packed in chunks of 16 that know nothing of each
+other: so OpenEXR packs some rows as a picture of their own, and here their chunks are put
+into the large file, under a header that has its size and a table of where each chunk
+begins. The file is the same, byte for byte, as the one that `Image.save` writes.
+
+After "Technical Introduction to OpenEXR" and "OpenEXR File Layout" (openexr.com): a magic
+number, flags, attributes (name, type, size, value) that an empty name ends, the table (64
+bits each), and the chunks, each with its first row and its size in front (32 bits each).
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.rendering.picture.image import Image
+from renderer.rendering.picture.image_files import (
+    check_output_path,
+    exr_header,
+    exr_planes,
+    whole_or_not_at_all,
+)
+
+CHUNK = 16  # rows that ZIP packs together
+_WINDOWS = (b"dataWindow", b"displayWindow")
+_START = 8  # bytes: the magic number and the flags
+
+
+class ExrRows:
+    """A file that grows from the top; it appears when it is whole, or not at all.
+
+    Parameters
+    ----------
+    path
+        It must end in .exr.
+    width, height
+        Of the whole picture.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be written; `add` and the end too.
+    """
+
+    def __init__(self, path: Path, width: int, height: int) -> None:
+        check_output_path(path)
+        if path.suffix.lower() != ".exr":
+            raise SceneError(f"{path}: rows can be written to an .exr file alone")
+        self._path, self._width, self._height = path, width, height
+        self._chunks: list[int] = []  # where each begins
+        self._rest: dict[str, NDArray[np.float32]] = {}  # rows that fill no chunk so far
+        self._done = 0  # rows in the file
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Return the file."""
+        try:
+            temporary = self._stack.enter_context(whole_or_not_at_all(self._path))
+            self._piece = temporary.with_name(f"{temporary.name}.rows")
+            self._stack.callback(self._piece.unlink, missing_ok=True)
+            self._file = self._stack.enter_context(temporary.open("wb"))
+        except OSError as error:
+            raise self._failed(error) from error
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the file and give it its name; after an error it is deleted."""
+        with self._stack.pop_all():
+            if error is not None:
+                raise error
+            try:
+                self._end()
+            except OSError as failure:
+                raise self._failed(failure) from failure
+
+    def add(self, rows: Image) -> None:
+        """Write the next rows; the first ones say what the channels and metadata are."""
+        planes = exr_planes(rows)
+        if self._rest:
+            planes = {
+                name: np.vstack([self._rest[name], plane]) for name, plane in planes.items()
+            }
+        count = next(iter(planes.values())).shape[0]
+        if self._done + count < self._height:
+            count -= count % CHUNK
+        self._rest = {name: plane[count:].copy() for name, plane in planes.items()}
+        if count:
+            try:
+                self._add_chunks({k: plane[:count] for k, plane in planes.items()}, rows)
+            except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
+                raise self._failed(error) from error
+            self._done += count
+
+    def _add_chunks(self, planes: dict[str, NDArray[np.float32]], image: Image) -> None:
+        import OpenEXR
+
+        OpenEXR.File(exr_header(image), dict(planes)).write(str(self._piece))
+        content = memoryview(self._piece.read_bytes())
+        header = bytearray(content[: _end_of_header(content)])
+        if not self._done:
+            for at in _windows(header):
+                struct.pack_into("<4i", header, at, 0, 0, self._width - 1, self._height - 1)
+            self._file.write(header)
+            self._table = self._file.tell()
+            self._file.write(bytes(8 * -(-self._height // CHUNK)))
+        rows = next(iter(planes.values())).shape[0]
+        at = len(header) + 8 * -(-rows // CHUNK)
+        while at < len(content):
+            first, size = struct.unpack_from("<ii", content, at)
+            self._chunks.append(self._file.tell())
+            self._file.write(struct.pack("<ii", first + self._done, size))
+            self._file.write(content[at + 8 : at + 8 + size])
+            at += 8 + size
+
+    def _end(self) -> None:
+        if self._done != self._height:
+            raise SceneError(f"{self._path}: {self._done} of {self._height} rows are there")
+        self._file.seek(self._table)
+        self._file.write(struct.pack(f"<{len(self._chunks)}Q", *self._chunks))
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def _failed(self, error: Exception) -> SceneError:
+        return SceneError(f"{self._path}: cannot be written: {error}")
+
+
+def _attributes(content: Any) -> list[tuple[bytes, int, int]]:
+    """Return name, place of the value and its size of each attribute of a header."""
+    content = bytes(content[: 1 << 20])
+    found, at = [], _START
+    while content[at]:
+        name_end = content.index(0, at)
+        type_end = content.index(0, name_end + 1)
+        (size,) = struct.unpack_from("<i", content, type_end + 1)
+        found.append((content[at:name_end], type_end + 5, size))
+        at = type_end + 5 + size
+    return found
+
+
+def _end_of_header(content: Any) -> int:
+    _, at, size = _attributes(content)[-1]
+    return at + size + 1
+
+
+def _windows(header: bytearray) -> list[int]:
+    """Return where the values stand that say how many pixels there are."""
+    return [at for name, at, _ in _attributes(header) if name in _WINDOWS]

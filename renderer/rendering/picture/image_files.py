@@ -1,0 +1,159 @@
+"""Pictures into files: EXR, PNG and NPY, each written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.rendering.picture.srgb import srgb_from_linear
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
+
+    from renderer.rendering.picture.image import Image
+
+MAGENTA = np.array([255, 0, 255], dtype=np.uint8)  # what no scene is by accident
+
+# How Mitsuba's `aov` integrator names the channels of each kind [run, 3.9.1].
+_SUFFIXES = {
+    "albedo": "RGB",
+    "depth": "T",
+    "position": "XYZ",
+    "uv": "UV",
+    "geo_normal": "XYZ",
+    "sh_normal": "XYZ",
+    "prim_index": "I",
+    "shape_index": "I",
+    "color": "RGB",
+    "xyz": "XYZ",
+}
+_SUFFIXES_BY_COUNT = {1: "Y", 2: "UV", 3: "XYZ", 4: "RGBA"}  # of a kind not known
+
+
+def aov_channel_names(name: str, kind: str, count: int) -> list[str]:
+    """Channel names of an AOV, such as `["normals.X", "normals.Y", "normals.Z"]`."""
+    suffixes = _SUFFIXES.get(kind, "")
+    if len(suffixes) != count:
+        suffixes = _SUFFIXES_BY_COUNT.get(count, "")
+    if not suffixes:
+        return [f"{name}.{i}" for i in range(count)]
+    return [f"{name}.{suffix}" for suffix in suffixes]
+
+
+def _broken_pixels(pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W), true where a channel is NaN or infinite."""
+    return np.asarray(~np.isfinite(pixels).all(axis=2), dtype=np.bool_)
+
+
+def encode_png(pixels: NDArray[np.float32]) -> PillowImage:
+    """8-bit sRGB picture of linear (H, W, 3) pixels; NaN and infinity show as magenta."""
+    from PIL import Image as pillow
+
+    broken = _broken_pixels(pixels)
+    encoded = srgb_from_linear(np.where(broken[..., None], 0.0, pixels))
+    levels = np.floor(255.0 * encoded + 0.5).astype(np.uint8)
+    levels[broken] = MAGENTA
+    return pillow.fromarray(levels)
+
+
+def exr_planes(image: Image) -> dict[str, NDArray[np.float32]]:
+    """Return the channels of an EXR file by name, (H, W) each."""
+    planes = {name: image.pixels[..., c] for c, name in enumerate("RGB")}
+    for name, values in image.aovs.items():
+        kind = image.aov_kinds.get(name, "")
+        for c, channel in enumerate(aov_channel_names(name, kind, values.shape[2])):
+            planes[channel] = values[..., c]
+    return {
+        name: np.ascontiguousarray(values, dtype=np.float32)
+        for name, values in planes.items()
+    }
+
+
+def exr_header(image: Image) -> dict[str, Any]:
+    """Return what an EXR file says about itself."""
+    import OpenEXR  # here, because it takes 0.1 s that a PNG need not wait for
+
+    header: dict[str, Any] = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "spp": int(image.spp),
+    }
+    header.update({key: str(value) for key, value in image.metadata.items()})
+    return header
+
+
+def _write_exr(path: Path, image: Image) -> None:
+    import OpenEXR
+
+    OpenEXR.File(exr_header(image), exr_planes(image)).write(str(path))
+
+
+def _write_png(path: Path, image: Image) -> None:
+    broken = int(_broken_pixels(image.pixels).sum())
+    if broken:
+        warnings.warn(
+            f"{broken} of {image.width * image.height} pixels are NaN or infinite "
+            "and show as magenta",
+            RuntimeWarning,
+            stacklevel=5,  # the caller of Image.save
+        )
+    encode_png(image.pixels).save(path, format="PNG")
+
+
+def _write_npy(path: Path, image: Image) -> None:
+    with path.open("wb") as file:  # a path of its own accord would get ".npy" appended
+        np.save(file, np.asarray(image.pixels, dtype=np.float32))
+
+
+_WRITERS = {".exr": _write_exr, ".png": _write_png, ".npy": _write_npy}
+
+
+def check_output_path(path: Path) -> None:
+    """Say now, not after an hour of rendering, that `path` cannot be written.
+
+    Raises
+    ------
+    SceneError
+        For an ending that is not .exr, .png or .npy, a folder that is missing or not
+        writable, or a folder in the place of the file.
+    """
+    if path.suffix.lower() not in _WRITERS:
+        found = f"the ending {path.suffix!r}" if path.suffix else "no ending"
+        raise SceneError(f"{path}: {found}; pictures are written as .exr, .png or .npy")
+    if not path.parent.is_dir():
+        raise SceneError(f"{path}: there is no folder {str(path.parent)!r} to write to")
+    if not os.access(path.parent, os.W_OK):
+        raise SceneError(f"{path}: the folder {str(path.parent)!r} is not writable")
+    if path.is_dir():
+        raise SceneError(f"{path}: is a folder; a file name is needed")
+
+
+@contextmanager
+def whole_or_not_at_all(path: Path) -> Iterator[Path]:
+    """Give a name beside `path` to write to; move it into place if all went well."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)  # also after Ctrl-C
+
+
+def write_image_file(path: Path, image: Image) -> None:
+    """Write `image` in the form that the ending of `path` names; see `Image.save`."""
+    check_output_path(path)
+    try:
+        with whole_or_not_at_all(path) as temporary:
+            _WRITERS[path.suffix.lower()](temporary, image)
+    except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
+        if isinstance(error, RuntimeWarning):  # a warning that the user made an error
+            raise
+        raise SceneError(f"{path}: cannot be written: {error}") from error

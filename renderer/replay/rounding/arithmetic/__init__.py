@@ -1,0 +1,1 @@
+"""The operations of Mitsuba's wheels and of Embree, bit for bit."""

@@ -1,0 +1,1 @@
+"""Where rays meet shapes, as Embree and Mitsuba round it."""

@@ -1,0 +1,160 @@
+"""The steps inside `<transform>`, folded into one matrix."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene_file import transforms
+from renderer.scene_file.document.xml.xml_elements import (
+    XmlElement,
+    check_attributes,
+    required,
+)
+from renderer.scene_file.numbers import parse_float, parse_floats
+from renderer.scene_file.reading import Reading
+from renderer.scene_file.transforms import Matrix
+
+_ATTRIBUTES = {
+    "translate": {"value", "x", "y", "z"},
+    "scale": {"value", "x", "y", "z"},
+    "rotate": {"value", "x", "y", "z", "angle"},
+    "lookat": {"origin", "target", "up"},
+    "matrix": {"value"},
+}
+STEPS = tuple(_ATTRIBUTES)
+_UNIT = 1e-2  # an axis like "0.577 0.577 0.577" is meant to have length 1
+
+
+def fold_steps(steps: list[XmlElement], reading: Reading) -> Matrix:
+    """Return the (4, 4) matrix that applies `steps` one after the other.
+
+    Parameters
+    ----------
+    reading
+        Gets a warning for a rotation that is none.
+
+    Raises
+    ------
+    SceneError
+        If a step is unknown or malformed, or the product overflows.
+    """
+    matrix = np.eye(4)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for step in steps:
+            matrix = _step(step, reading) @ matrix
+            if not np.isfinite(matrix).all():
+                raise SceneError(
+                    f"{step.location}: the transform is not finite after <{step.tag}>"
+                )
+    return matrix
+
+
+def _step(step: XmlElement, reading: Reading) -> Matrix:
+    known = _ATTRIBUTES.get(step.tag)
+    if known is None:
+        raise SceneError(
+            f"{step.location}: unknown transform <{step.tag}>; "
+            f"supported: {', '.join(STEPS)}"
+        )
+    check_attributes(step, (), known)
+    if step.children:
+        raise SceneError(
+            f"{step.children[0].location}: <{step.tag}> takes no elements inside"
+        )
+    match step.tag:
+        case "translate":
+            return transforms.translate(*xyz(step, 0.0))
+        case "scale":
+            return transforms.scale(*xyz(step, 1.0))
+        case "rotate":
+            return _rotate(step, reading)
+        case "lookat":
+            return _look_at(step)
+        case _:
+            return _matrix(step)
+
+
+def _rotate(step: XmlElement, reading: Reading) -> Matrix:
+    axis = xyz(step, 0.0)
+    if not any(axis):
+        raise SceneError(
+            f"{step.location}: the axis of <rotate> is 0; expected a direction"
+        )
+    length = math.hypot(*axis)
+    if abs(length - 1.0) > _UNIT:
+        reading.warn(
+            step.location,
+            f"the axis of <rotate> has the length {length:.4g}; Mitsuba does not normalize "
+            "it, so this distorts (and does here too); write an axis of length 1",
+        )
+    angle = parse_float(required(step, "angle"), step.location, "the angle")
+    return transforms.rotate(axis, angle)
+
+
+def _look_at(step: XmlElement) -> Matrix:
+    vectors = {
+        name: parse_floats(required(step, name), (3,), step.location, name)
+        for name in ("origin", "target", "up")
+        if name != "up" or step.attributes.get(name)
+    }
+    up = vectors.get("up")
+    matrix = transforms.look_at(
+        vectors["origin"], vectors["target"], up if up is not None and any(up) else None
+    )
+    if matrix is None:
+        raise SceneError(
+            f"{step.location}: <lookat> has no direction: target must differ from "
+            "origin, and "
+            "up must not be parallel to the view"
+        )
+    return matrix
+
+
+def _matrix(step: XmlElement) -> Matrix:
+    entries = parse_floats(required(step, "value"), (9, 16), step.location, "the matrix")
+    matrix = np.eye(4)
+    size = 4 if len(entries) == 16 else 3
+    matrix[:size, :size] = np.reshape(entries, (size, size))
+    return matrix
+
+
+def xyz(element: XmlElement, missing: float | None) -> tuple[float, float, float]:
+    """Read `value="1 2 3"`, `value="2"` (three times) or `x=".." y=".." z=".."`.
+
+    Parameters
+    ----------
+    missing
+        What an absent one of x, y, z is; None: all three must be there.
+
+    Raises
+    ------
+    SceneError
+        If both forms are mixed, or neither is complete.
+    """
+    attributes = element.attributes
+    given = [name for name in ("x", "y", "z") if name in attributes]
+    if "value" in attributes:
+        if given:
+            raise SceneError(
+                f'{element.location}: <{element.tag}> has "value" and "{given[0]}"; '
+                "expected "
+                "one of the two forms"
+            )
+        numbers = parse_floats(attributes["value"], (1, 3), element.location, "value")
+        x, y, z = numbers * 3 if len(numbers) == 1 else numbers
+        return x, y, z
+    if missing is None and len(given) < 3:
+        raise SceneError(
+            f"{element.location}: <{element.tag}> needs x, y and z, or value with three "
+            "numbers"
+        )
+    x, y, z = (
+        missing
+        if missing is not None and name not in attributes
+        else parse_float(attributes[name], element.location, name)
+        for name in ("x", "y", "z")
+    )
+    return x, y, z

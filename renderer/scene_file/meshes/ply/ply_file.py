@@ -1,0 +1,122 @@
+"""PLY files, ascii and both binary forms, as Mitsuba's `ply` plugin reads them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.process import memory
+from renderer.scene_file.meshes.mesh_data import (
+    MeshData,
+    clear_zero_normals,
+    first_not_finite,
+    first_out_of_range,
+    read_mesh_bytes,
+    require_for_words,
+    show_numbers,
+)
+from renderer.scene_file.meshes.ply.ply_attributes import ply_attributes
+from renderer.scene_file.meshes.ply.ply_header import PlyHeader, parse_ply_header
+from renderer.scene_file.meshes.ply.ply_records import Columns, read_records
+
+_UV_NAMES = (("u", "v"), ("texture_u", "texture_v"), ("s", "t"))  # the first pair counts
+_INDEX_NAMES = ("vertex_index", "vertex_indices")
+
+
+def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
+    """Read a PLY file of triangles; other elements and properties are skipped.
+
+    Parameters
+    ----------
+    path
+        The file.
+    flip_tex_coords
+        Read v as 1 - v. False is Mitsuba's default for ply (and True for obj).
+
+    Raises
+    ------
+    SceneError
+        Missing, truncated or unreadable file, data left over, a polygon that is no
+        triangle, a value that is not finite, an index out of range, no face. With the
+        line where it is in the header or an ascii value.
+    """
+    content = read_mesh_bytes(path)
+    header = parse_ply_header(content, path)
+    if header.byte_order:
+        memory.require(8 * len(content), f"{path}: the mesh")  # float64 of the bytes
+    else:
+        require_for_words(content[header.size :], 55, path)
+    elements = read_records(content, header, path)
+    for name in ("vertex", "face"):
+        if not elements.get(name):
+            raise SceneError(f"{path}: no `{name}` records; a mesh needs at least one")
+
+    vertex = elements["vertex"]
+    vertices = _finite_columns(vertex, ("x", "y", "z"), "position", path)
+    faces = _triangles(elements["face"], len(vertices), path)
+    normals = None
+    if {"nx", "ny", "nz"} <= vertex.keys():
+        normals = _finite_columns(vertex, ("nx", "ny", "nz"), "normal", path)
+        clear_zero_normals(normals, faces, path)
+    uvs = None
+    if pair := next((pair for pair in _UV_NAMES if set(pair) <= vertex.keys()), None):
+        uvs = _finite_columns(vertex, pair, "uv", path)
+        if flip_tex_coords:
+            uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
+    of_vertices, dropped = ply_attributes(vertex, "vertex", path)
+    of_faces, dropped_too = ply_attributes(elements["face"], "face", path)
+    warnings = (*_warnings(header, path), *dropped, *dropped_too)
+    return MeshData(
+        vertices, faces, normals, uvs, str(path), warnings, of_vertices | of_faces
+    )
+
+
+def _finite_columns(
+    vertex: Columns, names: tuple[str, ...], what: str, path: Path
+) -> NDArray[np.float64]:
+    """Put scalar properties side by side, (V, len(names)), and check them."""
+    for name in names:
+        if name not in vertex or vertex[name].ndim != 1:
+            raise SceneError(
+                f"{path}: the vertices have no number `{name}`; they have: "
+                + ", ".join(vertex)
+            )
+    rows = np.column_stack([vertex[name] for name in names])
+    bad = first_not_finite(rows)
+    if bad >= 0:
+        raise SceneError(
+            f"{path}: {what} {show_numbers(rows[bad])} of vertex {bad} is not finite"
+        )
+    return rows
+
+
+def _triangles(face: Columns, vertex_count: int, path: Path) -> NDArray[np.int32]:
+    """Return the checked vertex indices, (F, 3)."""
+    name = next((name for name in _INDEX_NAMES if name in face), None)
+    if name is None or face[name].ndim != 2:
+        raise SceneError(
+            f"{path}: the faces have no list `vertex_index` or `vertex_indices`; "
+            "they have: " + ", ".join(face)
+        )
+    if face[name].shape[1] != 3:
+        raise SceneError(
+            f"{path}: face 0 has {face[name].shape[1]} corners; only triangles are possible"
+        )
+    bad = first_out_of_range(face[name], vertex_count)
+    if bad >= 0:
+        raise SceneError(
+            f"{path}: face {bad} has the vertices {show_numbers(face[name][bad])}; "
+            f"possible are integers from 0 to {vertex_count - 1}"
+        )
+    return face[name].astype(np.int32)
+
+
+def _warnings(header: PlyHeader, path: Path) -> tuple[str, ...]:
+    return tuple(
+        f"{path}: element `{element.name}` is not read"
+        for element in header.elements
+        if element.name not in ("vertex", "face")
+    )

@@ -1,0 +1,1 @@
+"""How the scene is looked at: sensor, film, sampler, integrator."""

@@ -1,0 +1,121 @@
+"""What sensors have in common, with all the ways to say how wide a camera looks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.scene_file.description import Sensor
+from renderer.scene_file.document.tree import Element
+from renderer.scene_file.numbers import parse_float
+from renderer.scene_file.objects.view.films import read_film
+from renderer.scene_file.objects.view.samplers import read_sampler
+from renderer.scene_file.plugins import registered_kinds
+from renderer.scene_file.properties import Properties
+from renderer.scene_file.reach import check_camera
+from renderer.scene_file.reading import Reading
+
+_SCALE = 1e-3  # how far from a rotation to_world may be; Mitsuba's own bound
+_DIAGONAL_35MM = math.hypot(36.0, 24.0)  # [mm], of the film that `focal_length` refers to
+
+
+def read_sensor(element: Element, reading: Reading) -> Sensor:
+    """Read a `<sensor>`.
+
+    Raises
+    ------
+    SceneError
+        If it is not supported or something in it is wrong.
+    """
+    properties = Properties(element, reading)
+    sensor: Sensor = registered_kinds("sensor")[element.plugin].read(properties)
+    properties.finish()
+    check_camera(sensor, properties)
+    return sensor
+
+
+def shared(properties: Properties) -> dict[str, Any]:
+    """Return what all kinds of sensor have but `to_world`, by the names of `Sensor`."""
+    reading = properties.reading
+    film = read_film(properties.child("film"), reading)
+    sampler = read_sampler(properties.child("sampler"), reading)
+    near = properties.number("near_clip", 1e-2, above=0.0)
+    far = properties.number("far_clip", 1e4)
+    if near >= far:
+        name = "near_clip" if properties.has("near_clip") else "far_clip"
+        properties.fail(
+            name, f"near_clip {near:g} and far_clip {far:g}", "near_clip < far_clip"
+        )
+    # Nothing moves, so the shutter changes nothing; but its times have an order.
+    opens = properties.number("shutter_open", 0.0)
+    closes = properties.number("shutter_close", 0.0)
+    if closes < opens:
+        name = "shutter_close" if properties.has("shutter_close") else "shutter_open"
+        properties.fail(name, f"open {opens:g}, close {closes:g}", "open <= close")
+    return {
+        "near_clip": near,
+        "far_clip": far,
+        "shutter_time": closes - opens,
+        "film": film,
+        "sampler": sampler,
+    }
+
+
+def without_scale(properties: Properties) -> NDArray[np.float64]:
+    """Return `to_world`, which must be a rotation and a translation."""
+    to_world = properties.transform("to_world")
+    linear = to_world[:3, :3]
+    if np.abs(linear @ linear.T - np.eye(3)).max() > _SCALE:
+        properties.fail(
+            "to_world", "a transform that scales or shears", "a rotation and translation"
+        )
+    return to_world
+
+
+def read_fov_x(properties: Properties, aspect: float) -> float:
+    """Return the angle across the full width [deg] of what is so much wider than high."""
+    if properties.has("fov") and properties.has("focal_length"):
+        properties.fail("focal_length", 'a value beside "fov"', "one of the two")
+    if properties.has("fov"):
+        name, fov = "fov", properties.number("fov", 0.0)
+        axis = properties.choice(
+            "fov_axis", "x", ("x", "y", "diagonal", "smaller", "larger"), any_case=True
+        )
+    else:
+        if "fov_axis" in properties.element.properties:
+            properties.fail("fov_axis", "a value without a fov", 'a "fov" beside it')
+        name, fov, axis = "focal_length", _focal_length_fov(properties), "diagonal"
+    if axis in ("smaller", "larger"):
+        axis = "y" if (aspect > 1.0) == (axis == "smaller") else "x"
+    half = math.tan(0.5 * math.radians(fov)) if 0.0 < fov < 180.0 else math.nan
+    if axis == "y":
+        half *= aspect
+    elif axis == "diagonal":
+        half /= math.hypot(1.0, 1.0 / aspect)
+    fov_x = math.degrees(2.0 * math.atan(half))
+    # what is narrower has a width of which the inverse leaves float32
+    if not 1e-30 < np.float32(fov_x) < 180.0:
+        properties.fail(
+            name, f"{fov:g} degrees", "a field of view between 0 and 180 degrees"
+        )
+    return fov_x
+
+
+def _focal_length_fov(properties: Properties) -> float:
+    """Return the diagonal angle of a focal length such as `50mm` on 35 mm film [deg]."""
+    text = properties.string("focal_length", "50mm")
+    location = properties.location
+    if properties.has("focal_length"):
+        location = properties.element.properties["focal_length"].location
+    length = parse_float(text.removesuffix("mm"), location, "focal_length")
+    if length <= 0.0:
+        raise SceneError(
+            f'{location}: {properties.element}, property "focal_length": found '
+            f"{length:g} mm, "
+            "expected a length above 0"
+        )
+    return math.degrees(2.0 * math.atan(_DIAGONAL_35MM / (2.0 * length)))

@@ -1,0 +1,1 @@
+"""What a ray of the simple tracer meets: shapes, textures, BSDFs."""

@@ -1,0 +1,190 @@
+"""What samples by tile would gain: more of them where the variance is, in two stages.
+
+`python -m reports.speed.samples_by_tile [SCENE ...]` renders each scene evenly, and then as
+a renderer that divides its samples would: a pilot of the whole picture, whose two halves
+say how large the variance of each tile is, and then each tile as a crop window with samples
+by sqrt(variance / cost of a sample), which is best for a sum of variance / samples at a
+given sum of cost x samples. The second stage's number depends on the pilot and not on its
+own samples, so it is without bias by itself, and so is its mean with the pilot at weights
+fixed before (1/4 and 3/4). Processor time, one thread; `docs/performance.md` has the
+results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import renderer
+from mitsuba_ref.records.proof_file import read_proof
+from renderer.errors import SceneError
+from renderer.rendering.accuracy import relative_error, relative_squares
+from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.rendering import Rendering
+from renderer.scene.scene import Scene
+
+SCENES = Path(__file__).parents[2] / "scenes"
+EVEN, PILOT = 64, 16  # samples per pixel of a whole picture, and of its first stage
+SPREAD = 0.2  # of the second stage, evenly: a pilot may have met nothing somewhere
+REFERENCE = 512
+NOISY = 0.05  # error of the pilot, below which a scene is left out
+FAR = 4_000_000_000  # seeds from here on are not those of the pictures
+
+Floats = NDArray[np.float64]
+Window = tuple[slice, slice]
+
+
+def windows_of(height: int, width: int, side: int) -> list[Window]:
+    """Return the tiles of a picture, as rows and columns."""
+    return [
+        (slice(y, min(y + side, height)), slice(x, min(x + side, width)))
+        for y in range(0, height, side)
+        for x in range(0, width, side)
+    ]
+
+
+def cropped(scene: Scene, window: Window) -> Scene:
+    """Return a scene whose film is one tile of it; the accelerators are shared."""
+    rows, columns = window
+    film = dataclasses.replace(
+        scene.description.camera.film,
+        crop_offset_x=columns.start,
+        crop_offset_y=rows.start,
+        crop_width=columns.stop - columns.start,
+        crop_height=rows.stop - rows.start,
+    )
+    camera = dataclasses.replace(scene.description.camera, film=film)
+    tile = dataclasses.replace(
+        scene, description=dataclasses.replace(scene.description, camera=camera)
+    )
+    vars(tile)["_built"] = scene._built
+    return tile
+
+
+def traced(scene: Scene, spp: int, seed: int) -> tuple[Floats, float]:
+    """Return a picture and the processor time of its samples [s]."""
+    plan = make_plan(scene, sampler="independent", spp=spp)
+    rendering = Rendering(scene, plan, accel="auto", seed=seed, threads=1)
+    rendering.compile()
+    start = time.process_time()
+    rendering.run()
+    seconds = time.process_time() - start
+    return rendering.film.develop(1).astype(np.float64), seconds
+
+
+def by_tile(squares: Floats, windows: list[Window]) -> Floats:
+    """Return the sums of the tiles."""
+    return np.array([squares[window].sum() for window in windows])
+
+
+def second_stage(variance: Floats, cost: Floats, spp: int) -> NDArray[np.int64]:
+    """Return the samples of each tile that cost what `spp` of every tile would."""
+    wanted = np.sqrt(variance / cost)
+    share = wanted * cost.sum() / max(float(np.sum(wanted * cost)), 1e-300)
+    return np.maximum(1, np.rint(spp * (SPREAD + (1.0 - SPREAD) * share))).astype(np.int64)
+
+
+def gain_at_best(variance: Floats, cost: Floats) -> float:
+    """Return by how much error x time falls if both are known beforehand."""
+    even = variance.sum() * cost.sum()
+    return float(even / np.sum(np.sqrt(variance * cost)) ** 2)
+
+
+def trial(scene: Scene, side: int, seeds: int) -> dict[str, float] | None:
+    """Return the gains in 1 / (relMSE x time) over even samples; None: hardly any noise."""
+    first = renderer.render(scene, PILOT, FAR, target_error=1e-9)
+    if first.error is None or first.error < NOISY:
+        return None
+    reference = renderer.render(scene, REFERENCE, FAR + 1, target_error=1e-9)
+    limit, own = np.asarray(reference.pixels, np.float64), float(reference.error or 0.0)
+    windows = windows_of(limit.shape[0], limit.shape[1], side)
+    tiles = [cropped(scene, window) for window in windows]
+
+    def error(picture: Floats) -> float:
+        return relative_error(picture - limit, limit) ** 2 - own**2
+
+    found: dict[str, list[float]] = {"even": [], "thrown": [], "kept": [], "pooled": []}
+    spent: dict[str, list[float]] = {"even": [], "stages": []}
+    pictures = []
+    for seed in range(seeds):
+        even = np.zeros_like(limit)
+        cost = np.zeros(len(windows))
+        for k, window in enumerate(windows):
+            even[window], seconds = traced(tiles[k], EVEN, seed)
+            cost[k] = seconds / EVEN
+        pictures.append(even)
+        image = renderer.render(scene, PILOT, FAR + 2 + seed, target_error=1e-9)
+        pilot, guess = np.asarray(image.pixels, np.float64), image.error_of_pixels
+        squares = relative_squares(guess, pilot)
+        counts = second_stage(by_tile(squares, windows), cost, EVEN - PILOT)
+        stage, seconds_in_all = np.zeros_like(limit), 0.0
+        pooled = np.zeros_like(limit)
+        for k, window in enumerate(windows):
+            stage[window], seconds = traced(tiles[k], int(counts[k]), seed + seeds)
+            seconds_in_all += seconds
+            share = PILOT / (PILOT + counts[k])
+            pooled[window] = share * pilot[window] + (1.0 - share) * stage[window]
+        fixed = PILOT / EVEN
+        found["even"].append(error(even))
+        found["thrown"].append(error(stage))
+        found["kept"].append(error(fixed * pilot + (1.0 - fixed) * stage))
+        found["pooled"].append(error(pooled))
+        spent["even"].append(float(cost.sum()) * EVEN)
+        spent["stages"].append(seconds_in_all + float(cost.sum()) * PILOT)
+    mse = {name: float(np.mean(values)) for name, values in found.items()}
+    slower = float(np.sum(spent["stages"]) / np.sum(spent["even"]))
+    variance = relative_squares(np.std(pictures, axis=0, ddof=1), limit)
+    most = np.partition(variance, -1 - variance.size // 1000, axis=None)
+    variance = np.minimum(variance, most[-1 - variance.size // 1000])
+    gains = {n: mse["even"] / (mse[n] * slower) for n in ("thrown", "kept", "pooled")}
+    return {
+        "pilot": float(first.error),
+        "tiles": float(len(windows)),
+        "best": gain_at_best(by_tile(variance, windows), cost),
+        **gains,
+    }
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print a line for each scene, then the geometric means."""
+    parser = argparse.ArgumentParser(
+        prog="python -m reports.speed.samples_by_tile",
+        description="Measure what dividing samples among tiles by variance would gain.",
+    )
+    parser.add_argument("scenes", nargs="*", help="folders of scenes/ (default: all)")
+    parser.add_argument("--side", type=int, default=16, help="of a tile (default: 16)")
+    parser.add_argument("--seeds", type=int, default=2, help="pictures (default: 2)")
+    given = parser.parse_args(arguments)
+    names = given.scenes or sorted(path.parent.name for path in SCENES.glob("*/scene.xml"))
+    write: Any = sys.stdout.write
+    rows = []
+    write("scene                pilot   tiles   best  thrown    kept  pooled\n")
+    for name in names:
+        path = SCENES / name / "scene.xml"
+        size = read_proof(path).demo
+        scene = renderer.load_file(path, **({} if size is None else size.parameters))
+        try:
+            row = trial(scene, given.side, given.seeds)
+        except SceneError:
+            continue  # no colours, so no error either
+        if row is None:
+            continue
+        rows.append(row)
+        gains = "".join(f"{row[key]:8.2f}" for key in ("best", "thrown", "kept", "pooled"))
+        write(f"{name:<20}{row['pilot']:6.1%}{row['tiles']:8.0f}{gains}\n")
+        sys.stdout.flush()
+    for key in ("best", "thrown", "kept", "pooled") if rows else ():
+        mean = np.exp(np.mean(np.log([row[key] for row in rows])))
+        write(f"geometric mean, {key}: {mean:.2f}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
