@@ -13,6 +13,8 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from renderer.process.version import VERSION
+
 if TYPE_CHECKING:
     from renderer.errors import ClusterError, SceneError
     from renderer.kernels.jit import kernel
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
 
-__version__ = "0.1.0"
+__version__ = VERSION
 __all__ = [
     "ClusterError",
     "Image",

@@ -38,12 +38,13 @@ from renderer.kernels.records.batch import (
 from renderer.kernels.records.kernel_scene import ANY
 from renderer.kernels.records.tile import SampleKey
 from renderer.kinds.shapes.cylinder import CylinderSurfaces
-from renderer.kinds.shapes.flat.disk import DiskSurfaces
 from renderer.kinds.shapes.flat import flat
+from renderer.kinds.shapes.flat.disk import DiskSurfaces
 from renderer.kinds.shapes.flat.rectangle import RectangleSurfaces
 from renderer.kinds.shapes.flat.triangle import TriangleSurfaces
 from renderer.kinds.shapes.sphere import SphereSurfaces
-from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, make_plan
+from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay, Variant
 from renderer.scene.scene import Scene

@@ -16,11 +16,11 @@ from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import LightSamples, make_workspace
 from renderer.kernels.records.kernel_scene import RECORD, SAMPLE_LIGHT
-from renderer.kinds.lights.environments.environment import environment_light
+from renderer.kinds.lights.infinite.environment import environment_light
 from renderer.kinds.lights.kind import LightKind
 from renderer.kinds.sampling.numbers_and_warps import choose_one
-from renderer.kinds.shapes.surface.surface import pdf_shape
-from renderer.rendering.planning.plan import make_plan
+from renderer.kinds.shapes.surface import pdf_shape
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.variant import way_of
 
 Array = NDArray[np.float64]

@@ -18,19 +18,14 @@ from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, Workspace
-from renderer.kinds.bsdfs.kind import (
-    BsdfMethods,
-    Numbers,
-    outgoing,
-    parameters_at,
-    sample_bsdf,
-)
+from renderer.kinds.bsdfs.kind import BsdfMethods, Numbers, outgoing, sample_bsdf
+from renderer.kinds.bsdfs.parameters import parameters_at
 from renderer.kinds.bsdfs.smooth.diffuse import DIFFUSE
-from renderer.kinds.lights.areas.area import AreaLights
+from renderer.kinds.lights.finite.area import AreaLights
 from renderer.kinds.sampling.arithmetic import seen_from, to_local
 from renderer.kinds.sampling.numbers_and_warps import choose_one
-from renderer.kinds.shapes.surface.surface import pdf_shape
-from renderer.rendering.planning.plan import make_plan
+from renderer.kinds.shapes.surface import pdf_shape
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.variant import way_of
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.scene.scene import Scene

@@ -22,7 +22,7 @@ from renderer.kernels.records.kernel_scene import RECORD
 from renderer.kernels.records.tile import Tile
 from renderer.kinds.bsdfs.smooth.diffuse import Diffuse, eval_pdf
 from renderer.kinds.sampling.numbers_and_warps import Independent
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 
 Array = NDArray[np.float64]
 TILE = Tile(0, 0, 32, 32, 32)

@@ -27,14 +27,13 @@ from mitsuba_ref.records.results import ReplayResult, SceneResult
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaCrashed
 from mitsuba_ref.reference.picture_process import MitsubaWorker
-from mitsuba_ref.replay import replay_scene
-from mitsuba_ref.replay.explanations import beyond_limits
-from mitsuba_ref.replay.explanations.beyond_limits import (
+from mitsuba_ref.replay import beyond_limits, replay_scene
+from mitsuba_ref.replay.beyond_limits import (
     excluded_share,
     look_at_causes,
     spread_evenly,
 )
-from mitsuba_ref.replay.led_path import EXACT, STEPS, LedPath
+from mitsuba_ref.replay.paths.led_path import EXACT, STEPS, LedPath
 from mitsuba_ref.replay.replay_comparison import compare_replay
 from renderer.rendering.planning import plan
 from reports.records.results import contradicted

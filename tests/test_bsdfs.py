@@ -11,9 +11,9 @@ from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import dot, load3, orthonormal_basis, store3, vec3
 from renderer.kinds.bsdfs.kind import BsdfMethods, Numbers
+from renderer.kinds.bsdfs.mirror import reflect, refract
 from renderer.kinds.bsdfs.smooth.diffuse import DIFFUSE, Diffuse, eval_pdf, sample
 from renderer.kinds.bsdfs.smooth.fresnel import fresnel_conductor, fresnel_dielectric
-from renderer.kinds.bsdfs.smooth.mirror import reflect, refract
 from renderer.kinds.sampling.arithmetic import Frame, Plain, to_world
 
 

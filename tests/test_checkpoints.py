@@ -28,7 +28,7 @@ from renderer.rendering.checkpoints import file as checkpoint_file
 from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older, read_checkpoint
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import build_scene

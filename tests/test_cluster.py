@@ -30,7 +30,7 @@ from renderer.rendering.cluster.content import LEAST, freeze, thaw
 from renderer.rendering.cluster.job import Job
 from renderer.rendering.cluster.plugin_files import PluginFiles, import_sent
 from renderer.rendering.cluster.team import Team
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene_file import plugin_file
 

@@ -63,7 +63,9 @@ def test_reading_scenes_needs_no_numba():
     assert not imported(finished) & SLOW
 
 
-@pytest.mark.parametrize("name", ["reference.picture_process", "replay.mitsuba_trace"])
+@pytest.mark.parametrize(
+    "name", ["reference.picture_process", "replay.paths.mitsuba_trace"]
+)
 def test_mitsubas_processes_need_no_kernels(name):
     """They wait for Mitsuba alone, which comes with their first request."""
     finished = run("-c", f"import mitsuba_ref.{name}")

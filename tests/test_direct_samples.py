@@ -10,7 +10,7 @@ from mitsuba_ref.our_renderer.picture import render_ours
 from mitsuba_ref.records.options import Options
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 
 mi.set_variant("scalar_rgb")
 

@@ -25,7 +25,7 @@ from small_scenes import (
 
 import renderer
 from renderer.kernels.records.kernel_scene import ENVIRONMENT, SAMPLE_LIGHT
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 
 CAMERA = sensor((0, -2, 6), (0, 0, 0), fov=20, size=(12, 8), spp=1, jitter=True)
 RHO, SKY, SUN = 0.5, 0.75, 2.0

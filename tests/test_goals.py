@@ -12,7 +12,7 @@ from renderer.errors import SceneError
 from renderer.process.threads import Crew
 from renderer.rendering.accuracy import estimate, relative_error
 from renderer.rendering.goal import Goal
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Sitting
 
@@ -213,7 +213,7 @@ def test_a_second_interrupt_is_raised(box, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         Sitting(rendering, progress, None, None)._trace(64)
     with pytest.raises(KeyboardInterrupt):
-        rendering.run()
+        Sitting(rendering).run()
 
 
 def test_a_scene_without_light_has_no_error_and_ends():

@@ -30,7 +30,7 @@ from renderer.accelerators.groups.instances_checks import validate_instances
 from renderer.accelerators.groups.placed_leaves import END, KIND, LEAF_WORDS
 from renderer.errors import SceneError
 from renderer.kernels.jit import pack
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
 
 SPACING = 7.0

@@ -26,7 +26,7 @@ def test_lines_are_those_of_the_definitions():
     source = path.read_text(encoding="utf-8").splitlines()
     for symbol, line in symbols(path).items():
         assert re.match(rf"(def |class )?{symbol}\b", source[line - 1])
-    assert "Rendering.run" in symbols(ROOT / "renderer" / "rendering" / "rendering.py")
+    assert "Sitting.run" in symbols(ROOT / "renderer" / "rendering" / "sitting.py")
 
 
 def test_a_link_follows_its_symbol():

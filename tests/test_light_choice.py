@@ -31,7 +31,7 @@ from renderer.kernels.records.kernel_scene import (
 from renderer.kinds.lights.choice.choose import UNIFORM, LightChoice
 from renderer.kinds.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
 from renderer.kinds.lights.choice.tree import LISTED, WIDTH
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.light_bounds import lit_sides
 from renderer.scene.materials import kind_of

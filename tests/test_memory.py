@@ -24,7 +24,7 @@ from renderer.process.memory import parse_size, shown
 from renderer.rendering import memory_estimate
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.memory_estimate import estimate
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from tests.serialized_files import Mesh, ball, file_of, serialized, stream
 
 MIB = 1 << 20

@@ -10,7 +10,7 @@ import renderer
 from renderer.errors import SceneError
 from renderer.integrators.moment import XYZ_FROM_SRGB
 from renderer.rendering.picture.image_files import aov_channel_names
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 
 mi.set_variant("scalar_rgb")
 

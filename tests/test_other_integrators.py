@@ -9,9 +9,9 @@ from mitsuba_ref.reference.edited_scene import PATH_INSTEAD, load_edited_scene
 from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.scene_file.description import NOWHERE
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.view.integrators import read_scene_integrator
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element
 
 SMALL = SENSOR.replace(
     "</sensor>",

@@ -21,7 +21,7 @@ from mitsuba_ref.our_renderer.traced_path import (
     TracedPath,
     path_from_json,
 )
-from mitsuba_ref.replay.path_comparison import (
+from mitsuba_ref.replay.paths.path_comparison import (
     CAMERA,
     TOLERANCE,
     WHOLE,
@@ -30,7 +30,7 @@ from mitsuba_ref.replay.path_comparison import (
     first_difference,
     largest_error,
 )
-from mitsuba_ref.replay.path_table import MARK, print_paths
+from mitsuba_ref.replay.paths.path_table import MARK, print_paths
 
 NAMES = ("ours", "theirs")
 

@@ -24,7 +24,7 @@ from soups import awkward_rays
 
 from renderer.accelerators.bvh.streams.ray_streams import SHORT
 from renderer.accelerators.bvh.wide.octants import STREAM
-from renderer.accelerators.bvh.wide.wide_bvh import FEW
+from renderer.accelerators.bvh.wide_bvh import FEW
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
 
 NAN, INF = np.nan, np.inf

@@ -11,15 +11,15 @@ import small_scenes
 from noise_samples import SHAPE, SPREAD, fireflies, gaussian, pictures, scene
 from small_scenes import diffuse, rectangle, sensor
 
-from mitsuba_ref.statistics.hypothesis_tests.registration import (
+from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t
+from mitsuba_ref.statistics.power import noncentrality
+from mitsuba_ref.statistics.registration import (
     NEGLIGIBLE,
     edge_shift,
     find_flip,
     half_plane_coverage,
     picture_shift,
 )
-from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t
-from mitsuba_ref.statistics.power import noncentrality
 
 SIZE = 24
 FOV, DISTANCE = 40.0, 4.0

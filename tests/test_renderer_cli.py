@@ -24,9 +24,9 @@ from renderer.errors import ClusterError, NotAllowed
 from renderer.rendering import render_scene
 from renderer.rendering.picture import image_files
 from renderer.rendering.picture.image import Image
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
-from renderer.rendering.sitting import Progress
+from renderer.rendering.sitting import Progress, Sitting
 
 ROOT = Path(__file__).parent.parent
 SCENES = ROOT / "scenes"
@@ -592,7 +592,7 @@ def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
         with Alarm() as alarm:
             try:
                 alarm.set(moment * 4e-4)
-                complete = rendering.run()
+                complete = Sitting(rendering).run()
                 alarm.armed = False
             except KeyboardInterrupt:  # before the first job, or after the last one
                 continue

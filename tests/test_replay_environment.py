@@ -6,7 +6,7 @@ from light_probes import LightProbe
 from test_envmap import LAMP, directions, turned, write_exr
 
 import renderer.replay.way
-from renderer.kinds.lights.environments.envmap import EnvironmentMaps
+from renderer.kinds.lights.infinite.envmap import EnvironmentMaps
 from renderer.replay.rounding.environment import rounded_environment
 
 mi = pytest.importorskip("mitsuba")

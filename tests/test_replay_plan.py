@@ -22,9 +22,9 @@ from small_scenes import (
 
 import renderer
 from renderer.command.cli import main
+from renderer.command.plan_text import plan_text
 from renderer.errors import NotReplayable
-from renderer.rendering.planning.plan import make_plan
-from renderer.rendering.planning.plan_text import plan_text
+from renderer.rendering.planning.make_plan import make_plan
 
 CORNELL_BOX = Path(__file__).parent.parent / "scenes" / "cornell-box" / "scene.xml"
 CAMERA = sensor((0, -3, 2), (0, 0, 0), fov=40, size=(70, 40), spp=4, jitter=True)

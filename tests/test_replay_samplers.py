@@ -24,14 +24,14 @@ from renderer.replay.numbers.permutations import (
     permute_power_of_two,
     tea,
 )
-from renderer.replay.numbers.sequences import (
+from renderer.replay.samplers.low_discrepancy import sobol, van_der_corput
+from renderer.replay.sequences import (
     MAKERS,
     begin_sample,
     make_sequence,
     next_1d,
     next_2d,
 )
-from renderer.replay.samplers.low_discrepancy import sobol, van_der_corput
 from renderer.scene_file.description import Sampler
 from renderer.scene_file.objects.view.samplers import round_sample_count
 

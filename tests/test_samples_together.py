@@ -35,7 +35,8 @@ from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified, d
 from renderer.kinds.sampling.sobol import make_sobol
 from renderer.process.names import REPLAY, SAMPLERS
 from renderer.rendering.planning import plan as planning
-from renderer.rendering.planning.plan import MOST_TOGETHER, make_plan
+from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.planning.plan import MOST_TOGETHER
 from renderer.rendering.rendering import Rendering
 
 LEVELS = range(MOST_TOGETHER + 1)

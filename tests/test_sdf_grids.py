@@ -30,10 +30,10 @@ from renderer.kinds.shapes.implicit.sdfgrid import (  # noqa: E402
     surfaces,
 )
 from renderer.kinds.shapes.implicit.trilinear import Cubic, first_root_of  # noqa: E402
-from renderer.kinds.shapes.surface.uv_derivatives import derivatives_of  # noqa: E402
+from renderer.kinds.shapes.uv.uv_derivatives import derivatives_of  # noqa: E402
 from renderer.scene_file import read_dict  # noqa: E402
 from renderer.scene_file.description import Diffuse, SdfGrid  # noqa: E402
-from renderer.scene_file.grid_file import read_grid  # noqa: E402
+from renderer.scene_file.meshes.grid_file import read_grid  # noqa: E402
 
 PLUGINS = Path(__file__).parent / "plugins"
 sys.path.insert(0, str(PLUGINS))

@@ -10,7 +10,7 @@ from test_envmap import write_exr
 import renderer
 from renderer.command.cli import main
 from renderer.errors import SceneError
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import build_scene
 from renderer.scene.simplifications.simplify import (
     differs,

@@ -18,7 +18,7 @@ from renderer.integrators.stages.surface.shading_frame import load_constants
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
 from renderer.kinds.textures.registry import mean_of
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.materials import MaterialTables
 from renderer.scene_file.description import (
     BitmapTexture,

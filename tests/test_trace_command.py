@@ -18,7 +18,7 @@ from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import VERDICTS
-from mitsuba_ref.replay.traced_pair import TracedPair, is_traceable
+from mitsuba_ref.replay.paths.traced_pair import TracedPair, is_traceable
 
 SCENES = Path(__file__).parent.parent / "scenes"
 BOX = SCENES / "cornell-box" / "scene.xml"

@@ -8,7 +8,7 @@ import pytest
 from mitsuba_ref.our_renderer.picture import OurPicture
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import DivergentPixel
-from mitsuba_ref.replay.explanations.edge_causes import first_hit_causes, place_sentence
+from mitsuba_ref.replay.edge_causes import first_hit_causes, place_sentence
 
 
 def aovs(kind: str) -> dict[str, np.ndarray]:

@@ -16,7 +16,7 @@ from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant import load_mitsuba
 from mitsuba_ref.replay.integrator_method import read_method
-from mitsuba_ref.replay.mitsuba_trace import MitsubaTracer
+from mitsuba_ref.replay.paths.mitsuba_trace import MitsubaTracer
 from renderer.replay.numbers.pixel_seeds import pixel_seeds
 
 SCENES = Path(__file__).parent.parent / "scenes"

@@ -16,13 +16,13 @@ from test_path_comparison import PATH, with_bounce, with_light
 from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import RenderRequest
-from mitsuba_ref.replay.explanations.within_rounding import (
+from mitsuba_ref.replay.paths.path_comparison import compare_paths, first_difference
+from mitsuba_ref.replay.paths.traced_pair import TracedPair
+from mitsuba_ref.replay.paths.within_rounding import (
     Move,
     rounding_sentence,
     smallest_move,
 )
-from mitsuba_ref.replay.path_comparison import compare_paths, first_difference
-from mitsuba_ref.replay.traced_pair import TracedPair
 
 SCENES = Path(__file__).parent.parent / "scenes"
 UP, TILTED = (0.0, 0.0, 1.0), (0.0, 0.6, 0.8)

@@ -16,6 +16,7 @@ from small_scenes import diffuse, floor, point_light, rectangle, scene, sensor, 
 
 import renderer
 from renderer.command.cli import main
+from renderer.command.plan_text import plan_text
 from renderer.errors import SceneError
 from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.film.heat_map import (
@@ -36,8 +37,7 @@ from renderer.kernels.records.tally import (
 )
 from renderer.kernels.records.tile import Tile
 from renderer.process.names import INTEGRATORS
-from renderer.rendering.planning.plan import make_plan
-from renderer.rendering.planning.plan_text import plan_text
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import Rendering
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow

@@ -17,14 +17,14 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import exit_status
-from mitsuba_ref.replay.path_comparison import (
+from mitsuba_ref.replay.paths.path_comparison import (
     CAMERA,
     TOLERANCE,
     compare_paths,
     first_difference,
 )
-from mitsuba_ref.replay.path_table import print_paths
-from mitsuba_ref.replay.traced_pair import NotTraceable, Pixel, TracedPair
+from mitsuba_ref.replay.paths.path_table import print_paths
+from mitsuba_ref.replay.paths.traced_pair import NotTraceable, Pixel, TracedPair
 from renderer.errors import NotReplayable, SceneError
 
 WRONG_USE, INTERRUPTED = 2, 130

@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
-from renderer.rendering.planning.plan import RAY_OFFSETS, make_plan
+from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.planning.plan import RAY_OFFSETS
 from renderer.rendering.rendering import Rendering
+from renderer.rendering.sitting import Sitting
 
 FIXED = (0.0, 1e-3)  # a distance for all, as in many first renderers
 TIGHT, MITSUBA = RAY_OFFSETS["tight"], RAY_OFFSETS["mitsuba"]
@@ -41,7 +43,7 @@ def render_with_offset(
         rounding_offset=rounding, fixed_offset=fixed
     )
     rendering.kernel_scene = rendering.kernel_scene._replace(settings=settings)
-    rendering.run()
+    Sitting(rendering).run()
     return np.asarray(rendering.film.develop())
 
 

@@ -15,12 +15,6 @@ from mitsuba_ref.records.results import Rung
 from mitsuba_ref.statistics import power
 from mitsuba_ref.statistics.convergence import FALSE_ALARMS, INDEPENDENT, Convergence
 from mitsuba_ref.statistics.floors import floor_tests
-from mitsuba_ref.statistics.hypothesis_tests.registration import (
-    EXPLAINED,
-    NEGLIGIBLE,
-    find_flip,
-    picture_shift,
-)
 from mitsuba_ref.statistics.hypothesis_tests.uniformity import uniformity_test
 from mitsuba_ref.statistics.hypothesis_tests.welch import (
     FamilyTest,
@@ -33,6 +27,12 @@ from mitsuba_ref.statistics.noise_free_mse import (
     CONFIDENCE,
     noise_free_mse,
     relative_to_brightness,
+)
+from mitsuba_ref.statistics.registration import (
+    EXPLAINED,
+    NEGLIGIBLE,
+    find_flip,
+    picture_shift,
 )
 from mitsuba_ref.statistics.samples import Floats
 

@@ -112,7 +112,7 @@ def read_scene(request: RenderRequest) -> SceneDescription:
 def cautions_about(request: RenderRequest) -> tuple[str, ...]:
     """Return what is known to fail in the scene of a request; none if we refuse it."""
     from renderer.rendering.planning.cautions import cautions_of
-    from renderer.rendering.planning.plan import make_plan
+    from renderer.rendering.planning.make_plan import make_plan
     from renderer.scene.scene import build_scene
 
     try:

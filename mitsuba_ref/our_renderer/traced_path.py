@@ -1,8 +1,8 @@
 """One camera path written down bounce by bounce, as plain records.
 
 Our kernels (`step_by_step`) and a path tracer over Mitsuba's objects
-(`replay.mitsuba_trace`) fill the same records, so that they can be compared. All vectors
-are in world space; colours are linear sRGB.
+(`replay.paths.mitsuba_trace`) fill the same records, so that they can be compared. All
+vectors are in world space; colours are linear sRGB.
 """
 
 from __future__ import annotations

@@ -30,12 +30,12 @@ from renderer.scene_file.description import AOV_KINDS
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
 SOURCES = (
     "edited_scene.py",
-    "known_faults.py",
-    "merl.py",
+    "plugins/known_faults.py",
+    "plugins/merl.py",
     "render.py",
     "user_plugins.py",
     "variant.py",
-    "whitted.py",
+    "plugins/whitted.py",
 )
 
 RenderFunction = Callable[[RenderRequest, Path], None]

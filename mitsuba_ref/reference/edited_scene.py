@@ -18,7 +18,7 @@ from mitsuba_ref.reference.plugins.known_faults import (
     divide_lights_without_extent,
     give_spectra_colours,
 )
-from mitsuba_ref.reference.plugins.user_plugins import register_user_plugins
+from mitsuba_ref.reference.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.errors import SceneError
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE

@@ -18,12 +18,13 @@ from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.records.results import DivergentPixel, ReplayResult
 from mitsuba_ref.reference.cache import ReferenceCache
-from mitsuba_ref.replay.explanations.beyond_limits import look_at_causes
-from mitsuba_ref.replay.explanations.edge_causes import first_hit_causes
+from mitsuba_ref.replay.beyond_limits import look_at_causes
+from mitsuba_ref.replay.edge_causes import first_hit_causes
+from mitsuba_ref.replay.paths.traced_pair import TracedPair, is_traceable
 from mitsuba_ref.replay.replay_comparison import compare_replay
-from mitsuba_ref.replay.traced_pair import TracedPair, is_traceable
 from renderer.errors import NotReplayable
-from renderer.rendering.planning.plan import Plan, make_plan
+from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.planning.plan import Plan
 from renderer.replay.way import Replayed
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh import build_bvh
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.bvh.wide.wide_bvh import build_wide
+from renderer.accelerators.bvh.wide_bvh import build_wide
 from renderer.accelerators.choice import choose_structure, choose_structures
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
 from renderer.accelerators.extents import (

@@ -11,7 +11,7 @@ from renderer.accelerators.bvh.bvh import (
     closest_hit_bvh,
     closest_hit_bvh_packets,
 )
-from renderer.accelerators.bvh.wide.wide_bvh import (
+from renderer.accelerators.bvh.wide_bvh import (
     WideBvh,
     any_hit_wide,
     any_hit_wide_bundles,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
-from renderer.accelerators.bvh.wide.wide_bvh import WideBvh
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
+from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.extents import Extents
 from renderer.accelerators.grids.hierarchical_grid import (
     HierarchicalGrid,

@@ -182,7 +182,7 @@ def _load(options: argparse.Namespace, path: Path) -> Scene:
 
 
 def _explain(scene: Scene, options: argparse.Namespace) -> None:
-    from renderer.rendering.planning.plan_text import plan_text
+    from renderer.command.plan_text import plan_text
 
     sampler, spp = options.sampler, options.spp
     if options.target_error is not None or options.time is not None:

@@ -6,7 +6,8 @@ import dataclasses
 from typing import Any
 
 from renderer.rendering.picture.image import Image
-from renderer.rendering.planning.plan import Plan, make_plan
+from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Integrator
 

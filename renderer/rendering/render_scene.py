@@ -14,12 +14,13 @@ import numpy as np
 
 from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.integrators.moment import show_moments
+from renderer.process.version import VERSION
 from renderer.rendering.aovs import with_picture
 from renderer.rendering.cluster.connect import team_of
 from renderer.rendering.picture.image import Image
 from renderer.rendering.preparation import Options, Prepared, prepare
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Progress
+from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import Scene
 
 AHEAD = 2  # pictures of a sweep that are under way on a cluster beside the first
@@ -218,7 +219,9 @@ def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> 
     rendering, options = prepared.rendering, prepared.of_colors
     if prepared.goal is None and prepared.kept is None and options.cluster is None:
         rendering.keep_no_sums()
-    complete = rendering.run(progress, prepared.goal, prepared.kept, options.cluster)
+    complete = Sitting(
+        rendering, progress, prepared.goal, prepared.kept, options.cluster
+    ).run()
     if rendering.trouble and rendering.samples_done == 0:
         raise ClusterError(rendering.trouble)
     seconds = rendering.seconds + prepared.build_seconds
@@ -272,10 +275,8 @@ def _reached(rendering: Rendering) -> list[str]:
 
 def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:
     """Return what a file should say about its making; the same for the same picture."""
-    from renderer import __version__
-
     metadata = {
-        "lightproof": __version__,
+        "lightproof": VERSION,
         "integrator": rendering.plan.method,
         "sampler": rendering.plan.sampler_name,
         "seed": str(rendering.seed),

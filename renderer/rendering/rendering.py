@@ -24,21 +24,18 @@ from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
 from renderer.kernels.records.tile import TILE_SIZE
 from renderer.rendering.accuracy import Accuracy
-from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.film.band import Band, FilmShape
 from renderer.rendering.film.film import Film
 from renderer.rendering.film.finished_tiles import FinishedTiles
 from renderer.rendering.film.work import Work
-from renderer.rendering.goal import Goal
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.sitting import Progress, Sitting
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.scene import Scene
 
 if TYPE_CHECKING:  # needs Dask, an extra
-    from renderer.rendering.cluster.team import Team
+    pass
 
 # One job of a thread: so many samples of a tile, or of some together, that it takes
 # milliseconds; 4 ** MOST_TOGETHER, as fewer would never go together.
@@ -236,29 +233,8 @@ class Rendering:
             state |= {f"stream {k}": stream for k, stream in enumerate(streams)}
         return state
 
-    def run(
-        self,
-        progress: Callable[[Progress], None] | None = None,
-        goal: Goal | None = None,
-        checkpoint: Checkpoint | None = None,
-        team: Team | None = None,
-    ) -> bool:
-        """Trace all samples, or as many as a goal needs; return whether it went to the end.
-
-        On the workers of a `team`, if there is one. What stopped it is then in `trouble`.
-
-        An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
-        while these end is raised.
-
-        Raises
-        ------
-        SceneError
-            If the checkpoint does not fit.
-        """
-        return Sitting(self, progress, goal, checkpoint, team).run()
-
     def keep_no_sums(self) -> None:
-        """Let `run` develop tiles when they have their samples, if that is in one job.
+        """Let a sitting develop tiles when they have their samples, if that is in one job.
 
         Before the first sample, and without a goal, a checkpoint or a team; what `film`
         holds is nothing then.

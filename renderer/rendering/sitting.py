@@ -15,10 +15,10 @@ from renderer.process.threads import Crew
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.plan import MOST_SAMPLES
+from renderer.rendering.rendering import Rendering
 
-if TYPE_CHECKING:  # a team needs Dask, an extra
+if TYPE_CHECKING:  # needs Dask, an extra
     from renderer.rendering.cluster.team import Team
-    from renderer.rendering.rendering import Rendering
 
 
 @dataclass(frozen=True)
@@ -42,15 +42,26 @@ class Progress:
 class Sitting:
     """Traces from where a rendering is, or its checkpoint, to the end or to a goal.
 
-    Parameters are those of `Rendering.run`.
+    Parameters
+    ----------
+    rendering : Rendering
+        What there is so far; it holds what is traced.
+    progress : callable, optional
+        Called with a `Progress`, in the calling thread.
+    goal : Goal, optional
+        At which it ends, at the latest with the plan's samples.
+    checkpoint : Checkpoint, optional
+        From which it goes on, and that keeps the state.
+    team : Team, optional
+        Workers of a cluster that trace in place of threads.
     """
 
     def __init__(
         self,
         rendering: Rendering,
-        progress: Callable[[Progress], None] | None,
-        goal: Goal | None,
-        checkpoint: Checkpoint | None,
+        progress: Callable[[Progress], None] | None = None,
+        goal: Goal | None = None,
+        checkpoint: Checkpoint | None = None,
         team: Team | None = None,
     ) -> None:
         self._rendering, self._progress = rendering, progress
@@ -64,7 +75,16 @@ class Sitting:
         self._resumed = 0  # samples
 
     def run(self) -> bool:
-        """See `Rendering.run`."""
+        """Trace; return whether it went to the end. What stopped it is in `trouble`.
+
+        An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
+        while these end is raised.
+
+        Raises
+        ------
+        SceneError
+            If the checkpoint does not fit.
+        """
         rendering, checkpoint = self._rendering, self._checkpoint
         if checkpoint is not None:
             self._go_on_from(checkpoint)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import pack
-from renderer.kinds.lights.environments.envmap import EnvironmentMaps
+from renderer.kinds.lights.infinite.envmap import EnvironmentMaps
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.kinds.shapes.flat.flat import replaced
-from renderer.replay.numbers.numbers import (
+from renderer.replay.drawn_ahead import (
     Replay,
     begin_bounce,
     choose_light,
@@ -24,7 +24,6 @@ from renderer.replay.numbers.numbers import (
     rows_of,
 )
 from renderer.replay.numbers.pixel_seeds import pixel_seeds
-from renderer.replay.numbers.sequences import make_sequence
 from renderer.replay.rounding.camera import replay_camera, round_camera_rays
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.replay.rounding.environment import rounded_environment
@@ -37,13 +36,24 @@ from renderer.replay.rounding.hits.triangle_arithmetic import (
 from renderer.replay.rounding.mesh_lights import triangle_shares
 from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
 from renderer.replay.rounding.texture_means import rounded_shares
+from renderer.replay.sequences import make_sequence
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import MaterialTables, kind_of, sides
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import EnvironmentMap
+from renderer.scene_file.description import EnvironmentMap, Sampler
 
-if TYPE_CHECKING:
-    from renderer.rendering.planning.plan import Plan
+
+class Planned(Protocol):
+    """What a replay asks of a plan."""
+
+    @property
+    def method(self) -> str: ...  # noqa: D102
+    @property
+    def sampler(self) -> Sampler: ...  # noqa: D102
+    @property
+    def light_samples(self) -> int: ...  # noqa: D102
+    @property
+    def bsdf_samples(self) -> int: ...  # noqa: D102
 
 
 class Replayed:
@@ -62,7 +72,7 @@ class Replayed:
     def __init__(self, measured_camera: Sequence[float] | None) -> None:
         self._measured_camera = measured_camera
 
-    def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
+    def sampling(self, scene: Scene, plan: Planned, seed: int) -> Sampling:
         """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
         camera = scene.description.camera
         shutter = 2 if kind_of_sensor(camera).has_aperture else 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.bsdfs.structures import Structure
 from renderer.kinds.lights.choice.bounds import LightBounds, on_surface
 from renderer.kinds.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
 from renderer.kinds.lights.registry import plugin_of

@@ -21,10 +21,11 @@ from renderer.kernels.records.kernel_scene import (
     LOOK_UP_SCALAR,
     MOST_BSDF_KINDS,
 )
-from renderer.kinds.bsdfs.kind import BsdfKind, Rows
-from renderer.kinds.bsdfs.nesting import Structure, goes_straight
+from renderer.kinds.bsdfs.kind import BsdfKind
+from renderer.kinds.bsdfs.parameters import Rows
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.registry import kind_of as kind_of
+from renderer.kinds.bsdfs.structures import Structure, goes_straight
 from renderer.kinds.textures.checkerboard import children
 from renderer.kinds.textures.kind import TextureKind
 from renderer.kinds.textures.registry import kind_of_texture, mean_of

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
-from renderer.scene_file.document.tree import UNNAMED, Element, Property, Vector
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.plugins import UNSUPPORTED_TAGS, supported_plugins, supported_tags
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import UNNAMED, Element, Property, Vector
 
 T = TypeVar("T")
 

@@ -16,8 +16,8 @@ from renderer.scene_file.description import (
     SpotLight,
     ThinLensCamera,
 )
-from renderer.scene_file.document.tree import Element, Value, Vector
 from renderer.scene_file.properties import Properties
+from renderer.scene_file.tree import Element, Value, Vector
 
 FARTHEST = 1e18  # largest coordinate: squares of distances still fit float32
 _PLACING = (

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from renderer.scene_file.description import Location
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.files import Bounds, find_regular_file
+from renderer.scene_file.tree import Element
 
 T = TypeVar("T")
 

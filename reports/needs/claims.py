@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.rendering.aovs import nested_scene
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
 from renderer.scene.simplifications.simplify import is_endless, words_of
 from reports.needs.record import Claim

@@ -24,7 +24,7 @@ from renderer.integrators.stages.surface.shading_frame import leave_surface
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, make_workspace
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.variant import OwnWay
 from reports.accelerator_trials.meshes import displaced_icosphere

@@ -20,7 +20,7 @@ from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.errors import SceneError
 from renderer.process.names import ACCELERATORS, RAY_OFFSETS, REPLAY
 from renderer.rendering.accuracy import relative_error, relative_squares
-from renderer.rendering.planning.plan import make_plan
+from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
 from reports.speed_accuracy.contenders import (
     PEERS,

@@ -65,7 +65,7 @@ DEFECTS = (
         "the density of a point on a light is 1 / A, without r^2 / cos",
         (
             Edit(
-                "kinds/shapes/surface/surface.py",
+                "kinds/shapes/surface.py",
                 "return distance * distance * inverse_area / cosine",
                 "return inverse_area + 0.0 * cosine",
             ),
@@ -78,12 +78,12 @@ DEFECTS = (
         "an area light sends light from its back too",
         (
             Edit(
-                "kinds/lights/areas/area.py",
+                "kinds/lights/finite/area.py",
                 "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
             Edit(
-                "kinds/lights/areas/area.py",
+                "kinds/lights/finite/area.py",
                 "shining = mine & "
                 "(dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)",
                 "shining = mine",
@@ -97,7 +97,7 @@ DEFECTS = (
         "light samples, not BSDF samples, find the back of an area light shining",
         (
             Edit(
-                "kinds/lights/areas/area.py",
+                "kinds/lights/finite/area.py",
                 "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
@@ -110,7 +110,7 @@ DEFECTS = (
         "a sphere light counts as the solid angle pi sin^2 instead of 2 pi (1 - cos)",
         (
             Edit(
-                "kinds/lights/areas/spheres.py",
+                "kinds/lights/finite/spheres.py",
                 "select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)",
                 "select(outside, 1.0 / (TWO_PI * (0.5 * sine2)), by_area)",
             ),
@@ -123,7 +123,7 @@ DEFECTS = (
         "sky samples over the whole sphere are weighed as if over half of it",
         (
             Edit(
-                "kinds/lights/environments/constant.py",
+                "kinds/lights/infinite/constant.py",
                 "_FOUR_PI = np.float32(4.0 * np.pi)",
                 "_FOUR_PI = np.float32(2.0 * np.pi)",
             ),
@@ -136,7 +136,7 @@ DEFECTS = (
         "a spot light fades by the square of Mitsuba's factor",
         (
             Edit(
-                "kinds/lights/points/spot.py",
+                "kinds/lights/finite/spot.py",
                 "splat_f32(1.0), fading",
                 "splat_f32(1.0), fading * fading",
             ),
@@ -216,7 +216,7 @@ DEFECTS = (
         "the density of a direction is looked up as if texels began where they are centred",
         (
             Edit(
-                "kinds/lights/environments/envmap.py",
+                "kinds/lights/infinite/envmap.py",
                 "shifted = u - half_texel(sky)",
                 "shifted = u",
             ),
@@ -229,7 +229,7 @@ DEFECTS = (
         "the density of directions to an environment map is 0.8 % too small",
         (
             Edit(
-                "kinds/lights/environments/envmap.py",
+                "kinds/lights/infinite/envmap.py",
                 "return density * (_BY_SOLID_ANGLE /",
                 "return density * (np.float32(0.992) * _BY_SOLID_ANGLE /",
             ),
@@ -241,7 +241,7 @@ DEFECTS = (
         "the angle from the pole of an environment map is taken with 3.141 for pi",
         (
             Edit(
-                "kinds/lights/environments/envmap.py",
+                "kinds/lights/infinite/envmap.py",
                 "_PI = np.float32(np.pi)",
                 "_PI = np.float32(3.141)",
             ),
@@ -253,7 +253,7 @@ DEFECTS = (
         "the middle of the cone that a sphere light fills is chosen too often",
         (
             Edit(
-                "kinds/lights/areas/spheres.py",
+                "kinds/lights/finite/spheres.py",
                 "return x * one_minus_cos",
                 "return x * x * one_minus_cos",
             ),
@@ -278,7 +278,7 @@ DEFECTS = (
         "a textured lamp is weighed as if its texels were all alike",
         (
             Edit(
-                "kinds/lights/areas/textured_area.py",
+                "kinds/lights/finite/textured_area.py",
                 "pdf = pdf * distance * distance / (here.area * cosine)",
                 "pdf = distance * distance / (here.area * cosine)",
             ),
@@ -290,7 +290,7 @@ DEFECTS = (
         "a projector's picture does not grow darker away from the axis as it should",
         (
             Edit(
-                "kinds/lights/points/projector.py",
+                "kinds/lights/finite/projector.py",
                 "strength = strength * r * inverse * inverse * inverse",
                 "strength = strength * inverse * inverse",
             ),

@@ -81,7 +81,7 @@ DEFECTS = (
         "the weight of a BSDF sample forgets that one light of several is sampled",
         (
             Edit(
-                "kinds/lights/areas/area.py",
+                "kinds/lights/finite/area.py",
                 "settings, load_row(points.pdf, 0, i), light_pdf * probability",
                 "settings, load_row(points.pdf, 0, i), light_pdf",
             ),

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.extents import ROUNDING, Extents, PrimitiveGroup
+from renderer.accelerators.extents import Extents, PrimitiveGroup
+from renderer.accelerators.rays.box_entry import origin_margins, packet_enters, ray_enters
 from renderer.accelerators.rays.packets import (
     Nearest,
     blocked_by,
@@ -29,14 +30,10 @@ from renderer.accelerators.rays.single_ray import (
 )
 from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.functions import (
-    fabs,
     first_lanes,
     lane,
     mask_bits,
-    maximum,
-    minimum,
     select,
-    splat_f32,
     splat_i32,
 )
 from renderer.kernels.lanes.local import local_f32, local_i32
@@ -52,13 +49,6 @@ from renderer.kernels.records.tally import (
 )
 
 STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
-# A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding
-# would leave in the boxes of flat primitives [Ize2013].
-STRETCH = np.float32(1.0000004)
-# Boxes are tested as if they were larger by this fraction of the origin's coordinates (32
-# units in the last place), and `primitive_bounds` pads by the same fraction of their own:
-# the rounding of a hit's t and (u, v) must not put it outside of its own box.
-MARGIN = ROUNDING
 _INFINITY = np.float32(np.inf)
 
 
@@ -75,68 +65,6 @@ def build_bvh(extents: Extents, group: PrimitiveGroup, rule: str = "sah") -> Bvh
     """Build by one of `bvh_build.RULES`."""
     tree = build_tree(extents.lower, extents.upper, rule=rule)
     return Bvh(tree.bounds, tree.child, tree.count, group(tree.order))
-
-
-@kernel
-def origin_margins(origin):
-    """Return the origin moved down and up by the margin along every axis."""
-    far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z)
-    return origin - far * MARGIN, origin + far * MARGIN
-
-
-@kernel
-def packet_enters(bounds, node, low, high, inverse, t):
-    """Return the mask of the 16 rays that enter a node's box before t.
-
-    An axis-parallel ray on a slab's plane gives 0 * inf = NaN. `minimum` and `maximum`
-    return their second operand then, so each distance is compared with the running bound
-    before the two are compared with each other: such a ray is inside the slab.
-    """
-    x0 = (bounds[node, 0] - high.x) * inverse.x
-    x1 = (bounds[node, 3] - low.x) * inverse.x
-    y0 = (bounds[node, 1] - high.y) * inverse.y
-    y1 = (bounds[node, 4] - low.y) * inverse.y
-    z0 = (bounds[node, 2] - high.z) * inverse.z
-    z1 = (bounds[node, 5] - low.z) * inverse.z
-    zero = splat_f32(0.0)
-    enter = minimum(maximum(x0, zero), maximum(x1, zero))
-    enter = minimum(maximum(y0, enter), maximum(y1, enter))
-    enter = minimum(maximum(z0, enter), maximum(z1, enter))
-    leave = maximum(minimum(x0 * STRETCH, t), minimum(x1 * STRETCH, t))
-    leave = maximum(minimum(y0 * STRETCH, leave), minimum(y1 * STRETCH, leave))
-    leave = maximum(minimum(z0 * STRETCH, leave), minimum(z1 * STRETCH, leave))
-    return enter <= leave
-
-
-@kernel
-def _later(a, bound):
-    """Return the larger; `bound` where a is NaN."""
-    return a if a > bound else bound
-
-
-@kernel
-def _sooner(a, bound):
-    """Return the smaller; `bound` where a is NaN."""
-    return a if a < bound else bound
-
-
-@kernel
-def ray_enters(bounds, node, low, high, inverse, t):
-    """Return where one ray enters a node's box, or infinity if not before t."""
-    x0 = (bounds[node, 0] - high.x) * inverse.x
-    x1 = (bounds[node, 3] - low.x) * inverse.x
-    y0 = (bounds[node, 1] - high.y) * inverse.y
-    y1 = (bounds[node, 4] - low.y) * inverse.y
-    z0 = (bounds[node, 2] - high.z) * inverse.z
-    z1 = (bounds[node, 5] - low.z) * inverse.z
-    enter = np.float32(0.0)
-    enter = _sooner(_later(x0, enter), _later(x1, enter))
-    enter = _sooner(_later(y0, enter), _later(y1, enter))
-    enter = _sooner(_later(z0, enter), _later(z1, enter))
-    leave = _later(_sooner(x0 * STRETCH, t), _sooner(x1 * STRETCH, t))
-    leave = _later(_sooner(y0 * STRETCH, leave), _sooner(y1 * STRETCH, leave))
-    leave = _later(_sooner(z0 * STRETCH, leave), _sooner(z1 * STRETCH, leave))
-    return enter if enter <= leave else _INFINITY
 
 
 @kernel

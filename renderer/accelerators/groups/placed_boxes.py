@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import STRETCH
 from renderer.accelerators.bvh.wide import wide_bvh_build
 from renderer.accelerators.bvh.wide.octants import ENDED
 from renderer.accelerators.bvh.wide.wide_bvh_build import (
@@ -23,6 +22,7 @@ from renderer.accelerators.groups.placed_rays import (
     START,
     T,
 )
+from renderer.accelerators.rays.box_entry import STRETCH
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.affine import absolute
 from renderer.kernels.lanes.functions import (

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import MARGIN as BOX_MARGIN
-from renderer.accelerators.bvh.streams.ray_packets import safe_reciprocal
 from renderer.accelerators.bvh.wide.octants import ENDED, ROW
+from renderer.accelerators.rays.box_entry import MARGIN as BOX_MARGIN
+from renderer.accelerators.rays.box_entry import safe_reciprocal
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.affine import affine_at, times

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.bvh import origin_margins, packet_enters
 from renderer.accelerators.extents import Extents, PrimitiveGroup
+from renderer.accelerators.rays.box_entry import origin_margins, packet_enters
 from renderer.accelerators.rays.packets import Nearest, blocked_by, nearest_in_order
 from renderer.kernels.jit import interface, kernel, method_kernel
 from renderer.kernels.lanes.functions import (

@@ -22,7 +22,8 @@ from renderer.kernels.records.kernel_scene import (
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
 )
-from renderer.kinds.bsdfs.kind import eval_pdf_bsdf, parameters_at
+from renderer.kinds.bsdfs.kind import eval_pdf_bsdf
+from renderer.kinds.bsdfs.parameters import parameters_at
 from renderer.kinds.lights.choice.choose import divide_by_probability
 from renderer.kinds.lights.weights import light_probability, light_sample_weight
 from renderer.kinds.sampling.arithmetic import to_local

@@ -33,12 +33,8 @@ from renderer.kernels.records.kernel_scene import (
     SHOW_ALBEDO,
     SHOW_NORMAL,
 )
-from renderer.kinds.bsdfs.kind import (
-    albedo_of,
-    normal_of,
-    parameters_at,
-    seen_albedo_of,
-)
+from renderer.kinds.bsdfs.kind import albedo_of, normal_of, seen_albedo_of
+from renderer.kinds.bsdfs.parameters import parameters_at
 from renderer.kinds.sampling.arithmetic import to_local, to_world
 
 # channels of `work.radiance` in this integrator, all computed together

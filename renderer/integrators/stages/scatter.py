@@ -27,13 +27,8 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     SCATTER,
 )
-from renderer.kinds.bsdfs.kind import (
-    Numbers,
-    is_possible,
-    outgoing,
-    parameters_at,
-    sample_bsdf,
-)
+from renderer.kinds.bsdfs.kind import Numbers, is_possible, outgoing, sample_bsdf
+from renderer.kinds.bsdfs.parameters import parameters_at
 from renderer.kinds.sampling.arithmetic import to_local
 from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 

@@ -11,13 +11,8 @@ from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import load3, vec3
 from renderer.kernels.records.kernel_scene import RECORD, SPLIT
-from renderer.kinds.bsdfs.kind import (
-    BsdfSample,
-    outgoing,
-    parameters_at,
-    reflection_of,
-    transmission_of,
-)
+from renderer.kinds.bsdfs.kind import BsdfSample, outgoing, reflection_of, transmission_of
+from renderer.kinds.bsdfs.parameters import parameters_at
 from renderer.kinds.sampling.arithmetic import to_local
 
 

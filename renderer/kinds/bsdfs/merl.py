@@ -22,9 +22,10 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.mathematics.mathematics import arccos, arctan2, sincos
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
-from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Float, Table, entry_of
+from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Float
 from renderer.kinds.bsdfs.merl_file import read_merl
-from renderer.kinds.bsdfs.smooth.mirror import reflect
+from renderer.kinds.bsdfs.mirror import reflect
+from renderer.kinds.bsdfs.parameters import Table, entry_of
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
 from renderer.scene_file.description import OtherBsdf

@@ -6,25 +6,16 @@ import inspect
 import uuid
 from collections import ChainMap
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from renderer.errors import SceneError
 from renderer.kernels.jit.cache import file_digest
-from renderer.kinds.bsdfs.kind import (
-    BsdfKind,
-    Color,
-    Float,
-    Nested,
-    hints_of,
-    make_known,
-)
+from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
 from renderer.kinds.bsdfs.merl import MERL
-from renderer.kinds.bsdfs.nesting import (
-    Structure,
-    Wrapper,
-    make_nestable,
-    make_wrapper_known,
-)
+from renderer.kinds.bsdfs.nesting import Wrapper, make_nestable, make_wrapper_known
+from renderer.kinds.bsdfs.parameters import Nested, hints_of
 from renderer.kinds.bsdfs.rough.principled import PRINCIPLED
 from renderer.kinds.bsdfs.rough.principledthin import PRINCIPLEDTHIN
 from renderer.kinds.bsdfs.rough.roughconductor import ROUGHCONDUCTOR
@@ -36,12 +27,14 @@ from renderer.kinds.bsdfs.smooth.diffuse import DIFFUSE
 from renderer.kinds.bsdfs.smooth.null import NULL
 from renderer.kinds.bsdfs.smooth.plastic import PLASTIC
 from renderer.kinds.bsdfs.smooth.thindielectric import THIN_DIELECTRIC
+from renderer.kinds.bsdfs.structures import Structure
 from renderer.kinds.bsdfs.wrappers.blend import BLEND
 from renderer.kinds.bsdfs.wrappers.bumpmap import BUMP_MAP
 from renderer.kinds.bsdfs.wrappers.mask import MASK
 from renderer.kinds.bsdfs.wrappers.normalmap import NORMAL_MAP
 from renderer.kinds.bsdfs.wrappers.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
 from renderer.scene_file.description import OtherBsdf, TwoSided
+from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
@@ -61,6 +54,25 @@ def _register(kind: BsdfKind) -> None:
         VARIANTS[variant.name] = variant
 
 
+def _register_wrapper(wrapper: Wrapper) -> None:
+    make_wrapper_known(wrapper)
+
+    def read_opaque(properties: Any) -> Any:
+        description = wrapper.read(properties)
+        for _, element in properties.children("bsdf"):
+            if kind_of(read_bsdf(element, properties.reading)).transmits:
+                possible = [name for name, kind in BSDFS.items() if not kind.transmits]
+                raise SceneError(
+                    f"{element.location}: {element} cannot be inside of {wrapper.name}, as "
+                    f"light goes through it; supported: {', '.join(possible)} and what "
+                    "holds these"
+                )
+        return description
+
+    read = read_opaque if wrapper.opaque else wrapper.read
+    WRAPPERS[wrapper.name] = replace(wrapper, read=read)
+
+
 for _kind in (
     DIFFUSE,
     CONDUCTOR,
@@ -77,8 +89,7 @@ for _kind in (
 ):
     _register(_kind)
 for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):
-    make_wrapper_known(_wrapper)
-    WRAPPERS[_wrapper.name] = _wrapper
+    _register_wrapper(_wrapper)
 _OURS = tuple(PLUGINS)
 _KERNELS = ("sample", "eval_pdf", "reflection", "transmission", "albedo")
 

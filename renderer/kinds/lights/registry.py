@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from renderer.kinds.lights.areas.area import AREA
-from renderer.kinds.lights.environments.constant import CONSTANT
-from renderer.kinds.lights.environments.envmap import ENVMAP
+import renderer.kinds.lights.finite.spheres  # noqa: F401  (how spheres are sampled)
+from renderer.kinds.lights.finite.area import AREA
+from renderer.kinds.lights.finite.point import POINT
+from renderer.kinds.lights.finite.projector import PROJECTOR
+from renderer.kinds.lights.finite.spot import SPOT
+from renderer.kinds.lights.infinite.constant import CONSTANT
+from renderer.kinds.lights.infinite.directional import DIRECTIONAL
+from renderer.kinds.lights.infinite.envmap import ENVMAP
 from renderer.kinds.lights.kind import LightPlugin
-from renderer.kinds.lights.points.directional import DIRECTIONAL
-from renderer.kinds.lights.points.point import POINT
-from renderer.kinds.lights.points.projector import PROJECTOR
-from renderer.kinds.lights.points.spot import SPOT
 
 LIGHTS: dict[str, LightPlugin] = {
     kind.name: kind

@@ -27,7 +27,7 @@ from renderer.kinds.shapes.flat.patch import ZERO, Intersection
 from renderer.kinds.shapes.kind import ShapeKind, flipped
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.kinds.shapes.sphere import ordered_roots
-from renderer.kinds.shapes.surface.surface import (
+from renderer.kinds.shapes.surface import (
     ROUNDING,
     LightPoint,
     SurfacePoint,

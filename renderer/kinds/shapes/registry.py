@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import renderer.kinds.lights.areas.spheres  # noqa: F401  (how spheres are sampled as lamps)
 from renderer.kinds.shapes.cylinder import CYLINDERS
 from renderer.kinds.shapes.flat.disk import DISKS
 from renderer.kinds.shapes.flat.rectangle import RECTANGLES

@@ -29,7 +29,7 @@ from renderer.kinds.shapes.blocks import BLOCKS_OF, column_in, primitives_in, th
 from renderer.kinds.shapes.flat.patch import ZERO, Intersection
 from renderer.kinds.shapes.kind import ShapeKind, flipped
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
-from renderer.kinds.shapes.surface.surface import (
+from renderer.kinds.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     around_axis,

@@ -11,7 +11,7 @@ from renderer.errors import SceneError
 from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather_rows3
-from renderer.kinds.shapes.surface.surface import gather_flat
+from renderer.kinds.shapes.surface import gather_flat
 from renderer.kinds.textures.kind import TextureKind
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import Mesh, MeshAttributeTexture, Shape

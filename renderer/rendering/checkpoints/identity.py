@@ -15,8 +15,8 @@ import llvmlite.binding
 import numba
 import numpy as np
 
-import renderer
 from renderer.accelerators.choice import choose_structures
+from renderer.process.version import VERSION
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.goal import OPEN_ENDED
 from renderer.rendering.planning.plan import Plan
@@ -25,8 +25,9 @@ from renderer.scene_file.description import Sampler
 
 Identity = dict[str, dict[str, str]]
 
-_PACKAGE = Path(renderer.__file__).parent
-_OF_NO_PICTURE = ("command", "picture", "simple")  # sources that touch no sum
+_PACKAGE = Path(__file__).parents[2]
+# sources that touch no sum
+_OF_NO_PICTURE = ("command/", "rendering/picture/", "simple/")
 # fields of a plan that say how much is done, or why, and not what
 _AMOUNTS = {"spp", "rays", "lines", "no_roulette", "sampler"}
 
@@ -39,13 +40,13 @@ def made_by() -> dict[str, str]:
     """
     digest = hashlib.sha256()
     for source in sorted(_PACKAGE.rglob("*.py")):
-        name = source.relative_to(_PACKAGE)
-        if name.parts[0] not in _OF_NO_PICTURE:
-            digest.update(f"{name.as_posix()}\n".encode() + source.read_bytes())
+        name = source.relative_to(_PACKAGE).as_posix()
+        if not name.startswith(_OF_NO_PICTURE):
+            digest.update(f"{name}\n".encode() + source.read_bytes())
     features = llvmlite.binding.get_host_cpu_features().flatten()
     processor = llvmlite.binding.get_host_cpu_name()
     return {
-        "lightproof": f"{renderer.__version__} ({digest.hexdigest()[:12]})",
+        "lightproof": f"{VERSION} ({digest.hexdigest()[:12]})",
         "Python": " ".join((platform.python_version(), *platform.libc_ver())).strip(),
         "NumPy": np.__version__,
         "Numba": f"{numba.__version__} with llvmlite {llvmlite.__version__}",

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.rendering.picture.picture import Picture
 from renderer.rendering.picture.srgb import srgb_from_linear
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
-
-    from renderer.rendering.picture.image import Image
 
 MAGENTA = np.array([255, 0, 255], dtype=np.uint8)  # what no scene is by accident
 
@@ -64,7 +63,7 @@ def encode_png(pixels: NDArray[np.float32]) -> PillowImage:
     return pillow.fromarray(levels)
 
 
-def exr_planes(image: Image) -> dict[str, NDArray[np.float32]]:
+def exr_planes(image: Picture) -> dict[str, NDArray[np.float32]]:
     """Return the channels of an EXR file by name, (H, W) each."""
     planes = {name: image.pixels[..., c] for c, name in enumerate("RGB")}
     for name, values in image.aovs.items():
@@ -77,7 +76,7 @@ def exr_planes(image: Image) -> dict[str, NDArray[np.float32]]:
     }
 
 
-def exr_header(image: Image) -> dict[str, Any]:
+def exr_header(image: Picture) -> dict[str, Any]:
     """Return what an EXR file says about itself."""
     import OpenEXR  # here, because it takes 0.1 s that a PNG need not wait for
 
@@ -90,13 +89,13 @@ def exr_header(image: Image) -> dict[str, Any]:
     return header
 
 
-def _write_exr(path: Path, image: Image) -> None:
+def _write_exr(path: Path, image: Picture) -> None:
     import OpenEXR
 
     OpenEXR.File(exr_header(image), exr_planes(image)).write(str(path))
 
 
-def _write_png(path: Path, image: Image) -> None:
+def _write_png(path: Path, image: Picture) -> None:
     broken = int(_broken_pixels(image.pixels).sum())
     if broken:
         warnings.warn(
@@ -108,7 +107,7 @@ def _write_png(path: Path, image: Image) -> None:
     encode_png(image.pixels).save(path, format="PNG")
 
 
-def _write_npy(path: Path, image: Image) -> None:
+def _write_npy(path: Path, image: Picture) -> None:
     with path.open("wb") as file:  # a path of its own accord would get ".npy" appended
         np.save(file, np.asarray(image.pixels, dtype=np.float32))
 
@@ -147,7 +146,7 @@ def whole_or_not_at_all(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)  # also after Ctrl-C
 
 
-def write_image_file(path: Path, image: Image) -> None:
+def write_image_file(path: Path, image: Picture) -> None:
     """Write `image` in the form that the ending of `path` names; see `Image.save`."""
     check_output_path(path)
     try:

@@ -13,8 +13,8 @@ from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
 from renderer.accelerators.occluders import never_in_the_way
 from renderer.integrators.registry import INTEGRATORS
-from renderer.kinds.bsdfs.nesting import leaves_of
 from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.kinds.bsdfs.structures import leaves_of
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.kinds.sampling.sobol_digits import net_digits
 from renderer.scene.light_properties import asked_lights, has_textured_lights

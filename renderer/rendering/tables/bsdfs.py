@@ -21,7 +21,7 @@ from renderer.kernels.records.kernel_scene import (
     Settings,
 )
 from renderer.kinds.bsdfs.kind import BsdfMethods
-from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.bsdfs.structures import Structure
 from renderer.kinds.sampling.arithmetic import along_u
 from renderer.kinds.textures.gradient import look_up_gradient
 from renderer.kinds.textures.kind import TextureMethods

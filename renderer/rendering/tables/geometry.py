@@ -8,7 +8,7 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.wide.wide_bvh import WideBvh
+from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.accelerators.groups.accelerators import Accelerators
 from renderer.integrators.stages.surface.derivatives import derive
@@ -16,7 +16,7 @@ from renderer.integrators.stages.surface.surface import locate
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Placements, Settings, Shapes
 from renderer.kinds.shapes.registry import kind_of_shape
-from renderer.kinds.shapes.surface.uv_derivatives import derivatives_of
+from renderer.kinds.shapes.uv.uv_derivatives import derivatives_of
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     COLUMN,

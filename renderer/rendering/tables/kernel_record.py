@@ -29,7 +29,7 @@ from renderer.kernels.records.kernel_scene import (
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
 from renderer.kinds.shapes.arrays import empty_rows
-from renderer.kinds.shapes.surface.uv_derivatives import texture_tangents
+from renderer.kinds.shapes.uv.uv_derivatives import texture_tangents
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (

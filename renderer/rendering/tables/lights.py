@@ -14,14 +14,14 @@ from renderer.integrators.stages.caustics import (
 )
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Lights, Methods, Settings, Shapes
-from renderer.kinds.lights.areas.area import add_emission, emitted_light
 from renderer.kinds.lights.choice.choose import (
     LightChoice,
     choose_by_importance,
     weigh_found_lights,
 )
 from renderer.kinds.lights.choice.tree import light_choice
-from renderer.kinds.lights.environments.environment import (
+from renderer.kinds.lights.finite.area import add_emission, emitted_light
+from renderer.kinds.lights.infinite.environment import (
     add_environment,
     environment_light,
 )

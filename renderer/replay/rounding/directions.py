@@ -33,7 +33,7 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.kinds.lights.areas.spheres import (
+from renderer.kinds.lights.finite.spheres import (
     cone_of_density,
     even_part_of_cone,
     exact_cone_of_density,

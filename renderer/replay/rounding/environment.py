@@ -28,8 +28,8 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import column, select3, vec3
-from renderer.kinds.lights.environments.environment import environment_light
-from renderer.kinds.lights.environments.envmap import (
+from renderer.kinds.lights.infinite.environment import environment_light
+from renderer.kinds.lights.infinite.envmap import (
     INV_TWO_PI,
     EnvironmentMaps,
     by_solid_angle,

@@ -15,10 +15,10 @@ from renderer.errors import SceneError
 from renderer.scene_file.colors.spectra import as_rgb, emission_of_uniform, srgb_of_spectrum
 from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS, read_spectrum
 from renderer.scene_file.description import Rgb
-from renderer.scene_file.document.tree import Element, RgbValue, SpectrumValue, Vector
 from renderer.scene_file.plugins import varying_textures
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element, RgbValue, SpectrumValue, Vector
 
 
 class Use(Enum):

@@ -16,20 +16,12 @@ from numpy.typing import NDArray
 
 from renderer.scene_file.colors.cie_tables import D65, OBSERVER, WAVELENGTHS
 from renderer.scene_file.description import Rgb
+from renderer.scene_file.images.image import SRGB_FROM_XYZ
 
 _STEPS = 1000  # sets the result: 999 intervals but a width of 1/1000, so 0.1 % too dark
 SPECTRUM_NODES = np.linspace(WAVELENGTHS[0], WAVELENGTHS[-1], _STEPS)  # [nm]
 _Y_NORMALIZATION = 106.7502593994140625  # integral of y-bar over the 5 nm table
 _D65_NORMALIZATION = 98.99741751876255  # makes the luminance of D65 one
-
-# Linear sRGB (ITU-R BT.709 primaries, D65) from XYZ, rounded as Mitsuba rounds it.
-SRGB_FROM_XYZ = np.array(
-    [
-        [3.240479, -1.537150, -0.498535],
-        [-0.969256, 1.875991, 0.041556],
-        [0.055648, -0.204043, 1.057311],
-    ]
-)
 
 
 def emission_of_uniform(value: float) -> Rgb:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.scene_file.colors.spectra import SPECTRUM_NODES
 from renderer.scene_file.colors.spectrum_text import spectrum_of_pairs
-from renderer.scene_file.document.tree import SpectrumValue
 from renderer.scene_file.numbers import parse_float, quoted, split_list
 from renderer.scene_file.properties import Properties
+from renderer.scene_file.tree import SpectrumValue
 
 OVER_WAVELENGTHS = ("regular", "irregular", "blackbody")
 

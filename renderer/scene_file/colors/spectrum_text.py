@@ -9,8 +9,8 @@ from pathlib import Path
 from renderer.errors import SceneError
 from renderer.process import memory
 from renderer.scene_file.description import Location
-from renderer.scene_file.document.tree import SpectrumValue
 from renderer.scene_file.numbers import parse_float, quoted, split_list
+from renderer.scene_file.tree import SpectrumValue
 
 
 def parse_spectrum(text: str, location: Location) -> SpectrumValue:

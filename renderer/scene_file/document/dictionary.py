@@ -20,7 +20,11 @@ from renderer.scene_file.colors.spectrum_text import (
     spectrum_of_pairs,
 )
 from renderer.scene_file.description import Location
-from renderer.scene_file.document.tree import (
+from renderer.scene_file.images.image import Image
+from renderer.scene_file.numbers import check_float, check_integer, quoted
+from renderer.scene_file.plugins import every_plugin, tag_of_plugin
+from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import (
     Element,
     Function,
     Reference,
@@ -31,10 +35,6 @@ from renderer.scene_file.document.tree import (
     Value,
     Vector,
 )
-from renderer.scene_file.images.image import Image
-from renderer.scene_file.numbers import check_float, check_integer, quoted
-from renderer.scene_file.plugins import every_plugin, tag_of_plugin
-from renderer.scene_file.reading import Reading
 
 _DEEPEST = 100  # also what ends a dictionary that contains itself
 _VALUE_TYPES = ("rgb", "spectrum", "ref")

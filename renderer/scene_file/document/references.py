@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from renderer.errors import SceneError
-from renderer.scene_file.document.tree import Element, Reference, Tree
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.tree import Element, Reference, Tree
 
 _DEEPEST = 200  # keeps the recursive readers far from Python's limit
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
-from renderer.scene_file.colors.spectra import SRGB_FROM_XYZ
+from renderer.scene_file.images.image import SRGB_FROM_XYZ
 
 _MAGIC = b"\x76\x2f\x31\x01"
 # Bytes of pixels for a byte of the file, where a method cannot make more of it.

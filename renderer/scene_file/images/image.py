@@ -10,6 +10,15 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 
+# Linear sRGB (ITU-R BT.709 primaries, D65) from XYZ, rounded as Mitsuba rounds it.
+SRGB_FROM_XYZ = np.array(
+    [
+        [3.240479, -1.537150, -0.498535],
+        [-0.969256, 1.875991, 0.041556],
+        [0.055648, -0.204043, 1.057311],
+    ]
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Image:

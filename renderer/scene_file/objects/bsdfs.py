@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Bsdf
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.nesting import check_nesting
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element
 
 # Each structure is compiled for itself, in time that grows with its depth.
 DEEPEST = 8

@@ -10,11 +10,11 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Emitter, Radiance
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reach import check_place
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element
 
 
 def read_radiance(shape: Element, element: Element, reading: Reading) -> Radiance | None:

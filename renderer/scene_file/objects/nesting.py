@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from renderer.errors import SceneError
-from renderer.scene_file.document.tree import Element
+from renderer.scene_file.tree import Element
 
 
 def check_nesting(element: Element, deepest: int) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import Emitter, SceneDescription
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
 from renderer.scene_file.objects.groups import SPECIAL, read_shapes
@@ -20,6 +19,7 @@ from renderer.scene_file.plugins import (
 )
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element
 
 
 def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription:

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh.wide.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -24,6 +23,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
+from renderer.accelerators.rays.box_entry import STRETCH, origin_margins
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
 from renderer.accelerators.bvh.streams.beams import (
     ROOM,
     Entries,
@@ -27,6 +26,7 @@ from renderer.accelerators.bvh.wide.one_ray_leaves import (
     blocked_one_by_one,
 )
 from renderer.accelerators.bvh.wide.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
+from renderer.accelerators.rays.box_entry import STRETCH, origin_margins, safe_reciprocal
 from renderer.accelerators.rays.packets import (
     Nearest,
     blocked_by,
@@ -35,7 +35,6 @@ from renderer.accelerators.rays.packets import (
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
-    fabs,
     first_lanes,
     lane,
     lowest_bit,
@@ -54,7 +53,7 @@ from renderer.kernels.lanes.local import (
 )
 from renderer.kernels.lanes.mathematics.fused import multiply_add
 from renderer.kernels.lanes.memory import load_one, load_row, store_one, store_row
-from renderer.kernels.lanes.vectors import load3, vec3
+from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.tally import (
     BOXES,
     NODES,
@@ -66,9 +65,6 @@ from renderer.kernels.records.tally import (
 STACK = 64 + ROOM
 _LISTS = 2 * ROOM
 BATCH = 1024  # rays that are looked at together before they go in bundles
-# A direction's components are taken to be at least this share of the largest: the ray is
-# moved by less than a rounding error, and no product below is 0 * inf or overflows.
-LEAST_COMPONENT = np.float32(1e-12)
 
 
 class PairedBvh(NamedTuple):
@@ -85,28 +81,6 @@ class Bundle(NamedTuple):
     inverse: Any  # 1 / direction
     to_lower: Any  # origin moved up by the margin, times inverse
     to_upper: Any  # origin moved down, times inverse
-
-
-@kernel
-def _away_from_zero(d, least):
-    return select(fabs(d) > least, d, select(d < 0.0, -least, least))
-
-
-@kernel
-def safe_reciprocal(direction):
-    """Return 1 / d for each component of one ray or 16.
-
-    Finite, unless the direction is 0 or shorter than 1e-26.
-    """
-    x, y, z = fabs(direction.x), fabs(direction.y), fabs(direction.z)
-    largest = select(x > y, x, y)
-    least = select(z > largest, z, largest) * LEAST_COMPONENT
-    one = np.float32(1.0)
-    return vec3(
-        one / _away_from_zero(direction.x, least),
-        one / _away_from_zero(direction.y, least),
-        one / _away_from_zero(direction.z, least),
-    )
 
 
 @kernel

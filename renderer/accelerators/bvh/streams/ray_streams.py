@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import STRETCH
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
 from renderer.accelerators.bvh.streams.stream_leaves import meet_leaf
 from renderer.accelerators.bvh.streams.stream_stack import (
@@ -46,6 +45,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_WORDS,
 )
 from renderer.accelerators.bvh.wide.wide_rays import STACK, add_node, trace_rays
+from renderer.accelerators.rays.box_entry import STRETCH
 from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (

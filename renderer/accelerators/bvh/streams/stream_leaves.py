@@ -13,8 +13,7 @@ from renderer.accelerators.bvh.wide.octants import ENDED, T
 from renderer.accelerators.bvh.wide.one_ray_leaves import (
     count_block,
     held,
-    hit_block,
-    nearest_in_block,
+    meet_block,
 )
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
@@ -32,9 +31,8 @@ from renderer.kernels.lanes.memory import (
     load_one,
     load_row,
     scatter_row,
-    store_one,
 )
-from renderer.kernels.lanes.vectors import column3, vec3
+from renderer.kernels.lanes.vectors import vec3
 from renderer.kinds.shapes.blocks import WIDTH
 
 
@@ -52,30 +50,6 @@ def meet_leaf(blocks, block, query, rows, lists, place, m, tally):
             if rows.for_boxes[T, lists[j]] >= 0.0:
                 count_block(tally, blocks, block, rows.number[lists[j]])
     _meet_together(blocks, block, query, rows, lists, place, m)
-
-
-@kernel
-def meet_block(blocks, block, query, rows, ray, tally):
-    """Test a ray, by its place in the rows, against the primitives of a leaf."""
-    i = np.int64(load_one(rows.number, 0, ray))
-    count_block(tally, blocks, block, i)
-    origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
-    t_max = load_one(rows.for_boxes, T, ray)
-    x = hit_block(blocks, block, origin, direction, t_max)
-    if mask_bits(x.hit) == 0:
-        return
-    if query.any_will_do != 0:
-        store_one(query.prim, 0, i, 1)
-        store_one(rows.for_boxes, T, ray, ENDED)
-        return
-    near = nearest_in_block(blocks, block, x)
-    prim = load_one(query.prim, 0, i)
-    if near.t < t_max or prim < 0 or near.prim < prim:
-        store_one(rows.for_boxes, T, ray, near.t)
-        store_one(query.ends, 0, i, near.t)
-        store_one(query.prim, 0, i, near.prim)
-        store_one(query.u, 0, i, near.u)
-        store_one(query.v, 0, i, near.v)
 
 
 @kernel

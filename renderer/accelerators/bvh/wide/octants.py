@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import MARGIN
-from renderer.accelerators.bvh.streams.ray_packets import safe_reciprocal
+from renderer.accelerators.rays.box_entry import MARGIN, safe_reciprocal
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import store_columns

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.accelerators.bvh.wide.octants import ENDED, T
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     as_f32,
@@ -26,7 +27,7 @@ from renderer.kernels.lanes.functions import (
     smallest,
 )
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
-from renderer.kernels.lanes.memory import load_eight, load_one
+from renderer.kernels.lanes.memory import load_eight, load_one, store_one
 from renderer.kernels.lanes.vectors import column3
 from renderer.kernels.records.tally import PRIMITIVES, add_to
 from renderer.kinds.shapes.blocks import WIDTH, primitives_in
@@ -76,6 +77,30 @@ def nearest_in_block(blocks, block, x):
     prim = smallest(ids)
     k = lowest_bit(mask_bits(ids == prim))
     return BlockHit(as_f32(t_bits), prim, lane(x.u, k), lane(x.v, k))
+
+
+@kernel
+def meet_block(blocks, block, query, rows, ray, tally):
+    """Test a ray, by its place in the rows, against the primitives of a leaf."""
+    i = np.int64(load_one(rows.number, 0, ray))
+    count_block(tally, blocks, block, i)
+    origin, direction = column3(rows.for_leaves, 0, ray), column3(rows.for_leaves, 4, ray)
+    t_max = load_one(rows.for_boxes, T, ray)
+    x = hit_block(blocks, block, origin, direction, t_max)
+    if mask_bits(x.hit) == 0:
+        return
+    if query.any_will_do != 0:
+        store_one(query.prim, 0, i, 1)
+        store_one(rows.for_boxes, T, ray, ENDED)
+        return
+    near = nearest_in_block(blocks, block, x)
+    prim = load_one(query.prim, 0, i)
+    if near.t < t_max or prim < 0 or near.prim < prim:
+        store_one(rows.for_boxes, T, ray, near.t)
+        store_one(query.ends, 0, i, near.t)
+        store_one(query.prim, 0, i, near.prim)
+        store_one(query.u, 0, i, near.u)
+        store_one(query.v, 0, i, near.v)
 
 
 # --------------------------------------------------------------------- of a bundle

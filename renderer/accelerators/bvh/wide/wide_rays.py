@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.bvh import STRETCH, origin_margins
-from renderer.accelerators.bvh.streams.stream_leaves import meet_block
 from renderer.accelerators.bvh.wide.octants import T
-from renderer.accelerators.bvh.wide.one_ray_leaves import NEVER
+from renderer.accelerators.bvh.wide.one_ray_leaves import NEVER, meet_block
 from renderer.accelerators.bvh.wide.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -26,6 +24,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
+from renderer.accelerators.rays.box_entry import STRETCH, origin_margins
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     as_f32,

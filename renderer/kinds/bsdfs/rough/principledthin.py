@@ -8,6 +8,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import fabs, select, splat_f32
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
+from renderer.kinds.bsdfs.mirror import reflect
 from renderer.kinds.bsdfs.rough.microfacets import (
     normal_density,
     normal_pdf,
@@ -24,7 +25,6 @@ from renderer.kinds.bsdfs.rough.principled_lobes import (
     tinted_reflectance,
 )
 from renderer.kinds.bsdfs.smooth.fresnel import fresnel_dielectric
-from renderer.kinds.bsdfs.smooth.mirror import reflect
 from renderer.kinds.sampling.arithmetic import cosine_direction
 from renderer.kinds.sampling.numbers_and_warps import INV_PI
 from renderer.scene_file.description import OtherBsdf

@@ -8,6 +8,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
+from renderer.kinds.bsdfs.mirror import reflect
 from renderer.kinds.bsdfs.rough.microfacets import (
     PI,
     microfacets,
@@ -18,7 +19,6 @@ from renderer.kinds.bsdfs.rough.microfacets import (
 )
 from renderer.kinds.bsdfs.rough.roughness import read_roughness
 from renderer.kinds.bsdfs.smooth.conductor import read_complex_index, reflectance
-from renderer.kinds.bsdfs.smooth.mirror import reflect
 from renderer.scene_file.description import OtherBsdf
 from renderer.scene_file.objects.textures import read_texture
 

@@ -18,7 +18,9 @@ from renderer.kernels.lanes.functions import (
     to_i32,
 )
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
-from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float, Table, entry_of
+from renderer.kinds.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
+from renderer.kinds.bsdfs.mirror import reflect
+from renderer.kinds.bsdfs.parameters import Table, entry_of
 from renderer.kinds.bsdfs.rough.microfacets import (
     microfacets,
     normal_density,
@@ -30,7 +32,6 @@ from renderer.kinds.bsdfs.rough.rough_transmittance import RESOLUTION, rough_tra
 from renderer.kinds.bsdfs.rough.roughness import read_roughness
 from renderer.kinds.bsdfs.smooth.dielectric import read_relative_index
 from renderer.kinds.bsdfs.smooth.fresnel import fresnel_dielectric
-from renderer.kinds.bsdfs.smooth.mirror import reflect
 from renderer.kinds.bsdfs.smooth.plastic import (
     coated_base,
     read_coated,

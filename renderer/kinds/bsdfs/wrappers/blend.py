@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select
 from renderer.kernels.lanes.vectors import select3
-from renderer.kinds.bsdfs.kind import Float, Nested, Numbers
+from renderer.kinds.bsdfs.kind import Float, Numbers
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
     Wrapper,
@@ -22,6 +22,7 @@ from renderer.kinds.bsdfs.nesting import (
     nested_albedo,
     sample_lobe,
 )
+from renderer.kinds.bsdfs.parameters import Nested
 from renderer.kinds.bsdfs.wrappers.mask import in_unit_interval
 from renderer.scene_file.description import Blend as Description
 from renderer.scene_file.objects.bsdfs import read_nested

@@ -19,8 +19,9 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.kinds.bsdfs.kind import Derivatives, Float, Gradient, Nested, Surface
+from renderer.kinds.bsdfs.kind import Float
 from renderer.kinds.bsdfs.nesting import Wrapper
+from renderer.kinds.bsdfs.parameters import Derivatives, Gradient, Nested, Surface
 from renderer.kinds.bsdfs.wrappers.normalmap import (
     albedo,
     eval_pdf,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.kinds.bsdfs.kind import Float, Nested, Numbers
+from renderer.kinds.bsdfs.kind import Float, Numbers
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
     Wrapper,
@@ -18,6 +18,7 @@ from renderer.kinds.bsdfs.nesting import (
     nested_albedo,
     sample_lobe,
 )
+from renderer.kinds.bsdfs.parameters import Nested
 from renderer.scene_file.description import Mask as Description
 from renderer.scene_file.objects.bsdfs import read_nested
 from renderer.scene_file.objects.textures import read_scalar_texture

@@ -14,7 +14,7 @@ import numpy as np
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
 from renderer.kernels.lanes.vectors import cross, dot, normalize, select3, vec3
-from renderer.kinds.bsdfs.kind import Color, Float, Nested
+from renderer.kinds.bsdfs.kind import Color, Float
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
     Wrapper,
@@ -23,6 +23,7 @@ from renderer.kinds.bsdfs.nesting import (
     nested_albedo,
     sample_lobe,
 )
+from renderer.kinds.bsdfs.parameters import Nested
 from renderer.kinds.sampling.arithmetic import Frame, to_local
 from renderer.scene_file.description import BitmapTexture, ConstantTexture
 from renderer.scene_file.description import NormalMap as Description

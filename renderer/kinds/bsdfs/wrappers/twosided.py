@@ -8,11 +8,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import fabs, select
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.kinds.bsdfs.kind import Nested
 from renderer.kinds.bsdfs.nesting import (
     Lobe,
     Wrapper,
@@ -21,6 +19,7 @@ from renderer.kinds.bsdfs.nesting import (
     nested_albedo,
     sample_lobe,
 )
+from renderer.kinds.bsdfs.parameters import Nested
 from renderer.scene_file.description import TwoSided as Description
 from renderer.scene_file.objects.bsdfs import read_nested
 
@@ -40,17 +39,7 @@ class OneForEach(NamedTuple):
 
 def read(properties: Any) -> Description:
     """Read the properties of a file."""
-    # the registry has this file's wrappers
-    from renderer.kinds.bsdfs.registry import BSDFS, kind_of
-
     sides = read_nested(properties, 1, 2, "one for both sides, or one for each")
-    for (_, element), side in zip(properties.children("bsdf"), sides, strict=True):
-        if kind_of(side).transmits:
-            possible = [name for name, kind in BSDFS.items() if not kind.transmits]
-            raise SceneError(
-                f"{element.location}: {element} cannot be inside of twosided, as light "
-                f"goes through it; supported: {', '.join(possible)} and what holds these"
-            )
     return Description(front=sides[0], back=sides[-1])
 
 
@@ -119,7 +108,15 @@ ONE_FOR_BOTH = Wrapper(
     _sample_both,
     _eval_pdf_both,
     _albedo_of_both,
+    opaque=True,
 )
 ONE_FOR_EACH = Wrapper(
-    "twosided", OneForEach, read, "two sides", _sample_each, _eval_pdf_each, _albedo_of_each
+    "twosided",
+    OneForEach,
+    read,
+    "two sides",
+    _sample_each,
+    _eval_pdf_each,
+    _albedo_of_each,
+    opaque=True,
 )

@@ -26,7 +26,7 @@ from renderer.kinds.shapes.flat.patch import (
 )
 from renderer.kinds.shapes.kind import ShapeKind
 from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
-from renderer.kinds.shapes.surface.surface import (
+from renderer.kinds.shapes.surface import (
     LightPoint,
     SurfacePoint,
     flat_point,

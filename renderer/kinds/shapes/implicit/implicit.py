@@ -35,7 +35,7 @@ from renderer.kinds.shapes.singly import (
     points_alone,
     unit_normal,
 )
-from renderer.kinds.shapes.surface.surface import (
+from renderer.kinds.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     nowhere,
@@ -43,13 +43,13 @@ from renderer.kinds.shapes.surface.surface import (
     tangent_at,
 )
 from renderer.scene_file.description import Implicit
-from renderer.scene_file.document.tree import Function
 from renderer.scene_file.objects.expressions import (
     ExpressionError,
     Program,
     parse_expression,
     trace_function,
 )
+from renderer.scene_file.tree import Function
 
 
 class ImplicitSurfaces(NamedTuple):

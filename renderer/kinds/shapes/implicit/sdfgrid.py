@@ -44,7 +44,7 @@ from renderer.kinds.shapes.singly import (
     points_alone,
     unit_normal,
 )
-from renderer.kinds.shapes.surface.surface import (
+from renderer.kinds.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     nowhere,
@@ -52,8 +52,8 @@ from renderer.kinds.shapes.surface.surface import (
     tangent_at,
 )
 from renderer.scene_file.description import SdfGrid
-from renderer.scene_file.document.tree import Tensor
-from renderer.scene_file.grid_file import check_distances, read_grid
+from renderer.scene_file.meshes.grid_file import check_distances, read_grid
+from renderer.scene_file.tree import Tensor
 
 _NEAR = 0.25  # cells that a Newton step may go: a float32 hit point is far closer
 

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 
 from renderer.rendering.planning.cautions.caution import Caution
 from renderer.rendering.planning.cautions.coincident_surfaces import coincident_surfaces
-from renderer.rendering.planning.cautions.depth_in_glass import depth_in_glass
 from renderer.rendering.planning.cautions.far_coordinates import far_coordinates
-from renderer.rendering.planning.cautions.lamps_in_glass import lamps_in_glass
+from renderer.rendering.planning.cautions.glass import depth_in_glass, lamps_in_glass
 from renderer.rendering.planning.cautions.starved_lamps import starved_lamps
 from renderer.scene.scene import Scene
 

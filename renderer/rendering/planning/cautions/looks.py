@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.kinds.bsdfs.nesting import Structure
+from renderer.kinds.bsdfs.structures import Structure
 from renderer.scene.materials import is_textured, kind_of
 from renderer.scene_file.description import (
     Blend,

@@ -10,8 +10,8 @@ import re
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
 from renderer.scene_file.description import Location
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.tree import Element
 
 # A lower-case letter, then capitals: toWorld, intIOR (int_ior).
 _CAMEL_CASE = re.compile(r"(?<=[a-z])[A-Z]+")

@@ -11,7 +11,6 @@ from pathlib import Path
 from renderer.errors import SceneError
 from renderer.scene_file.description import Location
 from renderer.scene_file.document.parameters import Parameters
-from renderer.scene_file.document.tree import UNNAMED, Element, Tree
 from renderer.scene_file.document.xml import version_1
 from renderer.scene_file.document.xml.xml_elements import (
     XmlElement,
@@ -24,6 +23,7 @@ from renderer.scene_file.files import find
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.plugins import TAGS
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import UNNAMED, Element, Tree
 
 DEEPEST_INCLUDE = 15  # as in Mitsuba
 _OTHER_TAGS = ("default", "include", "path", "alias")

@@ -4,13 +4,6 @@ from __future__ import annotations
 
 from renderer.errors import SceneError
 from renderer.scene_file.colors.spectrum_text import parse_spectrum, read_spd
-from renderer.scene_file.document.tree import (
-    Reference,
-    RgbValue,
-    SpectrumValue,
-    Value,
-    Vector,
-)
 from renderer.scene_file.document.xml.xml_elements import XmlElement, check_attributes
 from renderer.scene_file.document.xml.xml_transforms import fold_steps, xyz
 from renderer.scene_file.numbers import (
@@ -21,6 +14,13 @@ from renderer.scene_file.numbers import (
     quoted,
 )
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import (
+    Reference,
+    RgbValue,
+    SpectrumValue,
+    Value,
+    Vector,
+)
 
 VALUE_TAGS = (
     "boolean",

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 from renderer.process.names import INTEGRATORS
 from renderer.scene_file.description import Integrator
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element
 
 _OF_VOLUMES = ("volpath", "volpathmis")
 # Shadow rays of these see through such BSDFs, those of path do not.

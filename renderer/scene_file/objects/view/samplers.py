@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.document.tree import Element
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.reading import Reading
+from renderer.scene_file.tree import Element
 
 _LARGEST = 2**24
 

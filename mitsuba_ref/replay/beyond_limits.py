@@ -1,0 +1,177 @@
+"""A replay beyond its limits: whether what went beyond them is rounding, or a defect.
+
+A sample of the pixels is traced, spread evenly over all of them. Rounding must explain each
+one, in every step of every sample that matters (`explained_pixel`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitsuba_ref.records.proof_file import ReplayLimits
+from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
+from mitsuba_ref.records.results import ReplayResult
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.replay.explained_pixel import DifferentPixel, explain_pixel
+from mitsuba_ref.replay.paths.led_path import Finding
+from mitsuba_ref.replay.paths.traced_pair import TracedPair
+from mitsuba_ref.replay.replay_comparison import (
+    BRIGHT,
+    DARK,
+    TOLERANCE,
+    errors_in_common,
+    relative_difference,
+)
+from renderer.errors import SceneError
+
+Array = NDArray[np.float32]
+
+SEED = 7
+"""Of the places inside of the strata: the same pixels are traced at every run."""
+
+DOUBT = 0.05
+"""Probability that a share as large as is said to be excluded is not met by the sample."""
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """Pixels that go beyond one limit."""
+
+    what: str  # they do
+    places: NDArray[np.intp]  # (n, 2): row and column of each
+    scale: NDArray[np.float64]  # (H, W): what differences are relative to
+    tolerance: float
+
+
+def look_at_causes(
+    result: ReplayResult,
+    ours: Array,
+    reference: Array,
+    request: RenderRequest,
+    limits: ReplayLimits,
+    time_limit: float = TIME_LIMIT,
+) -> ReplayResult:
+    """Return the result of a replay that failed, as passed if rounding explains it.
+
+    Parameters
+    ----------
+    result
+        Of `compare_replay`; finite numbers, and not passed.
+    ours, reference
+        The pictures, (H, W, 3).
+    request
+        What both were asked for; its integrator is traceable.
+    limits
+        What was allowed, and of how many pixels the causes count (`traced`).
+    time_limit
+        Seconds for one answer of Mitsuba.
+    """
+    said: list[str] = []
+    traced = unexplained = 0
+    excluded = 0.0
+    try:
+        with TracedPair(request, time_limit) as pair:
+            for beyond in pixels_beyond(result, ours, reference, limits):
+                count = len(beyond.places)
+                chosen = spread_evenly(count, limits.traced)
+                found = {
+                    int(k): _explain(pair, beyond, int(k), ours, reference) for k in chosen
+                }
+                traced += len(found)
+                unexplained += sum(not one.within_rounding for one in found.values())
+                if len(chosen) < count:
+                    excluded = max(excluded, excluded_share(len(chosen)))
+                said.append(_sentence(beyond, found))
+    except (MitsubaError, SceneError) as error:
+        return replace(result, sentence=f"{result.sentence}; causes not traced: {error}")
+    passed = traced > 0 and unexplained == 0
+    return replace(
+        result,
+        passed=passed,
+        verdict="pass" if passed else "fail",
+        sentence="; ".join([result.sentence, *said]),
+        traced=traced,
+        unexplained=unexplained,
+        excluded=excluded,
+    )
+
+
+def pixels_beyond(
+    result: ReplayResult, ours: Array, reference: Array, limits: ReplayLimits
+) -> Iterator[Beyond]:
+    """Yield the pixels that diverged, if too many have, and those of too large an RMSE.
+
+    The latter are those beyond the limit of the RMSE by themselves: that of the rest is
+    below it.
+    """
+    diverged = relative_difference(ours, reference) > TOLERANCE
+    theirs = np.abs(reference.astype(np.float64))
+    own, mean = theirs.max(axis=2), theirs.mean()
+    if result.divergent > result.divergent_allowed:
+        scale = np.maximum(own, DARK * mean)
+        yield Beyond("diverged", np.argwhere(diverged), scale, TOLERANCE)
+    if result.rmse is not None and result.rmse > limits.rmse:
+        errors = np.abs(errors_in_common(ours, reference)).max(axis=2)
+        beyond = ~diverged & (errors > limits.rmse)
+        scale = np.maximum(BRIGHT * own, mean)
+        what = f"differ by more than {limits.rmse:g} without diverging"
+        yield Beyond(what, np.argwhere(beyond), scale, limits.rmse)
+
+
+def spread_evenly(count: int, wanted: int) -> NDArray[np.intp]:
+    """Return at most `wanted` of `count` places, rising: one of each of equal strata.
+
+    The place in its stratum is random, so that (1 - p)^n bounds the probability of meeting
+    none of a share p, however those are spread: the product over the strata is largest
+    where all have the same share.
+    """
+    if count <= wanted:
+        return np.arange(count)
+    inside = np.random.default_rng(SEED).random(wanted)
+    places = ((np.arange(wanted) + inside) * (count / wanted)).astype(np.intp)
+    return np.unique(places)
+
+
+def excluded_share(traced: int) -> float:
+    """Return which share of unexplained pixels a sample without any excludes."""
+    return float(1.0 - DOUBT ** (1.0 / traced))
+
+
+def _explain(
+    pair: TracedPair, beyond: Beyond, k: int, ours: Array, reference: Array
+) -> Finding:
+    y, x = (int(place) for place in beyond.places[k])
+    a, b = (tuple(float(c) for c in picture[y, x]) for picture in (ours, reference))
+    scale = float(beyond.scale[y, x])
+    return explain_pixel(
+        pair,
+        DifferentPixel(
+            (x, y), (a[0], a[1], a[2]), (b[0], b[1], b[2]), scale, beyond.tolerance
+        ),
+    )
+
+
+def _sentence(beyond: Beyond, found: dict[int, Finding]) -> str:
+    count, traced = len(beyond.places), len(found)
+    bad = [(k, one.sentence) for k, one in found.items() if not one.within_rounding]
+    of = f"of {count} pixels that {beyond.what}"
+    if bad:
+        (k, cause), are = bad[0], "is" if len(bad) == 1 else "are"
+        row, column = beyond.places[k]
+        return (
+            f"{of} {traced} were traced and {len(bad)} {are} NOT explained by rounding, "
+            f"as pixel {column},{row}: {cause.rstrip('.')}"
+        )
+    step = max((one.step for one in found.values()), default=0.0)
+    moves = f" (by moves of {step:g} at most)" if step else ""
+    if traced == count:
+        return f"{of} all were traced, and rounding explains each{moves}"
+    return (
+        f"{of} {traced}, spread evenly, were traced, and rounding explains each{moves}: "
+        f"with 95 % confidence less than {100.0 * excluded_share(traced):.2g} % have "
+        "another cause"
+    )

@@ -1,1 +1,0 @@
-"""Whether a difference of a replay is rounding, and of what kind."""

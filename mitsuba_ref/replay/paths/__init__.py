@@ -1,0 +1,1 @@
+"""Single paths in both renderers, step by step, side by side."""

@@ -1,0 +1,272 @@
+"""Mitsuba's side of a trace: its integrators in Python, over its own objects.
+
+Mitsuba's `path` and `direct` cannot say what happens inside a path. This follows them call
+by call [Jakob2022, src/integrators/path.cpp, direct.cpp] with the scene, sensor, BSDFs,
+emitters and sampler of the `scalar_rgb` variant itself, and writes down what passes by; a
+test holds its radiance against `mi.render`. As a program it answers JSON lines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from mitsuba_ref.our_renderer.traced_path import (
+    Bounce,
+    LightAsked,
+    Scattered,
+    TracedPath,
+    light_number,
+)
+from mitsuba_ref.reference.edited_scene import load_edited_scene
+from mitsuba_ref.reference.render import camera_entries
+from mitsuba_ref.reference.variant import load_mitsuba
+from mitsuba_ref.reference.variant_process import Answerer, answer_requests
+from mitsuba_ref.replay.integrator_method import read_method
+from mitsuba_ref.replay.paths.mitsuba_path import (
+    NumbersDrawn,
+    PathState,
+    film_place,
+    vector,
+)
+from renderer.replay.numbers.pixel_seeds import pixel_seeds
+
+NAME = "Mitsuba"
+
+
+class MitsubaTracer:
+    """Traces samples of single pixels of one scene.
+
+    Parameters
+    ----------
+    scene
+        A mitsuba.Scene whose shapes were not merged.
+    spp
+        Samples per pixel, which some samplers' patterns depend on.
+    integrator
+        A mitsuba.Integrator; None is the scene's.
+
+    Raises
+    ------
+    MitsubaError
+        For an integrator other than `path` and `direct`.
+    """
+
+    def __init__(self, scene: Any, spp: int, integrator: Any = None) -> None:
+        self._mi = load_mitsuba()
+        self._scene = scene
+        self._sensor = scene.sensors()[0]
+        self._sensor.sampler().set_sample_count(spp)
+        self.spp = int(self._sensor.sampler().sample_count())
+        self.method = read_method(integrator or scene.integrator())
+        self._shapes = list(scene.shapes())
+        self._light_names = _light_names(scene)
+
+    def trace(self, pixel: tuple[int, int], pixel_seed: int, sample: int) -> TracedPath:
+        """Return one sample of the pixel (x, y) of the crop window.
+
+        A sample of a pixel begins where the one before it left the sampler, so the earlier
+        ones are traced too.
+        """
+        *_, path = islice(self.trace_all(pixel, pixel_seed), sample + 1)
+        return path
+
+    def trace_all(self, pixel: tuple[int, int], pixel_seed: int) -> Iterator[TracedPath]:
+        """Yield all samples of the pixel (x, y) of the crop window."""
+        sampler = self._sensor.sampler().fork()
+        sampler.seed(pixel_seed)
+        for _ in range(self.spp):
+            yield self._trace(pixel, sampler)
+            sampler.advance()
+
+    def _camera_ray(self, pixel: tuple[int, int], numbers: NumbersDrawn) -> Any:
+        mi, sensor = self._mi, self._sensor
+        film = sensor.film()
+        jitter = numbers.two("film")
+        place = mi.Point2f(
+            film_place(pixel[0], jitter.x, film.crop_size()[0], film.crop_offset()[0]),
+            film_place(pixel[1], jitter.y, film.crop_size()[1], film.crop_offset()[1]),
+        )
+        aperture = mi.Point2f(0.5)
+        if sensor.needs_aperture_sample():
+            aperture = numbers.two("aperture")
+        time = sensor.shutter_open()
+        if sensor.shutter_open_time() > 0.0:
+            time += numbers.one("time") * sensor.shutter_open_time()
+        ray, _ = sensor.sample_ray_differential(time, 0.0, place, aperture)
+        return mi.Ray3f(ray)
+
+    def _trace(self, pixel: tuple[int, int], sampler: Any) -> TracedPath:
+        numbers = NumbersDrawn(sampler)
+        ray = self._camera_ray(pixel, numbers)
+        drawn = numbers.take()
+        state = PathState(self._mi, ray)
+        bounces: list[Bounce] = []
+        while state.active and len(bounces) < self.method.max_depth:
+            bounces.append(self._bounce(state, numbers))
+        return TracedPath(NAME, drawn, vector(ray.o), vector(ray.d), tuple(bounces))
+
+    def _bounce(self, state: PathState, numbers: NumbersDrawn) -> Bounce:
+        arriving = vector(state.throughput)
+        si = self._intersect(state)
+        before = state.result
+        self._arrive(state, si)
+        emitted = vector(state.result - before)
+        hit = bool(si.is_valid())
+        state.active = hit and state.depth + 1 < self.method.max_depth
+        lights: tuple[LightAsked, ...] = ()
+        scattered = None
+        if state.active:
+            lights, scattered = self._scatter(state, si, numbers)
+        return Bounce(
+            shape=self._shape_number(si) if hit else 0,
+            face=int(si.prim_index) if hit and si.shape.is_mesh() else None,
+            t=float(si.t),
+            position=vector(si.p) if hit else None,
+            throughput=arriving,
+            emitted=emitted,
+            numbers=numbers.take(),
+            lights=lights,
+            scattered=scattered,
+            radiance=vector(state.result),
+            normal=vector(si.sh_frame.n) if hit else None,
+        )
+
+    def _intersect(self, state: PathState) -> Any:
+        mi, scene, ray = self._mi, self._scene, state.ray
+        si = scene.ray_intersect(ray, int(mi.RayFlags.All), state.depth == 0)
+        while (
+            self.method.hide_emitters
+            and state.depth == 0
+            and si.is_valid()
+            and si.shape.emitter() is not None
+        ):
+            si = scene.ray_intersect(si.spawn_ray(ray.d), int(mi.RayFlags.All), True)
+        return si
+
+    def _arrive(self, state: PathState, si: Any) -> None:
+        """Add the light of what was hit, weighted beside the asking of lights."""
+        mi, scene = self._mi, self._scene
+        emitter = si.emitter(scene)
+        if emitter is None or (self.method.hide_emitters and state.depth == 0):
+            return
+        weight = 1.0
+        if state.depth > 0:
+            light_pdf = 0.0
+            if not state.delta:
+                ds = mi.DirectionSample3f(scene, si, state.previous)
+                light_pdf = scene.pdf_emitter_direction(state.previous, ds, True)
+            weight = self.method.bsdf_weight(state.pdf, light_pdf)
+        state.add(emitter.eval(si, state.pdf > 0.0) * weight)
+
+    def _scatter(
+        self, state: PathState, si: Any, numbers: NumbersDrawn
+    ) -> tuple[tuple[LightAsked, ...], Scattered | None]:
+        mi, method = self._mi, self.method
+        bsdf, context = si.bsdf(), mi.BSDFContext()
+        smooth = mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        names = [light_number(k) for k in range(method.light_samples if smooth else 0)]
+        points = [numbers.two(name) for name in names]  # drawn even without a light
+        drawn = points if self._light_names else []
+        lights = tuple(self._sample_light(state, si, bsdf, point) for point in drawn)
+        if method.bsdf_samples == 0:
+            state.active = False
+            return lights, None
+        number, point = self._bsdf_numbers(numbers)
+        chosen, weight = bsdf.sample(context, si, number, point, True)
+        direction = si.to_world(chosen.wo)
+        state.go_on(si, direction, chosen, weight)
+        throughput = vector(state.throughput)
+        survived = state.play_roulette(method.roulette_depth, numbers)
+        if not any(throughput):
+            state.active = False
+            return lights, None
+        pdf = 0.0 if state.delta else state.pdf
+        origin = vector(state.ray.o)
+        return lights, Scattered(
+            vector(direction), float(pdf), throughput, survived, origin
+        )
+
+    def _bsdf_numbers(self, numbers: NumbersDrawn) -> tuple[float, Any]:
+        # `direct` draws both as arguments of one call, which the compiler evaluates from
+        # the right; `path` draws the single number first.
+        if self.method.point_first:
+            point = numbers.two("bsdf")
+            return numbers.one("bsdf"), point
+        number = numbers.one("bsdf")
+        return number, numbers.two("bsdf")
+
+    def _sample_light(self, state: PathState, si: Any, bsdf: Any, point: Any) -> LightAsked:
+        mi, scene = self._mi, self._scene
+        seen, weight = scene.sample_emitter_direction(si, point, True, True)
+        sampled, unblocked = scene.sample_emitter_direction(si, point, False, True)
+        wo = si.to_local(sampled.d)
+        value, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, wo, True)
+        mis = 1.0 if sampled.delta else self.method.light_weight(sampled.pdf, bsdf_pdf)
+        carried = state.throughput * (value * unblocked * mis)
+        if seen.pdf != 0.0:
+            state.add(value * weight * mis)
+        blocked = None
+        if sampled.pdf != 0.0 and any(vector(carried)):
+            blocked = not any(vector(weight))
+        far = mi.has_flag(sampled.emitter.flags(), mi.EmitterFlags.Infinite)
+        return LightAsked(
+            light=self._light_names.get(sampled.emitter, "?"),
+            direction=vector(sampled.d),
+            distance=math.inf if far else float(sampled.dist),
+            pdf=0.0 if sampled.delta else float(sampled.pdf),
+            weight=vector(unblocked),
+            carried=vector(carried),
+            blocked=blocked,
+            # what `sample_emitter_direction` sends towards the light
+            origin=None if blocked is None else vector(si.spawn_ray_to(sampled.p).o),
+        )
+
+    def _shape_number(self, si: Any) -> int:
+        """Return the place in the file, from 1, of the shape or the instance around it."""
+        return 1 + self._shapes.index(si.instance if si.instance is not None else si.shape)
+
+
+def _light_names(scene: Any) -> dict[Any, str]:
+    """Name lights as `LightAsked.light` says."""
+    names = {
+        shape.emitter(): f"shape {number}"
+        for number, shape in enumerate(scene.shapes(), start=1)
+        if shape.is_emitter()
+    }
+    others = [emitter for emitter in scene.emitters() if emitter not in names]
+    return names | {e: f"emitter {number}" for number, e in enumerate(others, start=1)}
+
+
+def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
+    """Load the job's scene; return the camera's entries and what traces each request."""
+    edited = load_edited_scene(
+        Path(job["path"]),
+        job["parameters"],
+        box_filter=True,
+        keep_shapes_apart=True,
+        colors_alone=True,
+        plugins=job["plugins"],
+    )
+    sensor = edited.scene.sensors()[0]
+    tracer = MitsubaTracer(edited.scene, job["spp"] or sensor.sampler().sample_count())
+    width, height = (int(n) for n in sensor.film().crop_size())
+    seeds = pixel_seeds(width, height, job["seed"])
+
+    def answer(wanted: dict[str, Any]) -> dict[str, Any]:
+        x, y = wanted["pixel"]
+        seed = int(seeds[y, x])
+        if wanted["sample"] is None:
+            return {"paths": [asdict(path) for path in tracer.trace_all((x, y), seed)]}
+        return asdict(tracer.trace((x, y), seed, wanted["sample"]))
+
+    entries = camera_entries(load_mitsuba(), sensor)
+    return {"camera": [float(entry) for entry in entries]}, answer
+
+
+if __name__ == "__main__":
+    answer_requests(start)

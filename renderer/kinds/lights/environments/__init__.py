@@ -1,1 +1,0 @@
-"""Light from infinitely far away, from every direction."""

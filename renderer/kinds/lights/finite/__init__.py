@@ -1,0 +1,1 @@
+"""Light from places in the scene: shapes that shine, and points."""

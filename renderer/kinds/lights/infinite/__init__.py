@@ -1,0 +1,1 @@
+"""Light from infinitely far away: environments, and one direction."""

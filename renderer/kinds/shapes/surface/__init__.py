@@ -1,1 +1,0 @@
-"""What a point of a surface knows besides its place: normals, (u, v) and derivatives."""

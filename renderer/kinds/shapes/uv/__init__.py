@@ -1,0 +1,1 @@
+"""Surfaces by their (u, v): points, and how far apart texels lie."""

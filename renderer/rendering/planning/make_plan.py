@@ -1,0 +1,304 @@
+"""The plan: no more than a scene needs, and why.
+
+From what the file asks for and what the scene holds, `make_plan` takes the least method
+that gives the same answer, and says so in words (`--explain`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from renderer.errors import SceneError
+from renderer.integrators.kind import Case
+from renderer.integrators.registry import INTEGRATORS
+from renderer.kinds.bsdfs.registry import reaches_all
+from renderer.kinds.lights.registry import plugin_of
+from renderer.process import names
+from renderer.process.names import LIGHT_CHOICES, REPLAY, SAMPLERS
+from renderer.process.threads import default_threads
+from renderer.rendering.planning.expected_rays import expected_rays
+from renderer.rendering.planning.explanation import (
+    Explanation,
+    describe_integrator,
+    explain_accelerators,
+    explain_geometry,
+    explain_light_choice,
+    explain_materials_and_lights,
+    explain_roulette,
+    explain_samples,
+    explain_shadow_rays,
+    explain_weights,
+)
+from renderer.rendering.planning.plan import MOST_SAMPLES, RAY_OFFSETS, Plan
+from renderer.rendering.planning.restriction import restrict
+from renderer.replay.refusals import check_replay
+from renderer.scene.light_properties import (
+    has_even_sky,
+    has_extended_lights,
+    has_lights_beside_their_samples,
+)
+from renderer.scene.scene import Scene
+from renderer.scene_file.description import (
+    Integrator,
+    Sampler,
+)
+from renderer.scene_file.objects.view.samplers import round_sample_count
+
+OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
+
+
+def _is_transparent(scene: Scene, asked: Integrator) -> bool:
+    """Return whether there are holes, and nothing to be seen behind them."""
+    emitters = scene.description.emitters
+    sky = any(plugin_of(emitter).environment for emitter in emitters)
+    return scene.materials.straight and (asked.hide_emitters or not sky)
+
+
+def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
+    asked = scene.description.integrator
+    if name in (None, "auto", asked.name):
+        if asked.refusal:
+            raise SceneError(asked.refusal)
+        return asked
+    if name not in INTEGRATORS:
+        known = ", ".join(names.INTEGRATORS)
+        raise SceneError(f"integrator {name!r} is unknown; there are: {known}")
+    if asked.refusal:  # nothing in it was read, so that the defaults count
+        return Integrator(name)
+    return dataclasses.replace(asked, name=name, aovs=(), nested=None, moments=None)
+
+
+def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
+    asked = scene.description.camera.sampler
+    if name in (None, asked.name, REPLAY):
+        return asked
+    if name not in SAMPLERS:
+        known = ", ".join((*SAMPLERS, REPLAY))
+        raise SceneError(f"sampler {name!r} is unknown; there are: {known}")
+    return dataclasses.replace(asked, name=name, jitter=True)
+
+
+def _with_sample_count(sampler: Sampler, asked: int) -> Sampler:
+    """Return the sampler with the number that its pattern allows, as Mitsuba rounds it."""
+    if not 1 <= asked <= MOST_SAMPLES:
+        raise SceneError(f"spp is {asked}; 1 to {MOST_SAMPLES} are possible")
+    count = round_sample_count(sampler.name, asked)
+    return dataclasses.replace(sampler, sample_count=count)
+
+
+def make_plan(
+    scene: Scene,
+    *,
+    integrator: str | None = None,
+    sampler: str | None = None,
+    spp: int | None = None,
+    accel: str | None = None,
+    ray_offset: str | None = None,
+    threads: int | None = None,
+    light_choice: str | None = None,
+) -> Plan:
+    """Decide how to render.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is there.
+    integrator : str, optional
+        One of `names.INTEGRATORS`. None and "auto" take the least method that gives the
+        answer which the file asks for; any other name is taken at its word.
+    sampler : str, optional
+        One of `SAMPLERS`; None takes the file's, `mitsuba` too but with the random numbers
+        that Mitsuba's scalar variants draw, in their order.
+    spp : int, optional
+        Samples per pixel; None takes the file's. Rounded up to what the sampler's pattern
+        allows, as in Mitsuba.
+    accel : str, optional
+        What `build_accelerators` will be asked for; it is explained here.
+    ray_offset : str, optional
+        One of `RAY_OFFSETS`: how far off their surface new rays start. None is `tight`, in
+        a replay of Mitsuba its own.
+    threads : int, optional
+        That will trace; None is one for each core.
+    light_choice : str, optional
+        Where one of several lights is asked at a point: `importance`, by what each can give
+        there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
+        paths or their second moments are asked for. With `importance` an even sky is not
+        one of them where BSDF samples are followed, which mostly find it with less
+        noise.
+
+    Raises
+    ------
+    SceneError
+        For a name that does not exist or a number of samples that is out of range.
+    """
+    choices = (
+        integrator,
+        sampler,
+        spp,
+        accel or "auto",
+        ray_offset,
+        threads or default_threads(),
+        light_choice,
+    )
+    plan: Plan = scene.recently("plan", choices, _make_plan, scene, *choices)
+    return plan
+
+
+def _make_plan(
+    scene: Scene,
+    integrator: str | None,
+    sampler: str | None,
+    spp: int | None,
+    accel: str,
+    ray_offset: str | None,
+    threads: int,
+    light_choice: str | None,
+) -> Plan:
+    plan = _decide(scene, integrator, sampler, spp, light_choice)
+    why = Explanation(list(plan.lines))
+    emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
+    asked = emitting + len(scene.description.emitters) - plan.finds_sky
+    lights = max(1, asked) if plan.every_light else 1  # or the ray that finds the sky
+    camera = scene.description.camera
+    explain_light_choice(plan, asked, why)
+    rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
+    explain_accelerators(scene, accel, rays, why)
+    offset = _known_ray_offset(ray_offset, plan.replay)
+    if plan.asks_lights and scene.materials.smooth and not plan.replay:
+        offsets = RAY_OFFSETS[offset]
+        explain_shadow_rays(scene, accel, rays, plan.finds_sky, offsets, why)
+    return dataclasses.replace(
+        plan,
+        ray_offset=offset,
+        rays=rays,
+        lines=tuple(why.lines),
+    )
+
+
+def _known_ray_offset(name: str | None, replay: bool) -> str:
+    if name is None:
+        return "mitsuba" if replay else "tight"
+    if name not in RAY_OFFSETS:
+        known = ", ".join(RAY_OFFSETS)
+        raise SceneError(f"ray offset {name!r} is unknown; there are: {known}")
+    return name
+
+
+def _known_light_choice(name: str | None, asked: Integrator, replay: bool) -> str:
+    if name not in (None, *LIGHT_CHOICES):
+        known = ", ".join(LIGHT_CHOICES)
+        raise SceneError(f"light choice {name!r} is unknown; there are: {known}")
+    if replay and name == "importance":
+        raise SceneError("light choice 'importance': a replay takes Mitsuba's, 'uniform'")
+    as_mitsuba = replay or asked.moments is not None
+    return name or ("uniform" if as_mitsuba else "importance")
+
+
+def _decide(
+    scene: Scene,
+    integrator: str | None,
+    sampler: str | None,
+    spp: int | None,
+    light_choice: str | None,
+) -> Plan:
+    why = Explanation()
+    asked = _choose_integrator(scene, integrator)
+    replay = sampler == REPLAY
+    choice = _known_light_choice(light_choice, asked, replay)
+    # a leaner method gives the same answer, but not by the same paths, nor the same moments
+    reduce = integrator in (None, "auto") and not replay and asked.moments is None
+    chosen_sampler = _choose_sampler(scene, sampler)
+    count = chosen_sampler.sample_count if spp is None else spp
+    materials = scene.materials
+    extended = has_extended_lights(scene.description)
+    lights = extended or bool(scene.description.emitters)
+    if reduce and not lights and INTEGRATORS[asked.name].sees_lights:
+        count = 1  # the picture is black
+        why.say("left out", "all samples but one per pixel: without a light nothing varies")
+    chosen_sampler = _with_sample_count(chosen_sampler, count)
+    why.say("file asks", describe_integrator(asked))
+    case = Case(
+        asked,
+        reduce,
+        replay,
+        lights,
+        extended,
+        materials.delta,
+        materials.smooth,
+        materials.chooses,
+        _is_transparent(scene, asked),
+    )
+    decision = INTEGRATORS[asked.name].decide(case, why.say)
+    sampled_whole = not has_lights_beside_their_samples(scene.description)
+    restriction = restrict(decision, case, sampled_whole=sampled_whole)
+    decision = restriction.decision
+    if replay:
+        check_replay(asked, decision.method, extended)
+        why.say("numbers", OF_MITSUBA)
+    depth = decision.max_depth
+    strategy, finds_sky = restriction.strategy, False
+    if choice == "importance" and decision.follow and materials.smooth and depth > 1:
+        finds_sky = (
+            has_even_sky(scene.description)
+            and strategy == "both"
+            and max(decision.light_samples, decision.bsdf_samples) == 1
+            and all(map(reaches_all, scene.materials.bsdfs))
+        )
+    weighed = has_extended_lights(scene.description, but_even_sky=finds_sky)
+    if finds_sky and not weighed and len(scene.description.emitters) == 1:
+        strategy = "bsdfs"
+    plan = Plan(
+        **vars(decision),
+        weigh=weighed
+        and decision.follow
+        and materials.smooth
+        and depth > 1
+        and strategy != "bsdfs",
+        hide_emitters=asked.hide_emitters,
+        transparent=case.transparent,
+        spp=chosen_sampler.sample_count,
+        sampler=chosen_sampler,
+        replay=replay,
+        moments=asked.moments,
+        strategy=strategy,
+        caustics=restriction.caustics,
+        light_choice=choice,
+        finds_sky=finds_sky,
+    )
+    if plan.moments is not None:
+        why.say("moments", "the means of the squares of single samples, as in Mitsuba")
+    if plan.kind.splits and plan.mirrors:
+        _check_tree(scene)
+    if plan.kind.sees_lights:
+        explain_weights(plan, scene, extended, why)
+        if not plan.caustics:
+            why.say("left out", "caustics, on rough surfaces, as simplified")
+        explain_roulette(plan, why)
+        if plan.kind.scatters and not plan.mirrors and not plan.follow and depth > 1:
+            why.say("left out", "scattering: nothing is reflected towards another surface")
+        explain_geometry(scene, why)
+        explain_materials_and_lights(scene, why)
+    else:
+        why.say(
+            "left out", "lights, shadow rays, bounces: the first hit alone is asked for"
+        )
+        explain_geometry(scene, why)
+    random = decision.random and depth > 1
+    explain_samples(chosen_sampler, count, random, why, replay=replay)
+    return dataclasses.replace(plan, lines=tuple(why.lines))
+
+
+def _check_tree(scene: Scene) -> None:
+    """Refuse nestings whose mirrors and holes a tree of rays has no branches for.
+
+    Raises
+    ------
+    SceneError
+        Naming the first.
+    """
+    for kind in scene.materials.kinds:
+        if kind.delta and kind.reflection is None and kind.transmission is None:
+            raise SceneError(
+                f"{scene.description.source}: integrator 'whitted' has no branches for the "
+                f"bsdf {kind.name}; possible are path and direct, or whitted without it"
+            )
