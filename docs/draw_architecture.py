@@ -1,9 +1,9 @@
 """Draw docs/architecture.svg from the imports: what imports stands above what it imports.
 
 Boxes are packages: `mitsuba_ref`, `reports` and the folders of `renderer`. Its single
-files are names in grey on the row where they belong. Packages that import one another
-share a row and a frame. An arrow is drawn only where no way over other boxes says the same.
-`make format` draws it anew.
+files are names in grey on the row where they belong. There are no circles (`make lint`). An
+arrow is drawn only where no way over other boxes says the same. `make format` draws it
+anew.
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ Graph = dict[str, set[str]]
 
 def imports() -> tuple[Graph, set[str]]:
     """Return what each box or single file imports, and which of them are packages."""
-    modules = grimp.build_graph(
-        *ROOTS, exclude_type_checking_imports=True, cache_dir=None
-    )  # fmt: skip
+    modules = grimp.build_graph(*ROOTS, cache_dir=None)
 
     def node(module: str) -> str:
         parts = module.split(".")
@@ -63,8 +61,7 @@ def rows(reach: Graph, packages: set[str]) -> list[list[str]]:
 
     def height(name: str) -> int:
         if name not in level:
-            below = [other for other in reach[name] if name not in reach[other]]
-            level[name] = 1 + max(map(height, below), default=-1)
+            level[name] = 1 + max(map(height, reach[name]), default=-1)
         return level[name]
 
     by_level = defaultdict(list)
@@ -81,7 +78,7 @@ def rows(reach: Graph, packages: set[str]) -> list[list[str]]:
 
 def arrows(reach: Graph, packages: set[str]) -> list[tuple[str, str]]:
     """Return the pairs of packages that no third package connects already."""
-    above = {(a, b) for a in packages for b in reach[a] & packages if a not in reach[b]}
+    above = {(a, b) for a in packages for b in reach[a] & packages}
     return sorted(
         (a, b)
         for a, b in above
@@ -132,10 +129,9 @@ def draw() -> str:
         for column, name in enumerate(here):
             x = left + column * (BOX_WIDTH + GAP) + (BOX_WIDTH + GAP) / 2
             centers[name] = x, y
-            kind = "circle" if name in reach[name] else "package"
             boxes.append(
                 f'<rect x="{x - BOX_WIDTH / 2:g}" y="{y - BOX_HEIGHT / 2:g}" '
-                f'class="{kind}" width="{BOX_WIDTH}" height="{BOX_HEIGHT}" rx="4"/>'
+                f'width="{BOX_WIDTH}" height="{BOX_HEIGHT}" rx="4"/>'
                 f'<text x="{x:g}" y="{y + 4:g}" text-anchor="middle">{name}</text>'
             )
         files = lines_of(name for name in names if name not in packages)
@@ -149,7 +145,7 @@ def draw() -> str:
 _HEAD = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {0} {1}" \
 font-family="sans-serif" font-size="13">
 <title>Packages from the top down: each imports only what is below it</title>
-<style>rect {{ fill: #eef3f8; stroke: #47617d }} .circle {{ stroke-dasharray: 4 3 }}
+<style>rect {{ fill: #eef3f8; stroke: #47617d }}
 path {{ stroke: #8a9bb0; fill: none; marker-end: url(#tip) }}
 .file {{ fill: #666; font-size: 11px }}
 </style>
