@@ -3,7 +3,7 @@
 A link there names a file and a symbol of it, [`fresnel.py::fresnel_dielectric`](...#L11).
 The symbol is what counts. `python docs/lecture_lines.py` writes the line where it stands
 now, and the file if it has moved to the only other one that defines it; what it cannot
-find is an error. tests/test_lecture.py fails for what is missing or has moved.
+find is an error. tests/project/test_lecture.py fails for what is missing or has moved.
 """
 
 from __future__ import annotations

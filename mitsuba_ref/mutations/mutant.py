@@ -126,9 +126,10 @@ class Mutant:
         started = time.perf_counter()
         # `-m` puts the current folder first on the path, where the mutant lies; pytest's
         # own setting would put the unharmed renderer before it.
-        command = [sys.executable, "-m", "pytest", "-o", "pythonpath=", "-q", "-rfE"]
+        command = [sys.executable, "-m", "pytest", "-q", "-rfE"]
+        command += ["-o", "pythonpath=tests/probes"]
         command += ["-p", "no:cacheprovider", "-p", "no:xdist", "--tb=line"]
-        command += [str(ROOT / "tests" / test) for test in tests]
+        command += map(_place_of, tests)
         run = subprocess.Popen(
             command,
             cwd=self.folder,
@@ -195,11 +196,18 @@ class Mutant:
         }
 
 
+def _place_of(test: str) -> str:
+    """Return what pytest is told for "test_file.py::test"; files lie in rooms of tests/."""
+    file, separator, name = test.partition("::")
+    return f"{next((ROOT / 'tests').rglob(file))}{separator}{name}"
+
+
 def _failures(output: str) -> tuple[str, ...]:
     """Return the names in pytest's lines "FAILED tests/test_file.py::test - why"."""
     found = []
     for line in output.splitlines():
         word, _, rest = line.partition(" ")
         if word in ("FAILED", "ERROR"):
-            found.append(rest.partition(" - ")[0].rpartition("tests/")[2])
+            file, _, test = rest.partition(" - ")[0].partition("::")
+            found.append(f"{Path(file).name}::{test}")
     return tuple(found)

@@ -10,7 +10,8 @@ replaces the integral by one direction chosen with density pdf(w_i): f L_i cos /
 the integral as its mean. So the integral in the integral in the integral becomes a path.
 
 The kernels of this renderer walk the same paths, thousands at a time, in single precision.
-Given the same random numbers both find the same light (tests/test_simple_path_tracer.py).
+Given the same random numbers both find the same light
+(tests/integrators/test_simple_path_tracer.py).
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ DEFECTS = (
         "camera rays leave a box a tenth before its far side",
         (
             Edit(
-                "accelerators/bvh/bvh.py",
+                "accelerators/rays/box_entry.py",
                 "leave = maximum(minimum(x0 * STRETCH, t), minimum(x1 * STRETCH, t))",
                 "leave = maximum(minimum(x0 * 0.9, t), minimum(x1 * 0.9, t))",
             ),

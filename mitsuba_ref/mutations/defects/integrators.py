@@ -40,7 +40,7 @@ DEFECTS = (
         "moments are those of whatever method has the same mean",
         (
             Edit(
-                "rendering/planning/plan.py",
+                "rendering/planning/make_plan.py",
                 "not replay and asked.moments is None",
                 "not replay",
             ),

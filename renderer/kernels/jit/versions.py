@@ -1,7 +1,7 @@
 """The versions of Numba whose private parts `linking`, `passes` and `front_end` know.
 
 On any other version Numba compiles in its own way: slower, and to the same pictures.
-`tests/test_jit.py` fails on a version that has not been tried.
+`tests/kernels/test_jit.py` fails on a version that has not been tried.
 """
 
 from __future__ import annotations

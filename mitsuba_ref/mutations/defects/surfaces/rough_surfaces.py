@@ -106,7 +106,7 @@ DEFECTS = (
         "every rough plastic looks at the table of the scene's first BSDF",
         (
             Edit(
-                "kinds/bsdfs/kind.py",
+                "kinds/bsdfs/parameters.py",
                 "gather_row(table.first, 0, bsdf, bsdf >= 0)",
                 "gather_row(table.first, 0, bsdf * 0, bsdf >= 0)",
             ),
