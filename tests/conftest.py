@@ -1,4 +1,8 @@
-"""What all tests share: failures are printed at once, and the collector is kept out.
+"""What all tests share: rooms, failures printed at once, and the collector kept out.
+
+Tests lie in rooms, as what they test does. What they are made with is in `probes`, and some
+use samples of others: every room is on the path.
+
 
 A run that something ends from outside (a hung process, CI's own limit) never comes to
 pytest's closing summary; without this its output says that tests failed and not which.
@@ -10,6 +14,7 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +22,9 @@ import pytest
 # before anything imports NumPy: two workers' threads for products of matrices would wait
 # for each other, at the price of as much time again
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+sys.path[:0] = sorted({str(file.parent) for file in Path(__file__).parent.rglob("*.py")})
 
 
 class FailuresAtOnce:

@@ -126,8 +126,7 @@ class Mutant:
         started = time.perf_counter()
         # `-m` puts the current folder first on the path, where the mutant lies; pytest's
         # own setting would put the unharmed renderer before it.
-        command = [sys.executable, "-m", "pytest", "-q", "-rfE"]
-        command += ["-o", "pythonpath=tests/probes"]
+        command = [sys.executable, "-m", "pytest", "-o", "pythonpath=", "-q", "-rfE"]
         command += ["-p", "no:cacheprovider", "-p", "no:xdist", "--tb=line"]
         command += map(_place_of, tests)
         run = subprocess.Popen(

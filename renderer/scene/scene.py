@@ -44,7 +44,7 @@ KINDS = tuple(SHAPES)
 RECENT = {"plan": 32, "structures": 32, "tables": 2}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """Everything about a scene that does not depend on how it is rendered."""
 
@@ -59,6 +59,19 @@ class Scene:
     # comes before the first group is in the world, the rest is seen through instances
     starts: dict[str, NDArray[np.int64]]
     placements: Placements | None  # None: there are no instances
+
+    def __repr__(self) -> str:
+        """Return a line: the fields would be pages of arrays."""
+        film = self.description.camera.film
+        counts = {kind: int(starts[-1]) for kind, starts in self.starts.items()}
+        counts["instances"] = len(self.description.instances)
+        counted = [
+            f"{count} {kind.removesuffix('s') if count == 1 else kind}"
+            for kind, count in counts.items()
+            if count
+        ]
+        size = f"{film.crop_width} x {film.crop_height}"
+        return f"<Scene {self.description.source}: {size}, {', '.join(counted) or 'empty'}>"
 
     @functools.cached_property
     def _built(self) -> dict[Any, Any]:

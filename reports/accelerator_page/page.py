@@ -23,7 +23,7 @@ def accelerators_page(study: AcceleratorStudy) -> str:
         if key in study.further
     ]
     return fill(
-        "accelerators.html",
+        "speed/accelerators.html",
         section=build_accelerators_section(study),
         shown_kinds=SHOWN,
         further=further,

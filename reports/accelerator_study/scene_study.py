@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -21,6 +21,7 @@ from reports.accelerator_trials.contenders import (
 )
 from reports.accelerator_trials.meshes import StudyMesh
 from reports.accelerator_trials.peers import Peer, load_peers
+from reports.accelerator_trials.rays import RAY_KINDS
 from reports.accelerator_trials.structure_facts import structure_facts
 from reports.accelerator_trials.tracing import Query, bytes_of, spread, tallied, trace
 
@@ -36,7 +37,7 @@ CHECK_PATIENCE = 4  # times the seconds of a turn, for comparing hits
 def work_of(one: Contender, queries: Mapping[str, Query]) -> dict[str, dict[str, float]]:
     """Return means per ray of what the structure did, by kind; of the stack the largest."""
     work = {}
-    for kind in COUNTED:
+    for kind in filter(queries.__contains__, COUNTED):
         rows = tallied(one.accel, queries[kind], one.share[kind])
         nodes, boxes, primitives, saved = rows[: tally.STACK].mean(axis=1)
         work[kind] = {
@@ -104,6 +105,8 @@ def study_scene(
     settings: StudySettings,
     threads: list[int],
     progress: Progress,
+    names: Sequence[str] = tuple(BUILDERS),
+    kinds: Sequence[str] = tuple(RAY_KINDS),
 ) -> tuple[dict[str, Any], list[Contender]]:
     """Measure one scene.
 
@@ -111,17 +114,22 @@ def study_scene(
     ----------
     threads
         Numbers of threads that are timed.
+    names
+        Structures; `NAIVE`, by which the others are checked, has to be among them.
+    kinds
+        Of rays.
 
     Returns
     -------
     record, contenders
         The scene's entry of accelerators.json, and the structures, for further studies.
     """
-    contenders = build_all(mesh, list(BUILDERS), settings.build_rounds, progress)
+    contenders = build_all(mesh, list(names), settings.build_rounds, progress)
     naive = next(one for one in contenders if one.name == NAIVE)
     scout = next((one for one in contenders if one is not naive and not one.fault), naive)
     progress(f"{mesh.name}: rays")
     queries = study_queries(mesh, scout.accel, settings.pixels)
+    queries = {kind: query for kind, query in queries.items() if kind in kinds}
     progress(f"{mesh.name}: comparing hits")
     agreed = check_all(contenders, queries, CHECK_PATIENCE * settings.seconds)
     with ExitStack() as stack:

@@ -16,7 +16,7 @@ def bounding_volume_section(study: dict[str, Any]) -> str:
     """Return the HTML of the section; `study` is from `bounding_volume_study`."""
     nanoseconds = {one["name"]: one["ns_per_16_rays"] for one in study["volumes"]}
     return fill(
-        "bounding_volumes.html",
+        "speed/bounding_volumes.html",
         study=study,
         nanoseconds=nanoseconds,
         headline=_headline(study),

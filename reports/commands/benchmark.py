@@ -15,6 +15,11 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.errors import SceneError
 from reports.argument_types import at_least
+from reports.beside_peers.measure import measure_peers
+from reports.beside_peers.record import FILE as PEERS_FILE
+from reports.beside_peers.record import SCHEMA as PEERS_SCHEMA
+from reports.beside_peers.record import read_peers
+from reports.beside_peers.table import print_peers
 from reports.commands.pages import (
     BENCHMARK,
     COMPILE_TIMES,
@@ -44,7 +49,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = _parser().parse_args(words)
     # an empty cache is what `--no-cold` spares
-    given.compile = given.compile_only or (given.source is None and given.cold)
+    given.compile = given.compile_only or (
+        given.source is None and given.cold and not given.peers
+    )
     data = given.out / "data"
     command = shlex.join(["python", "-m", "reports.benchmark", *words])
     console = Console(stderr=True)
@@ -54,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         page = draw_benchmark(given.out)
         if (data / "results.json").exists():
             draw(data / "results.json", given.out)  # now with a link to this page
-        if not given.compile_only:
+        if given.peers:
+            print_peers(read_peers(data / PEERS_FILE), output())
+        elif not given.compile_only:
             print_benchmark(read_benchmark(data / BENCHMARK), output())
         if given.compile:
             print_compile_times(read_compile_times(data / COMPILE_TIMES), output())
@@ -70,10 +79,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _measure(given: argparse.Namespace, data: Path, command: str, show: Show) -> None:
-    """Write benchmark.json and compile_times.json, as far as they are asked for."""
+    """Write benchmark.json, peers.json, compile_times.json: what is asked for."""
     if given.source is not None:
         read_benchmark(given.source)  # a damaged file must not replace a sound one
         write_atomically(data / BENCHMARK, given.source.read_bytes())
+    elif given.peers:
+        peers = measure_peers(given.threads, given.rounds, command, show)
+        write_json(data / PEERS_FILE, peers, PEERS_SCHEMA)
     elif not given.compile_only:
         settings = BenchmarkSettings(
             given.scene, given.size, given.spp, given.threads, given.rounds, given.cold
@@ -112,10 +124,17 @@ def _parser() -> argparse.ArgumentParser:
         default=sizes.cold,
         help="also start the program with an empty cache, and time what compiles",
     )
-    add(
+    alone = parser.add_mutually_exclusive_group()
+    alone.add_argument(
         "--compile",
         dest="compile_only",
         action="store_true",
         help="time nothing but what compiles",
+    )
+    alone.add_argument(
+        "--peers",
+        action="store_true",
+        help="time nothing but pictures of several scenes beside Mitsuba, and rays "
+        "through large meshes beside Embree (long)",
     )
     return parser

@@ -36,7 +36,7 @@ def history_page(found: Mapping[str, Sequence[Version]]) -> str:
     """
     sections = [_section(one, found.get(one.record, ())) for one in MEASURES]
     return fill(
-        "history.html",
+        "trials/history.html",
         sections=[one for one in sections if one.versions],
         missing=sorted({one.measure.record for one in sections if not one.versions}),
     )

@@ -42,7 +42,7 @@ def limits_page(limits: Limits, chapters: tuple[Chapter, ...] = CHAPTERS) -> str
         for chapter in chapters
     ]
     return fill(
-        "limits.html",
+        "trials/limits.html",
         filters={"powers": with_powers, "label": _label},
         record=limits,
         chapters=[(chapter, found) for chapter, found in shown if found],

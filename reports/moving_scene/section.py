@@ -36,7 +36,7 @@ def moving_scene_section(study: Record) -> Markup:
     """
     motions = study["motions"]
     text = fill(
-        "moving_scene.html",
+        "speed/moving_scene.html",
         filters={"milliseconds": _milliseconds},
         study=study,
         motions=motions,

@@ -45,7 +45,7 @@ def needs_page(record: NeedsRecord, studies: Sequence[Study | None] = ()) -> str
         "interval": interval,
         "fewer": fewer,
     }
-    return fill("needs.html", filters=filters, record=record, shown=shown)
+    return fill("trials/needs.html", filters=filters, record=record, shown=shown)
 
 
 def percent(value: float) -> str:

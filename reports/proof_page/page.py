@@ -20,7 +20,7 @@ def proof_page(record: ProofRecord, folder: Path) -> str:
         If a picture is missing or unusable.
     """
     return fill(
-        "proof.html",
+        "proof/proof.html",
         filters={"percent": percent, "detectable": detectable},
         section=build_proof_section(record, folder),
         divergent_from=TOLERANCE,

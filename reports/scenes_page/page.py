@@ -61,7 +61,7 @@ def results_page(
         If a picture is missing or unusable.
     """
     return fill(
-        "index.html",
+        "scenes/index.html",
         results=results,
         verdicts=[scene.verdict for scene in results.scenes],
         sections=build_sections(worst_first(results), folder),

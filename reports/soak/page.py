@@ -15,7 +15,7 @@ def soak_page(soak: Soak) -> str:
     """Return the whole page as HTML."""
     shown = [(study, soak.parts.get(study.name, Part())) for study in STUDIES]
     return fill(
-        "soak.html",
+        "trials/soak.html",
         filters={"grouped": _grouped},
         record=soak,
         shown=[(study, part, _chart(part)) for study, part in shown],

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import shlex
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
-
-import renderer
 from mitsuba_ref.records import machine
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
@@ -20,12 +16,10 @@ from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.scene_file import read_file
 from reports.records.errors import ReportError
 from reports.speed import starts, turns
+from reports.speed.contenders import OURS, PEERS, ours, theirs, warmed
 from reports.speed.record import Benchmark, MeanCheck, Renderer, Starts
 from reports.speed.section import REFERENCE
-from reports.speed.turns import Contender, Render
 
-OURS = "lightproof"
-PEERS = {"mitsuba scalar_rgb": "scalar_rgb", "mitsuba llvm_ad_rgb": "llvm_ad_rgb"}
 TARGETS = {"speed_ratio": 6.0, "warm_seconds": 2.0, "cold_seconds": 30.0}
 CHECK_SEEDS = range(8)
 CHECK_SPP = 16
@@ -69,14 +63,15 @@ def measure(given: BenchmarkSettings, command: str, progress: Progress) -> Bench
     unavailable: dict[str, str] = {}
     with ExitStack() as stack:
         progress(f"loading {OURS}")
-        contenders = {OURS: _ours(scene, parameters, given.threads)}
+        renders = ours(scene, parameters, given.threads)
+        contenders = {OURS: warmed(renders, CHECK_SPP, given.spp)}
         for name, variant in PEERS.items():
             progress(f"loading {name}")
             try:
                 peer = stack.enter_context(
                     TimedMitsuba(variant, scene, parameters, given.threads)
                 )
-                contenders[name] = _warmed(_peer(peer), given.spp)
+                contenders[name] = warmed(theirs(peer), CHECK_SPP, given.spp)
             except MitsubaError as error:
                 if name == REFERENCE:
                     raise
@@ -141,35 +136,6 @@ def measure(given: BenchmarkSettings, command: str, progress: Progress) -> Bench
         ),
         targets=TARGETS,
     )
-
-
-def _ours(scene: Path, parameters: dict[str, str], threads: int) -> Contender:
-    """Return our renderer, loaded, compiled and warm."""
-    loaded = renderer.load_file(scene, **parameters)
-
-    def render(seed: int, spp: int) -> Render:
-        begin = time.perf_counter()
-        image = np.asarray(renderer.render(loaded, spp=spp, seed=seed, threads=threads))
-        seconds = time.perf_counter() - begin
-        red, green, blue = (float(v) for v in image.mean(axis=(0, 1), dtype=np.float64))
-        return Render(seconds, (red, green, blue))
-
-    return _warmed(render, int(parameters["spp"]))
-
-
-def _peer(peer: TimedMitsuba) -> Contender:
-    def render(seed: int, spp: int) -> Render:
-        timed = peer.render(seed, spp)
-        return Render(timed.seconds, timed.mean)
-
-    return render
-
-
-def _warmed(contender: Contender, spp: int) -> Contender:
-    """Render at both sample counts that will be used; JIT variants compile for each."""
-    contender(0, CHECK_SPP)
-    contender(0, spp)
-    return contender
 
 
 def scene_file(given: str) -> Path:

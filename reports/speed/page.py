@@ -11,4 +11,4 @@ from reports.speed.section import build_benchmark_section
 def benchmark_page(benchmark: Benchmark, compiled: CompileTimes | None = None) -> str:
     """Return the whole page as HTML; what compiles is shown if it was timed."""
     section = build_benchmark_section(benchmark)
-    return fill("benchmark.html", section=section, compiled=compiled)
+    return fill("speed/benchmark.html", section=section, compiled=compiled)

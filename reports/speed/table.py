@@ -54,7 +54,7 @@ def print_benchmark(record: Benchmark, console: Console) -> None:
     for target in section.targets:
         met = {True: "reached", False: "NOT reached", None: "not measured"}[target.met]
         _line(console, f"{target.what}: {target.measured}, {target.wanted} wanted: {met}")
-    _print_circumstances(record, console)
+    print_circumstances(record, console)
 
 
 def print_compile_times(record: CompileTimes, console: Console) -> None:
@@ -68,10 +68,11 @@ def print_compile_times(record: CompileTimes, console: Console) -> None:
     for one in record.scenes:
         table.add_row(escape(one.scene), number(one.seconds), number(one.former))
     console.print(table)
-    _print_circumstances(record, console)
+    print_circumstances(record, console)
 
 
-def _print_circumstances(record: Circumstances, console: Console) -> None:
+def print_circumstances(record: Circumstances, console: Console) -> None:
+    """Print machine, versions, commit, time and command of a record."""
     machine = ", ".join(f"{key} {value}" for key, value in record.machine.items())
     versions = ", ".join(f"{name} {found}" for name, found in record.versions.items())
     _line(console, f"machine: {machine}")

@@ -60,7 +60,7 @@ def speed_accuracy_page(record: SpeedAccuracy) -> str:
     every: tuple[NoisyScene | NoiselessScene, ...] = (*record.noisy, *record.noiseless)
     reasons = {(who, why) for scene in every for who, why in scene.unavailable.items()}
     return fill(
-        "speed_accuracy.html",
+        "speed/speed_accuracy.html",
         filters={"interval": interval_text, "name": name_of},
         record=record,
         efficiencies=efficiencies(record),

@@ -30,10 +30,10 @@ from mitsuba_ref.reference.json_process import JsonProcess
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from mitsuba_ref.replay import replay_scene
 from reports.records.results import read_results
-from tests import canned_renderers
+from tests.probes import canned_renderers
 
-CANNED = "tests.canned_renderers"
-RAW = "tests.raw_answers"
+CANNED = "tests.probes.canned_renderers"
+RAW = "tests.probes.raw_answers"
 
 
 @pytest.fixture(autouse=True)

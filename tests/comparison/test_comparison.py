@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.mitsuba_stand_in import write_scene
+from mitsuba_stand_in import write_scene
 
 from mitsuba_ref.comparison.aovs import compare_aovs
 from mitsuba_ref.comparison.compare import Comparison, compare

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from canned_renderers import CHANNELS, HEIGHT, WIDTH, picture, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.canned_renderers import CHANNELS, HEIGHT, WIDTH, picture, wall
 
 from mitsuba_ref.comparison.compare import compare
 from mitsuba_ref.comparison.preconditions import find_obstacle

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.mitsuba_stand_in import write_scene
+from mitsuba_stand_in import write_scene
 
 from mitsuba_ref.records.proof_file import NO_PROOF, read_proof
 from renderer.errors import SceneError

@@ -7,7 +7,7 @@ import shlex
 
 import numpy as np
 import pytest
-from tests.mitsuba_stand_in import stand_in, write_scene
+from mitsuba_stand_in import stand_in, write_scene
 
 from mitsuba_ref.command.cli import main
 from mitsuba_ref.speed.speed_against_accuracy import rungs

@@ -192,7 +192,12 @@ def test_the_work_of_a_scene_is_counted_once(box, path):
 
 
 def killed_renders(folder, kills):
-    program = [sys.executable, str(ROOT / "tests" / "killed_renders.py"), folder, kills]
+    program = [
+        sys.executable,
+        str(ROOT / "tests" / "probes" / "killed_renders.py"),
+        folder,
+        kills,
+    ]
     done = subprocess.run(
         program,
         env={**os.environ, "PYTHONPATH": str(ROOT)},

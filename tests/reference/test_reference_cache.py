@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.mitsuba_stand_in import write_scene
+from mitsuba_stand_in import write_scene
 
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference import cache as cache_module

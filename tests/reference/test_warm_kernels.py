@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from tests.mitsuba_stand_in import stand_in, write_scene
+from mitsuba_stand_in import stand_in, write_scene
 
 from mitsuba_ref.command import cli
 from mitsuba_ref.our_renderer import compile_ahead

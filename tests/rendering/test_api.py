@@ -78,6 +78,12 @@ def test_parameters_replace_the_defaults_of_a_file(tmp_path):
     assert renderer.render(renderer.load_string(XML, spp=4, width=2)).spp == 4
 
 
+def test_a_scene_shows_itself_in_a_line():
+    """Its fields would be pages of arrays, in every notebook and debugger."""
+    shown = repr(renderer.load_dict(lit_floor(size=(40, 30))))
+    assert shown == "<Scene <dictionary>: 40 x 30, 1 rectangle>"
+
+
 def test_what_the_reader_drops_is_in_the_log(tmp_path, caplog):
     """A program that calls `load_file` sees it without asking for the warnings.
 

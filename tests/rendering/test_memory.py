@@ -13,7 +13,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from PIL import Image as Pillow
-from tests.serialized_files import Mesh, ball, file_of, serialized, stream
+from serialized_files import Mesh, ball, file_of, serialized, stream
 
 import renderer
 from renderer import scene_file

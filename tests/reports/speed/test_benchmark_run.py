@@ -213,7 +213,7 @@ def run_small(room: Path, out: Path, monkeypatch: pytest.MonkeyPatch, scale: flo
             red, green, blue = (scale * value for value in timed.mean)
             return Render(timed.seconds, (red, green, blue))
 
-        monkeypatch.setattr(measure, "_ours", lambda *_: render)
+        monkeypatch.setattr(measure, "ours", lambda *_: render)
         monkeypatch.setattr(measure, "PEERS", {"mitsuba scalar_rgb": "scalar_rgb"})
         monkeypatch.setattr(starts, "warm_starts", lambda *_: [1.0])
         size = ["--size", "8", "--spp", "2", "--rounds", "2", "--no-cold"]

@@ -1,0 +1,122 @@
+"""Pictures of several scenes, ours and Mitsuba's in turn, after their means agreed.
+
+All by independent samples, so that every renderer takes as many: what samples are worth is
+measured elsewhere (`reports.speed_accuracy`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+from mitsuba_ref.reference.errors import MitsubaError
+from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
+from reports.beside_peers.record import PictureTimes
+from reports.records.errors import ReportError
+from reports.speed.contenders import OURS, PEERS, ours, theirs, warmed
+from reports.speed.measure import scene_file
+from reports.speed.record import MeanCheck, Renderer
+from reports.speed.section import REFERENCE
+from reports.speed.turns import Contender, compare_means, take_turns
+from reports.speed_accuracy.large_meshes import LARGE, written
+
+SAMPLER = "independent"
+CHECK_SEEDS = range(8)
+
+
+class Wanted(NamedTuple):
+    """A picture that is timed."""
+
+    scene: str  # of scenes/, or one of `LARGE`
+    width: int
+    height: int
+    spp: int
+
+
+PICTURES = (
+    Wanted("cornell-box", 256, 256, 64),
+    Wanted("appel-teapot", 1920, 1080, 1),
+    Wanted("appel-teapot", 1920, 1080, 4),
+    Wanted("ball-and-sun", 1280, 720, 16),
+    Wanted("ball-and-lamp", 1280, 720, 4),
+    Wanted("instances", 144, 96, 64),
+    Wanted("textured-room", 256, 192, 32),
+    Wanted("metals", 256, 192, 32),
+)
+
+
+def time_pictures(
+    threads: int,
+    rounds: int,
+    progress: Callable[[str], None],
+    wanted: tuple[Wanted, ...] = PICTURES,
+) -> tuple[PictureTimes, ...]:
+    """Time each picture in every renderer.
+
+    Raises
+    ------
+    ReportError
+        If image means differ by more than noise: then nothing more is timed.
+    """
+    large = sorted({one.scene for one in wanted} & set(LARGE))
+    with written(large) as paths:
+        files = {path.parent.name: path for path in paths}
+        return tuple(
+            _time(
+                one,
+                files.get(one.scene) or scene_file(one.scene),
+                threads,
+                rounds,
+                progress,
+            )
+            for one in wanted
+        )
+
+
+def _time(
+    wanted: Wanted,
+    scene: Path,
+    threads: int,
+    rounds: int,
+    progress: Callable[[str], None],
+) -> PictureTimes:
+    name, width, height, spp = wanted
+    size = {"width": str(width), "height": str(height), "spp": str(spp)}
+    title = f"{name}, {width} x {height}, {spp} samples"
+    unavailable: dict[str, str] = {}
+    with ExitStack() as stack:
+        progress(f"{title}: loading {OURS}")
+        contenders: dict[str, Contender] = {
+            OURS: warmed(ours(scene, size, threads, SAMPLER), spp)
+        }
+        for peer, variant in PEERS.items():
+            progress(f"{title}: loading {peer}")
+            try:
+                loaded = stack.enter_context(
+                    TimedMitsuba(variant, scene, size, threads, [SAMPLER])
+                )
+                contenders[peer] = warmed(theirs(loaded, SAMPLER), spp)
+            except MitsubaError as error:
+                if peer == REFERENCE:
+                    raise
+                unavailable[peer] = str(error)
+        progress(f"{title}: comparing image means")
+        means = compare_means(contenders[OURS], contenders[REFERENCE], CHECK_SEEDS, spp)
+        if not means.passed:
+            raise ReportError(
+                f"{scene}: image means {means.first} and {means.second} are {means.z} "
+                "standard errors apart; it was not timed"
+            )
+        seconds = take_turns(
+            contenders, rounds, spp, lambda stage: progress(f"{title}: {stage}")
+        )
+    check = MeanCheck(
+        True, len(CHECK_SEEDS), spp, means.z, means.limit, means.first, means.second
+    )
+    renderers = tuple(
+        Renderer(each, tuple(seconds.get(each, ())), unavailable.get(each, ""))
+        for each in (OURS, *PEERS)
+    )
+    return PictureTimes(name, width, height, spp, check, renderers)
