@@ -26,7 +26,6 @@ from renderer.kernels.lanes.functions import (
     select,
     smallest,
 )
-from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import load_eight, load_one, store_one
 from renderer.kernels.lanes.vectors import column3
 from renderer.kernels.records.tally import PRIMITIVES, add_to
@@ -35,8 +34,8 @@ from renderer.kinds.shapes.primitives import hit_primitive
 
 NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
 # Tests of one ray against eight that take as long as one of 16 rays against a primitive:
-# measured with AVX2. With AVX-512 the widths say 1, which others get, too.
-_EIGHTS_A_TEST = 2 if HAS_AVX2_ONLY else 1
+# measured with AVX2 and with AVX-512, whose widths would say 1.
+_EIGHTS_A_TEST = 2
 
 
 class BlockHit(NamedTuple):
