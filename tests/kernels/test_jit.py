@@ -164,6 +164,32 @@ def test_pythons_collector_looks_seldom_while_a_kernel_is_compiled() -> None:
     assert gc.get_threshold() == usual
 
 
+def test_what_compiling_made_is_not_looked_at_as_soon_as_it_ends(monkeypatch) -> None:
+    """A look at all of it would be due at once; when there is much, it is cleared away."""
+    looks = []
+    monkeypatch.setattr(decorators, "_unseen", 0)
+    monkeypatch.setattr(decorators, "_MOST_UNSEEN", 60_000)
+
+    def note(phase, info):
+        looks.append(phase)
+
+    was_frozen = gc.get_freeze_count() > 0
+    gc.unfreeze()
+    gc.collect()
+    gc.callbacks.append(note)
+    try:
+        for _ in range(3):
+            with decorators.rare_collections():
+                made = [[number] for number in range(25_000)]
+            assert gc.get_count()[0] < 700, "the next object would bring a look"
+            del made
+        assert looks == ["start", "stop"]  # at the third, of 75,000 objects
+    finally:
+        gc.callbacks.remove(note)
+        if was_frozen:
+            gc.freeze()
+
+
 SAVES_MANY = """
 import sys
 import numpy as np

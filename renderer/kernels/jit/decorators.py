@@ -20,6 +20,8 @@ _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 # objects made between two looks of Python's collector: it is 700 otherwise, and the three
 # million objects of a scene's kernels hold almost nothing that it could free
 _OBJECTS_BETWEEN_COLLECTIONS = 200_000
+_MOST_UNSEEN = 1_000_000  # objects made by compiling that no look was at
+_unseen = 0
 
 
 @contextmanager
@@ -37,7 +39,25 @@ def rare_collections() -> Iterator[None]:
         gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS, *usual[1:])
         yield
     finally:
+        _look_later()
         gc.set_threshold(*usual)
+
+
+def _look_later() -> None:
+    """Let what was made grow old unseen: a look at all of it would be due at once.
+
+    Half of it is garbage, 50 MB a scene; when there is much of it, it is cleared away.
+    """
+    global _unseen
+    if gc.get_freeze_count() > 0:
+        return  # somebody's own would be thawed with ours
+    _unseen += gc.get_count()[0]
+    if _unseen > _MOST_UNSEEN:
+        _unseen = 0
+        gc.collect()
+    else:
+        gc.freeze()
+        gc.unfreeze()
 
 
 def _dispatcher(function: Any, **flags: bool) -> Any:
