@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import importlib
 import os
-import shlex
 import sys
 import warnings
 from collections import deque
@@ -17,29 +15,30 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.command.options import make_parser, read_options
+from renderer.command.options import read_options
+from renderer.command.outputs import (
+    OF_THE_PICTURE,
+    check_outputs,
+    command_of,
+    complain,
+    default_output,
+    listed,
+    rate_line,
+    report,
+    signed,
+    write_all,
+)
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
 from renderer.process.memory import limited_to
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.rendering.cluster.team import Team
     from renderer.rendering.picture.image import Image
-    from renderer.rendering.render_to_file import PictureFile
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
 
 # what imports C code, in which no interrupt must fall, before a scene is read
 _WITH_C_CODE = ("renderer.rendering.picture.image_files", "renderer.scene.scene")
-# options that change the picture, and that all renders take
-_OF_THE_PICTURE = (
-    "spp",
-    "seed",
-    "integrator",
-    "accel",
-    "sampler",
-    "light_choice",
-    "ray_offset",
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,9 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     except (SceneError, ClusterError) as error:
-        _complain(f"error: {error}")
+        complain(f"error: {error}")
     except MemoryError:
-        _complain("error: there is not enough memory for this picture or scene")
+        complain("error: there is not enough memory for this picture or scene")
     except BrokenPipeError:  # the reader of our output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
@@ -76,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _interrupted(written: list[Path]) -> int:
-    _complain(f"interrupted; wrote {_listed(written) or 'nothing'}")
+    complain(f"interrupted; wrote {listed(written) or 'nothing'}")
     return 130
 
 
@@ -96,7 +95,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         options.output = [output]
     if options.frames is not None:
         return _run_frames(options, path, interrupts, written)
-    _check_outputs(options)
+    check_outputs(options)
     scene = _load(options, path)
     if options.explain:
         _explain(scene, options)
@@ -109,8 +108,8 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         image = _render(scene, options, interrupts, team)
     if interrupts.count > 1:
         raise KeyboardInterrupt
-    _write(image, options.output, written)
-    _report(image, written, options)
+    write_all(image, options.output, written)
+    report(image, written, options)
     if interrupts.count:
         return 130
     return 0 if image.complete and len(written) == len(options.output) else 1
@@ -124,7 +123,7 @@ def _run_frames(
 
     frames = [of_frame(options, frame) for frame in options.frames]
     for each in frames:
-        _check_outputs(each)
+        check_outputs(each)
     record = SweepRecord(options.output[0])
     record.read()  # without --resume too: what it says of frames written anew must go
     asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
@@ -132,7 +131,7 @@ def _run_frames(
     def scenes() -> Iterator[Scene]:
         for each in frames:
             scene = _load(each, path)
-            key = made_from(scene, f"{_command(each)} {each.target_error} {each.time}")
+            key = made_from(scene, f"{command_of(each)} {each.target_error} {each.time}")
             if not (options.resume and record.has(each.output, key)):
                 asked.append((each, key))
                 yield scene
@@ -147,24 +146,15 @@ def _run_frames(
                 raise KeyboardInterrupt
             files: list[Path] = []
             record.remove(each.output)
-            _write(_signed(image, each), each.output, files)
+            write_all(signed(image, each), each.output, files)
             written += files
-            _report(image, files, options)
+            report(image, files, options)
             if interrupts.count or not image.complete or len(files) < len(each.output):
                 return 130 if interrupts.count else 1
             record.add(files, key)
     if len(written) < len(frames) * len(options.output) and not options.quiet:
-        _complain(f"{len(frames) - len(written) // len(options.output)} frames were there")
+        complain(f"{len(frames) - len(written) // len(options.output)} frames were there")
     return 0
-
-
-def _check_outputs(options: argparse.Namespace) -> None:
-    from renderer.rendering.picture.image_files import check_output_path
-
-    for output in options.output:
-        check_output_path(output)
-        if output == options.checkpoint:
-            raise SceneError(f"{output}: is named as the picture and as the checkpoint")
 
 
 def _load(options: argparse.Namespace, path: Path) -> Scene:
@@ -177,7 +167,7 @@ def _load(options: argparse.Namespace, path: Path) -> Scene:
         description = simplified(description, word)
     scene = build_scene(description)
     for warning in scene.description.warnings:
-        _complain(f"warning: {warning}")
+        complain(f"warning: {warning}")
     return scene
 
 
@@ -203,16 +193,6 @@ def _explain(scene: Scene, options: argparse.Namespace) -> None:
     sys.stdout.flush()
 
 
-def default_output(scene: Path) -> Path:
-    """Return the name of the picture if none is given, in the working directory.
-
-    It is that of the scene's folder for a `scene.xml`, else that of the file.
-    """
-    path = scene.resolve()
-    name = path.parent.name if path.stem == "scene" else path.stem
-    return Path(f"{name or path.stem}.exr")
-
-
 @contextmanager
 def _cluster(options: argparse.Namespace, interrupts: Interrupts) -> Iterator[Team | None]:
     """Give the workers of `--cluster`, and say at the end what they did; or nobody."""
@@ -223,15 +203,15 @@ def _cluster(options: argparse.Namespace, interrupts: Interrupts) -> Iterator[Te
         from renderer.rendering.cluster.connect import open_cluster
 
     if not options.quiet:
-        _complain(f"cluster: waiting for {options.cluster}")
+        complain(f"cluster: waiting for {options.cluster}")
     with open_cluster(options.cluster) as team:
         try:
             yield team
         finally:
             for address, why in team.tally.refused.items():
-                _complain(f"warning: worker {address} was refused: {why}")
+                complain(f"warning: worker {address} was refused: {why}")
             if not options.quiet:
-                _complain(f"cluster: {team.tally}")
+                complain(f"cluster: {team.tally}")
 
 
 @contextmanager
@@ -263,7 +243,7 @@ def _showing(
 
 def _how(options: argparse.Namespace) -> dict[str, Any]:
     """Return the arguments that all renders have."""
-    return {name: getattr(options, name) for name in ("threads", *_OF_THE_PICTURE)}
+    return {name: getattr(options, name) for name in ("threads", *OF_THE_PICTURE)}
 
 
 def _choices(options: argparse.Namespace) -> dict[str, Any]:
@@ -285,7 +265,7 @@ def _render(
             checkpoint_every=60.0 if options.every is None else options.every,
             resume=options.resume,
         )
-    return _signed(image, options)
+    return signed(image, options)
 
 
 def _needs_bands(
@@ -309,7 +289,7 @@ def _render_to_file(
 ) -> None:
     (output,) = options.output
     if not options.quiet:
-        _complain(
+        complain(
             f"the film is larger than memory: it is written to {output} in bands, and "
             "nothing is kept of it after an interrupt"
         )
@@ -319,89 +299,11 @@ def _render_to_file(
             output,
             **_how(options),
             progress=progress,
-            metadata={"command": _command(options)},
+            metadata={"command": command_of(options)},
         )
     if not options.quiet:
-        sys.stdout.write(_rate(file, str(output)))
+        sys.stdout.write(rate_line(file, str(output)))
         sys.stdout.flush()
-
-
-def _rate(picture: Image | PictureFile, files: str) -> str:
-    samples = picture.width * picture.height * picture.spp
-    rate = samples / max(picture.seconds, 1e-9) / 1e6
-    return (
-        f"{picture.width} x {picture.height} pixels, {picture.spp} spp, "
-        f"{picture.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
-    )
-
-
-def _signed(image: Image, options: argparse.Namespace) -> Image:
-    """Return the picture with the command that gives it again."""
-    if image.error is not None:
-        sampler = image.metadata["sampler"]
-        options = argparse.Namespace(
-            **vars(options) | {"spp": image.spp, "sampler": sampler}
-        )
-    metadata = {**image.metadata, "command": _command(options)}
-    return dataclasses.replace(image, metadata=metadata)
-
-
-def _command(options: argparse.Namespace) -> str:
-    """Return the command without what does not change the picture, such as `--threads`."""
-    words = ["lightproof", str(options.scene)]
-    for name in (*_OF_THE_PICTURE, "plugins"):
-        value = getattr(options, name)
-        if value != make_parser().get_default(name):
-            words += [f"--{name.replace('_', '-')}", str(value)]
-    for name, value in options.define:
-        words += ["-D", f"{name}={value}"]
-    for word in options.simplify:
-        words += ["--simplify", word]
-    for outside in options.allow_outside:
-        words += ["--allow-outside", str(outside)]
-    return shlex.join(words)
-
-
-def _write(image: Image, outputs: list[Path], written: list[Path]) -> None:
-    """Write what can be written: one full disk is no reason to lose the picture."""
-    for output in outputs:
-        try:
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always")
-                image.save(output)
-            written.append(output)
-        except SceneError as error:
-            _complain(f"error: {error}")
-        for warning in caught:
-            _complain(f"warning: {output}: {warning.message}")
-
-
-def _report(image: Image, written: list[Path], options: argparse.Namespace) -> None:
-    files = _listed(written) or "nothing"
-    if not image.complete:
-        if image.error is not None:
-            _complain(f"estimated error, some samples ago: {image.error:.2%}")
-        _complain(f"interrupted {image.metadata['interrupted']}; wrote {files}")
-        if options.checkpoint is not None:
-            _complain(f"--checkpoint {options.checkpoint} --resume goes on from here")
-    elif not options.quiet:
-        sys.stdout.write(_rate(image, files))
-        if image.error is not None:
-            doubt = "; unsure, the true one may well be another"
-            doubt = doubt if image.error_unsure else ""
-            sys.stdout.write(f"estimated error: {image.error:.2%}{doubt}\n")
-        if "brightest" in image.metadata:
-            sys.stdout.write(f"brightest colour: {image.metadata['brightest']}\n")
-        sys.stdout.flush()
-
-
-def _listed(paths: list[Path]) -> str:
-    return ", ".join(map(str, paths))
-
-
-def _complain(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
 
 
 def _show_warning(
@@ -412,4 +314,4 @@ def _show_warning(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    _complain(f"warning: {message}")
+    complain(f"warning: {message}")

@@ -17,7 +17,7 @@ import OpenEXR
 import pytest
 
 import renderer
-from renderer.command import cli
+from renderer.command import outputs
 from renderer.command.cli import main
 from renderer.command.progress_display import ProgressDisplay
 from renderer.errors import ClusterError, NotAllowed
@@ -155,8 +155,8 @@ def test_without_output_the_picture_is_named_after_the_scene(capsys, tmp_path):
     assert main([str(SCENES / "cornell-box"), *SMALL[1:]]) == 0
     assert capsys.readouterr().out.endswith("; wrote cornell-box.exr\n")
     assert pixels("cornell-box.exr").shape == (32, 32, 3)
-    assert cli.default_output(Path("/models/teapot.xml")) == Path("teapot.exr")
-    assert cli.default_output(Path("scene.xml")) == Path(f"{tmp_path.name}.exr")
+    assert outputs.default_output(Path("/models/teapot.xml")) == Path("teapot.exr")
+    assert outputs.default_output(Path("scene.xml")) == Path(f"{tmp_path.name}.exr")
 
 
 def test_equal_renders_give_equal_bytes_at_any_number_of_threads():
