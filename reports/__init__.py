@@ -12,9 +12,12 @@ One room a page or study, from the top down; imports go no other way:
     Measure, write the records, draw the pages.
 `scenes_page`, `proof_page`, `accelerator_page`
     From records to a page.
-`limits`
-    The atlas of where methods fail: rows, their measurement, their page.
-`accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`
+`limits`, `speed_accuracy`, `needs`, `soak`, `history`
+    Studies with a page of their own: where methods fail, what an error costs, what a scene
+    needs, what is rare, how records changed.
+`beside_peers`
+    Pictures and rays of several scenes beside Mitsuba and Embree.
+`accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`, `cluster_study`
     From measurements to records; small ones draw their section, too.
 `accelerator_trials`
     One accelerator on one mesh, checked, counted and timed.

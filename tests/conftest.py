@@ -3,7 +3,6 @@
 Tests lie in rooms, as what they test does. What they are made with is in `probes`, and some
 use samples of others: every room is on the path.
 
-
 A run that something ends from outside (a hung process, CI's own limit) never comes to
 pytest's closing summary; without this its output says that tests failed and not which.
 """

@@ -128,7 +128,7 @@ class Mutant:
         # own setting would put the unharmed renderer before it.
         command = [sys.executable, "-m", "pytest", "-o", "pythonpath=", "-q", "-rfE"]
         command += ["-p", "no:cacheprovider", "-p", "no:xdist", "--tb=line"]
-        command += map(_place_of, tests)
+        command += [_place_of(test) for test in tests]
         run = subprocess.Popen(
             command,
             cwd=self.folder,
@@ -198,7 +198,10 @@ class Mutant:
 def _place_of(test: str) -> str:
     """Return what pytest is told for "test_file.py::test"; files lie in rooms of tests/."""
     file, separator, name = test.partition("::")
-    return f"{next((ROOT / 'tests').rglob(file))}{separator}{name}"
+    places = list((ROOT / "tests").rglob(file))
+    if len(places) != 1:
+        raise MutantError(f"{file}: {len(places)} files of tests/ have that name")
+    return f"{places[0]}{separator}{name}"
 
 
 def _failures(output: str) -> tuple[str, ...]:
@@ -207,6 +210,6 @@ def _failures(output: str) -> tuple[str, ...]:
     for line in output.splitlines():
         word, _, rest = line.partition(" ")
         if word in ("FAILED", "ERROR"):
-            file, _, test = rest.partition(" - ")[0].partition("::")
-            found.append(f"{Path(file).name}::{test}")
+            file, separator, test = rest.partition(" - ")[0].partition("::")
+            found.append(f"{Path(file).name}{separator}{test}")
     return tuple(found)

@@ -74,7 +74,7 @@ def render(
         `tight` (the default) or `mitsuba`: how far off their surface new rays start.
     measured_camera : sequence of 6 floats, optional
         With the sampler `mitsuba`: what Mitsuba on this machine has in its camera's matrix,
-        of which ours takes the rounding (`replay.camera`).
+        of which ours takes the rounding (`replay.rounding.camera`).
     target_error : float, optional
         Render until the picture's estimated error, relative to its limit, is at most this:
         0.02 is 2 % (`rendering.accuracy` has the formula). `spp` is then the most samples

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +34,6 @@ from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.variant import way_of
 from renderer.scene.scene import Scene
 
-if TYPE_CHECKING:  # needs Dask, an extra
-    pass
-
 # One job of a thread: so many samples of a tile, or of some together, that it takes
 # milliseconds; 4 ** MOST_TOGETHER, as fewer would never go together.
 SAMPLES_PER_JOB = 16
@@ -45,7 +42,7 @@ SUMS_IN_ALL = 32
 
 
 class Rendering:
-    """One render: everything prepared, then `run`.
+    """One render: everything prepared for a `Sitting` to trace.
 
     Parameters are those of `render`, with the `plan` made and every choice named; `band` is
     how many rows of tiles there are at a time, None for all of the film.

@@ -37,7 +37,7 @@ CHECK_PATIENCE = 4  # times the seconds of a turn, for comparing hits
 def work_of(one: Contender, queries: Mapping[str, Query]) -> dict[str, dict[str, float]]:
     """Return means per ray of what the structure did, by kind; of the stack the largest."""
     work = {}
-    for kind in filter(queries.__contains__, COUNTED):
+    for kind in (kind for kind in COUNTED if kind in queries):
         rows = tallied(one.accel, queries[kind], one.share[kind])
         nodes, boxes, primitives, saved = rows[: tally.STACK].mean(axis=1)
         work[kind] = {

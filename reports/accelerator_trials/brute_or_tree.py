@@ -1,9 +1,8 @@
 """From how many primitives on a tree pays: brute force against the BVH, ray by ray.
 
 `python -m reports.accelerator_trials.brute_or_tree` prints nanoseconds per ray of both,
-measured in turn in one run on one thread; `renderer.accelerators.build.FEW` comes from it.
-It is the small end of what the page "accelerators" shows. Hits are compared before anything
-is timed.
+measured in turn in one run on one thread: the small end of what the page "accelerators"
+shows. Hits are compared before anything is timed.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from reports.beside_peers.record import PeersRecord
 def measure_peers(
     threads: int, rounds: int, command: str, progress: Callable[[str], None]
 ) -> PeersRecord:
-    """Time all pictures, then all rays, by one thread and by `threads`.
+    """Time all pictures, then all rays; these by one thread as well.
 
     Raises
     ------

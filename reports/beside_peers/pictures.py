@@ -102,13 +102,17 @@ def _time(
                 if peer == REFERENCE:
                     raise
                 unavailable[peer] = str(error)
-        progress(f"{title}: comparing image means")
-        means = compare_means(contenders[OURS], contenders[REFERENCE], CHECK_SEEDS, spp)
-        if not means.passed:
-            raise ReportError(
-                f"{scene}: image means {means.first} and {means.second} are {means.z} "
-                "standard errors apart; it was not timed"
-            )
+        checks = {}
+        for peer in list(contenders)[1:]:
+            progress(f"{title}: comparing image means with {peer}")
+            means = compare_means(contenders[OURS], contenders[peer], CHECK_SEEDS, spp)
+            if not means.passed:
+                raise ReportError(
+                    f"{scene}: image means {means.first} and, by {peer}, {means.second} "
+                    f"are {means.z} standard errors apart; it was not timed"
+                )
+            checks[peer] = means
+        means = checks[REFERENCE]
         seconds = take_turns(
             contenders, rounds, spp, lambda stage: progress(f"{title}: {stage}")
         )

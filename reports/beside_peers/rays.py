@@ -34,7 +34,7 @@ def time_rays(
     Raises
     ------
     ReportError
-        If ours finds a hit that brute force does not: then nothing is timed.
+        If ours finds other hits than brute force: then there is no record.
     """
     settings = replace(FULL, pixels=pixels, rounds=rounds, build_rounds=1)
     times: list[RayTimes] = []

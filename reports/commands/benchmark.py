@@ -47,7 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Without the program's name; None: those of the process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    given = _parser().parse_args(words)
+    parser = _parser()
+    given = parser.parse_args(words)
+    if given.peers and given.source is not None:
+        parser.error("--from draws what was measured; --peers measures")
     # an empty cache is what `--no-cold` spares
     given.compile = given.compile_only or (
         given.source is None and given.cold and not given.peers
@@ -73,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ReportError, SceneError, MitsubaError) as error:
         console.print(f"reports.benchmark: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
-    if page is not None:
+    if page is not None and not given.peers:
         Console().print(f"The benchmark: {page}", markup=False, soft_wrap=True)
     return 0
 
@@ -135,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
         "--peers",
         action="store_true",
         help="time nothing but pictures of several scenes beside Mitsuba, and rays "
-        "through large meshes beside Embree (long)",
+        "through large meshes beside Embree, each at its own size (a quarter of an hour); "
+        "print both tables, write data/peers.json",
     )
     return parser

@@ -31,6 +31,7 @@ PARTIAL = {
     ),
     "benchmark.json": ("--size", "--spp", "--rounds", "--threads", "--no-cold", "--scene"),
     "compile_times.json": (),
+    "peers.json": ("--rounds", "--threads"),
     "accelerators.json": ("--quick",),
     "limits.json": ("--quick", "--only"),
     "needs.json": ("--spp", "--seeds", "--tolerance", "--timed", "-D"),

@@ -1,4 +1,4 @@
-"""Reads results.json into the records of `mitsuba_ref.results`, trusting nothing in it.
+"""Reads results.json into the harness's own records, trusting nothing in it.
 
 The harness alone decides what passes; the reader adds one rule: a verdict of "pass" that
 the file's own numbers contradict is shown as a failure.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import renderer
+from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports.speed.turns import Contender, Render
 
@@ -34,10 +35,13 @@ def ours(
 
 
 def theirs(peer: TimedMitsuba, sampler: str | None = None) -> Contender:
-    """Return Mitsuba with its scene loaded; the sampler is the file's or one it has."""
+    """Return Mitsuba with its scene loaded; the sampler is the file's or one it has.
+
+    Its neighbouring seeds share streams (docs/statistics.md), so these lie apart.
+    """
 
     def render(seed: int, spp: int) -> Render:
-        timed = peer.render(seed, spp, sampler=sampler)
+        timed = peer.render(SEED_STEP * seed, spp, sampler=sampler)
         return Render(timed.seconds, timed.mean)
 
     return render

@@ -7,7 +7,6 @@ Mitsuba's own shape.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import mitsuba as mi
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from make_grids import grid_file, places, torus, waves
 from scene_file_samples import error_of, ours
 
 mi.set_variant("scalar_rgb")
@@ -36,8 +36,6 @@ from renderer.scene_file.description import Diffuse, SdfGrid  # noqa: E402
 from renderer.scene_file.meshes.grid_file import read_grid  # noqa: E402
 
 PLUGINS = Path(__file__).parents[1] / "plugins"
-sys.path.insert(0, str(PLUGINS))
-from make_grids import grid_file, places, torus, waves  # noqa: E402
 
 PLACED = np.array([[0.8, -0.5, 0, 2], [0.6, 1.5, 0.2, -1], [0, 0, -2, 1], [0, 0, 0, 1.0]])
 GRIDS = {"torus": torus(13, 9, 11), "waves": waves(10, 12, 10)}

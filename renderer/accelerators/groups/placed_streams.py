@@ -1,9 +1,9 @@
 """Streams through instances: all rays of a batch go down both levels of trees together.
 
-As in `bvh.ray_streams`, the list of the rays that entered a node is tested against its
-children, 16 rays at a time, and those that enter a child are its list. At an instance the
-rays of the list are written once more as they are seen from there, and that list goes on in
-the group's own tree.
+As in `bvh.streams.ray_streams`, the list of the rays that entered a node is tested against
+its children, 16 rays at a time, and those that enter a child are its list. At an instance
+the rays of the list are written once more as they are seen from there, and that list goes
+on in the group's own tree.
 
 The rays of one list go to all sides here. Which octant one belongs to changes from instance
 to instance, and lists by octants would be short: of scenes/instances' bounce rays 47 stay

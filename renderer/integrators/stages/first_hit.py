@@ -37,7 +37,7 @@ from renderer.kinds.bsdfs.kind import albedo_of, normal_of, seen_albedo_of
 from renderer.kinds.bsdfs.parameters import parameters_at
 from renderer.kinds.sampling.arithmetic import to_local, to_world
 
-# channels of `work.radiance` in this integrator, all computed together
+# channels of `work.radiance` under `aov` and `depth`, all computed together
 DEPTH = 0
 POSITION = 1
 UV = 4

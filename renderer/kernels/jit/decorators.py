@@ -29,35 +29,36 @@ def rare_collections() -> Iterator[None]:
     """Let Python's collector of cycles look seldom while Numba compiles.
 
     It saves 1.0 of the 1.7 s that its looks take in a cold start of 13 s, and more in
-    larger programs (docs/decisions/compile-time.md); the price is 20 MB.
+    larger programs (docs/decisions/compile-time.md).
     """
     usual = gc.get_threshold()
-    if usual[0] == 0 or usual[0] >= _OBJECTS_BETWEEN_COLLECTIONS:
+    if not gc.isenabled() or usual[0] == 0 or usual[0] >= _OBJECTS_BETWEEN_COLLECTIONS:
         yield  # switched off, or another thread compiles already and will set it back
         return
     try:
         gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS, *usual[1:])
         yield
     finally:
-        _look_later()
-        gc.set_threshold(*usual)
+        try:
+            _look_later()
+        finally:
+            gc.set_threshold(*usual)
 
 
 def _look_later() -> None:
     """Let what was made grow old unseen: a look at all of it would be due at once.
 
-    Half of it is garbage, 50 MB a scene; when there is much of it, it is cleared away.
+    Half of it is garbage, which stays for a while, 50 MB a scene: so for the first scenes
+    only, whose pictures somebody waits for.
     """
     global _unseen
-    if gc.get_freeze_count() > 0:
-        return  # somebody's own would be thawed with ours
-    _unseen += gc.get_count()[0]
-    if _unseen > _MOST_UNSEEN:
-        _unseen = 0
-        gc.collect()
-    else:
-        gc.freeze()
-        gc.unfreeze()
+    # somebody's own frozen objects would be thawed with ours
+    if _unseen < _MOST_UNSEEN and gc.get_freeze_count() == 0:
+        _unseen += gc.get_count()[0]
+        try:
+            gc.freeze()
+        finally:
+            gc.unfreeze()
 
 
 def _dispatcher(function: Any, **flags: bool) -> Any:
@@ -90,9 +91,9 @@ def entry_kernel(function: Any) -> Any:
     `nogil` lets the tile threads run side by side. `error_model="numpy"` makes a
     division plain (otherwise each is a branch and an exception path: 1.44 s against
     0.82 s on the Cornell box). No `fastmath`: the order of sums and the absence of fused
-    multiply-add (but in `lanes.fused`, for tests with a margin) are part of what makes
-    images bit-identical. No reference counts: kernels allocate nothing, and counting a
-    record's arrays at each call was a sixth of all compile time
+    multiply-add (but in `lanes.mathematics.fused`, for tests with a margin) are part of
+    what makes images bit-identical. No reference counts: kernels allocate nothing, and
+    counting a record's arrays at each call was a sixth of all compile time
     (docs/decisions/compile-time.md).
     """
     return _called_from_python(function)

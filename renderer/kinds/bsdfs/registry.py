@@ -60,6 +60,7 @@ def _register_wrapper(wrapper: Wrapper) -> None:
     def read_opaque(properties: Any) -> Any:
         description = wrapper.read(properties)
         for _, element in properties.children("bsdf"):
+            # the same record again, see `Reading.once`
             if kind_of(read_bsdf(element, properties.reading)).transmits:
                 possible = [name for name, kind in BSDFS.items() if not kind.transmits]
                 raise SceneError(

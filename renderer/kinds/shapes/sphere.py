@@ -101,7 +101,7 @@ def hit_sphere(sphere, origin, direction, t_max):
     return Intersection(hit, t, t * ZERO, t * ZERO)
 
 
-# ---------------------------------------- surface; sampled as a lamp in `lights.spheres`
+# --------------------------------- surface; sampled as a lamp in `lights.finite.spheres`
 
 
 class SphereSurfaces(NamedTuple):

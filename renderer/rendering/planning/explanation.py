@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
@@ -17,15 +16,13 @@ from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.bsdfs.structures import leaves_of
 from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.kinds.sampling.sobol_digits import net_digits
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.light_properties import asked_lights, has_textured_lights
 from renderer.scene.scene import KINDS, Scene
 from renderer.scene_file.description import (
     Integrator,
     Sampler,
 )
-
-if TYPE_CHECKING:
-    from renderer.rendering.planning.plan import Plan
 
 TOPIC_WIDTH = 14  # columns before the text
 

@@ -11,17 +11,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING
 
 from renderer.rendering.planning.cautions.caution import Caution
 from renderer.rendering.planning.cautions.coincident_surfaces import coincident_surfaces
 from renderer.rendering.planning.cautions.far_coordinates import far_coordinates
 from renderer.rendering.planning.cautions.glass import depth_in_glass, lamps_in_glass
 from renderer.rendering.planning.cautions.starved_lamps import starved_lamps
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from renderer.rendering.planning.plan import Plan
 
 __all__ = ["CHECKS", "Caution", "cautions_of"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,10 @@ from renderer.rendering.planning.cautions.closed_shapes import encloses, outward
 from renderer.rendering.planning.cautions.flat_faces import Faces, Floats, flat_faces
 from renderer.rendering.planning.cautions.looks import Digests, look_of
 from renderer.rendering.planning.cautions.overlap import overlap, overlapping_boxes
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.materials import kind_of, sides
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Mesh, OrthographicCamera, Sensor, Shape
-
-if TYPE_CHECKING:
-    from renderer.rendering.planning.plan import Plan
 
 Ints = NDArray[np.int64]
 

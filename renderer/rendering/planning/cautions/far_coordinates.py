@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from renderer.rendering.planning.cautions.caution import listed, name_of
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene, primitive_bounds
 from renderer.scene_file.description import PerspectiveCamera
-
-if TYPE_CHECKING:
-    from renderer.rendering.planning.plan import Plan
 
 STEP = 2.0**-23  # of float32, relative
 SHARE = 0.25  # of a pixel's width that a step may take

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from renderer.rendering.planning.cautions.surface_points import (
     SurfacePoints,
     surface_points,
 )
+from renderer.rendering.planning.plan import Plan
 from renderer.scene.materials import kind_of, sides
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import (
@@ -25,9 +26,6 @@ from renderer.scene_file.description import (
     SpotLight,
     TwoSided,
 )
-
-if TYPE_CHECKING:
-    from renderer.rendering.planning.plan import Plan
 
 LIMIT = 4.0  # standard deviation of a sample over the mean: 25 % error at 256 samples
 NEARLY_ALL = 0.9  # of the lit area

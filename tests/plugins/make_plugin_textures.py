@@ -1,4 +1,4 @@
-"""Make the images and meshes of the scenes here: `python tests/plugins/make_textures.py`.
+"""Make the images and meshes of the scenes here: this file is a program.
 
 The files are committed; they are small and of every format that a texture can come in.
 """

@@ -1,1 +1,0 @@
-"""Lights that no ray meets by chance: points, and one direction."""
