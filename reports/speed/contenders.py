@@ -16,16 +16,14 @@ OURS = "lightproof"
 PEERS = {"mitsuba scalar_rgb": "scalar_rgb", "mitsuba llvm_ad_rgb": "llvm_ad_rgb"}
 
 
-def ours(
-    scene: Path, parameters: dict[str, str], threads: int, sampler: str | None = None
-) -> Contender:
-    """Return our renderer with a scene loaded; the sampler is the file's or another one."""
+def ours(scene: Path, parameters: dict[str, str], threads: int, **ways: str) -> Contender:
+    """Return our renderer with a scene loaded; `ways` are arguments of `render`."""
     loaded = renderer.load_file(scene, **parameters)
 
     def render(seed: int, spp: int) -> Render:
         begin = time.perf_counter()
         image = np.asarray(
-            renderer.render(loaded, spp=spp, seed=seed, threads=threads, sampler=sampler)
+            renderer.render(loaded, spp=spp, seed=seed, threads=threads, **ways)
         )
         seconds = time.perf_counter() - begin
         red, green, blue = (float(v) for v in image.mean(axis=(0, 1), dtype=np.float64))

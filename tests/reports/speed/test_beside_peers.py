@@ -49,8 +49,8 @@ def test_a_wrong_picture_is_not_timed(
     """Half as bright, say: then nobody is told how fast it was made."""
     right = pictures.ours
 
-    def darker(*arguments):  # type: ignore[no-untyped-def]
-        render = right(*arguments)
+    def darker(*arguments, **ways):  # type: ignore[no-untyped-def]
+        render = right(*arguments, **ways)
 
         def half(seed, spp):  # type: ignore[no-untyped-def]
             made = render(seed, spp)
