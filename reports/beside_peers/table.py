@@ -68,7 +68,7 @@ def _table(title: str, columns: list[str]) -> Table:
 def _absent(record: PeersRecord) -> list[str]:
     """Return why peers were not timed, each reason once."""
     reasons = [
-        f"{renderer.name}: not available: {renderer.unavailable}"
+        f"{renderer.name}: {renderer.unavailable}"
         for one in record.pictures
         for renderer in one.renderers
         if renderer.unavailable

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ OURS = "lightproof"
 PEERS = {"mitsuba scalar_rgb": "scalar_rgb", "mitsuba llvm_ad_rgb": "llvm_ad_rgb"}
 
 
-def ours(scene: Path, parameters: dict[str, str], threads: int, **ways: str) -> Contender:
+def ours(scene: Path, parameters: dict[str, str], threads: int, **ways: Any) -> Contender:
     """Return our renderer with a scene loaded; `ways` are arguments of `render`."""
     loaded = renderer.load_file(scene, **parameters)
 
