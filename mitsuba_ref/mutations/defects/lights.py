@@ -112,8 +112,8 @@ DEFECTS = (
             Edit(
                 "kinds/lights/finite/spheres.py",
                 "select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)",
-                "select(outside, 1.0 / (TWO_PI * 0.5 * one_minus_cos * (2.0 - one_minus_cos)),"
-                " by_area)",
+                "select(outside, 1.0 / (TWO_PI * 0.5 * one_minus_cos "
+                "* (2.0 - one_minus_cos)), by_area)",
             ),
         ),
         scene="emitters",
