@@ -44,6 +44,11 @@ KINDS = tuple(SHAPES)
 RECENT = {"plan": 32, "structures": 32, "tables": 2}
 
 
+def counted(count: int, kind: str) -> str:
+    """Return such as "1 sphere" or "3 triangles"."""
+    return f"{count} {kind.removesuffix('s') if count == 1 else kind}"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """Everything about a scene that does not depend on how it is rendered."""
@@ -65,13 +70,9 @@ class Scene:
         film = self.description.camera.film
         counts = {kind: int(starts[-1]) for kind, starts in self.starts.items()}
         counts["instances"] = len(self.description.instances)
-        counted = [
-            f"{count} {kind.removesuffix('s') if count == 1 else kind}"
-            for kind, count in counts.items()
-            if count
-        ]
+        held = ", ".join(counted(count, kind) for kind, count in counts.items() if count)
         size = f"{film.crop_width} x {film.crop_height}"
-        return f"<Scene {self.description.source}: {size}, {', '.join(counted) or 'empty'}>"
+        return f"<Scene {self.description.source}: {size}, {held or 'empty'}>"
 
     @functools.cached_property
     def _built(self) -> dict[Any, Any]:

@@ -13,19 +13,16 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-from mitsuba_ref.reference.errors import MitsubaError
-from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports.beside_peers.record import PictureTimes
 from reports.records.errors import ReportError
-from reports.speed.contenders import OURS, PEERS, ours, theirs, warmed
-from reports.speed.measure import scene_file
-from reports.speed.record import MeanCheck, Renderer
+from reports.speed.contenders import OURS, load_all
+from reports.speed.measure import CHECK_SEEDS, scene_file
+from reports.speed.record import Renderer
 from reports.speed.section import REFERENCE
-from reports.speed.turns import Contender, compare_means, take_turns
+from reports.speed.turns import compare_means, take_turns
 from reports.speed_accuracy.large_meshes import LARGE, written
 
 SAMPLER, RAY_OFFSET = "independent", "mitsuba"
-CHECK_SEEDS = range(8)
 
 
 class Wanted(NamedTuple):
@@ -89,25 +86,18 @@ def _time(
     name, width, height, spp = wanted
     size = {"width": str(width), "height": str(height), "spp": str(spp)}
     title = f"{name}, {width} x {height}, {spp} samples"
-    unavailable: dict[str, str] = {}
     with ExitStack() as stack:
-        progress(f"{title}: loading {OURS}")
-        contenders: dict[str, Contender] = {
-            OURS: warmed(
-                ours(scene, size, threads, sampler=SAMPLER, ray_offset=RAY_OFFSET), spp
-            )
-        }
-        for peer, variant in PEERS.items():
-            progress(f"{title}: loading {peer}")
-            try:
-                loaded = stack.enter_context(
-                    TimedMitsuba(variant, scene, size, threads, [SAMPLER])
-                )
-                contenders[peer] = warmed(theirs(loaded, SAMPLER), spp)
-            except MitsubaError as error:
-                if peer == REFERENCE:
-                    raise
-                unavailable[peer] = f"not available: {error}"
+        contenders, absent = load_all(
+            stack,
+            scene,
+            size,
+            threads,
+            (spp,),
+            lambda stage: progress(f"{title}: {stage}"),
+            SAMPLER,
+            ray_offset=RAY_OFFSET,
+        )
+        unavailable = {peer: f"not available: {why}" for peer, why in absent.items()}
         checks = {}
         for peer in list(contenders)[1:]:
             progress(f"{title}: comparing image means with {peer}")
@@ -127,11 +117,9 @@ def _time(
         seconds = take_turns(
             contenders, rounds, spp, lambda stage: progress(f"{title}: {stage}")
         )
-    check = MeanCheck(
-        True, len(CHECK_SEEDS), spp, means.z, means.limit, means.first, means.second
-    )
+    check = means.record(len(CHECK_SEEDS), spp)
     renderers = tuple(
         Renderer(each, tuple(seconds.get(each, ())), unavailable.get(each, ""))
-        for each in (OURS, *PEERS)
+        for each in (*contenders, *unavailable)
     )
     return PictureTimes(name, width, height, spp, check, renderers)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,9 @@ import numpy as np
 
 import renderer
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
+from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
+from reports.speed.section import REFERENCE
 from reports.speed.turns import Contender, Render
 
 OURS = "lightproof"
@@ -44,6 +48,58 @@ def theirs(peer: TimedMitsuba, sampler: str | None = None) -> Contender:
         return Render(timed.seconds, timed.mean)
 
     return render
+
+
+def load_all(
+    stack: ExitStack,
+    scene: Path,
+    parameters: dict[str, str],
+    threads: int,
+    counts: Sequence[int],
+    progress: Callable[[str], None],
+    sampler: str | None = None,
+    **ways: Any,
+) -> tuple[dict[str, Contender], dict[str, str]]:
+    """Load a scene in every renderer, and warm them all.
+
+    Parameters
+    ----------
+    stack
+        Ends the peers' processes.
+    counts
+        Samples per pixel that will be asked for.
+    sampler
+        Of all of them, instead of the file's.
+    **ways
+        Further arguments of our `render`.
+
+    Returns
+    -------
+    contenders, unavailable
+        By name, ours first; why a peer is not among them.
+
+    Raises
+    ------
+    MitsubaError
+        If `REFERENCE` cannot render the scene.
+    """
+    progress(f"loading {OURS}")
+    mine = ours(scene, parameters, threads, sampler=sampler, **ways)
+    contenders, unavailable = {OURS: warmed(mine, *counts)}, {}
+    for name, variant in PEERS.items():
+        progress(f"loading {name}")
+        try:
+            peer = stack.enter_context(
+                TimedMitsuba(
+                    variant, scene, parameters, threads, [sampler] if sampler else []
+                )
+            )
+            contenders[name] = warmed(theirs(peer, sampler), *counts)
+        except MitsubaError as error:
+            if name == REFERENCE:
+                raise
+            unavailable[name] = str(error)
+    return contenders, unavailable
 
 
 def warmed(contender: Contender, *counts: int) -> Contender:

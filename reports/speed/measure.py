@@ -10,14 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mitsuba_ref.records import machine
-from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
-from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.scene_file import read_file
 from reports.records.errors import ReportError
 from reports.speed import starts, turns
-from reports.speed.contenders import OURS, PEERS, ours, theirs, warmed
-from reports.speed.record import Benchmark, MeanCheck, Renderer, Starts
+from reports.speed.contenders import OURS, load_all
+from reports.speed.record import Benchmark, Renderer, Starts
 from reports.speed.section import REFERENCE
 
 TARGETS = {"speed_ratio": 6.0, "warm_seconds": 2.0, "cold_seconds": 30.0}
@@ -60,22 +58,10 @@ def measure(given: BenchmarkSettings, command: str, progress: Progress) -> Bench
     size = {"width": str(given.size), "height": str(given.size)}
     parameters = {**size, "spp": str(given.spp)}
     integrator = read_file(scene, **parameters).integrator
-    unavailable: dict[str, str] = {}
     with ExitStack() as stack:
-        progress(f"loading {OURS}")
-        renders = ours(scene, parameters, given.threads)
-        contenders = {OURS: warmed(renders, CHECK_SPP, given.spp)}
-        for name, variant in PEERS.items():
-            progress(f"loading {name}")
-            try:
-                peer = stack.enter_context(
-                    TimedMitsuba(variant, scene, parameters, given.threads)
-                )
-                contenders[name] = warmed(theirs(peer), CHECK_SPP, given.spp)
-            except MitsubaError as error:
-                if name == REFERENCE:
-                    raise
-                unavailable[name] = str(error)
+        contenders, unavailable = load_all(
+            stack, scene, parameters, given.threads, (CHECK_SPP, given.spp), progress
+        )
         progress("comparing image means")
         means = turns.compare_means(
             contenders[OURS], contenders[REFERENCE], CHECK_SEEDS, CHECK_SPP
@@ -116,18 +102,10 @@ def measure(given: BenchmarkSettings, command: str, progress: Progress) -> Bench
         spp=given.spp,
         workers=given.threads,
         rays_per_path=rays,
-        check=MeanCheck(
-            passed=means.passed,
-            seeds=len(CHECK_SEEDS),
-            spp=CHECK_SPP,
-            z=means.z,
-            limit=means.limit,
-            ours_mean=means.first,
-            reference_mean=means.second,
-        ),
+        check=means.record(len(CHECK_SEEDS), CHECK_SPP),
         renderers=tuple(
             Renderer(name, tuple(seconds.get(name, ())), unavailable.get(name, ""))
-            for name in (OURS, *PEERS)
+            for name in (*contenders, *unavailable)
         ),
         starts=Starts(
             tuple(warm),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t, sidak_p, welch
+from reports.speed.record import MeanCheck
 
 Rgb = tuple[float, float, float]
 
@@ -43,6 +44,18 @@ class MeansCompared:
     p: float  # of the three channels together
     first: Rgb
     second: Rgb
+
+    def record(self, seeds: int, spp: int) -> MeanCheck:
+        """Return it as records of measurements keep it; the second is the reference."""
+        return MeanCheck(
+            passed=self.passed,
+            seeds=seeds,
+            spp=spp,
+            z=self.z,
+            limit=self.limit,
+            ours_mean=self.first,
+            reference_mean=self.second,
+        )
 
     @property
     def passed(self) -> bool:

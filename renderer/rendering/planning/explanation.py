@@ -18,7 +18,7 @@ from renderer.kinds.lights.registry import LIGHTS, plugin_of
 from renderer.kinds.sampling.sobol_digits import net_digits
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.light_properties import asked_lights, has_textured_lights
-from renderer.scene.scene import KINDS, Scene
+from renderer.scene.scene import KINDS, Scene, counted
 from renderer.scene_file.description import (
     Integrator,
     Sampler,
@@ -79,11 +79,11 @@ def describe_integrator(asked: Integrator) -> str:
 
 def explain_geometry(scene: Scene, why: Explanation) -> None:
     """Count the primitives, and list the kinds that the scene has none of."""
-    shapes = (_counted(count, kind) for kind, count in _primitives(scene).items())
-    counted = list(shapes)
+    shapes = (counted(count, kind) for kind, count in _primitives(scene).items())
+    listed = list(shapes)
     if scene.placements is not None:
-        counted.append(_instances(scene))
-    why.say("geometry", ", ".join(counted) or "nothing")
+        listed.append(_instances(scene))
+    why.say("geometry", ", ".join(listed) or "nothing")
     missing = [kind for kind in KINDS if kind not in scene.surfaces]
     if scene.placements is None:
         missing.append("instances")
@@ -113,7 +113,7 @@ def explain_accelerators(
         if kind == most:
             reasons[choice.name] = choice.reason
     for name, members in kinds.items():
-        listed = ", ".join(_counted(counts[kind], kind) for kind in members)
+        listed = ", ".join(counted(counts[kind], kind) for kind in members)
         why.say("accelerator", f"{listed}: {_ACCELERATORS[name]}; {reasons[name]}")
     if scene.placements is not None:
         text = f"{_ACCELERATORS['bvh']} over their boxes, and one for each group"
@@ -137,7 +137,7 @@ def explain_shadow_rays(
         kind: int(left_out[surfaces.first : surfaces.first + scene.starts[kind][0]].sum())
         for kind, surfaces in scene.surfaces.items()
     }
-    listed = ", ".join(_counted(count, kind) for kind, count in kinds.items() if count)
+    listed = ", ".join(counted(count, kind) for kind, count in kinds.items() if count)
     if listed:
         why.say("shadow rays", f"pass by {listed}: never between a surface and a light")
 
@@ -282,11 +282,7 @@ def _primitives(scene: Scene) -> dict[str, int]:
 def _instances(scene: Scene) -> str:
     """Return "10000 instances of 1 group (320 triangles, 1 sphere)"."""
     inside = {kind: int(s[-1] - s[0]) for kind, s in scene.starts.items()}
-    held = ", ".join(_counted(count, kind) for kind, count in inside.items() if count)
-    copies = _counted(len(scene.description.instances), "instances")
-    groups = _counted(len(scene.description.groups), "groups")
+    held = ", ".join(counted(count, kind) for kind, count in inside.items() if count)
+    copies = counted(len(scene.description.instances), "instances")
+    groups = counted(len(scene.description.groups), "groups")
     return f"{copies} of {groups} ({held})"
-
-
-def _counted(count: int, kind: str) -> str:
-    return f"{count} {kind.removesuffix('s') if count == 1 else kind}"

@@ -20,7 +20,7 @@ from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports.commands import benchmark
 from reports.records.errors import ReportError
-from reports.speed import compile_times, measure, starts, turns
+from reports.speed import compile_times, contenders, starts, turns
 from reports.speed.compile_times import SceneTime
 from reports.speed.turns import Render
 
@@ -213,8 +213,8 @@ def run_small(room: Path, out: Path, monkeypatch: pytest.MonkeyPatch, scale: flo
             red, green, blue = (scale * value for value in timed.mean)
             return Render(timed.seconds, (red, green, blue))
 
-        monkeypatch.setattr(measure, "ours", lambda *_: render)
-        monkeypatch.setattr(measure, "PEERS", {"mitsuba scalar_rgb": "scalar_rgb"})
+        monkeypatch.setattr(contenders, "ours", lambda *_, **ways: render)
+        monkeypatch.setattr(contenders, "PEERS", {"mitsuba scalar_rgb": "scalar_rgb"})
         monkeypatch.setattr(starts, "warm_starts", lambda *_: [1.0])
         size = ["--size", "8", "--spp", "2", "--rounds", "2", "--no-cold"]
         return benchmark.main(["--scene", str(room), "--out", str(out), *size])

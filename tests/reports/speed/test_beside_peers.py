@@ -16,6 +16,7 @@ from reports.beside_peers.table import print_peers
 from reports.commands import benchmark
 from reports.records.errors import ReportError
 from reports.records.json_file import write_json
+from reports.speed import contenders
 from reports.speed.record import MeanCheck, Renderer
 from reports.speed.turns import MeansCompared
 
@@ -26,7 +27,7 @@ CHECK = MeanCheck(True, 8, 4, (0.0,) * 3, 4.0, (1.0,) * 3, (1.0,) * 3)
 @pytest.fixture
 def one_peer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mitsuba's llvm variant is not on every machine."""
-    monkeypatch.setattr(pictures, "PEERS", {REFERENCE: "scalar_rgb"})
+    monkeypatch.setattr(contenders, "PEERS", {REFERENCE: "scalar_rgb"})
 
 
 def test_a_picture_is_timed_in_turn_after_its_mean_was_compared(one_peer: None) -> None:
@@ -48,7 +49,7 @@ def test_a_wrong_picture_is_not_timed(
     one_peer: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Half as bright, say: then nobody is told how fast it was made."""
-    right = pictures.ours
+    right = contenders.ours
 
     def darker(*arguments, **ways):  # type: ignore[no-untyped-def]
         render = right(*arguments, **ways)
@@ -59,7 +60,7 @@ def test_a_wrong_picture_is_not_timed(
 
         return half
 
-    monkeypatch.setattr(pictures, "ours", darker)
+    monkeypatch.setattr(contenders, "ours", darker)
     wanted = (Wanted("cornell-box", 24, 18, 16),)
     with pytest.raises(ReportError, match="standard errors apart; it was not timed"):
         pictures.time_pictures(2, 1, lambda stage: None, wanted)
@@ -69,7 +70,8 @@ def test_another_variant_that_is_wrong_is_left_out_and_named(
     one_peer: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As Mitsuba's llvm variant is, 0.3 % off, where there are instances."""
-    monkeypatch.setattr(pictures, "REFERENCE", "another")
+    for module in (pictures, contenders):
+        monkeypatch.setattr(module, "REFERENCE", "another")
     monkeypatch.setattr(
         pictures,
         "compare_means",
@@ -77,8 +79,8 @@ def test_another_variant_that_is_wrong_is_left_out_and_named(
     )
     right = None
     peers = {"another": "scalar_rgb", "wrong": "scalar_rgb"}
-    monkeypatch.setattr(pictures, "PEERS", peers)
-    kept = pictures.theirs
+    monkeypatch.setattr(contenders, "PEERS", peers)
+    kept = contenders.theirs
 
     def theirs(peer, sampler):  # type: ignore[no-untyped-def]
         nonlocal right
@@ -86,7 +88,7 @@ def test_another_variant_that_is_wrong_is_left_out_and_named(
         right = made if right is None else right
         return made
 
-    monkeypatch.setattr(pictures, "theirs", theirs)
+    monkeypatch.setattr(contenders, "theirs", theirs)
     wanted = (Wanted("cornell-box", 8, 6, 1),)
     (one,) = pictures.time_pictures(2, 1, lambda stage: None, wanted)
     assert [len(each.seconds) for each in one.renderers] == [1, 1, 0]
