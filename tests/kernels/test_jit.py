@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import gc
 import os
 import re
@@ -297,6 +298,29 @@ def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) ->
     assert run("import shared; assert shared.first((3,)) == 3") == 0
     own.write_text(OWN_CLASS.format(hits=1))
     assert run("import own; own.check()") == 0
+
+
+def test_a_cache_that_can_no_longer_be_written_is_no_obstacle(monkeypatch) -> None:
+    """The disk is full, or somebody took the folder away: the kernel runs, and is not kept.
+
+    Numba alone raises what the system said, in the middle of a picture.
+    """
+
+    def is_full(*what):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(IndexDataCacheFile, "_save_data", is_full)
+
+    @entry_kernel
+    def thrice(x):
+        return 3 * x
+
+    assert thrice(2.0) == 6.0
+    assert not thrice.stats.cache_hits and thrice.stats.cache_misses
+    kept = Path(thrice._cache._cache_path)
+    monkeypatch.undo()
+    assert thrice(2) == 6
+    assert list(kept.glob("*thrice*.nbc"))
 
 
 def _hash_of(package: Path) -> str:

@@ -16,9 +16,10 @@ import os
 import pickle
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, ClassVar
+from tempfile import TemporaryFile
+from typing import Any
 
 import llvmlite
 import numba
@@ -156,10 +157,18 @@ def _is_kernel_source(source: str) -> bool:
     return any(_PACKAGE / folder in Path(source).parents for folder in KERNEL_FOLDERS)
 
 
+@functools.cache  # asking makes a file
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
     """The folder of one module's kernels, named by what it is and not by where it lies."""
-
-    _writable: ClassVar[set[str]] = set()  # folders
 
     def __init__(self, function: Any, source: str) -> None:
         self._py_file = source
@@ -173,17 +182,12 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
     @classmethod
     def from_function(cls, function: Any, source: str) -> _ByContent | None:
         """Return None for what has no source file, which then is not kept."""
-        if not Path(source).is_file():
+        if not Path(source).is_file() or not _is_writable(KERNEL_CACHE):
             return None
-        locator = cls(function, source)
-        folder = locator.get_cache_path()
-        if folder not in cls._writable:  # asked once a module: asking makes a file
-            try:
-                locator.ensure_cache_path()
-            except OSError:
-                return None
-            cls._writable.add(folder)
-        return locator
+        return cls(function, source)
+
+    def ensure_cache_path(self) -> None:
+        self._folder.mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
         return str(self._folder)
@@ -266,6 +270,11 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         self._cache_file = _Index(self._cache_path, self._impl.filename_base, "")
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a variant where there is room, and leave to; else it is compiled anew."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
 
 
 @contextmanager

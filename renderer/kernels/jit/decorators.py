@@ -10,7 +10,7 @@ from typing import Any
 import numba
 from numba.extending import intrinsic
 
-from renderer.kernels.jit import front_end  # noqa: F401  # replaces parts of Numba
+from renderer.kernels.jit import front_end, questions  # noqa: F401  # replace parts of Numba
 from renderer.kernels.jit.cache import keep
 from renderer.kernels.jit.linking import SEPARATE
 from renderer.kernels.jit.passes import PIPELINE

@@ -2,26 +2,25 @@
 
 A scene's kernels are some hundred functions, and Numba spends two thirds of their time in
 Python. Part of it is not work: options are compared by building dictionaries of all of
-them, all registries are read again for each function that is resolved, messages are
-written for errors that are caught and forgotten, events are made for nobody. What is
-replaced here returns what Numba's own functions return.
+them, messages are written for errors that are caught and forgotten, events are made for
+nobody. What is replaced here returns what Numba's own functions return; what is asked again
+and again is in `questions`.
 
 This replaces private parts of Numba, on the versions of `renderer.kernels.jit.versions`.
 """
 
 from __future__ import annotations
 
-import functools
+import importlib
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core import base, errors, event, ir, targetconfig, utils
-from numba.core.target_extension import get_local_target
-from numba.core.types import functions as function_types
-from numba.core.typing import context as typing_context
+from numba.core import errors, event, ir, lowering, targetconfig, typeinfer
+from numba.core.types import abstract
 from numba.extending import overload
-from numba.np import arrayobj
+from numba.np import arrayobj, linalg
 
 from renderer.kernels.jit.versions import IS_TRIED
 
@@ -113,68 +112,58 @@ def _make_events_for_listeners_only() -> None:
         llvm.ffi.unregister_lock_callback(acquired, released)
 
 
-def _refresh_what_is_new(context: type) -> None:
-    """Read again only those registries that have become longer.
+class _ErrorContext:
+    """What is being compiled, for the message of an error: Numba's own is a generator.
 
-    Numba reads all for each function that it compiles or looks up, and runs the imports of
-    the forty modules that fill them.
+    Two are made for each statement.
     """
-    refresh = context.refresh  # type: ignore[attr-defined]
 
-    def refresh_what_is_new(self: Any) -> None:
-        seen = getattr(self, "_lengths_seen", None)
-        if seen is None:
-            refresh(self)
-            seen = self._lengths_seen = {}
-        for registry, loader in list(self._registries.items()):
-            lengths = [len(getattr(registry, name)) for name in loader.registry_items]
-            if seen.get(registry) != lengths:
-                self.install_registry(registry)
-                seen[registry] = lengths
-        if context is base.BaseContext:
-            self.typing_context.refresh()
+    __slots__ = ("_args", "_named", "_text")
 
-    context.refresh = refresh_what_is_new  # type: ignore[attr-defined]
+    def __init__(self, text: str, /, *args: Any, **named: Any) -> None:
+        self._text, self._args, self._named = text, args, named
+
+    def __enter__(self) -> None:
+        place = self._named.get("loc")
+        if place is not None and not place.filename.startswith(errors._numba_path):
+            errors.loc_info.update(self._named)
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if isinstance(error, errors.NumbaError):
+            error.add_context(errors._format_msg(self._text, self._args, self._named))
 
 
-def _ask_each_meaning_once() -> None:
-    """Find the meaning of a call without writing down why the others do not fit.
+def _tell_types_by_their_class() -> None:
+    """Ask the class of a Numba type what it is, and not the registries of `abc`."""
+    types = type(abstract.Type)
+    types.__instancecheck__ = type.__instancecheck__
+    types.__subclasscheck__ = type.__subclasscheck__
 
-    Numba asks each meaning twice, with the values of constants and without, although most
-    calls have no constant; and it lists the signatures of those that do not fit, for a
-    message. Where none fits its own function is asked, for the message.
-    """
-    explain = function_types.BaseFunction.get_call_type
-    without_value = function_types._unlit_non_poison
-    orders: dict[Any, Any] = {}
 
-    def in_order(self: Any, context: Any) -> Any:
-        target = get_local_target(context)
-        key = target, tuple(self.templates)
-        if key not in orders:
-            orders[key] = utils.order_by_target_specificity(target, self.templates)
-        return orders[key]
+class _LinearAlgebra:
+    """Whether kernels can have linear algebra, asked as soon as one wants it."""
 
-    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        given = args, kws
-        plain = (
-            tuple(without_value(arg) for arg in args),
-            {name: without_value(arg) for name, arg in kws.items()},
-        )
-        several = (plain, given) if plain != given else (given,)
-        for meaning in in_order(self, context):
-            template = meaning(context)
-            for attempt in several[::-1] if template.prefer_literal else several:
-                try:
-                    found = template.apply(*attempt)
-                except errors.NumbaError:
-                    continue
-                if found is not None:
-                    self._impl_keys[found.args] = template.get_impl_key(found)
-                    return found
-        return explain(self, context, args, kws)
+    def __init__(self, ask: Callable[[], bool]) -> None:
+        self._ask = ask
 
-    function_types.BaseFunction.get_call_type = get_call_type
+    def __bool__(self) -> bool:
+        return self._ask()
+
+
+def _import_scipy_late() -> None:
+    """Import SciPy for a kernel with linear algebra, and not at the start: 0.15 s."""
+
+    def not_yet() -> None:
+        raise ImportError
+
+    ensure_blas = linalg.ensure_blas
+    linalg.ensure_blas = not_yet
+    try:
+        arraymath = importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = ensure_blas
+    arraymath.ensure_blas = ensure_blas
+    arraymath._HAVE_BLAS = _LinearAlgebra(arraymath._check_blas)
 
 
 def _name_no_shapes_in_errors() -> None:
@@ -195,12 +184,11 @@ def _replace_parts_of_numba() -> None:
     _list_variables_fast()
     _compare_options_fast()
     _make_events_for_listeners_only()
-    _refresh_what_is_new(base.BaseContext)
-    _refresh_what_is_new(typing_context.BaseContext)
-    _ask_each_meaning_once()
+    _tell_types_by_their_class()
+    for module in (errors, lowering, typeinfer):
+        module.new_error_context = _ErrorContext
+    _import_scipy_late()
     _name_no_shapes_in_errors()
-    # whether a function takes `loc`: asked of `inspect` each time that one is looked up
-    base._has_loc = functools.lru_cache(maxsize=4096)(base._has_loc)
 
 
 if IS_TRIED:
