@@ -27,9 +27,6 @@ def command() -> NoReturn:
     from renderer.command.cli import main
 
     signal.signal(signal.SIGINT, before)
-    # Where SciPy is installed, Numba imports it for linear algebra, which nothing here
-    # calls. None in its place is an ImportError, as where it is not installed.
-    sys.modules.setdefault("scipy", None)  # type: ignore[arg-type]
     _end(main())
 
 

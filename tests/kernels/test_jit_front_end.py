@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+import re
+import subprocess
+import sys
+from abc import ABCMeta
+from pathlib import Path
 from typing import NamedTuple
 
+import llvmlite.ir as ll
 import numpy as np
 import pytest
+from compiled_kernels import ROOT
 from numba.core import event, ir, types
 from numba.core.compiler import Flags, run_frontend
 from numba.core.errors import TypingError
+from numba.core.registry import cpu_target
 from numba.extending import overload
 
 from renderer.kernels.jit import builder_kernel, entry_kernel, interface, kernel
@@ -111,6 +120,93 @@ def test_a_constant_is_asked_for_by_its_value_where_its_type_does_not_fit() -> N
 
     assert _not_kept("lambda: takes_three(3)", takes_three=takes_three)() == 3
     assert types.int64 in asked and asked[-1] == types.literal(3)
+
+
+def test_each_constant_has_its_own_meaning() -> None:
+    """What a call means is remembered by its constants' values as well."""
+
+    def named(x, by=0):
+        """Stand for the numbers that the overload gives."""
+
+    @overload(named, prefer_literal=True)
+    def choose(x, by=0):
+        number = x.literal_value if isinstance(x, types.Literal) else -1
+        step = by.literal_value if isinstance(by, types.Literal) else -2
+        return lambda x, by=0: 10 * number + step
+
+    calls = "lambda y: (named(3, by=1), named(4, by=1), named(4, by=2), named(y, by=1))"
+    assert _not_kept(calls, named=named)(3) == (31, 41, 42, -9)
+
+
+def test_types_are_what_their_classes_say() -> None:
+    """Python asks registries of abstract classes, in which no Numba type is."""
+    few = [
+        types.int64,
+        types.literal(3),
+        types.float32[:, ::1],
+        types.UniTuple(types.b1, 2),
+    ]
+    classes = [one for one in vars(types).values() if isinstance(one, type(types.Type))]
+    assert len(classes) > 50
+    for numba_type, one in itertools.product(few, classes):
+        by_registry = ABCMeta.__instancecheck__(one, numba_type)
+        assert isinstance(numba_type, one) == by_registry, (numba_type, one)
+        assert issubclass(type(numba_type), one) == by_registry
+
+
+def test_an_error_says_where_it_is() -> None:
+    """The statement, by file and line, and the kernel that calls."""
+
+    @kernel
+    def inner(x):
+        return x + "text"
+
+    @entry_kernel
+    def outer(x):
+        return inner(x)
+
+    with pytest.raises(TypingError) as found:
+        outer(1.0)
+    text = str(found.value)
+    line = inner.py_func.__code__.co_firstlineno + 2
+    assert re.search(
+        rf"During: typing of intrinsic-call at .*{Path(__file__).name} \({line}\)", text
+    )
+    assert "resolving callee type: type(CPUDispatcher(<function" in text and "inner" in text
+
+
+@pytest.mark.parametrize(
+    "of",
+    [
+        ll.IntType(1),
+        ll.DoubleType(),
+        ll.VectorType(ll.FloatType(), 16),
+        ll.ArrayType(ll.IntType(24), 3),
+        ll.LiteralStructType([ll.IntType(8), ll.DoubleType()]),
+        ll.PointerType(),
+    ],
+    ids=str,
+)
+def test_a_type_is_as_large_as_llvm_says(of) -> None:
+    """For the first time and from memory."""
+    context = cpu_target.target_context
+    size = of.get_abi_size(context.target_data)
+    assert [context.get_abi_sizeof(of) for _ in range(2)] == [size, size]
+
+
+def test_scipy_is_imported_for_linear_algebra_alone() -> None:
+    program = """
+import sys
+import numba, numpy
+from renderer.kernels.jit import entry_kernel
+assert entry_kernel(eval("lambda x: x + 1"))(1) == 2
+assert "scipy.linalg" not in sys.modules
+twice = numpy.diag((2.0, 2.0))
+for product in (lambda a: a @ a, lambda a: numpy.kron(a, a)[:2, :2]):
+    assert (numba.njit(product)(twice) == 2 * twice).all()
+assert "scipy.linalg" in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
 
 
 # -------------------------------------------------------------------- what is left out

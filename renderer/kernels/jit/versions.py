@@ -1,4 +1,4 @@
-"""The versions of Numba whose private parts `renderer.kernels.jit` knows.
+"""The versions of Numba whose private parts are known here.
 
 On any other version Numba compiles in its own way: slower, and to the same pictures.
 `tests/kernels/test_jit.py` fails on a version that has not been tried.
