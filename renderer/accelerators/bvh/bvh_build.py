@@ -208,8 +208,8 @@ def _build_nodes(
 ):
     """Write the nodes; return how many."""
     stack = scratch.stack
-    top = _push(stack, 0, 0, start, stop, start_depth)
-    nodes = 1
+    top = _push(stack, np.int64(0), np.int64(0), start, stop, start_depth)
+    nodes = np.int64(1)
     while top > 0:
         top -= 1
         node, first = stack[top, 0], stack[top, 1]

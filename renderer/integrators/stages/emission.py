@@ -28,11 +28,11 @@ def arrive(scene, work, first, count, see_environment):
             lights.choice[0, RECORD],
             (scene.shapes, scene.primitives.shape, points, work.rays, hits, first, count),
         )
-    found = append_hits(
-        scene, work.rays, hits, first, count, EMIT, work.order, points, np.int64(0)
-    )
+    # an int64, as kinds of BSDFs are: a constant is compiled once more
+    stage, start, order = np.int64(EMIT), np.int64(0), work.order
+    found = append_hits(scene, work.rays, hits, first, count, stage, order, points, start)
     if found > 0:
-        surface_points(scene, work.rays, hits, work.order, found, points)
+        surface_points(scene, work.rays, hits, order, found, points)
     for kind in range(lights.methods.shape[0]):
         if lights.methods[kind, EMISSION] != 0 and found > 0:
             call(

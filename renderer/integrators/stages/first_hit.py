@@ -170,8 +170,8 @@ def trace_first_hits(scene, tile, sample, work):
     rays, hits, points, radiance = work.rays, work.hits, work.points, work.radiance
     count = camera_rays(scene, tile, sample, work)
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
-    start, order = np.int64(0), work.order
-    found = append_hits(scene, rays, hits, start, count, ANY, order, points, start)
+    stage, start, order = np.int64(ANY), np.int64(0), work.order
+    found = append_hits(scene, rays, hits, start, count, stage, order, points, start)
     surface_points(scene, rays, hits, order, found, points)
     for i in range(0, found, 16):
         mask = first_lanes(found - i)

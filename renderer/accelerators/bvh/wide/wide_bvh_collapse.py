@@ -44,7 +44,7 @@ def write_costs(bounds, child, count, costs):
         share = half_area(bounds[node]) / root if root > 0.0 else 1.0
         share = np.float32(max(share, _LEAST_SHARE))
         first = child[node]
-        least = share + _best_division(first, CHILDREN, costs)[0]
+        least = share + _best_division(first, np.int64(CHILDREN), costs)[0]
         costs[node, 0] = least
         for k in range(2, ROOMS + 1):
             least = min(least, _best_division(first, k, costs)[0])
@@ -75,7 +75,7 @@ def choose_children(child, count, node, costs, members):
             k += 1  # a leaf, or cheaper as a wide node of its own
             continue
         first = child[m]
-        mine = _best_division(first, room, costs)[1]
+        mine = _best_division(first, np.int64(room), costs)[1]
         members[k], rooms[k] = first, mine
         members[size], rooms[size] = first + 1, room - mine
         size += 1

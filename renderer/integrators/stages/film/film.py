@@ -115,14 +115,14 @@ def _four_numbers(radiance, slot, first, channels):
 def open_sums(rfilter, sums, splats):
     """Copy a tile's sums to where a pixel's numbers lie side by side, for `add_to_tile`."""
     if rfilter.weights.size != 0:
-        _copy(sums, splats, True)
+        _copy(sums, splats, np.bool_(True))
 
 
 @kernel
 def close_sums(rfilter, sums, splats):
     """Copy them back."""
     if rfilter.weights.size != 0:
-        _copy(sums, splats, False)
+        _copy(sums, splats, np.bool_(False))
 
 
 @kernel
