@@ -36,10 +36,10 @@ from renderer.kernels.jit import (
     method_kernel,
     never_inline,
     pack,
-    versions,
     with_neighbours,
 )
 from renderer.kernels.jit.cache import KERNEL_FOLDERS, _Index, file_digest
+from renderer.kernels.jit.compiler import versions
 from renderer.scene_file.images import png_filters
 
 

@@ -10,10 +10,10 @@ from typing import Any
 import numba
 from numba.extending import intrinsic
 
-from renderer.kernels.jit import front_end, questions  # noqa: F401  # replace parts of Numba
 from renderer.kernels.jit.cache import keep
-from renderer.kernels.jit.linking import SEPARATE
-from renderer.kernels.jit.passes import PIPELINE
+from renderer.kernels.jit.compiler import front_end, questions  # noqa: F401  # replace parts of Numba
+from renderer.kernels.jit.compiler.linking import SEPARATE
+from renderer.kernels.jit.compiler.passes import PIPELINE
 
 _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 

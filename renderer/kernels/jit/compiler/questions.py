@@ -4,7 +4,7 @@ All registries are read again for each function that is resolved, what `a + b` m
 found anew for each addition, the size of a type by having LLVM parse it. The answers are
 those of Numba's own functions.
 
-This replaces private parts of Numba, on the versions of `renderer.kernels.jit.versions`.
+This replaces private parts of Numba, on versions that were tried (`versions`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numba.core.target_extension import get_local_target
 from numba.core.types import functions as function_types
 from numba.core.typing import context as typing_context
 
-from renderer.kernels.jit.versions import IS_TRIED
+from renderer.kernels.jit.compiler.versions import IS_TRIED
 
 
 def _refresh_what_is_new(context: type) -> None:

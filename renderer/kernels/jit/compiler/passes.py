@@ -24,7 +24,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager
 
-from renderer.kernels.jit.versions import IS_TRIED
+from renderer.kernels.jit.compiler.versions import IS_TRIED
 
 _NEVER = {"InlineInlinables", "AnnotateTypes", "DumpParforDiagnostics"}
 _OF_CLOSURES = {"InlineClosureLikes", "MakeFunctionToJitFunction"}

@@ -6,7 +6,7 @@ them, messages are written for errors that are caught and forgotten, events are 
 nobody. What is replaced here returns what Numba's own functions return; what is asked again
 and again is in `questions`.
 
-This replaces private parts of Numba, on the versions of `renderer.kernels.jit.versions`.
+This replaces private parts of Numba, on versions that were tried (`versions`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numba.core.types import abstract
 from numba.extending import overload
 from numba.np import arrayobj, linalg
 
-from renderer.kernels.jit.versions import IS_TRIED
+from renderer.kernels.jit.compiler.versions import IS_TRIED
 
 
 def _list_variables_fast() -> None:

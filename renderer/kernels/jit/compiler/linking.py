@@ -10,7 +10,7 @@ linked is private to that machine code, so that LLVM puts a kernel of one caller
 calls hand over records field by field, up to 153 words on the stack.
 
 And no interrupt falls into LLVM's work. This replaces private parts of Numba's code
-generator, on the versions of `renderer.kernels.jit.versions`.
+generator, on versions that were tried (`versions`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core import codegen, cpu, targetconfig
 
-from renderer.kernels.jit.versions import IS_TRIED
+from renderer.kernels.jit.compiler.versions import IS_TRIED
 from renderer.process.signals import put_off_interrupts
 
 SEPARATE: set[str] = set()  # names of functions that become machine code by themselves
