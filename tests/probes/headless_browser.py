@@ -204,6 +204,7 @@ class Page:
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse to a place in the window, no button pressed."""
+        self.call("Page.bringToFront")  # behind another tab a move takes 5 s
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
     def press(self, key: str) -> None:
