@@ -12,11 +12,12 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import logging
 import os
 import pickle
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -271,10 +272,25 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         super().__init__(function)
         self._cache_file = _Index(self._cache_path, self._impl.filename_base, "")
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return a kept variant; None if there is none, or none that may be read."""
+        try:
+            return super().load_overload(sig, target_context)
+        except OSError as error:
+            _warn_once(str(error))
+            return None
+
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a variant where there is room, and leave to; else it is compiled anew."""
-        with suppress(OSError):
+        """Keep a variant; where the disk is full or not ours, go on without."""
+        try:
             super().save_overload(sig, data)
+        except OSError as error:
+            _warn_once(str(error))
+
+
+@functools.cache
+def _warn_once(what: str) -> None:
+    logging.getLogger("renderer").warning("kernels are compiled each time: %s", what)
 
 
 @contextmanager

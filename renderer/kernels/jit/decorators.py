@@ -11,7 +11,9 @@ import numba
 from numba.extending import intrinsic
 
 from renderer.kernels.jit.cache import keep
-from renderer.kernels.jit.compiler import front_end, questions  # noqa: F401  # replace parts of Numba
+
+# both replace parts of Numba
+from renderer.kernels.jit.compiler import front_end, questions  # noqa: F401
 from renderer.kernels.jit.compiler.linking import SEPARATE
 from renderer.kernels.jit.compiler.passes import PIPELINE
 

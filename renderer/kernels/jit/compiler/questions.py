@@ -12,7 +12,8 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-from numba.core import base, codegen, errors, utils
+from llvmlite.ir import types as llvm_types
+from numba.core import base, codegen, errors, targetconfig, utils
 from numba.core.target_extension import get_local_target
 from numba.core.types import functions as function_types
 from numba.core.typing import context as typing_context
@@ -50,45 +51,58 @@ def _ask_each_meaning_once() -> None:
     Numba finds it anew for each `a + b`, when types are inferred and again when code is
     made. It asks each meaning twice, with the values of constants and without, although
     most calls have no constant; and it lists the signatures of those that do not fit, for a
-    message. Where none fits its own function is asked, for the message.
+    message. Where none fits its own function is asked, for the message. A template's mark
+    `may_change` keeps its answers from being remembered; a scene has a thousand others.
     """
     explain = function_types.BaseFunction.get_call_type
     without_value = function_types._unlit_non_poison
     orders: dict[Any, Any] = {}
-    meanings: dict[Any, tuple[Any, Any]] = {}  # by what is called and the types given to it
+    meanings: dict[Any, tuple[Any, Any]] = {}
 
-    def in_order(self: Any, context: Any) -> Any:
-        target = get_local_target(context)
+    def in_order(self: Any, target: Any) -> Any:
         key = target, tuple(self.templates)
         if key not in orders:
             orders[key] = utils.order_by_target_specificity(target, self.templates)
         return orders[key]
 
-    def find(self: Any, context: Any, args: Any, kws: Any) -> tuple[Any, Any] | None:
+    def find(self: Any, context: Any, target: Any, args: Any, kws: Any) -> Any:
+        """Return the template that fits, and the signature; None if none does."""
         given = args, kws
-        plain = (
-            tuple(without_value(arg) for arg in args),
-            {name: without_value(arg) for name, arg in kws.items()},
-        )
+        try:
+            plain = (
+                tuple(without_value(arg) for arg in args),
+                {name: without_value(arg) for name, arg in kws.items()},
+            )
+        except errors.NumbaError:
+            return None  # a type that only constants have
         several = (plain, given) if plain != given else (given,)
-        for meaning in in_order(self, context):
-            template = meaning(context)
+        for template_class in in_order(self, target):
+            template = template_class(context)
             for attempt in several[::-1] if template.prefer_literal else several:
                 try:
                     found = template.apply(*attempt)
                 except errors.NumbaError:
                     continue
                 if found is not None:
-                    return found, template.get_impl_key(found)
+                    return template, found
         return None
 
     def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        key = self, context, tuple(args), tuple(kws.items())
-        meaning = meanings.get(key) or find(self, context, args, kws)
-        if meaning is None:
-            return explain(self, context, args, kws)
-        meanings[key] = meaning
-        found, self._impl_keys[found.args] = meaning
+        target = get_local_target(context)
+        # what a call compiles has the options of its caller, such as reference counts
+        options = targetconfig.ConfigStack.top_or_none()
+        key = self, context, target, options, tuple(args), tuple(kws.items())
+        if key not in meanings:
+            fitting = find(self, context, target, args, kws)
+            if fitting is None:
+                return explain(self, context, args, kws)
+            template, found = fitting
+            implementation = template.get_impl_key(found)
+            if not getattr(template, "may_change", False):
+                meanings[key] = found, implementation
+        else:
+            found, implementation = meanings[key]
+        self._impl_keys[found.args] = implementation
         return found
 
     function_types.BaseFunction.get_call_type = get_call_type
@@ -97,12 +111,14 @@ def _ask_each_meaning_once() -> None:
 def _measure_types_once() -> None:
     """Remember how large a type of LLVM is: to ask is to parse a module that has one.
 
-    A type's text says all of it, but for types with a name, of which Numba has none.
+    A type's text says all of it, but of a type with a name, which has the name alone.
     """
-    sizes: dict[str, int] = {}
     size_of = base.BaseContext.get_abi_sizeof
 
-    def get_abi_sizeof(self: Any, of: Any) -> int:
+    def get_abi_sizeof(self: Any, of: Any) -> Any:
+        if isinstance(of, llvm_types.IdentifiedStructType):
+            return size_of(self, of)
+        sizes = self.__dict__.setdefault("_sizes_seen", {})
         text = str(of)
         if text not in sizes:
             sizes[text] = size_of(self, of)
