@@ -277,7 +277,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             return super().load_overload(sig, target_context)
         except OSError as error:
-            _warn_once(str(error))
+            _warn_once(KERNEL_CACHE, error.strerror)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -285,12 +285,13 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            _warn_once(str(error))
+            _warn_once(KERNEL_CACHE, error.strerror)
 
 
-@functools.cache
-def _warn_once(what: str) -> None:
-    logging.getLogger("renderer").warning("kernels are compiled each time: %s", what)
+@functools.cache  # and not once for each of a scene's hundred kernels
+def _warn_once(folder: Path, reason: str) -> None:
+    text = "kernels cannot all be kept, and are compiled each time: %s: %s"
+    logging.getLogger("renderer").warning(text, folder, reason)
 
 
 @contextmanager

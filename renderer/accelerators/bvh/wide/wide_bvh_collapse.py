@@ -53,7 +53,10 @@ def write_costs(bounds, child, count, costs):
 
 @kernel
 def _best_division(first, rooms, costs):
-    """Return what two siblings cost that share `rooms` children, and the first's number."""
+    """Return what two siblings cost that share `rooms` children, and the first's number.
+
+    `rooms` is an int64: each other type, a constant's too, would be compiled once more.
+    """
     least, best = costs[first, 0] + costs[first + 1, rooms - 2], 1
     for j in range(2, rooms):
         cost = costs[first, j - 1] + costs[first + 1, rooms - j - 1]

@@ -126,7 +126,7 @@ def close_sums(rfilter, sums, splats):
 
 
 @kernel
-def _copy(sums, splats, there):
+def _copy(sums, splats, there):  # both ways by one kernel: a constant would make two
     numbers, size = sums.shape[0], sums.shape[2]
     for c in range(numbers):
         plane, first = sums[c], (c // 4) * 4 * size * size + c % 4
