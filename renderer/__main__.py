@@ -25,6 +25,9 @@ def command() -> NoReturn:
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from renderer.command.cli import main
+    from renderer.process.standard_streams import make_streams_tolerant
+
+    make_streams_tolerant()
 
     signal.signal(signal.SIGINT, before)
     _end(main())
@@ -41,12 +44,9 @@ def _end(status: int) -> NoReturn:
     # all is said and written; and a flush may wait for a reader that does not read
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    try:
-        logging.shutdown()
-        sys.stdout.flush()
-        sys.stderr.flush()
-    except OSError:  # a full disk, or a reader of our output who has seen enough
-        status = status or 1
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
     os._exit(status)
 
 

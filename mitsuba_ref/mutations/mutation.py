@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import renderer
-from renderer.kernels.jit import cache_root
+from renderer.process.cache_folder import cache_folder
 
 PACKAGE = Path(renderer.__file__).parent
 
@@ -100,7 +100,7 @@ def mutant_folder(mutation: Mutation, root: Path | None = None) -> Path:
     AnchorError
         If the mutation does not fit the sources.
     """
-    root = root or cache_root() / "mutants"
+    root = root or cache_folder("mutants")
     texts = mutated_files(mutation)
     folder = root / f"{mutation.name}-{_hash(texts)}"
     if folder.is_dir():

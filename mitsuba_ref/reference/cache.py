@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import tempfile
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -25,6 +23,8 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
+from renderer.process.cache_folder import cache_folder
+from renderer.process.whole_file import whole_file
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
@@ -55,9 +55,7 @@ class ReferenceCache:
 
     def __init__(self, render: RenderFunction, folder: Path | None = None) -> None:
         self._render = render
-        from renderer.kernels.jit import cache_root
-
-        self.folder = folder or cache_root() / "references"
+        self.folder = folder or cache_folder("references")
 
     def get(self, request: RenderRequest, files: Sequence[str | Path]) -> Reference:
         """Return the reference for `request`, rendered now if there is no sound entry.
@@ -143,17 +141,11 @@ def write_entry(reference: Reference, path: Path) -> None:
         reference.integrator,
         reference.changes,
     )
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            entry: dict[str, Any] = {"facts": np.array(to_json(facts).decode())}
-            for name, array in reference.arrays.items():
-                entry[f"array_{name}"] = array
-            np.savez(stream, **entry)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    entry: dict[str, Any] = {"facts": np.array(to_json(facts).decode())}
+    for name, array in reference.arrays.items():
+        entry[f"array_{name}"] = array
+    with whole_file(path) as stream:
+        np.savez(stream, **entry)
 
 
 def read_entry(path: Path) -> Reference | None:
@@ -168,5 +160,5 @@ def read_entry(path: Path) -> Reference | None:
                 if name != "facts"
             }
         return Reference(arrays=arrays, **vars(facts))
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+    except Exception:  # missing, or damaged in any way: it is rendered again
         return None

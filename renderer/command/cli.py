@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import sys
 import warnings
 from collections import deque
@@ -30,6 +29,7 @@ from renderer.command.outputs import (
 )
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
 from renderer.process.memory import limited_to
+from renderer.process.standard_streams import output_is_lost
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.rendering.cluster.team import Team
@@ -57,13 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with limited_to(options.memory):
                 return _run(options, interrupts, written)
     except SystemExit as stop:
-        return int(stop.code or 0)
+        return int(stop.code or output_is_lost())
     except (SceneError, ClusterError) as error:
         complain(f"error: {error}")
     except MemoryError:
         complain("error: there is not enough memory for this picture or scene")
-    except BrokenPipeError:  # the reader of our output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except KeyboardInterrupt:
         return _interrupted(written)
     except Exception:
@@ -100,7 +98,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if options.explain:
         _explain(scene, options)
     if not options.output:
-        return 0
+        return int(output_is_lost())
     if _needs_bands(scene, options, interrupts):
         _render_to_file(scene, options, interrupts)
         return 0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import renderer
 from renderer.errors import SceneError
+from renderer.process.cache_folder import cache_root, clear_caches
 from renderer.process.memory import parse_size
 from renderer.process.names import (
     ACCELERATORS,
@@ -27,6 +29,10 @@ EPILOG = """examples:
   lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
 
 Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
+
+Compiled kernels (some MB a scene) are kept in {caches}.
+LIGHTPROOF_CACHE or XDG_CACHE_HOME name another place, --clear-cache removes them.
+
 Exit status: 0 the picture is written, 1 the scene or a file was refused,
 2 the command line was wrong, 130 interrupted."""
 
@@ -35,6 +41,23 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line, without the usage before it."""
         self.exit(2, f"{self.prog}: error: {message}; --help lists the options\n")
+
+
+class _ClearCache(argparse.Action):
+    def __init__(self, **parts: Any) -> None:
+        super().__init__(nargs=0, **parts)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        """Remove the caches, say what was in them, and end the program."""
+        try:
+            removed = clear_caches()
+        except OSError as error:
+            parser.exit(1, f"error: {error.filename}: {error.strerror}\n")
+        for name, files, size in removed:
+            sys.stdout.write(f"removed {name}: {files} files, {size / 1e6:.1f} MB\n")
+        if not removed:
+            sys.stdout.write(f"nothing is kept in {cache_root()}\n")
+        parser.exit()
 
 
 def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -64,7 +87,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog="lightproof",
         usage="%(prog)s SCENE.xml [-o OUT.exr] [options]",
         description="Render a Mitsuba 3 scene file.",
-        epilog=EPILOG,
+        epilog=EPILOG.replace("{caches}", str(cache_root())),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -217,6 +240,7 @@ def make_parser() -> argparse.ArgumentParser:
         help="print what is modelled, what is left out and why; render only with -o",
     )
     add("--quiet", action="store_true", help="print warnings and errors only")
+    add("--clear-cache", action=_ClearCache, help="remove what is kept between runs")
     add("--version", action="version", version=f"%(prog)s {renderer.__version__}")
     return parser
 

@@ -10,13 +10,13 @@ import argparse
 import ast
 import json
 import operator
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from renderer.errors import SceneError
+from renderer.process.whole_file import write_whole
 
 if TYPE_CHECKING:
     from renderer.scene.scene import Scene
@@ -172,14 +172,10 @@ class SweepRecord:
 
     def _save(self) -> None:
         text = json.dumps({"frames": self._made_from}, indent=1)
-        temporary = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         try:
-            temporary.write_text(text, encoding="utf-8")
-            os.replace(temporary, self.path)
+            write_whole(self.path, text.encode())
         except OSError as error:
             raise SceneError(f"{self.path}: cannot be written: {error}") from error
-        finally:
-            temporary.unlink(missing_ok=True)
 
 
 def of_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:

@@ -23,7 +23,7 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.reference import edited_scene
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
 from mitsuba_ref.speed import timed_mitsuba
-from renderer.kernels.jit import cache_root
+from renderer.process.cache_folder import cache_folder
 from renderer.rendering.accuracy import relative_error
 from renderer.scene_file import SceneDescription
 from renderer.scene_file.objects.view.samplers import round_sample_count
@@ -127,10 +127,10 @@ def kept(
             (one.name, one.read_bytes()) if isinstance(one, Path) else (one, b"")
         )
         digest.update(json.dumps(value, sort_keys=True).encode() + b"\0" + content)
-    path = cache_root() / "speed_accuracy" / f"{digest.hexdigest()[:32]}.npy"
+    path = cache_folder("speed_accuracy") / f"{digest.hexdigest()[:32]}.npy"
     try:
         return np.asarray(np.load(path, allow_pickle=False), np.float64)
-    except (OSError, ValueError, EOFError):
+    except Exception:  # missing, or damaged in any way: it is made again
         pass
     array = make()
     stream = io.BytesIO()

@@ -230,14 +230,14 @@ def test_two_that_save_at_once_take_turns(tmp_path: Path, monkeypatch) -> None:
     Without turns both find the first file name free, and one kernel is lost.
     """
     together = threading.Barrier(2)
-    save_index = IndexDataCacheFile._save_index
+    save_index = _Index._save_index
 
     def wait_and_save(self, overloads):
         with contextlib.suppress(threading.BrokenBarrierError):
             together.wait(1.0)
         save_index(self, overloads)
 
-    monkeypatch.setattr(IndexDataCacheFile, "_save_index", wait_and_save)
+    monkeypatch.setattr(_Index, "_save_index", wait_and_save)
     keys = [((types.int64,), "a"), ((types.float64,), "b")]
     indices = [_Index(str(tmp_path), "kernel", "stamp") for _ in keys]
     saving = [
@@ -309,7 +309,7 @@ def test_a_cache_that_can_no_longer_be_written_is_no_obstacle(monkeypatch, caplo
     def is_full(*what):
         raise OSError(errno.ENOSPC, "no space left", what[1])
 
-    cache._warn_once.cache_clear()
+    cache._warned.clear()
 
     @entry_kernel
     def thrice(x):
@@ -319,7 +319,7 @@ def test_a_cache_that_can_no_longer_be_written_is_no_obstacle(monkeypatch, caplo
     for older in kept.glob("*thrice*"):
         older.unlink()
     with monkeypatch.context() as full:
-        full.setattr(IndexDataCacheFile, "_save_data", is_full)
+        full.setattr(_Index, "_save_data", is_full)
         assert thrice(2.0) == thrice(np.float32(2.0)) == 6.0
     (said,) = caplog.messages
     assert said.endswith(f"compiled each time: {cache.KERNEL_CACHE}: no space left")
@@ -330,7 +330,7 @@ def test_a_cache_that_can_no_longer_be_written_is_no_obstacle(monkeypatch, caplo
 def test_a_folder_that_cannot_be_used_is_no_obstacle(monkeypatch, tmp_path, caplog) -> None:
     """Something else is in its place, or it is another user's."""
     monkeypatch.setattr(cache, "KERNEL_CACHE", tmp_path)
-    cache._warn_once.cache_clear()
+    cache._warned.clear()
     module = cache._ByContent(_doubled.py_func, __file__)
     Path(module.get_cache_path()).write_text("a file")
 

@@ -8,7 +8,7 @@ methods of an object are (`methods`), and functions that are chosen by the recor
 work on (`interfaces`).
 """
 
-from renderer.kernels.jit.cache import KERNEL_CACHE, cache_root, with_neighbours
+from renderer.kernels.jit.cache import KERNEL_CACHE
 from renderer.kernels.jit.columns import by_columns, table_columns
 from renderer.kernels.jit.decorators import (
     always_inline,
@@ -21,6 +21,7 @@ from renderer.kernels.jit.decorators import (
 )
 from renderer.kernels.jit.interfaces import interface
 from renderer.kernels.jit.methods import Method, call, compile_method, count_of
+from renderer.kernels.jit.neighbours import with_neighbours
 from renderer.kernels.jit.records import (
     Packed,
     pack,
@@ -35,7 +36,6 @@ __all__ = [
     "always_inline",
     "builder_kernel",
     "by_columns",
-    "cache_root",
     "call",
     "compile_method",
     "compiled_for",

@@ -9,15 +9,14 @@ wherever they lie.
 
 from __future__ import annotations
 
-import ast
 import functools
+import glob
 import hashlib
 import logging
-import os
 import pickle
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -32,12 +31,15 @@ from numba.core.caching import (
     _CacheLocator,
 )
 
+from renderer.kernels.jit.neighbours import PACKAGE, file_digest
+from renderer.kernels.jit.used_folders import use_folder
+from renderer.process.cache_folder import cache_folder, cache_root
+
 try:
     import fcntl
 except ImportError:  # not on Windows: there, render one scene at a time for the first time
     fcntl = None  # type: ignore[assignment]
 
-_PACKAGE = Path(__file__).parents[2]
 # The folders whose files kernels are made of: all that is in them counts.
 KERNEL_FOLDERS = (
     "accelerators",
@@ -51,121 +53,36 @@ KERNEL_FOLDERS = (
 def _sources_hash() -> str:
     digest = hashlib.sha256()
     for folder in KERNEL_FOLDERS:
-        for source in sorted((_PACKAGE / folder).rglob("*.py")):
-            digest.update(source.relative_to(_PACKAGE).as_posix().encode())
+        for source in sorted((PACKAGE / folder).rglob("*.py")):
+            digest.update(source.relative_to(PACKAGE).as_posix().encode())
             digest.update(source.read_bytes())
     digest.update(f"{numba.__version__} {llvmlite.__version__} {sys.version}".encode())
     return digest.hexdigest()[:16]
-
-
-def cache_root() -> Path:
-    """Folder for everything lightproof keeps between runs; `LIGHTPROOF_CACHE` moves it."""
-    chosen = os.environ.get("LIGHTPROOF_CACHE")
-    if chosen:
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "lightproof"
 
 
 KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
 
 
 @functools.cache
-def file_digest(path: str) -> str:
-    """Return a short hash of a source file's content, and of what it imports beside it."""
-    digests = b"".join(_read(file)[0] for file in with_neighbours(path))
-    return hashlib.sha256(digests).hexdigest()[:16]
-
-
-def with_neighbours(path: str | Path) -> list[Path]:
-    """Return a source file and those that it imports from its folder or package, and so on.
-
-    A user's kernels may call others of his, in another file: its edit counts as well. The
-    renderer's own files are in the hash of all sources.
-    """
-    found: dict[Path, None] = {}  # in the order in which they were met
-    asked: set[Path] = set()  # thousands of imports, of a few modules
-    waiting = [Path(path).resolve()]
-    while waiting:
-        file = waiting.pop()
-        if file in found or (found and _PACKAGE in file.parents):
-            continue
-        found[file] = None
-        for module in _read(file)[1]:
-            if module not in asked:
-                asked.add(module)
-                beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
-                waiting += sorted(path for path in beside if path.is_file())
-    return list(found)
-
-
-def _read(file: Path) -> tuple[bytes, tuple[Path, ...]]:
-    """Return a file's hash, and where modules may lie that it imports."""
-    state = file.stat()
-    return _read_version(file, state.st_mtime_ns, state.st_size)
-
-
-@functools.cache  # forty files of this repository meet each other's imports
-def _read_version(file: Path, written: int, size: int) -> tuple[bytes, tuple[Path, ...]]:
-    content = file.read_bytes()
-    return hashlib.sha256(content).digest(), _imported_by(file, content)
-
-
-def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
-    """Return where modules may lie that a file imports, inside functions too.
-
-    The first name counts: of a package all files are taken.
-    """
-    try:
-        tree = ast.parse(content)
-    except SyntaxError:
-        return ()  # whoever imports it will say so
-    around = file.parent  # of a package: the folder in which its name is looked up
-    while (around / "__init__.py").is_file():
-        around = around.parent
-    modules: dict[Path, None] = {}
-    for statement in _statements_of(tree):
-        names: list[str] = []
-        folders: tuple[Path, ...] = (file.parent, around)
-        if isinstance(statement, ast.Import):
-            names = [alias.name for alias in statement.names]
-        elif isinstance(statement, ast.ImportFrom):
-            # `from . import a`: a file, or a name in the package's own
-            own = [alias.name for alias in statement.names] + ["__init__"]
-            names = [statement.module] if statement.module else own
-            if statement.level:
-                folders = (file.parents[statement.level - 1],)
-        for name in names:
-            first = name.partition(".")[0]
-            modules.update(dict.fromkeys(folder / first for folder in folders))
-    return tuple(modules)
-
-
-def _statements_of(block: ast.AST) -> Iterator[ast.AST]:
-    """Yield the statements in a module, function, branch, ..., and those within them.
-
-    `ast.walk` would visit all expressions as well, ten times as many.
-    """
-    for part in ("body", "orelse", "handlers", "finalbody", "cases"):
-        for statement in getattr(block, part, ()):
-            yield statement
-            yield from _statements_of(statement)
-
-
-@functools.cache
 def _is_kernel_source(source: str) -> bool:
     """Return whether the hash of all sources covers a file."""
-    return any(_PACKAGE / folder in Path(source).parents for folder in KERNEL_FOLDERS)
+    return any(PACKAGE / folder in Path(source).parents for folder in KERNEL_FOLDERS)
 
 
-@functools.cache  # asking makes a file
+@functools.cache  # the check makes a file
 def _is_writable(folder: Path) -> bool:
+    """Return whether a folder of kernels can be used; older ones of this program go."""
     try:
+        cache_folder("kernels")
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):
-            return True
+            pass
     except OSError:
         return False
+    with suppress(OSError), _turn(str(folder.parent)):
+        program = (sys.prefix, str(PACKAGE))
+        use_folder(folder, program, list(folder.parent.iterdir()))
+    return True
 
 
 class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
@@ -179,6 +96,7 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
             # a user's or a test's own kernels, or one that no other file has a part in
             module = f"{module}-{file_digest(source)}"
         self._folder = KERNEL_CACHE / module
+        self._source = source
 
     @classmethod
     def from_function(cls, function: Any, source: str) -> _ByContent | None:
@@ -189,6 +107,10 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
 
     def ensure_cache_path(self) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
+        if not _is_kernel_source(self._source):  # each edit of it has another folder
+            module = self._folder.name.rpartition("-")[0]
+            older = list(KERNEL_CACHE.glob(f"{glob.escape(module)}-*"))
+            use_folder(self._folder, (self._source,), older)
 
     def get_cache_path(self) -> str:
         return str(self._folder)
@@ -200,8 +122,16 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
         return str(self._line)
 
 
-# what an index raises that names classes of a program which is not this one, or is cut off
-_UNREADABLE = (ImportError, AttributeError, EOFError, pickle.UnpicklingError)
+# what an index raises that names classes which this program lacks
+_FOREIGN = (ImportError, AttributeError)
+_CHECKSUM = 32  # bytes of SHA-256 in front of each file's content
+
+
+class _Damaged(OSError):
+    """A file whose content is not what was written: Numba passes over what it cannot read.
+
+    A wrong byte of machine code would end the process, or give a wrong picture.
+    """
 
 
 class _Index(IndexDataCacheFile):  # type: ignore[misc]
@@ -209,8 +139,10 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
 
     Numba reads an index, takes a file name that is free, and writes the index: two
     processes at once would give one name to two kernels, and a later run would call the
-    wrong one. An index that cannot be read is taken as empty, but never written over: it
-    is in use by the program that can read it.
+    wrong one. An index that names classes which this program lacks is taken as empty, but
+    never written over: it is in use by the program that has them. A damaged index or
+    kernel, as a full disk or a crash leaves it, is known by its checksum: the kernel is
+    compiled again and written anew.
 
     To read an index is to import the modules of all classes in it. So kernels that work on
     classes of a user's have an index for his modules alone: nobody else's run would want
@@ -224,7 +156,7 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
     def _of_the_same_modules(self, key: Any) -> _Index:
         """Return the index for the classes of a key's signature."""
         modules = {m for numba_type in key[0] for m in _modules_of(numba_type)}
-        foreign = sorted(m for m in modules if not m.startswith(f"{_PACKAGE.name}."))
+        foreign = sorted(m for m in modules if not m.startswith(f"{PACKAGE.name}."))
         if not foreign:
             return self
         digest = hashlib.sha256(" ".join(foreign).encode()).hexdigest()[:12]
@@ -235,18 +167,46 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
 
     def _load_index(self) -> Any:
         try:
-            return super()._load_index()
-        except _UNREADABLE:
+            return pickle.loads(_read_checked(Path(self._index_path)))
+        except (*_FOREIGN, FileNotFoundError, _Damaged):
             return {}
 
+    def _save_index(self, overloads: Any) -> None:
+        self._save_checked(self._index_path, overloads)
+
+    def _load_data(self, name: str) -> Any:
+        return pickle.loads(_read_checked(Path(self._data_path(name))))
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._save_checked(self._data_path(name), data)
+
+    def _save_checked(self, path: str, content: Any) -> None:
+        dumped = self._dump(content)
+        with self._open_for_write(path) as file:
+            file.write(hashlib.sha256(dumped).digest() + dumped)
+
     def save(self, key: Any, data: Any) -> None:
-        index = super(_Index, self._of_the_same_modules(key))
+        index = self._of_the_same_modules(key)
         with _turn(self._cache_path):
             try:
-                index._load_index()
-            except _UNREADABLE:
+                pickle.loads(_read_checked(Path(index._index_path)))
+            except _FOREIGN:
                 return
-            index.save(key, data)
+            except FileNotFoundError:
+                pass
+            except _Damaged:  # a name in a new index must not find the code of another
+                for kernel in Path(index._cache_path).glob(f"{glob.escape(index._base)}.*"):
+                    kernel.unlink()
+            super(_Index, index).save(key, data)
+
+
+def _read_checked(path: Path) -> bytes:
+    content = path.read_bytes()
+    checksum, dumped = content[:_CHECKSUM], content[_CHECKSUM:]
+    if hashlib.sha256(dumped).digest() != checksum:
+        _warn_once(KERNEL_CACHE, f"{path.name} is damaged", AGAIN)
+        raise _Damaged(f"{path} is damaged")
+    return dumped
 
 
 def _modules_of(numba_type: Any) -> Iterator[str]:
@@ -277,7 +237,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             return super().load_overload(sig, target_context)
         except OSError as error:
-            _warn_once(KERNEL_CACHE, error.strerror)
+            _warn_once(KERNEL_CACHE, error.strerror, EACH_TIME)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -285,13 +245,21 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except OSError as error:
-            _warn_once(KERNEL_CACHE, error.strerror)
+            _warn_once(KERNEL_CACHE, error.strerror, EACH_TIME)
 
 
-@functools.cache  # and not once for each of a scene's hundred kernels
-def _warn_once(folder: Path, reason: str) -> None:
-    text = "kernels cannot all be kept, and are compiled each time: %s: %s"
-    logging.getLogger("renderer").warning(text, folder, reason)
+EACH_TIME = "kernels cannot all be kept, and are compiled each time: %s: %s"
+AGAIN = "kernels are compiled again: %s: %s"
+
+
+_warned: set[str] = set()
+
+
+def _warn_once(folder: Path, reason: str, text: str) -> None:
+    """Log a warning once a process, and not for each of a scene's hundred kernels."""
+    if text not in _warned:
+        _warned.add(text)
+        logging.getLogger("renderer").warning(text, folder, reason)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.process.whole_file import write_whole
 
 HEADER = 12  # bytes
 SCALES = np.array([1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0])
@@ -122,9 +123,8 @@ def _cells(path: Path, counts: list[int], size: int) -> int:
 
 def write_merl(path: Path, f: NDArray[np.float64]) -> None:
     """Write reflectances [1/sr], (3, theta_h, theta_d, phi_d), as a `.binary` file."""
-    with path.open("wb") as file:
-        file.write(np.array(f.shape[1:], "<i4").tobytes())
-        file.write((f.reshape(3, -1) / SCALES[:, None]).astype("<f8").tobytes())
+    values = (f.reshape(3, -1) / SCALES[:, None]).astype("<f8")
+    write_whole(path, np.array(f.shape[1:], "<i4").tobytes() + values.tobytes())
 
 
 def cell_centres(

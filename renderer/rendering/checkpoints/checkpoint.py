@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import CheckpointWarning, SceneError
 from renderer.process.threads import Crew
+from renderer.process.whole_file import why_not_writable
 from renderer.rendering.checkpoints.file import (
     Arrays,
     Stored,
@@ -40,12 +41,11 @@ def check_checkpoint_path(path: Path, *, resume: bool) -> None:
         For a folder that is missing or not writable, and for a file that is there but is
         not asked for.
     """
-    if not path.parent.is_dir():
-        raise SceneError(f"{path}: there is no folder {str(path.parent)!r} to write to")
-    if not os.access(path.parent, os.W_OK):
-        raise SceneError(f"{path}: the folder {str(path.parent)!r} is not writable")
-    if path.is_dir():
-        raise SceneError(f"{path}: is a folder; a file name is needed for a checkpoint")
+    reason = why_not_writable(path)
+    if reason is None and path.exists() and not path.is_file():
+        reason = "is a device or a pipe; a checkpoint needs a file"
+    if reason is not None:
+        raise SceneError(f"{path}: {reason}")
     if not resume and is_kept(path):
         there = path if path.exists() else older(path)
         raise SceneError(
@@ -77,6 +77,7 @@ class Checkpoint:
 
     def __init__(self, path: Path, every: float, of: Identity, *, resume: bool) -> None:
         check_checkpoint_path(path, resume=resume)
+        path = Path(os.path.realpath(path))  # the older one lies in the folder of the file
         self._path, self._every, self._of = path, every, of
         self._found: Stored | None = None
         self._whole = False  # whether `path` has a good file, to be kept beside the next

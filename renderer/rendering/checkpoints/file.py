@@ -19,6 +19,8 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.process.whole_file import part_of, whole_file
+
 MAGIC = b"lightproof checkpoint 1\n"
 LENGTH = 8  # bytes of the header's length, little-endian
 CHECKSUM = 32  # bytes of SHA-256 of all before, at the end
@@ -71,30 +73,21 @@ def write_checkpoint(
     types = [[name, a.dtype.str, list(a.shape)] for name, a in arrays.items()]
     header = json.dumps({"of": of, "arrays": types}, ensure_ascii=True).encode()
     length = len(header).to_bytes(LENGTH, "little")
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     digest = hashlib.sha256()
-    try:
-        with part.open("wb") as file:
-            data = map(_bytes_of, arrays.values())
-            for block in (memoryview(MAGIC + length + header), *data):
-                digest.update(block)
-                file.write(block)
-            file.write(digest.digest())
-            file.flush()
-            os.fsync(file.fileno())
-        if keep:  # between these two only the older one is there: `find` knows
-            os.replace(path, older(path))
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-    _sync_folder(path.parent)
+    # For a moment only the older one is there: `find_checkpoint` knows.
+    with whole_file(path, older=older(path) if keep else None) as file:
+        data = map(_bytes_of, arrays.values())
+        for block in (memoryview(MAGIC + length + header), *data):
+            digest.update(block)
+            file.write(block)
+        file.write(digest.digest())
 
 
 def remove_parts(path: Path) -> None:
     """Remove what processes that were killed have not written to the end."""
-    of_this = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.part")
+    name = re.escape(part_of(path, "#").name).replace(r"\#", r"(\d+)(?:-\d+)?")
     for part in path.parent.glob(".*.part"):
-        match = of_this.fullmatch(part.name)
+        match = re.fullmatch(name, part.name)
         if match is not None and not _is_another_alive(int(match[1])):
             with contextlib.suppress(OSError):
                 part.unlink()
@@ -209,13 +202,3 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError):
         return f"cannot be read: {error.strerror or error}"
     return str(error)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Let the names be on the disk too; not every system can open a folder."""
-    with contextlib.suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

@@ -13,7 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from renderer.errors import SceneError
-from renderer.kernels.jit.cache import cache_root, with_neighbours
+from renderer.kernels.jit import with_neighbours
+from renderer.process.cache_folder import cache_folder, cache_root
+from renderer.process.whole_file import write_whole
 from renderer.scene_file import plugin_file
 
 Files = tuple[tuple[str, bytes], ...]  # names below a common folder, contents
@@ -49,13 +51,11 @@ def import_sent(plugins: tuple[Files, ...]) -> None:
             continue
         _refuse_stale(files)
         digest = hashlib.sha256(repr(files).encode()).hexdigest()[:16]
-        folder = cache_root() / "plugins" / digest
+        folder = cache_folder("plugins") / digest
         for name, content in files:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_name(f".{path.name}.{os.getpid()}.part")
-            part.write_bytes(content)
-            os.replace(part, path)  # other workers of the machine write the same
+            write_whole(path, content)  # other workers of the machine write the same
         plugin_file.import_plugin_file(str(folder / Path(files[0][0])))
 
 

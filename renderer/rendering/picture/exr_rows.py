@@ -13,7 +13,7 @@ bits each), and the chunks, each with its first row and its size in front (32 bi
 
 from __future__ import annotations
 
-import os
+import io
 import struct
 from contextlib import ExitStack
 from pathlib import Path
@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.process.whole_file import whole_file
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.image_files import (
     check_output_path,
     exr_header,
     exr_planes,
-    whole_or_not_at_all,
 )
 
 CHUNK = 16  # rows that ZIP packs together
@@ -66,10 +66,7 @@ class ExrRows:
     def __enter__(self) -> Self:
         """Return the file."""
         try:
-            temporary = self._stack.enter_context(whole_or_not_at_all(self._path))
-            self._piece = temporary.with_name(f"{temporary.name}.rows")
-            self._stack.callback(self._piece.unlink, missing_ok=True)
-            self._file = self._stack.enter_context(temporary.open("wb"))
+            self._file = self._stack.enter_context(whole_file(self._path))
         except OSError as error:
             raise self._failed(error) from error
         return self
@@ -81,13 +78,14 @@ class ExrRows:
         trace: TracebackType | None,
     ) -> None:
         """Close the file and give it its name; after an error it is deleted."""
-        with self._stack.pop_all():
-            if error is not None:
-                raise error
-            try:
+        if error is not None:
+            self._stack.__exit__(kind, error, trace)
+            return
+        try:
+            with self._stack.pop_all():
                 self._end()
-            except OSError as failure:
-                raise self._failed(failure) from failure
+        except OSError as failure:
+            raise self._failed(failure) from failure
 
     def add(self, rows: Image) -> None:
         """Write the next rows; the first ones say what the channels and metadata are."""
@@ -110,8 +108,9 @@ class ExrRows:
     def _add_chunks(self, planes: dict[str, NDArray[np.float32]], image: Image) -> None:
         import OpenEXR
 
-        OpenEXR.File(exr_header(image), dict(planes)).write(str(self._piece))
-        content = memoryview(self._piece.read_bytes())
+        piece = io.BytesIO()
+        OpenEXR.File(exr_header(image), dict(planes)).write(piece)
+        content = piece.getbuffer()
         header = bytearray(content[: _end_of_header(content)])
         if not self._done:
             for at in _windows(header):
@@ -133,8 +132,6 @@ class ExrRows:
             raise SceneError(f"{self._path}: {self._done} of {self._height} rows are there")
         self._file.seek(self._table)
         self._file.write(struct.pack(f"<{len(self._chunks)}Q", *self._chunks))
-        self._file.flush()
-        os.fsync(self._file.fileno())
 
     def _failed(self, error: Exception) -> SceneError:
         return SceneError(f"{self._path}: cannot be written: {error}")

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.process.whole_file import is_stream, whole_file, why_not_writable
 from renderer.rendering.picture.picture import Picture
 from renderer.rendering.picture.srgb import srgb_from_linear
 
@@ -89,27 +87,30 @@ def exr_header(image: Picture) -> dict[str, Any]:
     return header
 
 
-def _write_exr(path: Path, image: Picture) -> None:
+def _write_exr(file: BinaryIO, image: Picture) -> None:
     import OpenEXR
 
-    OpenEXR.File(exr_header(image), exr_planes(image)).write(str(path))
+    # to a file that is open here: given a name, OpenEXR reports no error of the last buffer
+    OpenEXR.File(exr_header(image), exr_planes(image)).write(file)
 
 
-def _write_png(path: Path, image: Picture) -> None:
+def _write_png(file: BinaryIO, image: Picture) -> None:
     broken = int(_broken_pixels(image.pixels).sum())
     if broken:
         warnings.warn(
             f"{broken} of {image.width * image.height} pixels are NaN or infinite "
             "and show as magenta",
             RuntimeWarning,
-            stacklevel=5,  # the caller of Image.save
+            stacklevel=4,  # the caller of Image.save
         )
-    encode_png(image.pixels).save(path, format="PNG")
+    encode_png(image.pixels).save(file, format="PNG")
 
 
-def _write_npy(path: Path, image: Picture) -> None:
-    with path.open("wb") as file:  # a path of its own accord would get ".npy" appended
-        np.save(file, np.asarray(image.pixels, dtype=np.float32))
+def _write_npy(file: BinaryIO, image: Picture) -> None:
+    pixels = np.ascontiguousarray(image.pixels, dtype=np.float32)
+    header = np.lib.format.header_data_from_array_1_0(pixels)
+    np.lib.format.write_array_header_1_0(file, header)
+    file.write(pixels.data)  # `np.save` reports no error of the last buffer
 
 
 _WRITERS = {".exr": _write_exr, ".png": _write_png, ".npy": _write_npy}
@@ -122,36 +123,26 @@ def check_output_path(path: Path) -> None:
     ------
     SceneError
         For an ending that is not .exr, .png or .npy, a folder that is missing or not
-        writable, or a folder in the place of the file.
+        writable, a folder in the place of the file, or a file that is read-only.
     """
-    if path.suffix.lower() not in _WRITERS:
+    if _ending(path) not in _WRITERS:
         found = f"the ending {path.suffix!r}" if path.suffix else "no ending"
         raise SceneError(f"{path}: {found}; pictures are written as .exr, .png or .npy")
-    if not path.parent.is_dir():
-        raise SceneError(f"{path}: there is no folder {str(path.parent)!r} to write to")
-    if not os.access(path.parent, os.W_OK):
-        raise SceneError(f"{path}: the folder {str(path.parent)!r} is not writable")
-    if path.is_dir():
-        raise SceneError(f"{path}: is a folder; a file name is needed")
+    if (reason := why_not_writable(path)) is not None:
+        raise SceneError(f"{path}: {reason}")
 
 
-@contextmanager
-def whole_or_not_at_all(path: Path) -> Iterator[Path]:
-    """Give a name beside `path` to write to; move it into place if all went well."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)  # also after Ctrl-C
+def _ending(path: Path) -> str:
+    """Return the ending that says how to write; a device without one gets an EXR."""
+    return path.suffix.lower() or (".exr" if is_stream(path) else "")
 
 
 def write_image_file(path: Path, image: Picture) -> None:
     """Write `image` in the form that the ending of `path` names; see `Image.save`."""
     check_output_path(path)
     try:
-        with whole_or_not_at_all(path) as temporary:
-            _WRITERS[path.suffix.lower()](temporary, image)
+        with whole_file(path) as file:
+            _WRITERS[_ending(path)](file, image)
     except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
         if isinstance(error, RuntimeWarning):  # a warning that the user made an error
             raise
