@@ -30,6 +30,7 @@ from renderer.command.outputs import (
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
 from renderer.process.memory import limited_to
 from renderer.process.standard_streams import output_is_lost
+from renderer.process.working_folder import leave_deleted_folder
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.rendering.cluster.team import Team
@@ -83,10 +84,13 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
             importlib.import_module(module)
         from renderer.scene_file.plugin_file import import_plugin_file
 
+    draws = options.frames is not None or not options.explain
+    if leave_deleted_folder(options) and draws and not options.output:
+        raise SceneError("the working directory was deleted; name the picture with -o")
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
     path = options.scene / "scene.xml" if options.scene.is_dir() else options.scene
-    if not options.output and (options.frames is not None or not options.explain):
+    if draws and not options.output:
         output = default_output(path)
         if options.frames is not None:
             output = output.with_stem(f"{output.stem}_####")

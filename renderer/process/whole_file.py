@@ -50,7 +50,7 @@ def whole_file(path: Path, *, older: Path | None = None) -> Iterator[BinaryIO]:
             with open(os.open(path, os.O_WRONLY), "wb") as device:
                 shutil.copyfileobj(gathered, device)
         return
-    target = Path(os.path.realpath(path))
+    target = target_of(path)
     part = part_of(target, f"{os.getpid()}-{threading.get_ident()}")
     part.unlink(missing_ok=True)  # of a killed process that had this number
     try:
@@ -74,6 +74,11 @@ def write_whole(path: Path, content: bytes) -> None:
         file.write(content)
 
 
+def target_of(path: Path) -> Path:
+    """Return the file that a symbolic link leads to, or the path itself if it is none."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
 def part_of(path: Path, writer: str) -> Path:
     """Return the name of the temporary file for `path`.
 
@@ -95,7 +100,7 @@ def why_not_writable(path: Path) -> str | None:
     """
     try:
         found = _status(path)
-        folder = Path(os.path.realpath(path)).parent
+        folder = target_of(path).parent
     except OSError as error:
         return error.strerror or str(error)
     if found is None or stat.S_ISREG(found.st_mode):

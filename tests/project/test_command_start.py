@@ -111,14 +111,3 @@ def test_the_process_ends_with_the_status_and_all_that_was_said(status, monkeypa
         monkeypatch.setattr(stream, "flush", lambda: said.append("flushed"))
     process._end(status)
     assert said == ["logged", "flushed", "flushed", status]
-
-
-def test_a_full_disk_behind_the_output_is_a_failure(monkeypatch):
-    def flush():
-        raise OSError(28, "No space left on device")
-
-    ended = []
-    monkeypatch.setattr(process.os, "_exit", ended.append)
-    monkeypatch.setattr(sys.stdout, "flush", flush)
-    process._end(0)
-    assert ended == [1]

@@ -10,12 +10,16 @@ from typing import Any
 import numba
 from numba.extending import intrinsic
 
+from renderer.errors import SceneError
 from renderer.kernels.jit.cache import keep
 
 # both replace parts of Numba
 from renderer.kernels.jit.compiler import front_end, questions  # noqa: F401
 from renderer.kernels.jit.compiler.linking import SEPARATE
 from renderer.kernels.jit.compiler.passes import PIPELINE
+
+if numba.config.DISABLE_JIT:  # then kernels would be Python functions without lanes
+    raise SceneError("NUMBA_DISABLE_JIT is set; unset it: kernels are always compiled")
 
 _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 

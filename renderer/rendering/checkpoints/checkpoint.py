@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 import warnings
 from pathlib import Path
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import CheckpointWarning, SceneError
 from renderer.process.threads import Crew
-from renderer.process.whole_file import why_not_writable
+from renderer.process.whole_file import target_of, why_not_writable
 from renderer.rendering.checkpoints.file import (
     Arrays,
     Stored,
@@ -77,7 +76,7 @@ class Checkpoint:
 
     def __init__(self, path: Path, every: float, of: Identity, *, resume: bool) -> None:
         check_checkpoint_path(path, resume=resume)
-        path = Path(os.path.realpath(path))  # the older one lies in the folder of the file
+        path = target_of(path)  # the older one is kept in the folder of the file
         self._path, self._every, self._of = path, every, of
         self._found: Stored | None = None
         self._whole = False  # whether `path` has a good file, to be kept beside the next
