@@ -11,6 +11,7 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.reference.variant import drjit_version, mitsuba_version
 from renderer.process.cache_folder import cache_folder
-from renderer.process.whole_file import whole_file
+from renderer.process.whole_file import whole_file, why_not_writable
 from renderer.scene_file.description import AOV_KINDS
 
 # Code that decides what Mitsuba renders: an edit makes older entries unreachable.
@@ -76,7 +77,10 @@ class ReferenceCache:
         found = read_entry(path)
         if found is not None:
             return replace(found, from_cache=True)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        if why_not_writable(path) is not None:
+            return self.render_uncached(request)
         self._render(request, path)
         rendered = read_entry(path)
         if rendered is None:
@@ -86,7 +90,7 @@ class ReferenceCache:
         return rendered
 
     def render_uncached(self, request: RenderRequest) -> Reference:
-        """Render now and keep nothing, for a measurement of time."""
+        """Render now and keep nothing: to measure time, or where nothing can be kept."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "entry.npz"
             self._render(request, path)

@@ -11,6 +11,7 @@ import io
 import json
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -135,7 +136,8 @@ def kept(
     array = make()
     stream = io.BytesIO()
     np.save(stream, array, allow_pickle=False)
-    write_atomically(path, stream.getvalue())
+    with suppress(OSError):  # the array is right, kept or not
+        write_atomically(path, stream.getvalue())
     return array
 
 

@@ -213,3 +213,12 @@ def test_silent_worker_is_ended_and_replaced(tmp_path):
         size = {"width": "8", "height": "6"}
         worker.render(RenderRequest(str(scene), size, spp=1), tmp_path / "entry.npz")
     assert read_entry(tmp_path / "entry.npz") is not None
+
+
+def test_a_folder_that_cannot_be_written_is_no_obstacle(scene, tmp_path, renderer):
+    """The reference is rendered each time; another user's folder must not stop a run."""
+    (tmp_path / "file").write_text("")
+    cache = ReferenceCache(renderer, tmp_path / "file" / "cache")
+    for count in (1, 2):
+        reference = cache.get(RenderRequest(str(scene)), [])
+        assert (reference.from_cache, reference.pixels[0, 0, 0]) == (False, count)
