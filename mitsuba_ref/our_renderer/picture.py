@@ -58,6 +58,8 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
     ------
     SceneError
         When the scene is not one that we can render.
+    KeyboardInterrupt
+        After Ctrl-C.
     """
     import renderer
     from renderer.scene.scene import build_scene
@@ -81,9 +83,11 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
         ray_offset="mitsuba",
         light_choice=light_choice,
     )
+    if not image.complete:  # Ctrl-C, which `render` answers with the picture so far
+        raise KeyboardInterrupt
     return OurPicture(
         arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},
-        spp=image.spp,
+        spp=int(image.spp),
         files=description.files,
         seconds=image.seconds,
         compile_seconds=image.compile_seconds,

@@ -18,6 +18,7 @@ from renderer.process.version import VERSION
 from renderer.rendering.aovs import with_picture
 from renderer.rendering.cluster.connect import team_of
 from renderer.rendering.picture.image import Image
+from renderer.rendering.picture.picture import shown_spp
 from renderer.rendering.preparation import Options, Prepared, prepare
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress, Sitting
@@ -113,7 +114,8 @@ def render(
     -------
     Image
         float32 (height, width, 3) of the crop window, linear sRGB, and AOVs. After a
-        KeyboardInterrupt the picture so far, with `complete` false.
+        KeyboardInterrupt the picture so far, with `complete` false and the mean number of
+        its samples per pixel as `spp`; `requested_spp` says how many were requested.
 
     Raises
     ------
@@ -234,7 +236,7 @@ def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> 
         why = f": {error}" if str(error) else ""
         interrupted = {"interrupted": f"before the first sample of the colours{why}"}
         metadata = {**image.metadata, **interrupted}
-        return dataclasses.replace(image, complete=False, metadata=metadata)
+        return dataclasses.replace(image, spp=0, complete=False, metadata=metadata)
     both = with_picture(image, picture)
     return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
 
@@ -252,6 +254,8 @@ def image_of(
         aovs=shown.aovs,
         aov_kinds=shown.aov_kinds,
         spp=rendering.spp,
+        requested_spp=None if rendering.has_goal else plan.spp,
+        samples=rendering.samples_done,
         seconds=seconds,
         compile_seconds=compile_seconds,
         threads=rendering.threads,
@@ -270,7 +274,8 @@ def _reached(rendering: Rendering) -> list[str]:
     if rendering.accuracy is None:
         return []
     error = f"estimated error {rendering.accuracy.error:.2%}"
-    return [f"{'goal':<10} {rendering.spp} samples per pixel were taken: {error}"]
+    spp = shown_spp(rendering.spp)
+    return [f"{'goal':<10} {spp} samples per pixel were taken: {error}"]
 
 
 def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:

@@ -33,8 +33,9 @@ class PictureFile:
     path: Path
     width: int
     height: int
-    spp: int
-    seconds: float  # as those of `Image`
+    spp: float  # this and the following as those of `Image`
+    samples: int
+    seconds: float
     compile_seconds: float
     metadata: Mapping[str, str]
 
@@ -136,6 +137,7 @@ def render_to_file(
         film.crop_width,
         film.crop_height,
         image.spp,
+        show.samples,
         seconds + show.seconds,
         compile_seconds,
         image.metadata,
@@ -176,7 +178,7 @@ class _Progress:
     ) -> None:
         self._progress = progress
         self._total = sum(_samples(rendering) for rendering in renders)
-        self._before = 0  # samples of the bands that are done
+        self.samples = 0  # of the bands that are done
         self._start = time.perf_counter()
 
     @property
@@ -187,12 +189,12 @@ class _Progress:
     def show(self, samples: int, now: Progress) -> None:
         """Hand on where all of them are; the band under way began with `samples`."""
         if self._progress is not None:
-            done = self._before + now.done - samples
+            done = self.samples + now.done - samples
             self._progress(Progress("render", done, self._total, self.seconds))
 
     def count(self, samples: int) -> None:
         """Count a band that is done."""
-        self._before += samples
+        self.samples += samples
 
 
 def _samples(rendering: Rendering) -> int:
