@@ -59,7 +59,7 @@ def samples_said(image):
 
 
 def test_spp_is_what_the_pixels_hold_and_not_what_was_requested(box):
-    """Tiles have come unequally far: the mean, of which the picture's size makes the sum."""
+    """Tiles have come unequally far: their mean, times the pixels, is what was traced."""
     image = renderer.render(box, 1 << 16, threads=2, progress=stop_after(1))
     assert not image.complete
     assert 0 < image.spp * SIZE**2 == image.samples == samples_said(image)
