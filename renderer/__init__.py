@@ -156,9 +156,8 @@ def load_dict(
     The other arguments are those of `load_string`, but that files may lie anywhere unless
     `allow_outside` is given (it may be empty): a dictionary is a program's own.
 
-    A transform is a 4 x 4 matrix that acts on column vectors, such as `look_at`,
-    `translate`, `rotate` and `scale` return, or a product of these (`@`), of which the right
-    one is applied first.
+    A transform is a 4 x 4 matrix that acts on column vectors: what `look_at`, `translate`,
+    `rotate` and `scale` return, or a product of them (`@`), whose right factor acts first.
     """
     from renderer.process.memory import limited_to
     from renderer.scene_file import read_dict

@@ -51,8 +51,8 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike) -> Matrix:
     if matrix is None:
         raise SceneError(
             f"look_at: there is no view from origin {_shown(place)} to target "
-            f"{_shown(point)} with up {_shown(upward)}: target must differ from origin, and "
-            "up must not be parallel to the view"
+            f"{_shown(point)} with up {_shown(upward)}: target must differ from origin, "
+            "and up must not be parallel to the view"
         )
     return matrix
 

@@ -59,8 +59,8 @@ def why_distorting(axis: Sequence[float]) -> str | None:
     if abs(length - 1.0) <= _UNIT:
         return None
     return (
-        f"has the length {length:.4g}; Mitsuba does not normalize it, so this distorts (and "
-        "does here too); write an axis of length 1"
+        f"has the length {length:.4g}; Mitsuba does not normalize it, so this distorts "
+        "(and does here too); write an axis of length 1"
     )
 
 

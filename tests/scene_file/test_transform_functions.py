@@ -1,4 +1,4 @@
-"""look_at, translate, rotate, scale: Mitsuba's matrices, for dictionaries of `load_dict`."""
+"""look_at, translate, rotate, scale: Mitsuba's matrices, for `load_dict`."""
 
 from __future__ import annotations
 
