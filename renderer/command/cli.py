@@ -221,7 +221,7 @@ def _showing(
     """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
         importlib.import_module("renderer.rendering.render_scene")
-        from renderer.command.progress_display import ProgressDisplay
+        from renderer.rendering.progress_display import ProgressDisplay
 
     with (
         ProgressDisplay(sys.stderr, quiet=options.quiet) as display,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from renderer.command.options import make_parser
 from renderer.errors import SceneError
+from renderer.rendering.progress_display import shown_rate
 
 if TYPE_CHECKING:  # needs Numba
     from renderer.rendering.picture.image import Image
@@ -51,10 +52,10 @@ def default_output(scene: Path) -> Path:
 
 def rate_line(picture: Image | PictureFile, files: str) -> str:
     """Return the line about a picture that is written."""
-    rate = picture.samples / max(picture.seconds, 1e-9) / 1e6
+    rate = shown_rate(picture.samples / max(picture.seconds, 1e-9))
     return (
         f"{picture.width} x {picture.height} pixels, {picture.spp} spp, "
-        f"{picture.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
+        f"{picture.seconds:.2f} s, {rate}; wrote {files}\n"
     )
 
 

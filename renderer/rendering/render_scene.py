@@ -20,6 +20,7 @@ from renderer.rendering.cluster.connect import team_of
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import shown_spp
 from renderer.rendering.preparation import Options, Prepared, prepare
+from renderer.rendering.progress_display import shown
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import Scene
@@ -35,7 +36,7 @@ def render(
     integrator: str | None = None,
     accel: str | None = None,
     sampler: str | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
     ray_offset: str | None = None,
     measured_camera: Sequence[float] | None = None,
     target_error: float | None = None,
@@ -69,8 +70,9 @@ def render(
     sampler : str, optional
         A sampler's name instead of the file's; `mitsuba` is the file's with the random
         numbers that Mitsuba's scalar variants draw, so that both take the same paths.
-    progress : callable, optional
-        Called with a `Progress` in the calling thread, several times a second.
+    progress : callable or bool, optional
+        Called with a `Progress` in the calling thread, several times a second. True: a bar
+        with the time left, in a terminal or a notebook, else a line now and then.
     ray_offset : str, optional
         `tight` (the default) or `mitsuba`: how far off their surface new rays start.
     measured_camera : sequence of 6 floats, optional
@@ -146,13 +148,14 @@ def render(
         memory,
         light_choice,
     )
-    return _finish(prepare(scene, options, progress), progress)
+    with shown(progress) as show:
+        return _finish(prepare(scene, options, show), show)
 
 
 def render_frames(
     scenes: Iterable[Scene],
     *,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
     cluster: Any = None,
     **options: Any,
 ) -> Iterator[Image]:
@@ -187,7 +190,8 @@ def render_frames(
 
     def fill() -> None:
         while len(waiting) <= ahead and (scene := next(following, None)) is not None:
-            prepared = prepare(scene, asked, progress)
+            with shown(progress) as show:
+                prepared = prepare(scene, asked, show)
             waiting.append(prepared)
             if team is not None and prepared.goal is None:
                 rendering = prepared.rendering
@@ -206,7 +210,8 @@ def render_frames(
                 raise failure
             if not waiting:
                 return
-            image = _finish(waiting.popleft(), progress)
+            with shown(progress) as show:  # its bar has gone when others may print
+                image = _finish(waiting.popleft(), show)
             yield image
             if not image.complete:
                 return

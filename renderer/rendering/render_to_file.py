@@ -20,6 +20,7 @@ from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.preparation import Options, build_rendering, checked
+from renderer.rendering.progress_display import shown
 from renderer.rendering.render_scene import image_of
 from renderer.rendering.rendering import Rendering, film_shape
 from renderer.rendering.sitting import Progress, Sitting
@@ -50,7 +51,7 @@ def render_to_file(
     integrator: str | None = None,
     accel: str | None = None,
     sampler: str | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
     ray_offset: str | None = None,
     light_choice: str | None = None,
     memory: int | float | str | None = None,
@@ -114,14 +115,15 @@ def render_to_file(
     film = scene.description.camera.film
     seconds = compile_seconds = 0.0
     renders = []
-    with ExrRows(Path(path), film.crop_width, film.crop_height) as file:
+    rows_of_file = ExrRows(Path(path), film.crop_width, film.crop_height)
+    with shown(progress) as display, rows_of_file as file:
         for of, its_plan in todo:
             rendering, building, compiling = build_rendering(
-                of, its_plan, progress, accel, options.seed, threads, band=rows
+                of, its_plan, display, accel, options.seed, threads, band=rows
             )
             seconds, compile_seconds = seconds + building, compile_seconds + compiling
             renders.append(rendering)
-        show = _Progress(renders, progress)
+        show = _Progress(renders, display)
         for bands in zip(*(_bands(each, show) for each in renders), strict=True):
             image = bands[0]
             for picture in bands[1:]:
