@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import renderer
 from renderer.errors import SceneError
@@ -58,8 +58,15 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser, with the default of every option."""
+def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParser:
+    """Return the parser, with the default of every option.
+
+    Parameters
+    ----------
+    only
+        Of a command that has some of these options: their first names, each with a help of
+        its own or "" for the usual one. None: `lightproof`, which has all.
+    """
     parser = _Parser(
         prog="lightproof",
         usage="%(prog)s SCENE.xml [-o OUT.exr] [options]",
@@ -68,7 +75,12 @@ def make_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    add = parser.add_argument
+
+    def add(*names: str, **how: Any) -> None:
+        if only is None or names[0] in only:
+            own = only and only[names[0]]
+            parser.add_argument(*names, **(how | {"help": own} if own else how))
+
     add("scene", type=Path, metavar="SCENE.xml", help="or the folder of a scene.xml")
     add(
         "-o",
