@@ -88,6 +88,10 @@ def _interrupted(written: list[Path]) -> int:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
+    if options.compare is not None:
+        from renderer.command.compare_pictures import compare
+
+        return compare(*options.compare, quiet=options.quiet)
     with interrupts.put_off():  # they are there when the functions below import them
         for module in _WITH_C_CODE:
             importlib.import_module(module)

@@ -25,10 +25,11 @@ EPILOG = """examples:
   lightproof scene.xml --explain                       what would be done, and why
   lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
   lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
+  lightproof --compare a.exr b.exr                     are their pixels equal?
 
 Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
-Exit status: 0 the picture is written, 1 the scene or a file was refused,
-2 the command line was wrong, 130 interrupted."""
+Exit status: 0 the picture is written, 1 the scene or a file was refused (or pictures
+that were compared differ), 2 the command line was wrong, 130 interrupted."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -47,6 +48,12 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     """
     parser = make_parser()
     options = parser.parse_args(arguments)
+    if options.compare is not None:
+        alone = {"compare": options.compare, "quiet": options.quiet}
+        if vars(options) != vars(parser.parse_args([])) | alone:
+            parser.error("--compare takes two pictures, and no scene or other option")
+    elif options.scene is None:
+        parser.error("the following arguments are required: SCENE.xml")
     if options.frames is not None:
         if options.checkpoint is not None or options.every is not None:
             parser.error("--checkpoint is of one picture; frames need --resume alone")
@@ -81,7 +88,14 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
             own = only and only[names[0]]
             parser.add_argument(*names, **(how | {"help": own} if own else how))
 
-    add("scene", type=Path, metavar="SCENE.xml", help="or the folder of a scene.xml")
+    add(
+        "scene",
+        # `lightproof --compare` has none
+        nargs="?" if only is None else None,
+        type=Path,
+        metavar="SCENE.xml",
+        help="or the folder of a scene.xml",
+    )
     add(
         "-o",
         "--output",
@@ -227,6 +241,15 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         "--explain",
         action="store_true",
         help="print what is modelled, what is left out and why; render only with -o",
+    )
+    add(
+        "--compare",
+        nargs=2,
+        type=Path,
+        metavar=("A.exr", "B.exr"),
+        help="render nothing: say whether two pictures (.exr, .npy or .png) have the same "
+        "pixels and AOVs, bit for bit, or how they differ (status 1); a checksum of EXR "
+        "files differs with the command in their headers",
     )
     add("--quiet", action="store_true", help="print warnings and errors only")
     add("--version", action="version", version=f"%(prog)s {renderer.__version__}")

@@ -40,7 +40,7 @@ def _heeding_interrupts():
 
 
 def test_the_command_in_a_process_of_its_own(tmp_path):
-    """A folder is the scene in it; the picture is that of the tracer, as its header says."""
+    """A folder is the scene in it; the header says what the picture was made by."""
     finished = subprocess.run(
         [sys.executable, "-m", "renderer.simple", *SMALL, "-o", "a.exr", "-o", "a.npy"],
         env={"PYTHONPATH": str(ROOT)},
