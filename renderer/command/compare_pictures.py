@@ -6,7 +6,11 @@ A checksum of the files cannot tell: the header of an EXR file holds the command
 
 from __future__ import annotations
 
+import io
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +144,9 @@ def _read_exr(path: Path) -> Planes:
     import OpenEXR
 
     planes: Planes = {}
-    with OpenEXR.File(str(path), separate_channels=True) as file:
+    with _without_lines_of_openexr(), OpenEXR.File(str(path), True) as file:
+        if not file.parts:
+            raise SceneError(f"{path}: cannot be read: its pixels are damaged")
         for number, part in enumerate(file.parts):
             layer = f"part {number}." if number else ""
             for name, channel in part.channels.items():
@@ -151,6 +157,21 @@ def _read_exr(path: Path) -> Planes:
             f"{path}: its channels have sizes {sorted(shapes)}; equal ones are needed"
         )
     return planes
+
+
+@contextmanager
+def _without_lines_of_openexr() -> Iterator[None]:
+    """Keep away what OpenEXR says of a damaged file; the error here is one line."""
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(io.StringIO()))
+        with suppress(OSError):  # its C code writes to a stream that may be closed
+            kept = os.dup(2)
+            stack.callback(os.close, kept)
+            stack.callback(os.dup2, kept, 2)
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            stack.callback(os.close, nowhere)
+            os.dup2(nowhere, 2)
+        yield
 
 
 def _read_npy(path: Path) -> Planes:
