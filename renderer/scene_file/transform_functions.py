@@ -45,7 +45,7 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike) -> Matrix:
         _triple("look_at", "target", target),
     )
     upward = _triple("look_at", "up", up)
-    if not upward.any():
+    if not any(upward):
         raise SceneError("look_at: up is 0; possible is a direction, such as (0, 1, 0)")
     matrix = transforms.look_at(place, point, upward)
     if matrix is None:
@@ -85,14 +85,14 @@ def rotate(axis: ArrayLike, angle: float) -> Matrix:
         If `axis` is not three finite numbers or is 0, or `angle` is not a finite number.
     """
     direction = _triple("rotate", "axis", axis)
-    if not direction.any():
+    if not any(direction):
         raise SceneError("rotate: the axis is 0; possible is a direction of length 1")
     degrees = _numbers("rotate", "angle", angle, "a finite number, in degrees")
     if degrees.shape != ():
         raise _refused("rotate", "angle", angle, "a finite number, in degrees")
     if (warning := transforms.why_distorting(direction)) is not None:
         logging.getLogger("renderer").warning("rotate: the axis %s", warning)
-    return transforms.rotate(direction.tolist(), float(degrees))
+    return transforms.rotate(direction, float(degrees))
 
 
 def scale(v: ArrayLike) -> Matrix:
@@ -109,11 +109,12 @@ def scale(v: ArrayLike) -> Matrix:
     return transforms.scale(*np.broadcast_to(factors, 3))
 
 
-def _triple(function: str, name: str, value: ArrayLike) -> np.ndarray:
+def _triple(function: str, name: str, value: ArrayLike) -> list[float]:
     numbers = _numbers(function, name, value, "three finite numbers")
     if numbers.shape != (3,):
         raise _refused(function, name, value, "three finite numbers")
-    return numbers
+    found: list[float] = numbers.tolist()
+    return found
 
 
 def _numbers(function: str, name: str, value: ArrayLike, possible: str) -> np.ndarray:
@@ -136,5 +137,5 @@ def _refused(function: str, name: str, value: Any, possible: str) -> SceneError:
     return SceneError(f"{function}: {name} is {found}; possible is {possible}")
 
 
-def _shown(vector: np.ndarray) -> str:
+def _shown(vector: list[float]) -> str:
     return f"({', '.join(f'{number:g}' for number in vector)})"

@@ -12,6 +12,7 @@ import OpenEXR
 import pytest
 
 import renderer
+from mitsuba_ref.false_alarms.renders_by_seed import by_ours
 from mitsuba_ref.our_renderer import picture as our_picture
 from mitsuba_ref.records.request import RenderRequest
 from renderer.command import cli
@@ -20,6 +21,9 @@ from renderer.errors import ClusterError
 from renderer.rendering import render_scene
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
+from reports.needs.study import Study
+from reports.speed_accuracy.contenders import of_ours
+from reports.speed_accuracy.noiseless import has_noise
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CORNELL = SCENES / "cornell-box" / "scene.xml"
@@ -208,13 +212,21 @@ def test_the_command_in_a_file_is_one_that_can_be_run(box):
         assert f"--spp {expected} --sampler independent" in command
 
 
-def test_the_harness_takes_no_part_of_a_picture_for_a_whole_one(monkeypatch):
-    """Ctrl-C ends a validation; our picture so far would fail it."""
+def test_the_harness_takes_no_part_of_a_picture_for_a_whole_one(box, monkeypatch):
+    """Ctrl-C ends a validation or a measurement; our picture so far would spoil it."""
     request = RenderRequest(path=str(CORNELL), parameters={"width": "16", "height": "16"})
 
     def render(scene, **choices):
         return renderer.Image(np.zeros((16, 16, 3), np.float32), spp=2.5, complete=False)
 
     monkeypatch.setattr(renderer, "render", render)
-    with pytest.raises(KeyboardInterrupt):
-        our_picture.render_ours(request)
+    study = Study(box, spp=4, seeds=2, tolerance=0.01)
+    for measured in (
+        lambda: our_picture.render_ours(request),
+        lambda: by_ours(CORNELL, {"width": "16"})(4, 0),
+        lambda: of_ours(box, 1)(0, 4),
+        lambda: has_noise(CORNELL, None),
+        lambda: study.render(box, 0),
+    ):
+        with pytest.raises(KeyboardInterrupt):
+            measured()
