@@ -9,7 +9,7 @@ import importlib.util
 import sys
 import traceback
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 # What the extra `harness` of pyproject.toml installs, as it is imported.
 HARNESS = (
@@ -43,10 +43,7 @@ def is_installed(package: str) -> bool:
     """Tell whether a package is there, without importing it."""
     try:
         return importlib.util.find_spec(package) is not None
-    except (
-        ImportError,
-        ValueError,
-    ):  # ValueError: a module that says nothing of its origin
+    except (ImportError, ValueError):  # ValueError: its module has no __spec__
         return False
 
 
@@ -55,20 +52,25 @@ def failed_package(error: BaseException) -> str | None:
 
     It is missing, is another version without what we import, or fails by itself.
     """
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     modules = []
     if isinstance(error, ImportError):
         modules.append(error.name)
-    if isinstance(error, AttributeError):
+    # what a module of ours uses while it is imported
+    elif isinstance(error, AttributeError) and frames and _is_import(frames[-1]):
         modules.append(getattr(error.obj, "__name__", None))
-    for frame, _ in traceback.walk_tb(error.__traceback__):
-        being_imported = frame.f_code.co_name == "<module>"
-        if being_imported or isinstance(error, ImportError):
+    for frame in frames:
+        if _is_import(frame) or isinstance(error, ImportError):
             modules.append(frame.f_globals.get("__name__"))
     for module in modules:
         package = str(module).partition(".")[0]
         if package in HARNESS:
             return package
     return None
+
+
+def _is_import(frame: FrameType) -> bool:
+    return frame.f_code.co_name == "<module>"
 
 
 def _say(

@@ -216,7 +216,7 @@ def test_the_harness_takes_no_part_of_a_picture_for_a_whole_one(box, monkeypatch
     """Ctrl-C ends a validation or a measurement; our picture so far would spoil it."""
     request = RenderRequest(path=str(CORNELL), parameters={"width": "16", "height": "16"})
 
-    def render(scene, **choices):
+    def render(*arguments, **choices):
         return renderer.Image(np.zeros((16, 16, 3), np.float32), spp=2.5, complete=False)
 
     monkeypatch.setattr(renderer, "render", render)

@@ -126,6 +126,7 @@ def test_every_command_of_the_harness_says_it(run):
     ("package", "text", "reason"),
     [
         ("msgspec", "", "ImportError: cannot import name 'Meta' from 'msgspec'"),
+        ("plotly", "__path__ = []\n", "No module named 'plotly."),
         ("jinja2", "1 / 0\n", "ZeroDivisionError: division by zero"),
         ("jinja2", "import no_such_thing\n", "No module named 'no_such_thing'"),
         (
@@ -157,6 +158,27 @@ def test_a_mitsuba_that_cannot_be_imported_is_not_a_verdict(tmp_path, monkeypatc
     assert failed_package(caught.value) == "mitsuba"
     with pytest.raises(ImportError):
         stopped_by(caught.value, "Mitsuba, seed 1")
+
+
+@pytest.mark.parametrize(
+    ("program", "package"),
+    [
+        (
+            "import msgspec\nmsgspec.nothing",
+            "msgspec",
+        ),  # while a module of ours is imported
+        ("import msgspec\ndef f(): msgspec.nothing\nf()", None),  # a mistake of ours
+        ("import renderer\nrenderer.nothing", None),
+        ("import no_such_thing", None),
+        ("from scipy import no_such_thing", "scipy"),
+        ("from renderer import no_such_thing", None),
+    ],
+)
+def test_what_counts_as_a_failing_package(program, package):
+    """A name that another version lacks does, where it is used at once."""
+    with pytest.raises((ImportError, AttributeError)) as caught:
+        exec(compile(program, "module.py", "exec"), {"__name__": "reports.page"})
+    assert failed_package(caught.value) == package
 
 
 def test_other_errors_keep_their_traceback(run):

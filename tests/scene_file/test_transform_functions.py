@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 import renderer
 from renderer import SceneError, look_at, rotate, scale, translate
 
+mi.set_variant("scalar_rgb")
+
 numbers = st.floats(-100, 100, allow_subnormal=False)
 vectors = st.tuples(numbers, numbers, numbers)
 FUNCTIONS = {"look_at": look_at, "translate": translate, "rotate": rotate, "scale": scale}
