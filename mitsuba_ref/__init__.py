@@ -14,3 +14,7 @@ down, which a contract in pyproject.toml keeps:
 - `mutations`, `false_alarms`, `expected_failures`: what the checks see, how often they are
   wrong, and what is known to disagree.
 """
+
+from mitsuba_ref.missing_packages import say_missing_packages_in_one_line
+
+say_missing_packages_in_one_line()

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
+    from renderer.scene_file.transform_functions import look_at, rotate, scale, translate
 
 __version__ = VERSION
 __all__ = [
@@ -37,11 +38,15 @@ __all__ = [
     "load_dict",
     "load_file",
     "load_string",
+    "look_at",
     "register_bsdf",
     "render",
     "render_frames",
     "render_to_file",
+    "rotate",
+    "scale",
     "simplify",
+    "translate",
 ]
 
 # Imported when they are first asked for: Numba takes half a second, which whoever wants
@@ -53,10 +58,14 @@ _MODULES = {
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.kernels.jit",
+    "look_at": "renderer.scene_file.transform_functions",
     "register_bsdf": "renderer.kinds.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
     "render_frames": "renderer.rendering.render_scene",
     "render_to_file": "renderer.rendering.render_to_file",
+    "rotate": "renderer.scene_file.transform_functions",
+    "scale": "renderer.scene_file.transform_functions",
+    "translate": "renderer.scene_file.transform_functions",
 }
 
 
@@ -146,6 +155,9 @@ def load_dict(
 
     The other arguments are those of `load_string`, but that files may lie anywhere unless
     `allow_outside` is given (it may be empty): a dictionary is a program's own.
+
+    A transform is a 4 x 4 matrix that acts on column vectors: what `look_at`, `translate`,
+    `rotate` and `scale` return, or a product of them (`@`), whose right factor acts first.
     """
     from renderer.process.memory import limited_to
     from renderer.scene_file import read_dict

@@ -7,9 +7,11 @@ It halves the processor's time of a warm start at one sample (docs/performance.m
 from __future__ import annotations
 
 import gc
+import importlib
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 # Numba and the kernels make 200,000 objects on their way in, among which Python's collector
@@ -17,18 +19,23 @@ from typing import NoReturn
 _OBJECTS_BETWEEN_COLLECTIONS = 1_000_000
 
 
-def command() -> NoReturn:
-    """Run the command line of this process and end it with the command's status."""
+def command(module: str = "renderer.command.cli") -> NoReturn:
+    """Run the command line of this process and end it with the command's status.
+
+    Parameters
+    ----------
+    module
+        Whose `main` is the command.
+    """
     gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
     # Ctrl-C before `main` looks after it ends the process, and Python has no traceback.
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from renderer.command.cli import main
     from renderer.process.standard_streams import make_streams_tolerant
 
     make_streams_tolerant()
-
+    main: Callable[[], int] = importlib.import_module(module).main
     signal.signal(signal.SIGINT, before)
     _end(main())
 

@@ -24,3 +24,5 @@ One room a page or study, from the top down; imports go no other way:
 `page`, `charts`, `records`
     The look of all pages, charts, and JSON files as dataclasses.
 """
+
+import mitsuba_ref  # noqa: F401  for what it says where a package is missing

@@ -5,6 +5,10 @@ from __future__ import annotations
 import importlib
 import sys
 
+from mitsuba_ref.missing_packages import is_installed
+
+NEEDED = ("msgspec", "jinja2", "plotly", "scipy")  # at once, by one command or another
+
 
 def run(module: str) -> int:
     """Import a module and run its `main`; return the exit status.
@@ -14,7 +18,9 @@ def run(module: str) -> int:
     module
         Its `main` reads the arguments of the process.
     """
-    if not {"-h", "--help"} & set(sys.argv[1:]):
+    # a missing package is said alone, in one line
+    quiet = {"-h", "--help"} & set(sys.argv[1:]) or not all(map(is_installed, NEEDED))
+    if not quiet:
         sys.stderr.write("starting\n")
         sys.stderr.flush()
     status: int = importlib.import_module(module).main()

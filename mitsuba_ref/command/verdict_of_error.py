@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsuba_ref.missing_packages import failed_package
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import VERDICTS, Verdict, most_severe
 from mitsuba_ref.reference.cache import ReferenceCache
@@ -56,6 +57,8 @@ def stopped_by(error: Exception, stage: str) -> NotCompared:
     stage
         What was being done.
     """
+    if failed_package(error):  # which is not about the scene, and ends the command
+        raise error
     for kind, verdict in VERDICT_OF:
         if isinstance(error, kind):
             said = (_said(stage, _one_line(error)),)

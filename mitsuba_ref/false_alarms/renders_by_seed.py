@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.picture import edit_description
+from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
 from mitsuba_ref.statistics.convergence import Render
@@ -61,6 +62,7 @@ def by_ours(path: Path, parameters: Mapping[str, str], independent: bool = False
     scene = build_scene(description)
 
     def render(spp: int, seed: int) -> NDArray[np.float32]:
-        return np.asarray(renderer.render(scene, spp=spp, seed=seed, ray_offset="mitsuba"))
+        image = renderer.render(scene, spp=spp, seed=seed, ray_offset="mitsuba")
+        return np.asarray(whole(image))
 
     return render

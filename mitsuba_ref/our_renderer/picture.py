@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.records.request import RenderRequest
 from renderer.scene_file.description import (
     AOV_KINDS,
@@ -58,6 +59,8 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
     ------
     SceneError
         When the scene is not one that we can render.
+    KeyboardInterrupt
+        After Ctrl-C.
     """
     import renderer
     from renderer.scene.scene import build_scene
@@ -70,20 +73,22 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
         first_hits=wants_aovs,
         independent_samples=request.independent,
     )
-    image = renderer.render(
-        build_scene(edited),
-        spp=1 if wants_aovs else request.spp,
-        seed=request.seed,
-        threads=request.threads,
-        sampler="mitsuba" if request.replay else None,
-        measured_camera=request.camera,
-        # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
-        ray_offset="mitsuba",
-        light_choice=light_choice,
+    image = whole(
+        renderer.render(
+            build_scene(edited),
+            spp=1 if wants_aovs else request.spp,
+            seed=request.seed,
+            threads=request.threads,
+            sampler="mitsuba" if request.replay else None,
+            measured_camera=request.camera,
+            # Mitsuba's rule: a chain of mirrors shifts by it at each bounce, visibly
+            ray_offset="mitsuba",
+            light_choice=light_choice,
+        )
     )
     return OurPicture(
         arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},
-        spp=image.spp,
+        spp=int(image.spp),
         files=description.files,
         seconds=image.seconds,
         compile_seconds=image.compile_seconds,

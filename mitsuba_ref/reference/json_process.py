@@ -21,6 +21,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from mitsuba_ref.missing_packages import failed_package
 from mitsuba_ref.reference.errors import (
     MitsubaCrashed,
     MitsubaError,
@@ -57,6 +58,8 @@ class JsonProcess:
     ------
     MitsubaError
         Why it cannot work here.
+    ImportError
+        If a package of the harness cannot be imported there.
     """
 
     def __init__(
@@ -149,6 +152,8 @@ class JsonProcess:
         kind, refused = answer.get("kind", ""), bool(answer.get("refused"))
         if kind in self.refusals:
             raise self.refusals[kind](error)
+        if lacks := answer.get("lacks"):
+            raise ImportError(error, name=lacks)
         what = f"{kind}: {error}" if kind and not (refused and error) else error
         raise (MitsubaRefused if refused else MitsubaError)(f"{self.name}: {what}")
 
@@ -235,4 +240,5 @@ def _failure(error: Exception) -> dict[str, Any]:
         "error": " ".join(str(error).split())[:LONGEST_MESSAGE],
         "kind": type(error).__name__,
         "refused": isinstance(error, (RuntimeError, MemoryError)),
+        "lacks": failed_package(error),
     }

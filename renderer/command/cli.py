@@ -37,26 +37,34 @@ if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is 
     from renderer.rendering.picture.image import Image
     from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
+    from renderer.scene_file import SceneDescription
 
 # what imports C code, in which no interrupt must fall, before a scene is read
 _WITH_C_CODE = ("renderer.rendering.picture.image_files", "renderer.scene.scene")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(
+    arguments: Sequence[str] | None = None,
+    read: Callable[[Sequence[str] | None], argparse.Namespace] | None = None,
+    run: Callable[[argparse.Namespace, Interrupts, list[Path]], int] | None = None,
+) -> int:
     """Render a scene file and write the picture; return the exit status.
 
     Parameters
     ----------
     arguments
         Without the program's name; None: those of the process.
+    read, run
+        What reads them, and what then works and returns the status, of another command that
+        fails and is interrupted as this one; None: of `lightproof`.
     """
     written: list[Path] = []
     interrupts = Interrupts()
     try:
         with interrupts:
-            options = read_options(arguments)
+            options = (read or read_options)(arguments)
             with limited_to(options.memory):
-                return _run(options, interrupts, written)
+                return (run or _run)(options, interrupts, written)
     except SystemExit as stop:
         return int(stop.code or output_is_lost())
     except (SceneError, ClusterError) as error:
@@ -79,17 +87,20 @@ def _interrupted(written: list[Path]) -> int:
 
 
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
+    if options.compare is not None:
+        from renderer.command.compare_pictures import compare
+
+        return compare(*options.compare, quiet=options.quiet)
     with interrupts.put_off():  # they are there when the functions below import them
         for module in _WITH_C_CODE:
             importlib.import_module(module)
         from renderer.scene_file.plugin_file import import_plugin_file
 
     draws = options.frames is not None or not options.explain
-    if leave_deleted_folder(options) and draws and not options.output:
-        raise SceneError("the working directory was deleted; name the picture with -o")
+    leave_deleted_folder(options, needs_output=draws)
     if options.plugins is not None:
         import_plugin_file(str(options.plugins))
-    path = options.scene / "scene.xml" if options.scene.is_dir() else options.scene
+    path = scene_file(options.scene)
     if draws and not options.output:
         output = default_output(path)
         if options.frames is not None:
@@ -108,6 +119,24 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         return 0
     with _cluster(options, interrupts) as team:
         image = _render(scene, options, interrupts, team)
+    return deliver(image, options, interrupts, written)
+
+
+def scene_file(given: Path) -> Path:
+    """Return the file of a scene that is given by it or by its folder."""
+    return given / "scene.xml" if given.is_dir() else given
+
+
+def deliver(
+    image: Image, options: argparse.Namespace, interrupts: Interrupts, written: list[Path]
+) -> int:
+    """Write a picture and say so; return the exit status.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a second Ctrl-C wants to end without it.
+    """
     if interrupts.count > 1:
         raise KeyboardInterrupt
     write_all(image, options.output, written)
@@ -161,16 +190,27 @@ def _run_frames(
 
 def _load(options: argparse.Namespace, path: Path) -> Scene:
     from renderer.scene.scene import build_scene
+
+    scene = build_scene(describe(options, path))
+    say_warnings(scene.description)
+    return scene
+
+
+def describe(options: argparse.Namespace, path: Path) -> SceneDescription:
+    """Read a scene with what the options replace and leave out of it."""
     from renderer.scene.simplifications.simplify import simplified
     from renderer.scene_file import read_file_with
 
     description = read_file_with(path, dict(options.define), options.allow_outside)
     for word in options.simplify:
         description = simplified(description, word)
-    scene = build_scene(description)
-    for warning in scene.description.warnings:
+    return description
+
+
+def say_warnings(description: SceneDescription) -> None:
+    """Write what the reader noticed to standard error."""
+    for warning in description.warnings:
         complain(f"warning: {warning}")
-    return scene
 
 
 def _explain(scene: Scene, options: argparse.Namespace) -> None:
@@ -223,7 +263,7 @@ def _showing(
     """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
         importlib.import_module("renderer.rendering.render_scene")
-        from renderer.command.progress_display import ProgressDisplay
+        from renderer.rendering.progress_display import ProgressDisplay
 
     with (
         ProgressDisplay(sys.stderr, quiet=options.quiet) as display,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -27,14 +27,15 @@ EPILOG = """examples:
   lightproof scene.xml --explain                       what would be done, and why
   lightproof scene.xml --checkpoint night.ckpt         keep the state of a long render
   lightproof scene.xml --checkpoint night.ckpt --resume    and go on from it
+  lightproof --compare a.exr b.exr                     are their pixels equal?
 
 Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
 
 Compiled kernels (some MB a scene) are kept in {caches}.
 LIGHTPROOF_CACHE or XDG_CACHE_HOME name another place, --clear-cache removes them.
 
-Exit status: 0 the picture is written, 1 the scene or a file was refused,
-2 the command line was wrong, 130 interrupted."""
+Exit status: 0 the picture is written, 1 the scene or a file was refused (or pictures
+that were compared differ), 2 the command line was wrong, 130 interrupted."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -70,6 +71,12 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     """
     parser = make_parser()
     options = parser.parse_args(arguments)
+    if options.compare is not None:
+        alone = {"compare": options.compare, "quiet": options.quiet}
+        if vars(options) != vars(parser.parse_args([])) | alone:
+            parser.error("--compare takes two pictures, and no scene or other option")
+    elif options.scene is None:
+        parser.error("the following arguments are required: SCENE.xml")
     if options.frames is not None:
         if options.checkpoint is not None or options.every is not None:
             parser.error("--checkpoint is of one picture; frames need --resume alone")
@@ -81,8 +88,15 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """Return the parser, with the default of every option."""
+def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParser:
+    """Return the parser, with the default of every option.
+
+    Parameters
+    ----------
+    only
+        Of a command that has some of these options: their first names, each with a help of
+        its own or "" for the usual one. None: `lightproof`, which has all.
+    """
     parser = _Parser(
         prog="lightproof",
         usage="%(prog)s SCENE.xml [-o OUT.exr] [options]",
@@ -91,8 +105,20 @@ def make_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    add = parser.add_argument
-    add("scene", type=Path, metavar="SCENE.xml", help="or the folder of a scene.xml")
+
+    def add(*names: str, **how: Any) -> None:
+        if only is None or names[0] in only:
+            own = only and only[names[0]]
+            parser.add_argument(*names, **(how | {"help": own} if own else how))
+
+    add(
+        "scene",
+        # `lightproof --compare` has none
+        nargs="?" if only is None else None,
+        type=Path,
+        metavar="SCENE.xml",
+        help="or the folder of a scene.xml",
+    )
     add(
         "-o",
         "--output",
@@ -238,6 +264,15 @@ def make_parser() -> argparse.ArgumentParser:
         "--explain",
         action="store_true",
         help="print what is modelled, what is left out and why; render only with -o",
+    )
+    add(
+        "--compare",
+        nargs=2,
+        type=Path,
+        metavar=("A.exr", "B.exr"),
+        help="render nothing: say whether two pictures (.exr, .npy or .png) have the same "
+        "pixels and AOVs, bit for bit, or how they differ (status 1); a checksum of EXR "
+        "files differs with the command in their headers",
     )
     add("--quiet", action="store_true", help="print warnings and errors only")
     add("--clear-cache", action=_ClearCache, help="remove what is kept between runs")

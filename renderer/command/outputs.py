@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from renderer.command.options import make_parser
 from renderer.errors import SceneError
+from renderer.rendering.progress_display import shown_rate
 
 if TYPE_CHECKING:  # needs Numba
     from renderer.rendering.picture.image import Image
@@ -51,11 +52,10 @@ def default_output(scene: Path) -> Path:
 
 def rate_line(picture: Image | PictureFile, files: str) -> str:
     """Return the line about a picture that is written."""
-    samples = picture.width * picture.height * picture.spp
-    rate = samples / max(picture.seconds, 1e-9) / 1e6
+    rate = shown_rate(picture.samples / max(picture.seconds, 1e-9))
     return (
         f"{picture.width} x {picture.height} pixels, {picture.spp} spp, "
-        f"{picture.seconds:.2f} s, {rate:.1f} Msamples/s; wrote {files}\n"
+        f"{picture.seconds:.2f} s, {rate}; wrote {files}\n"
     )
 
 
@@ -63,9 +63,8 @@ def signed(image: Image, options: argparse.Namespace) -> Image:
     """Return the picture with the command that gives it again."""
     if image.error is not None:
         sampler = image.metadata["sampler"]
-        options = argparse.Namespace(
-            **vars(options) | {"spp": image.spp, "sampler": sampler}
-        )
+        spp = max(1, int(image.spp))  # after an interrupt the whole passes that there are
+        options = argparse.Namespace(**vars(options) | {"spp": spp, "sampler": sampler})
     metadata = {**image.metadata, "command": command_of(options)}
     return dataclasses.replace(image, metadata=metadata)
 

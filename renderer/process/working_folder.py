@@ -9,7 +9,9 @@ from pathlib import Path
 from renderer.errors import SceneError
 
 
-def leave_deleted_folder(options: argparse.Namespace) -> bool:
+def leave_deleted_folder(
+    options: argparse.Namespace, *, needs_output: bool = False
+) -> None:
     """Go to the root folder if the working directory was deleted; for programs alone.
 
     Python and Numba ask for the working directory's name and fail without one.
@@ -18,20 +20,17 @@ def leave_deleted_folder(options: argparse.Namespace) -> bool:
     ----------
     options
         Of the command line. All paths in it must be absolute then.
-
-    Returns
-    -------
-    bool
-        Whether it was deleted.
+    needs_output
+        Whether a picture without `options.output` would go to the working directory.
 
     Raises
     ------
     SceneError
-        Naming the first relative path.
+        Naming the first relative path, or the output that is missing.
     """
     try:
         os.getcwd()
-        return False
+        return
     except FileNotFoundError:
         pass
     for value in vars(options).values():
@@ -40,5 +39,6 @@ def leave_deleted_folder(options: argparse.Namespace) -> bool:
                 raise SceneError(
                     f"{path}: the working directory was deleted; give absolute paths"
                 )
+    if needs_output and not options.output:
+        raise SceneError("the working directory was deleted; name the picture with -o")
     os.chdir(os.sep)
-    return True

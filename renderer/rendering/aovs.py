@@ -57,6 +57,9 @@ def with_picture(image: Image, picture: Image) -> Image:
     return dataclasses.replace(
         image,
         pixels=picture.pixels,
+        spp=picture.spp,
+        requested_spp=picture.requested_spp,
+        samples=image.samples + picture.samples,
         aovs={**picture.aovs, **image.aovs},
         aov_kinds={**picture.aov_kinds, **image.aov_kinds},
         seconds=image.seconds + picture.seconds,

@@ -18,7 +18,9 @@ from renderer.process.version import VERSION
 from renderer.rendering.aovs import with_picture
 from renderer.rendering.cluster.connect import team_of
 from renderer.rendering.picture.image import Image
+from renderer.rendering.picture.picture import shown_spp
 from renderer.rendering.preparation import Options, Prepared, prepare
+from renderer.rendering.progress_display import shown
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import Scene
@@ -34,7 +36,7 @@ def render(
     integrator: str | None = None,
     accel: str | None = None,
     sampler: str | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
     ray_offset: str | None = None,
     measured_camera: Sequence[float] | None = None,
     target_error: float | None = None,
@@ -68,8 +70,9 @@ def render(
     sampler : str, optional
         A sampler's name instead of the file's; `mitsuba` is the file's with the random
         numbers that Mitsuba's scalar variants draw, so that both take the same paths.
-    progress : callable, optional
-        Called with a `Progress` in the calling thread, several times a second.
+    progress : callable or bool, optional
+        Called with a `Progress` in the calling thread, several times a second. True: a bar
+        with the time left, in a terminal or a notebook, else a line now and then.
     ray_offset : str, optional
         `tight` (the default) or `mitsuba`: how far off their surface new rays start.
     measured_camera : sequence of 6 floats, optional
@@ -113,7 +116,8 @@ def render(
     -------
     Image
         float32 (height, width, 3) of the crop window, linear sRGB, and AOVs. After a
-        KeyboardInterrupt the picture so far, with `complete` false.
+        KeyboardInterrupt the picture so far, with `complete` false and the mean number of
+        its samples per pixel as `spp`; `requested_spp` says how many were requested.
 
     Raises
     ------
@@ -144,13 +148,14 @@ def render(
         memory,
         light_choice,
     )
-    return _finish(prepare(scene, options, progress), progress)
+    with shown(progress) as show:
+        return _finish(prepare(scene, options, show), show)
 
 
 def render_frames(
     scenes: Iterable[Scene],
     *,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
     cluster: Any = None,
     **options: Any,
 ) -> Iterator[Image]:
@@ -185,7 +190,8 @@ def render_frames(
 
     def fill() -> None:
         while len(waiting) <= ahead and (scene := next(following, None)) is not None:
-            prepared = prepare(scene, asked, progress)
+            with shown(progress) as show:
+                prepared = prepare(scene, asked, show)
             waiting.append(prepared)
             if team is not None and prepared.goal is None:
                 rendering = prepared.rendering
@@ -204,7 +210,8 @@ def render_frames(
                 raise failure
             if not waiting:
                 return
-            image = _finish(waiting.popleft(), progress)
+            with shown(progress) as show:  # its bar has gone when others may print
+                image = _finish(waiting.popleft(), show)
             yield image
             if not image.complete:
                 return
@@ -234,7 +241,7 @@ def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> 
         why = f": {error}" if str(error) else ""
         interrupted = {"interrupted": f"before the first sample of the colours{why}"}
         metadata = {**image.metadata, **interrupted}
-        return dataclasses.replace(image, complete=False, metadata=metadata)
+        return dataclasses.replace(image, spp=0, complete=False, metadata=metadata)
     both = with_picture(image, picture)
     return dataclasses.replace(both, metadata={**picture.metadata, **image.metadata})
 
@@ -252,6 +259,8 @@ def image_of(
         aovs=shown.aovs,
         aov_kinds=shown.aov_kinds,
         spp=rendering.spp,
+        requested_spp=None if rendering.has_goal else plan.spp,
+        samples=rendering.samples_done,
         seconds=seconds,
         compile_seconds=compile_seconds,
         threads=rendering.threads,
@@ -270,7 +279,8 @@ def _reached(rendering: Rendering) -> list[str]:
     if rendering.accuracy is None:
         return []
     error = f"estimated error {rendering.accuracy.error:.2%}"
-    return [f"{'goal':<10} {rendering.spp} samples per pixel were taken: {error}"]
+    spp = shown_spp(rendering.spp)
+    return [f"{'goal':<10} {spp} samples per pixel were taken: {error}"]
 
 
 def _metadata(rendering: Rendering, complete: bool) -> dict[str, str]:

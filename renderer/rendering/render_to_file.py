@@ -20,6 +20,7 @@ from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.preparation import Options, build_rendering, checked
+from renderer.rendering.progress_display import shown
 from renderer.rendering.render_scene import image_of
 from renderer.rendering.rendering import Rendering, film_shape
 from renderer.rendering.sitting import Progress, Sitting
@@ -33,8 +34,9 @@ class PictureFile:
     path: Path
     width: int
     height: int
-    spp: int
-    seconds: float  # as those of `Image`
+    spp: float  # this and the following as those of `Image`
+    samples: int
+    seconds: float
     compile_seconds: float
     metadata: Mapping[str, str]
 
@@ -49,7 +51,7 @@ def render_to_file(
     integrator: str | None = None,
     accel: str | None = None,
     sampler: str | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] | bool | None = None,
     ray_offset: str | None = None,
     light_choice: str | None = None,
     memory: int | float | str | None = None,
@@ -113,14 +115,15 @@ def render_to_file(
     film = scene.description.camera.film
     seconds = compile_seconds = 0.0
     renders = []
-    with ExrRows(Path(path), film.crop_width, film.crop_height) as file:
+    rows_of_file = ExrRows(Path(path), film.crop_width, film.crop_height)
+    with shown(progress) as display, rows_of_file as file:
         for of, its_plan in todo:
             rendering, building, compiling = build_rendering(
-                of, its_plan, progress, accel, options.seed, threads, band=rows
+                of, its_plan, display, accel, options.seed, threads, band=rows
             )
             seconds, compile_seconds = seconds + building, compile_seconds + compiling
             renders.append(rendering)
-        show = _Progress(renders, progress)
+        show = _Progress(renders, display)
         for bands in zip(*(_bands(each, show) for each in renders), strict=True):
             image = bands[0]
             for picture in bands[1:]:
@@ -136,6 +139,7 @@ def render_to_file(
         film.crop_width,
         film.crop_height,
         image.spp,
+        show.samples,
         seconds + show.seconds,
         compile_seconds,
         image.metadata,
@@ -176,7 +180,7 @@ class _Progress:
     ) -> None:
         self._progress = progress
         self._total = sum(_samples(rendering) for rendering in renders)
-        self._before = 0  # samples of the bands that are done
+        self.samples = 0  # of the bands that are done
         self._start = time.perf_counter()
 
     @property
@@ -187,12 +191,12 @@ class _Progress:
     def show(self, samples: int, now: Progress) -> None:
         """Hand on where all of them are; the band under way began with `samples`."""
         if self._progress is not None:
-            done = self._before + now.done - samples
+            done = self.samples + now.done - samples
             self._progress(Progress("render", done, self._total, self.seconds))
 
     def count(self, samples: int) -> None:
         """Count a band that is done."""
-        self._before += samples
+        self.samples += samples
 
 
 def _samples(rendering: Rendering) -> int:

@@ -212,9 +212,10 @@ class Rendering:
         return time.perf_counter() - start
 
     @property
-    def spp(self) -> int:
-        """Samples of each pixel: those asked for, with a goal those that were taken."""
-        return self.samples_done // self.pixels if self.has_goal else self.plan.spp
+    def spp(self) -> float:
+        """Samples per pixel so far: their mean, where some tiles have more than others."""
+        whole, rest = divmod(self.samples_done, self.pixels)
+        return self.samples_done / self.pixels if rest else whole
 
     @property
     def samples_done(self) -> int:

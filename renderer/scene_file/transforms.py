@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 Matrix = NDArray[np.float64]
 _SMALLEST = 1e-38  # of a column's length: the largest float32 is 3.4e38
 _SINGULAR = 1e-12  # of |det| against the product of the column lengths
+_UNIT = 1e-2  # an axis like "0.577 0.577 0.577" is meant to have length 1
 
 
 def translate(x: float, y: float, z: float) -> Matrix:
@@ -50,6 +51,17 @@ def rotate(axis: Sequence[float], degrees: float) -> Matrix:
         + (1.0 - math.cos(angle)) * np.outer(vector, vector)
     )
     return matrix
+
+
+def why_distorting(axis: Sequence[float]) -> str | None:
+    """Return what a rotation about this axis does besides rotating, or None."""
+    length = math.hypot(*axis)
+    if abs(length - 1.0) <= _UNIT:
+        return None
+    return (
+        f"has the length {length:.4g}; Mitsuba does not normalize it, so this distorts "
+        "(and does here too); write an axis of length 1"
+    )
 
 
 def look_at(

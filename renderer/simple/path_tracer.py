@@ -17,12 +17,12 @@ Given the same random numbers both find the same light
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 
-from renderer.scene_file.description import Diffuse, SceneDescription
+from renderer.scene_file.description import Diffuse, SceneDescription, Sensor
 from renderer.simple.camera import Ray, camera_ray
 from renderer.simple.lights import pdf_light, power_heuristic, sample_light
 from renderer.simple.scene import Scene, closest_hit, visible
@@ -45,17 +45,26 @@ def render(
     description: SceneDescription, spp: int, numbers: Numbers = numpy_numbers
 ) -> Vector:
     """Return the crop window as (height, width, 3), linear sRGB: each pixel a mean."""
-    scene, film = Scene(description), description.camera.film
-    picture = np.zeros((film.crop_height, film.crop_width, 3))
-    for row, column in np.ndindex(film.crop_height, film.crop_width):
-        x, y = film.crop_offset_x + column, film.crop_offset_y + row
-        for sample in range(spp):
-            draw = partial(numbers, y * film.width + x, sample)
-            dx, dy, _, _ = draw(0)
-            u, v, _, _ = draw(BLOCKS_PER_BOUNCE)  # the lens, if there is one
-            ray = camera_ray(description.camera, x + dx, y + dy, (u, v))
-            picture[row, column] += path_radiance(scene, ray, draw) / spp
+    camera = description.camera
+    picture = np.zeros((camera.film.crop_height, camera.film.crop_width, 3))
+    for row, column, radiance in estimates(Scene(description), camera, spp, numbers):
+        picture[row, column] += radiance / spp
     return picture
+
+
+def estimates(
+    scene: Scene, camera: Sensor, spp: int, numbers: Numbers = numpy_numbers
+) -> Iterator[tuple[int, int, Vector]]:
+    """Give row, column and an estimate of the light there: of all pixels, `spp` times."""
+    film = camera.film
+    pixels = list(np.ndindex(film.crop_height, film.crop_width))
+    for sample, (row, column) in itertools.product(range(spp), pixels):
+        x, y = film.crop_offset_x + column, film.crop_offset_y + row
+        draw = partial(numbers, y * film.width + x, sample)
+        dx, dy, _, _ = draw(0)
+        u, v, _, _ = draw(BLOCKS_PER_BOUNCE)  # the lens, if there is one
+        ray = camera_ray(camera, x + dx, y + dy, (u, v))
+        yield row, column, path_radiance(scene, ray, draw)
 
 
 def path_radiance(scene: Scene, ray: Ray, draw: Callable[[int], Sequence[float]]) -> Vector:

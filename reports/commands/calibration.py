@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 import renderer
+from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
@@ -94,15 +95,17 @@ def measure(path: Path, error: float, seeds: int) -> Claims | None:
     first = renderer.render(scene, 16, integrator=integrator, target_error=1e-9)
     if first.error is None or first.error <= error:
         return None
-    reference = renderer.render(
-        scene,
-        MOST,
-        seed=REFERENCE_SEED,
-        integrator=integrator,
-        target_error=error / FINER,
+    reference = whole(
+        renderer.render(
+            scene,
+            MOST,
+            seed=REFERENCE_SEED,
+            integrator=integrator,
+            target_error=error / FINER,
+        )
     )
     images = [
-        renderer.render(scene, seed=seed, integrator=integrator, target_error=error)
+        whole(renderer.render(scene, seed=seed, integrator=integrator, target_error=error))
         for seed in range(seeds)
     ]
     limit = np.asarray(reference, np.float64)
@@ -110,7 +113,7 @@ def measure(path: Path, error: float, seeds: int) -> Claims | None:
         path.parent.name,
         [float(image.error or 0.0) for image in images],
         [relative_error(image.pixels - limit, limit) for image in images],
-        [image.spp for image in images],
+        [int(image.spp) for image in images],
         sum(image.error_unsure for image in images),
     )
 

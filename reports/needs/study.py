@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
+from mitsuba_ref.our_renderer.whole_picture import whole
 from renderer.errors import SceneError
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import MOST_SAMPLES
@@ -52,7 +53,8 @@ class Study:
 
     def render(self, scene: Scene, seed: int, spp: int | None = None) -> Image:
         """Render with a sampler whose numbers depend on nothing but their place."""
-        return renderer.render(scene, spp or self.spp, seed, sampler="independent")
+        image = renderer.render(scene, spp or self.spp, seed, sampler="independent")
+        return whole(image)
 
     def start(self) -> None:
         """Render the full scene with every seed."""

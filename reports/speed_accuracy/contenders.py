@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import renderer
 from mitsuba_ref.ladder.pictures_by_seed import SEED_STEP
+from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.process.names import SAMPLERS
@@ -69,7 +70,7 @@ def of_ours(scene: Scene, threads: int, **ways: Any) -> Contender:
 
     def render(seed: int, spp: int) -> Shot:
         begin = time.perf_counter()
-        picture = np.asarray(renderer.render(scene, spp, seed, threads, **ways))
+        picture = np.asarray(whole(renderer.render(scene, spp, seed, threads, **ways)))
         return time.perf_counter() - begin, picture[..., :3].astype(np.float64)
 
     return render

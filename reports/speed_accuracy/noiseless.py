@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
+from mitsuba_ref.our_renderer.whole_picture import whole
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from renderer.errors import SceneError
@@ -50,7 +51,7 @@ def has_noise(path: Path, deterministic: bool | None) -> bool:
     if deterministic is not None:
         return not deterministic
     scene = renderer.load_file(path)
-    first, second = (np.asarray(renderer.render(scene, 1, seed)) for seed in (0, 1))
+    first, second = (np.asarray(whole(renderer.render(scene, 1, seed))) for seed in (0, 1))
     return not np.array_equal(first, second)
 
 

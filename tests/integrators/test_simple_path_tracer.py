@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -180,19 +178,3 @@ def test_another_filter_is_refused():
     sensor = {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}}
     with pytest.raises(renderer.SceneError, match="rfilter 'gaussian'; possible is 'box'"):
         render(read_dict(scene(sensor=sensor)), 1)
-
-
-def test_the_command_writes_a_picture(tmp_path):
-    finished = subprocess.run(
-        [
-            *(sys.executable, "-m", "renderer.simple", SCENES / "grey-furnace/scene.xml"),
-            *("-o", "ball.npy", "--spp", "1", "-D", "width=8", "-D", "height=6"),
-        ],
-        cwd=tmp_path,
-        env={"PYTHONPATH": str(SCENES.parent)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert finished.returncode == 0, finished.stderr
-    assert np.load(tmp_path / "ball.npy").shape == (6, 8, 3)

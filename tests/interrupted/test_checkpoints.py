@@ -19,7 +19,6 @@ import pytest
 
 import renderer
 from renderer.command.cli import main
-from renderer.command.progress_display import ProgressDisplay
 from renderer.errors import CheckpointWarning, SceneError
 from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.process import threads
@@ -29,6 +28,7 @@ from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older, read_checkpoint
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.progress_display import ProgressDisplay
 from renderer.rendering.rendering import Rendering
 from renderer.rendering.sitting import Progress
 from renderer.scene.scene import build_scene

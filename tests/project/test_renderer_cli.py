@@ -19,12 +19,11 @@ import pytest
 import renderer
 from renderer.command import outputs
 from renderer.command.cli import main
-from renderer.command.progress_display import ProgressDisplay
 from renderer.errors import ClusterError, NotAllowed
 from renderer.rendering import render_scene
-from renderer.rendering.picture import image_files
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.progress_display import ProgressDisplay
 from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
 from renderer.rendering.sitting import Progress, Sitting
 
@@ -252,7 +251,7 @@ def test_what_cannot_be_rendered_is_one_line_and_status_1(capsys, arguments, com
 
 def test_a_folder_that_is_not_writable_is_noticed_before_rendering(capsys, monkeypatch):
     """By a stand-in for os.access, as nothing is closed to the superuser."""
-    monkeypatch.setattr(image_files.os, "access", lambda path, mode: False)
+    monkeypatch.setattr("os.access", lambda path, mode: False)
     monkeypatch.setattr(renderer, "render", None)  # calling it would be a TypeError
     assert main([CORNELL, "-o", "a.exr"]) == 1
     assert capsys.readouterr().err == "error: a.exr: the folder '.' is not writable\n"
@@ -464,7 +463,7 @@ def test_each_render_is_announced_once_and_shown_to_its_end(begins):
         for seconds in begins:
             display(Progress("render", 0, 400, seconds + later))
         display(Progress("render", 400, 400, 20.0))
-    one = ["rendering 400 samples", "100%, 0 s left, 0.0 Msamples/s"]
+    one = ["rendering 400 samples", "100%, 0 s left, 20 samples/s"]
     assert stream.getvalue().splitlines() == [*one, *one]
 
 

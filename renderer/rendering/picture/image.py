@@ -45,10 +45,10 @@ class Image(Picture):
         return np.array(self.pixels, dtype=dtype, copy=copy)
 
     def __repr__(self) -> str:
-        """Return size, samples and time, not the numbers."""
+        """Return size, the samples that there are, and time, not the numbers."""
         aovs = f", AOVs {', '.join(self.aovs)}" if self.aovs else ""
         return (
-            f"<Image {self.width} x {self.height}, {self.spp} samples per pixel, "
+            f"<Image {self.width} x {self.height}, {self.samples_text}, "
             f"{self.seconds:.2f} s{aovs}>"
         )
 

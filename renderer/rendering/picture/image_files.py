@@ -81,7 +81,7 @@ def exr_header(image: Picture) -> dict[str, Any]:
     header: dict[str, Any] = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "spp": int(image.spp),
+        "spp": int(image.spp) if image.spp == int(image.spp) else float(image.spp),
     }
     header.update({key: str(value) for key, value in image.metadata.items()})
     return header

@@ -18,14 +18,20 @@ class Picture:
     pixels: Array  # (H, W, 3), linear sRGB; row 0 is the top
     aovs: Mapping[str, Array] = field(default_factory=dict)  # name -> (H, W, C)
     aov_kinds: Mapping[str, str] = field(default_factory=dict)  # name -> "depth", "uv", ...
-    spp: int = 0  # samples per pixel
+    # samples per pixel that there are; after an interrupt their mean, which need not be
+    # whole: some tiles have more than others. Of colours with AOVs those of the colours,
+    # which come last; 0 if there are AOVs alone
+    spp: float = 0
+    # samples per pixel that were requested; None: as many as a goal takes
+    requested_spp: int | None = None
+    samples: int = 0  # all that were traced: of AOVs and of the film's border too
     seconds: float = 0.0  # render time without compilation
     compile_seconds: float = 0.0
     threads: int = 0
     integrator: str = ""  # what ran, after `auto` has chosen
     explain: str = ""  # what was modelled, what was left out, and why
     metadata: Mapping[str, str] = field(default_factory=dict)  # goes into the EXR header
-    complete: bool = True  # False: interrupted, fewer samples than spp
+    complete: bool = True  # False: interrupted, with fewer samples than requested
     error: float | None = None  # relative, estimated, where a render was asked for one
     error_of_pixels: Array | None = None  # (H, W, 3), one guess of each pixel's difference
     error_unsure: bool = False  # the true one may well be another (`rendering.accuracy`)
@@ -42,6 +48,15 @@ class Picture:
                 )
 
     @property
+    def samples_text(self) -> str:
+        """How many samples per pixel there are, in words; of how many, if interrupted."""
+        some = shown_spp(self.spp)
+        if self.complete:
+            return f"{some} samples per pixel"
+        of = "" if self.requested_spp is None else f" of {self.requested_spp}"
+        return f"interrupted: {some}{of} samples per pixel"
+
+    @property
     def width(self) -> int:
         """Number of columns."""
         return int(self.pixels.shape[1])
@@ -50,3 +65,10 @@ class Picture:
     def height(self) -> int:
         """Number of rows."""
         return int(self.pixels.shape[0])
+
+
+def shown_spp(spp: float) -> str:
+    """Return samples per pixel as a text: "64", or "about 3.1" if it is no whole number."""
+    if spp == int(spp):
+        return str(int(spp))
+    return f"about {spp:.1f}" if spp >= 1.0 else f"about {spp:.1g}"

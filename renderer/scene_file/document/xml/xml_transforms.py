@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from renderer.errors import SceneError
@@ -25,7 +23,6 @@ _ATTRIBUTES = {
     "matrix": {"value"},
 }
 STEPS = tuple(_ATTRIBUTES)
-_UNIT = 1e-2  # an axis like "0.577 0.577 0.577" is meant to have length 1
 
 
 def fold_steps(steps: list[XmlElement], reading: Reading) -> Matrix:
@@ -83,13 +80,8 @@ def _rotate(step: XmlElement, reading: Reading) -> Matrix:
         raise SceneError(
             f"{step.location}: the axis of <rotate> is 0; expected a direction"
         )
-    length = math.hypot(*axis)
-    if abs(length - 1.0) > _UNIT:
-        reading.warn(
-            step.location,
-            f"the axis of <rotate> has the length {length:.4g}; Mitsuba does not normalize "
-            "it, so this distorts (and does here too); write an axis of length 1",
-        )
+    if (warning := transforms.why_distorting(axis)) is not None:
+        reading.warn(step.location, f"the axis of <rotate> {warning}")
     angle = parse_float(required(step, "angle"), step.location, "the angle")
     return transforms.rotate(axis, angle)
 
