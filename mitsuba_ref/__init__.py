@@ -15,6 +15,6 @@ down, which a contract in pyproject.toml keeps:
   wrong, and what is known to disagree.
 """
 
-from mitsuba_ref.missing_packages import say_missing_packages_in_one_line
+from mitsuba_ref.missing_packages import prepare_command_process
 
-say_missing_packages_in_one_line()
+prepare_command_process()

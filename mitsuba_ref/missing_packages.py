@@ -1,15 +1,20 @@
-"""What a command of the harness says where a package of the harness cannot be imported.
+"""What a command of the harness says where the machine lacks what it needs.
 
 `pip install lightproof` installs the commands and not what they need: the extra `harness`.
 """
 
 from __future__ import annotations
 
+import errno
 import importlib.util
+import os
 import sys
 import traceback
 from pathlib import Path
 from types import FrameType, TracebackType
+
+from renderer.errors import SceneError
+from renderer.process.standard_streams import make_streams_tolerant
 
 # What the extra `harness` of pyproject.toml installs, as it is imported.
 HARNESS = (
@@ -26,17 +31,22 @@ HARNESS = (
 )
 NEEDS = "needs: pip install 'lightproof[harness]'"
 _LONGEST = 300  # characters of what an import failed with
+# files that cannot be written: the disk, its quota, or the permissions
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
-def say_missing_packages_in_one_line() -> None:
-    """Let this process say one line, and end with 1, where a package fails to be imported.
+def prepare_command_process() -> None:
+    """Prepare a process that a command has started: `python -m` or `lightproof-...`.
 
-    Only in a process that a command of ours has started: `python -m` or `lightproof-...`.
+    It says one line, and ends with 1, where a package fails to be imported, a disk is full,
+    the working directory was deleted or kernels cannot be compiled. Standard streams that
+    are closed or full end nothing.
     """
     program = Path(sys.argv[0]).name if sys.argv else ""
     # Python says "-m" while it looks for the module, and so while it imports its package
     if program == "-m" or program.startswith("lightproof-"):
         sys.excepthook = _say
+        make_streams_tolerant()
 
 
 def is_installed(package: str) -> bool:
@@ -73,12 +83,29 @@ def _is_import(frame: FrameType) -> bool:
     return frame.f_code.co_name == "<module>"
 
 
+def _lack(error: BaseException) -> str | None:
+    """Return what the machine lacks; None: the error may be a mistake of ours."""
+    if isinstance(error, SceneError):
+        return str(error)
+    if not isinstance(error, OSError):
+        return None
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return "the working directory was deleted; change to one that is there"
+    return str(error) if error.errno in _NO_ROOM else None
+
+
 def _say(
     kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
     package = failed_package(error)
-    if package is None or sys.stderr is None:
-        sys.__excepthook__(kind, error, trace)
+    if package is None:
+        lack = _lack(error)
+        if lack is None:
+            sys.__excepthook__(kind, error, trace)
+        else:
+            sys.stderr.write(f"error: {lack}\n")
         return
     what = " ".join(f"{kind.__name__}: {error}".split())[:_LONGEST]
     if not isinstance(error, ModuleNotFoundError):

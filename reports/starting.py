@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 from mitsuba_ref.missing_packages import is_installed
@@ -18,6 +19,10 @@ def run(module: str) -> int:
     module
         Its `main` reads the arguments of the process.
     """
+    try:
+        os.getcwd()
+    except FileNotFoundError:  # pages go there, and a study of minutes would be lost
+        raise SystemExit("error: the working directory was deleted; change to another")
     # a missing package is said alone, in one line
     quiet = {"-h", "--help"} & set(sys.argv[1:]) or not all(map(is_installed, NEEDED))
     if not quiet:
