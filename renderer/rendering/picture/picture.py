@@ -18,9 +18,9 @@ class Picture:
     pixels: Array  # (H, W, 3), linear sRGB; row 0 is the top
     aovs: Mapping[str, Array] = field(default_factory=dict)  # name -> (H, W, C)
     aov_kinds: Mapping[str, str] = field(default_factory=dict)  # name -> "depth", "uv", ...
-    # samples per pixel that there are; after an interrupt their mean, which need not be whole:
-    # some tiles have more than others. Of colours beside AOVs those of the colours, which
-    # come last; 0 if there are AOVs alone
+    # samples per pixel that there are; after an interrupt their mean, which need not be
+    # whole, as some tiles have more than others. With colours and AOVs it counts those of the
+    # colours, which come last: 0 if there are AOVs alone
     spp: float = 0
     # samples per pixel that were requested; None: as many as a goal takes
     requested_spp: int | None = None
