@@ -19,8 +19,8 @@ class Picture:
     aovs: Mapping[str, Array] = field(default_factory=dict)  # name -> (H, W, C)
     aov_kinds: Mapping[str, str] = field(default_factory=dict)  # name -> "depth", "uv", ...
     # samples per pixel that there are; after an interrupt their mean, which need not be
-    # whole: some tiles have more than others. Of colours with AOVs those of the colours,
-    # which come last; 0 if there are AOVs alone
+    # whole, as some tiles have more than others. Of colours with AOVs, which come first, it
+    # is that of the colours: 0 if all AOVs are there and no colour
     spp: float = 0
     # samples per pixel that were requested; None: as many as a goal takes
     requested_spp: int | None = None
