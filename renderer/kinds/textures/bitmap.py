@@ -87,7 +87,7 @@ def read(properties: Any, use: Use) -> BitmapTexture:
     if use in (Use.REFLECTANCE, Use.EMISSION) and (negative := negative_pixels(texels)):
         properties.reading.warn(location, f"{name}: {negative}; they are kept")
         if mean(bitmap) < 0.0:
-            properties.fail(key, f"an image whose mean is negative ({negative})", use.value)
+            properties.fail(key, f"{name} with a negative mean ({negative})", use.value)
     return bitmap
 
 

@@ -98,10 +98,10 @@ def _colors(path: Path, channels: dict[str, NDArray[Any]]) -> tuple[str, list[st
 
 def _as_srgb(
     path: Path,
-    pixels: NDArray[np.float16 | np.float32],
+    pixels: NDArray[Any],
     layout: str,
     chromaticities: tuple[float, ...] | None,
-) -> NDArray[np.float16 | np.float32]:
+) -> NDArray[Any]:
     """Return colours of the primaries that the file names as linear sRGB."""
     matrix = SRGB_FROM_XYZ if layout == "xyz" else None
     if layout == "rgb" and chromaticities is not None:

@@ -254,7 +254,7 @@ def test_pixels_in_a_dictionary(
     ("values", "message"),
     [
         (np.full((2, 2, 3), np.nan), "NaN or infinite pixels"),
-        (np.full((2, 2, 3), -1.0), "negative pixels, down to -1"),
+        (np.full((2, 2, 3), -1.0), "negative mean (4 of 4 pixels are negative, down to -1)"),
         (
             np.zeros((2, 2, 5)),
             "has the shape (2, 2, 5); expected (height, width, channels)",
@@ -444,7 +444,11 @@ def test_garbled_image_is_an_error_or_a_picture(
 
 @pytest.mark.parametrize(
     ("pixels", "message"),
-    [(np.nan, "NaN or infinite"), (np.inf, "NaN"), (-0.5, "negative")],
+    [
+        (np.nan, "NaN or infinite pixels, 1 of 20; the first is in row 1, column 2"),
+        (np.inf, "NaN"),
+        (-500.0, "bad.exr with a negative mean (1 of 20 pixels are negative, down to -500)"),
+    ],
 )
 def test_image_with_values_that_are_no_reflectance(
     tmp_path: Path, pixels: float, message: str
@@ -461,7 +465,7 @@ RGBE = b"#?RADIANCE\n# made by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n"
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n....", "32-bit_rle_xyze"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_luve\n\n-Y 1 +X 1\n....", "32-bit_rle_luve"),
         (RGBE + b"+X 1 -Y 1\n....", "no size `-Y HEIGHT +X WIDTH`"),
         (RGBE + b"-Y 1 +X\n....", "no size"),
         (RGBE[:-1], "its header does not end"),
