@@ -59,6 +59,8 @@ MAPS = {
     "seam": (dark_but(8, 12, (3, 0), (4, 11)), {}),
     "poles": (dark_but(9, 8, (0, slice(None)), (8, slice(None)), (1, 3)), {}),
     "even": (np.ones((4, 8, 3), np.float32), {"mis_compensation": True}),
+    "negative": (noise(7, 9) - 0.3, {}),
+    "negative, compensated": (noise(8, 9) - 0.3, {"mis_compensation": True}),
     "one pixel": (np.full((1, 1, 3), 2.0, np.float32), {}),
 }
 

@@ -128,7 +128,7 @@ def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
         value = header.get(name)
         if isinstance(value, bytes):
             value = value.decode("latin-1")
-        if value is None or value == "":
+        if value is None or (isinstance(value, str) and not value):
             continue
         if isinstance(value, str):
             # primaries are applied if the file has them in numbers

