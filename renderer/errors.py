@@ -21,6 +21,10 @@ class CheckpointWarning(RuntimeWarning):
     """A checkpoint cannot be written, is missing, or only the one before is whole."""
 
 
+class UnsupportedPlugin(SceneError):
+    """A scene has a plugin that this renderer has not."""
+
+
 class NotReplayable(SceneError):
     """A scene can be rendered, but not with Mitsuba's random numbers in its order."""
 

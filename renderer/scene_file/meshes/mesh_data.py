@@ -21,7 +21,7 @@ class MeshData:
     """Triangles in local coordinates; every index is in range."""
 
     vertices: NDArray[np.float64]  # (V, 3) finite
-    faces: NDArray[np.int32]  # (F, 3) in [0, V), F >= 1; degenerate ones still in
+    faces: NDArray[np.int32]  # (F, 3) in [0, V); degenerate ones still in
     normals: NDArray[np.float64] | None = None  # (V, 3), any length; a NaN row: not given
     uvs: NDArray[np.float64] | None = None  # (V, 2) finite
     source: str = "<memory>"  # for messages: the file
@@ -122,7 +122,7 @@ def judged_mesh(
 
     used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True
-    warnings = []
+    warnings = [] if len(faces) else [f"{source}: no faces, so that nothing is seen"]
     if (bad := ~_finite(vertices)).any():
         if (bad & used).any():
             first = int(np.argmax(bad & used))
@@ -132,7 +132,7 @@ def judged_mesh(
                 where = f"{source}:{lines['position'][first]}: vertex {shown}"
             raise SceneError(f"{where} is not finite")
         warnings.append(count("position", vertices, bad) + "; no face uses them")
-        vertices[bad] = vertices[faces[0, 0]]
+        vertices[bad] = vertices[faces[0, 0]] if len(faces) else 0.0
     if normals is not None:
         bad = ~_finite(normals) | ~normals.any(axis=1)
         if lines is not None:

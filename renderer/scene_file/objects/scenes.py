@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from renderer.errors import SceneError
+from collections.abc import Callable
+from typing import Any
+
+from renderer.errors import SceneError, UnsupportedPlugin
 from renderer.scene_file.description import Emitter, SceneDescription
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
@@ -28,8 +31,8 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     Raises
     ------
     SceneError
-        If anything in it is not supported or wrong, whether it is used or not, as in
-        Mitsuba.
+        If anything in it is wrong, whether it is used or not, as in Mitsuba, or what is
+        used is not supported.
     """
     if root.tag != "scene":
         raise SceneError(f"{root.location}: the root is {root}; expected a scene")
@@ -128,18 +131,25 @@ def _check_place(element: Element, where: Element, reading: Reading) -> None:
 
 
 def _read_unused(properties: Properties) -> None:
-    """Read what stands in the scene to be referenced, so that its errors show."""
+    """Read what stands in the scene to be referenced, so that its errors show.
+
+    A plugin that is not supported is none: shapes and emitters, which have been read, do
+    not use it, and Mitsuba may have it.
+    """
     reading = properties.reading
-    for _, element in properties.children("bsdf"):
-        read_bsdf(element, reading)
-    for _, element in properties.children("texture"):
-        read_texture_plugin(element, reading)
-    for _, element in properties.children("film"):
-        read_film(element, reading)
-    for _, element in properties.children("rfilter"):
-        read_rfilter(element, reading)
-    for _, element in properties.children("sampler"):
-        read_sampler(element, reading)
+    readers: dict[str, Callable[[Element, Reading], Any]] = {
+        "bsdf": read_bsdf,
+        "texture": read_texture_plugin,
+        "film": read_film,
+        "rfilter": read_rfilter,
+        "sampler": read_sampler,
+    }
+    for tag, read in readers.items():
+        for _, element in properties.children(tag):
+            try:
+                read(element, reading)
+            except UnsupportedPlugin as error:
+                reading.warnings.append(f"{error}; nothing uses it, so it is left out")
     for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
         for _, element in properties.children(tag):
             reading.warn(element.location, f"{element} is not read: no {tag} is used here")

@@ -55,10 +55,9 @@ def read_ply(
     else:
         require_for_words(content[header.size :], 55, path)
     elements = read_records(content, header, path)
-    for name in ("vertex", "face"):
-        if not elements.get(name):
-            raise SceneError(f"{path}: no `{name}` records; a mesh needs at least one")
-
+    if not elements.get("vertex") or "face" not in elements:
+        missing = "face" if elements.get("vertex") else "vertex"
+        raise SceneError(f"{path}: no `{missing}` records; a mesh needs at least one")
     vertex = elements["vertex"]
     vertices = _columns(vertex, ("x", "y", "z"), path)
     faces = _triangles(elements["face"], len(vertices), path)
@@ -93,6 +92,8 @@ def _columns(vertex: Columns, names: tuple[str, ...], path: Path) -> NDArray[np.
 
 def _triangles(face: Columns, vertex_count: int, path: Path) -> NDArray[np.int32]:
     """Return the checked vertex indices, (F, 3)."""
+    if not face:  # no records; Mitsuba has nothing to show either
+        return np.zeros((0, 3), np.int32)
     name = next((name for name in _INDEX_NAMES if name in face), None)
     if name is None or face[name].ndim != 2:
         raise SceneError(
