@@ -422,7 +422,6 @@ PLY_FAULTS = {
         "no list `vertex_index` or `vertex_indices`; they have: corners",
     ),
     "no face element": (HEAD + XYZ + "end_header\n" + DATA, "no `face` records"),
-    "no faces": (HEAD + XYZ + FACE.replace("face 1", "face 0") + DATA, "no `face` records"),
     "too few vertices": (HEAD + XYZ + FACE + "0 0 0\n1 0\n", "take 9 numbers, found 5"),
     "no word for the face": (HEAD + XYZ + FACE + DATA, "`face` take 1 numbers, found 0"),
     "short face": (HEAD + XYZ + FACE + DATA + "3 0 1\n", "has length 3, but only 2 values"),

@@ -85,7 +85,9 @@ def read(properties: Any, use: Use) -> BitmapTexture:
             location, f"{name} has reflectances up to {largest:g}; energy is not conserved"
         )
     if use in (Use.REFLECTANCE, Use.EMISSION) and (negative := negative_pixels(texels)):
-        properties.reading.warn(location, f"{name}: {negative}; they are kept")
+        properties.reading.warn(
+            location, f"{name}: {negative}; they are kept, as in Mitsuba"
+        )
         if mean(bitmap) < 0.0:
             properties.fail(key, f"{name} with a negative mean ({negative})", use.value)
     return bitmap

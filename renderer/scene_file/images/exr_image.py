@@ -63,11 +63,18 @@ def read_exr(path: Path) -> Image:
                 name: np.asarray(channel.pixels)
                 for name, channel in file.channels().items()
             }
+        return Image(_pixels(path, channels, headers[0]), notes=_notes(headers))
     except SceneError:  # a ValueError too
         raise
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
         first_line = (str(error).splitlines() or ["unknown reason"])[0]
         raise SceneError(f"{path}: damaged EXR file: {first_line}") from None
+
+
+def _pixels(
+    path: Path, channels: dict[str, NDArray[Any]], header: dict[str, Any]
+) -> NDArray[np.float16 | np.float32]:
+    """Return (H, W, 1 or 3) linear sRGB or grey."""
     layout, names = _colors(path, channels)
     first = channels[min(channels)].dtype
     if first == np.uint32 and any(channels[name].dtype != first for name in names):
@@ -78,8 +85,7 @@ def read_exr(path: Path) -> Image:
     kept = np.float16 if first == np.float16 else np.float32
     with np.errstate(over="ignore"):  # found as infinite
         pixels = np.stack([channels[name] for name in names], axis=-1).astype(kept)
-        pixels = _as_srgb(path, pixels, layout, headers[0].get("chromaticities"))
-    return Image(pixels, notes=_notes(headers))
+        return _as_srgb(path, pixels, layout, header.get("chromaticities"))
 
 
 def _colors(path: Path, channels: dict[str, NDArray[Any]]) -> tuple[str, list[str]]:

@@ -339,6 +339,39 @@ def test_where_mitsuba_takes_the_pixels_of_bmp_and_tga_otherwise(tmp_path: Path)
     assert read(tmp_path / "a.bmp")[1] == read(tmp_path / "a.tga")[1] == ()
 
 
+@pytest.mark.parametrize("name", ["chromaticities", "pixelAspectRatio", "envmap"])
+def test_attributes_of_another_type_are_one_line(tmp_path: Path, name: str) -> None:
+    path = write_exr(tmp_path / "a.exr", colors(), **{"x" * len(name): "words"})
+    content = path.read_bytes().replace(b"x" * len(name) + b"\0", name.encode() + b"\0")
+    path.write_bytes(content)
+    try:
+        read(path)
+    except renderer.SceneError as error:
+        assert "a.exr: damaged EXR file: " in str(error)
+
+
+def test_damaged_attributes_end_in_a_picture_or_one_line(tmp_path: Path) -> None:
+    """Each byte of what is not pixels is changed in turn, and each file is cut there."""
+    write_exr(tmp_path / "a.exr", colors("RGB", "f2"), chromaticities=P3)
+    png(tmp_path / "a.png", profile_chunk(icc(2.2)), chunk(b"eXIf", exif(3)[6:]), CHRM[1])
+    large = Image.fromarray(np.kron(BYTES, np.ones((8, 8, 1), np.uint8)))
+    large.save(tmp_path / "a.jpg", exif=exif(6), icc_profile=icc(2.2))
+    hdr(tmp_path / "a.hdr", b"EXPOSURE=2\nPRIMARIES=1 0 0 1 0 0 0.3 0.3\n")
+    for path in list(tmp_path.iterdir()):
+        content = path.read_bytes()
+        for place in range(4, min(len(content), 500), 7):
+            wrong = bytearray(content)
+            wrong[place] ^= 0x5A
+            for found in (wrong, content[:place]):
+                path.write_bytes(found)
+                try:
+                    pixels, warnings = read(path)
+                    assert np.isfinite(pixels).all()
+                    assert all(line.isprintable() for line in warnings)
+                except renderer.SceneError as error:
+                    assert path.name in str(error)
+
+
 # -------------------------------------------------------------------- Radiance pictures
 
 

@@ -72,7 +72,7 @@ def read(properties: Any) -> EnvironmentMap:
     if negative := negative_pixels(pixels):
         properties.reading.warn(
             location_of(properties, key),
-            f"{name}: {negative}; as in Mitsuba they are kept, but never sampled",
+            f"{name}: {negative}; they are kept, but not sampled, as in Mitsuba",
         )
     scale = properties.number("scale", 1.0, at_least=0.0)
     if scale * float(np.abs(pixels).max()) > Use.EMISSION.limits[1]:
