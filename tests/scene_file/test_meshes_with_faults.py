@@ -267,23 +267,3 @@ def test_a_spectrum_may_begin_with_a_mark(tmp_path: Path, mark: str) -> None:
     without = text.replace('filename="a.spd"', 'value="400:0.25, 700:0.25"')
     expected = ours(without).shapes[0].bsdf.reflectance.rgb
     assert scene.shapes[0].bsdf.reflectance.rgb == expected
-
-
-# ------------------------------------------------------------- what nothing refers to
-
-
-def test_materials_that_nothing_uses_need_not_be_supported() -> None:
-    """Mitsuba has a `hair` and renders the scene; so do we, and say what is left out."""
-    ball = '<shape type="sphere"/>'
-    unused = '<bsdf type="hair" id="h"/><texture type="volume" id="v"/>'
-    scene = ours(ball + unused)
-    assert len(scene.warnings) == 2
-    for word, line in zip(('bsdf "hair"', 'texture "volume"'), scene.warnings, strict=True):
-        assert f"{word} is not supported" in line
-        assert line.endswith("nothing uses it, so it is left out")
-    inside = '<bsdf type="twosided" id="t"><bsdf type="hair"/></bsdf>'
-    assert 'bsdf "hair" is not supported' in ours(ball + inside).warnings[0]
-    used = '<shape type="sphere"><ref id="h"/></shape>'
-    assert 'bsdf "hair" is not supported' in error_of(unused + used)
-    wrong = '<bsdf type="diffuse"><rgb name="reflectance" value="2"/></bsdf>'
-    assert "expected a reflectance in [0, 1]" in error_of(ball + wrong)

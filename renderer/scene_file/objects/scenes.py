@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from renderer.errors import SceneError, UnsupportedPlugin
+from renderer.errors import SceneError
 from renderer.scene_file.description import Emitter, SceneDescription
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_emitter
@@ -41,14 +41,15 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     properties.boolean("embree_use_robust_intersections", False)
     properties.boolean("allow_thread_reordering", True)
     integrator = properties.child("integrator")
-    sensors = [
-        read_sensor(element, reading) for _, element in properties.children("sensor")
-    ]
+    sensors = [element for _, element in properties.children("sensor")]
+    camera = read_sensor(sensors[0], reading) if sensors else None
+    for element in sensors[1:]:
+        reading.read_unused(element, read_sensor)
     shapes, groups, instances = read_shapes(properties)
     emitters = _emitters(root, properties)
     _read_unused(properties)
     properties.finish()
-    if not sensors:
+    if camera is None:
         raise SceneError(
             f"{root.location}: the scene has no <sensor>; expected one of "
             f"{', '.join(supported_plugins('sensor'))}"
@@ -61,7 +62,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     if method.hide_emitters:
         _check_hidden(properties)
     description = SceneDescription(
-        camera=sensors[0],
+        camera=camera,
         integrator=method,
         shapes=shapes,
         groups=groups,
@@ -131,11 +132,7 @@ def _check_place(element: Element, where: Element, reading: Reading) -> None:
 
 
 def _read_unused(properties: Properties) -> None:
-    """Read what stands in the scene to be referenced, so that its errors show.
-
-    A plugin that is not supported is none: shapes and emitters, which have been read, do
-    not use it, and Mitsuba may have it.
-    """
+    """Read what stands in the scene to be referenced, after what may refer to it."""
     reading = properties.reading
     readers: dict[str, Callable[[Element, Reading], Any]] = {
         "bsdf": read_bsdf,
@@ -146,10 +143,7 @@ def _read_unused(properties: Properties) -> None:
     }
     for tag, read in readers.items():
         for _, element in properties.children(tag):
-            try:
-                read(element, reading)
-            except UnsupportedPlugin as error:
-                reading.warnings.append(f"{error}; nothing uses it, so it is left out")
+            reading.read_unused(element, read)
     for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
         for _, element in properties.children(tag):
             reading.warn(element.location, f"{element} is not read: no {tag} is used here")
