@@ -177,6 +177,11 @@ def _image(name: str, value: Any, location: Location) -> Image | None:
             f"{location}: the pixels are of type {pixels.dtype}; expected uint8, uint16, "
             "float16, float32 or float64"
         )
+    if name == "data" and pixels.shape[2] in (2, 4):
+        raise SceneError(
+            f"{location}: the tensor has {pixels.shape[2]} channels; expected 1 or 3 (a "
+            '"bitmap" may have alpha)'
+        )
     said = getattr(value, "srgb_gamma", None)
     srgb = said() if said else name == "bitmap" and pixels.dtype == np.uint8
     if pixels.dtype not in (np.uint8, np.uint16, np.float16):

@@ -20,7 +20,7 @@ from renderer.scene_file.images.primaries import BT709, XYZ, differ, srgb_from
 _MAGIC = b"\x76\x2f\x31\x01"
 # Bytes of pixels for a byte of the file, where a method cannot make more of it.
 _MOST_EXPANSION = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1376}
-_BYTES_A_NUMBER = 16  # read, stacked, as float32, and turned into other primaries
+_BYTES_A_NUMBER = 12  # read, stacked, and turned into other primaries as float32
 _LAYOUTS = ("rgb", "xyz", "y")  # each with an "a" or without
 _SAME_PRIMARIES = 1e-3  # root of the sum of squares below which Mitsuba converts nothing
 # Attributes that say what the numbers mean and that Mitsuba does not look at.
@@ -82,10 +82,17 @@ def _pixels(
             f"{path}: the first channel of the EXR file, {min(channels)}, has whole "
             "numbers and its colours have not; expected one type of all channels"
         )
+    points = header.get("chromaticities")
+    if first == np.uint32 and points and differ(points, BT709, _SAME_PRIMARIES):
+        raise SceneError(
+            f"{path}: the EXR file has whole numbers and chromaticities of its own, which "
+            "Mitsuba converts wrongly; expected floats"
+        )
     kept = np.float16 if first == np.float16 else np.float32
     with np.errstate(over="ignore"):  # found as infinite
-        pixels = np.stack([channels[name] for name in names], axis=-1).astype(kept)
-        return _as_srgb(path, pixels, layout, header.get("chromaticities"))
+        pixels = np.stack([channels[name] for name in names], axis=-1)
+        pixels = pixels.astype(kept, copy=False)
+        return _as_srgb(path, pixels, layout, points)
 
 
 def _colors(path: Path, channels: dict[str, NDArray[Any]]) -> tuple[str, list[str]]:
@@ -124,7 +131,9 @@ def _as_srgb(
             f"{path}: the EXR attribute chromaticities ({shown}) is of no colour space; "
             "expected red, green, blue and white as points x, y, not on one line"
         )
-    return (pixels.astype(np.float32) @ matrix.T).astype(pixels.dtype)
+    single = pixels.astype(np.float32, copy=False)
+    matrix = matrix.astype(np.float32)
+    return (single @ matrix.T).astype(pixels.dtype, copy=False)
 
 
 def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
@@ -140,8 +149,10 @@ def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
             # primaries are applied if the file has them in numbers
             if value.lower() in _LINEAR_SRGB or "chromaticities" in header:
                 continue
-            value = value[:40]
-        notes.append(f"the EXR attribute {name} ({value}) is not applied, as in Mitsuba")
+            shown = value[:40]
+        else:
+            shown = ", ".join(f"{number:g}" for number in np.ravel(value))
+        notes.append(f"the EXR attribute {name} ({shown}) is not applied, as in Mitsuba")
     if header.get("envmap"):  # 0: latitude and longitude
         notes.append(
             "the EXR attribute envmap says that it shows the faces of a cube; it is taken "

@@ -79,9 +79,10 @@ def read_rgbe(path: Path, largest: int) -> Image:
     if width in _PACKED and content[start : start + 2] == b"\2\2":
         row_at_least = 4 + 8 * -(-width // 127)
     if len(content) - start < height * row_at_least:
+        runs = ", or one with runs of the old kind" if b"\1\1\1" in content[start:] else ""
         raise SceneError(
-            f"{path}: damaged HDR file: {len(content) - start} bytes for {height} rows of "
-            f"{width} pixels"
+            f"{path}: damaged HDR file{runs}: {len(content) - start} bytes for {height} "
+            f"rows of {width} pixels"
         )
     memory.require(44 * height * width, f"{path}: the image")
     pixels = _decoded(_pixels(content, start, width, height, path))

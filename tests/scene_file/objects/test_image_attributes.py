@@ -111,8 +111,8 @@ def test_chromaticities_of_no_colour_space(
 @pytest.mark.parametrize(
     ("attributes", "words"),
     [
-        ({"whiteLuminance": 100.0}, "whiteLuminance (100.0) is not applied, as in Mitsuba"),
-        ({"adoptedNeutral": np.float32([0.5, 0.25])}, "adoptedNeutral ([0.5  0.25]) is"),
+        ({"whiteLuminance": 100.0}, "whiteLuminance (100) is not applied, as in Mitsuba"),
+        ({"adoptedNeutral": np.float32([0.5, 0.25])}, "adoptedNeutral (0.5, 0.25) is"),
         ({"renderingTransform": "ACES"}, "renderingTransform (ACES) is not applied"),
         ({"colorInteropID": "lin_ap1_scene"}, "colorInteropID (lin_ap1_scene) is not"),
         ({"oiio:ColorSpace": "sRGB"}, "oiio:ColorSpace (sRGB) is not applied"),
@@ -186,6 +186,13 @@ def test_channels_that_are_no_colours(
     path = write_exr(tmp_path / "a.exr", channels)
     message = error_of(bitmap(path), folder=tmp_path)
     assert "a.exr: the " in message and "; expected " in message
+
+
+def test_whole_numbers_of_other_primaries(tmp_path: Path) -> None:
+    """Mitsuba multiplies them by themselves."""
+    whole = {name: np.arange(20, dtype="u4").reshape(4, 5) for name in "RGB"}
+    path = write_exr(tmp_path / "a.exr", whole, chromaticities=P3)
+    assert "whole numbers and chromaticities" in error_of(bitmap(path), folder=tmp_path)
 
 
 def test_the_first_of_several_parts(tmp_path: Path) -> None:
@@ -518,6 +525,15 @@ def test_arrays_that_are_no_pictures(values: np.ndarray, message: str) -> None:
     with pytest.raises(renderer.SceneError) as caught:
         in_dictionary(bitmap=values)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_a_tensor_has_no_alpha(channels: int) -> None:
+    """As in Mitsuba; of a bitmap it is dropped."""
+    with pytest.raises(renderer.SceneError, match="channels; expected 1 or 3"):
+        in_dictionary(data=np.dstack([GREY] * channels))
+    with pytest.raises(RuntimeError, match="Unsupported tensor channel count"):
+        mi.load_dict({"type": "bitmap", "data": mi.TensorXf(np.dstack([GREY] * channels))})
 
 
 def test_a_multi_channel_bitmap_is_refused_by_its_name() -> None:

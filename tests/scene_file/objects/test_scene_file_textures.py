@@ -479,6 +479,7 @@ RGBE = b"#?RADIANCE\n# made by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n"
         (RGBE + b"-Y 9999999 +X 9999999\n....", "9999999 x 9999999 pixels; expected"),
         (RGBE + b"-Y 30000 +X 8000\n" + b"\2\2" * 99, "198 bytes for 30000 rows"),
         (RGBE + b"-Y 2 +X 1\n....", "4 bytes for 2 rows of 1 pixels"),
+        (RGBE + b"-Y 9 +X 9\nabcd\1\1\1\x50", "or one with runs of the old kind: 8 bytes"),
         (RGBE + b"-Y 1 +X 8\n\2\2\0\10" + b"\211a" * 4, "row 0 cannot be unpacked"),
         (RGBE + b"-Y 1 +X 8\n\2\2\0\10" + b"\0a" * 4, "row 0 cannot be unpacked"),
         (RGBE + b"-Y 1 +X 8\n\2\2\0\10\210a\210b\210c\5a", "row 0 cannot be unpacked"),
