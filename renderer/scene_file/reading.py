@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from renderer.errors import UnsupportedPlugin
+from renderer.errors import UnsupportedPlugin, printable
 from renderer.scene_file.description import Location
 from renderer.scene_file.files import Bounds, find_regular_file
 from renderer.scene_file.tree import Element
@@ -42,7 +42,7 @@ class Reading:
 
     def warn(self, location: Location, message: str) -> None:
         """Keep a line for the log."""
-        self.warnings.append(f"{location}: {message}")
+        self.warnings.append(printable(f"{location}: {message}"))
 
     def read_unused(
         self, element: Element, read: Callable[[Element, Reading], T]

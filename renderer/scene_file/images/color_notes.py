@@ -43,7 +43,7 @@ def png_notes(content: bytes) -> tuple[str, ...]:
             profile = inflater.decompress(packed[1:], _LONGEST_PROFILE)
         except zlib.error:
             profile = b""
-        shown = _shown(name)
+        shown = name.decode("latin-1")[:40]
         differs = differs_from_srgb(profile)
         return (f'the PNG chunk iCCP, profile "{shown}", {instead}',) if differs else ()
     if _first(content, b"sRGB") is not None:
@@ -132,7 +132,3 @@ def _tga_notes(content: bytes) -> list[str]:
 def _first(content: bytes, kind: bytes) -> bytes | None:
     found = chunks(content, kind)
     return found[0] if found else None
-
-
-def _shown(name: bytes) -> str:
-    return "".join(letter for letter in name.decode("latin-1")[:40] if letter.isprintable())

@@ -23,10 +23,11 @@ _MOST_EXPANSION = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1376}
 _BYTES_A_NUMBER = 12  # read, stacked, and turned into other primaries as float32
 _LAYOUTS = ("rgb", "xyz", "y")  # each with an "a" or without
 _SAME_PRIMARIES = 1e-3  # root of the sum of squares below which Mitsuba converts nothing
+_COLOR_SPACES = ("colorInteropID", "oiio:ColorSpace")
 # Attributes that say what the numbers mean and that Mitsuba does not look at.
 _NOT_APPLIED = (
     *("whiteLuminance", "adoptedNeutral", "renderingTransform", "lookModTransform"),
-    *("colorInteropID", "oiio:ColorSpace"),
+    *_COLOR_SPACES,
 )
 _LINEAR_SRGB = {"linear", "scene_linear", "lin_srgb", "lin_rec709", "lin_rec709_scene"}
 
@@ -145,10 +146,12 @@ def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
             value = value.decode("latin-1")
         if value is None or (isinstance(value, str) and not value):
             continue
-        if isinstance(value, str):
+        if name in _COLOR_SPACES and (
             # primaries are applied if the file has them in numbers
-            if value.lower() in _LINEAR_SRGB or "chromaticities" in header:
-                continue
+            "chromaticities" in header or str(value).lower() in _LINEAR_SRGB
+        ):
+            continue
+        if isinstance(value, str):
             shown = value[:40]
         else:
             shown = ", ".join(f"{number:g}" for number in np.ravel(value))

@@ -105,7 +105,6 @@ def _notes(lines: list[bytes]) -> tuple[str, ...]:
             total = found[-1]
         if len(total) != len(nothing) or not np.allclose(total, nothing, atol=_SAME):
             shown = b", ".join(texts).decode("latin-1")[:80]
-            shown = "".join(letter for letter in shown if letter.isprintable())
             notes.append(f"{name}={shown} of the HDR file is not applied, as in Mitsuba")
     return tuple(notes)
 
