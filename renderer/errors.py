@@ -3,6 +3,14 @@
 from __future__ import annotations
 
 
+def printable(text: str) -> str:
+    """Return text on one line that commands no terminal and can be encoded.
+
+    Damaged files are quoted in messages.
+    """
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+
+
 class SceneError(ValueError):
     """A scene, or a file it names, cannot be rendered.
 
@@ -10,15 +18,15 @@ class SceneError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        # Damaged files are quoted: what they hold must neither break the line nor
-        # command a terminal, nor be text that cannot be encoded.
-        super().__init__(
-            "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in message)
-        )
+        super().__init__(printable(message))
 
 
 class CheckpointWarning(RuntimeWarning):
     """A checkpoint cannot be written, is missing, or only the one before is whole."""
+
+
+class UnsupportedPlugin(SceneError):
+    """A scene has a plugin that this renderer has not."""
 
 
 class NotReplayable(SceneError):

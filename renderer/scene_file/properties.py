@@ -14,7 +14,7 @@ from typing import NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
+from renderer.errors import SceneError, UnsupportedPlugin
 from renderer.scene_file import transforms
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.plugins import UNSUPPORTED_TAGS, supported_plugins, supported_tags
@@ -40,7 +40,7 @@ class Properties:
                 f"{element.tag}; supported: {', '.join(supported_tags())}"
             )
         if element.plugin not in supported:
-            raise SceneError(
+            raise UnsupportedPlugin(
                 f"{self.location}: {element} is not supported; supported {element.tag} "
                 f"plugins: {', '.join(supported)}"
             )

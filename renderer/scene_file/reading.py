@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from renderer.errors import UnsupportedPlugin, printable
 from renderer.scene_file.description import Location
 from renderer.scene_file.files import Bounds, find_regular_file
 from renderer.scene_file.tree import Element
@@ -41,7 +42,21 @@ class Reading:
 
     def warn(self, location: Location, message: str) -> None:
         """Keep a line for the log."""
-        self.warnings.append(f"{location}: {message}")
+        self.warnings.append(printable(f"{location}: {message}"))
+
+    def read_unused(
+        self, element: Element, read: Callable[[Element, Reading], T]
+    ) -> T | None:
+        """Read what no picture needs, so that its errors show.
+
+        A plugin that is not supported is none: Mitsuba may have it. Then there is a
+        warning, and nothing is returned.
+        """
+        try:
+            return read(element, self)
+        except UnsupportedPlugin as error:
+            self.warnings.append(f"{error}; nothing uses it, so it is left out")
+            return None
 
     def once(self, element: Element, build: Callable[[], T]) -> T:
         """Build the record of an element, or return the one of the first time.

@@ -92,14 +92,28 @@ def test_what_makes_no_attribute_is_mentioned(tmp_path: Path) -> None:
     ]
 
 
-def test_an_attribute_that_is_not_finite(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("fields", "row", "name"),
+    [(("foo_x", ""), "1 0 0 20", "vertex_foo"), (("", "foo_x"), "3 0 1 2 7", "face_foo")],
+)
+def test_an_attribute_that_is_not_finite_is_refused_where_a_texture_shows_it(
+    tmp_path: Path, fields: tuple[str, str], row: str, name: str
+) -> None:
+    """Mitsuba renders such a mesh as long as nothing looks at the attribute."""
     path = tmp_path / "mesh.ply"
-    write_ply(path, "foo_x")
-    path.write_text(path.read_text().replace("1 0 0 20", "1 0 0 nan"))
-    with pytest.raises(
-        renderer.SceneError, match=r"vertex_foo .* of vertex 1 is not finite"
-    ):
-        read_ply(path)
+    write_ply(path, *fields)
+    text = path.read_text()
+    assert row in text
+    path.write_text(text.replace(row, row.rpartition(" ")[0] + " nan"))
+    file = f'<string name="filename" value="{path}"/>'
+    ours(f'<shape type="ply">{file}</shape>', folder=tmp_path)
+    named = f'<string name="name" value="{name}"/>'
+    found = whole(
+        SCENE.format(
+            shape="ply", file=file, bsdf="diffuse", parameter="reflectance", name=named
+        )
+    )
+    assert f'"{name}" of the shape at <string>:1 is not finite at 1 of' in found
 
 
 def test_faces_without_area_take_their_attributes_along(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from renderer.integrators.stages.intersect import trace_shadow_rays
 from renderer.integrators.stages.surface.shading_frame import frame_at, leave_surface
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
-from renderer.kernels.lanes.functions import first_lanes, mask_bits, popcount
+from renderer.kernels.lanes.functions import fabs, first_lanes, mask_bits, popcount
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
 from renderer.kernels.lanes.vectors import append3, length, load3
 from renderer.kernels.records.kernel_scene import (
@@ -126,7 +126,8 @@ def reflect_light(
         weight = light_sample_weight(settings, light_pdf, bsdf_pdf) / probability
         throughput = load3(points.throughput, i)
         carried = throughput * f_cos * load3(samples.radiance, i) * weight
-        lit = mine & (carried.x + carried.y + carried.z > 0.0)
+        # of images light may be negative, and cancel out in a sum
+        lit = mine & (fabs(carried.x) + fabs(carried.y) + fabs(carried.z) > 0.0)
 
         # the shadow ray
         origin = leave_surface(points, i, wi)

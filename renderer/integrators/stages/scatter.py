@@ -11,6 +11,7 @@ import numpy as np
 from renderer.integrators.stages.surface.shading_frame import frame_at, leave_surface
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
+    fabs,
     first_lanes,
     lane_index,
     mask_bits,
@@ -89,7 +90,8 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         # throughput, and who goes on
         throughput = load3(points.throughput, i) * chosen.weight
         eta = load_row(points.eta, 0, i) * chosen.eta
-        alive = mine & is_possible(bsdf.form, chosen) & (largest(throughput) > 0.0)
+        # of images reflectances may be negative: a path ends at 0 alone, as in Mitsuba
+        alive = mine & is_possible(bsdf.form, chosen) & (fabs(largest(throughput)) > 0.0)
         alive, throughput = _survive(
             settings, bounce + 1, throughput, eta, load_row(numbers, 3, i), alive
         )

@@ -55,12 +55,12 @@ class TexelChoice(NamedTuple):
 
 
 def texel_luminance(bitmap: BitmapTexture) -> NDArray[np.float32]:
-    """Return the luminance of texels, (H, W), the first row at v = 0."""
+    """Return the luminance of texels, (H, W), the first row at v = 0; 0 for negative."""
     pixels = bitmap.pixels[::-1]
     more = [(0, max(0, 2 - n)) for n in pixels.shape[:2]]
     pixels = np.pad(pixels, [*more, (0, 0)], mode="edge")
     weights = np.array(LUMINANCE, np.float32)
-    return np.asarray(pixels @ weights, np.float32)
+    return np.asarray(np.maximum(pixels @ weights, 0.0), np.float32)
 
 
 def uv_choice(count: int, textures: dict[int, Any]) -> Any:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     floor,
@@ -30,9 +28,9 @@ from renderer.kinds.textures.texels import (
     texel_at,
 )
 from renderer.scene_file.colors.colors import Use
-from renderer.scene_file.description import BitmapTexture, Location
-from renderer.scene_file.images.image import Image, checked, linear_values
-from renderer.scene_file.images.images import READ_FROM, read_texels
+from renderer.scene_file.description import BitmapTexture
+from renderer.scene_file.images.image import Image, linear_values, negative_pixels
+from renderer.scene_file.objects.pictures import location_of, read_picture
 
 REPEAT = 0
 MIRROR = 1
@@ -54,7 +52,8 @@ class Bitmaps(NamedTuple):
 
 def read(properties: Any, use: Use) -> BitmapTexture:
     """Read the properties of a file, and the image that it names."""
-    image, name, location = _image(properties)
+    image, name, key = read_picture(properties, ("data", "bitmap"))
+    location = location_of(properties, key)
     raw = properties.boolean("raw", False)
     storage = properties.choice("format", "auto", FORMATS)
     properties.boolean("accel", True)  # of GPU backends; nothing to accelerate here
@@ -63,6 +62,8 @@ def read(properties: Any, use: Use) -> BitmapTexture:
         properties.fail("format", f'"uint8" for texels of {texels.dtype}', "auto")
     if storage == "auto" and texels.dtype == np.uint16:
         storage = "float16"
+    if storage == "auto" and srgb and texels.dtype.kind == "f":  # of a dictionary
+        storage = "variant" if texels.dtype == np.float32 else "float16"
     if storage not in ("auto", "uint8"):
         with np.errstate(over="ignore", invalid="ignore"):
             kept = np.float32 if storage == "variant" else np.float16
@@ -77,34 +78,19 @@ def read(properties: Any, use: Use) -> BitmapTexture:
         properties.uv_transform("to_uv"),
         srgb,
     )
+    # Mitsuba renders the following, so it does so here, and says so.
     floats = use is Use.REFLECTANCE and texels.dtype.kind == "f"
     if floats and (largest := float(texels.max())) > 1.0:
-        # Mitsuba lets such images through, so they render here; but light is created.
         properties.reading.warn(
             location, f"{name} has reflectances up to {largest:g}; energy is not conserved"
         )
+    if use in (Use.REFLECTANCE, Use.EMISSION) and (negative := negative_pixels(texels)):
+        properties.reading.warn(
+            location, f"{name}: {negative}; they are kept, as in Mitsuba"
+        )
+        if mean(bitmap) < 0.0:
+            properties.fail(key, f"{name} with a negative mean ({negative})", use.value)
     return bitmap
-
-
-def _image(properties: Any) -> tuple[Image, str, Location]:
-    """Return the image, its name and where the file says it."""
-    inline = [n for n in ("data", "bitmap") if n in properties.element.properties]
-    if properties.has("filename") or not inline:
-        expected = f"the path of an image: {READ_FROM}"
-        image, name = properties.file("the image", expected, _texels_and_name)
-        return image, name, properties.element.properties["filename"].location
-    name = inline[0]  # dictionaries may hold the pixels
-    given = properties.take(name).value
-    if not isinstance(given, Image):
-        properties.fail(name, "no image", "an array of (height, width, channels)")
-    try:
-        return checked(given, name), name, properties.location
-    except SceneError as error:
-        raise SceneError(f"{properties.location}: {properties.element}: {error}") from None
-
-
-def _texels_and_name(path: Path) -> tuple[Image, str]:
-    return read_texels(path), path.name
 
 
 def mean(bitmap: BitmapTexture, mean_of: Any = None) -> float:

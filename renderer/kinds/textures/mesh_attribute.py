@@ -61,7 +61,7 @@ def mean(texture: MeshAttributeTexture, mean_of: Any = None) -> NoReturn:
 def check_attribute(
     texture: MeshAttributeTexture, shape: Shape, in_group: bool, as_number: bool
 ) -> None:
-    """Refuse an attribute that a shape has not, or not as it is needed.
+    """Refuse an attribute that a shape has not, or not as it is needed, or not finite.
 
     Raises
     ------
@@ -88,6 +88,15 @@ def check_attribute(
         raise SceneError(
             f'{where}, property "name": {quoted(texture.name)} of the shape at '
             f"{shape.location} has {size} components; expected {needed}"
+        )
+    values = attributes[texture.name]
+    if texture.name.startswith("vertex_"):
+        values = values[shape.faces].reshape(-1, size)  # those that faces use
+    if bad := np.count_nonzero(~np.isfinite(values).all(axis=1)):
+        of = "vertices of faces" if texture.name.startswith("vertex_") else "faces"
+        raise SceneError(
+            f'{where}, property "name": {quoted(texture.name)} of the shape at '
+            f"{shape.location} is not finite at {bad} of {len(values)} {of}"
         )
 
 

@@ -51,7 +51,7 @@ def read_spd(path: Path) -> SpectrumValue:
     """
     try:
         memory.require(24 * path.stat().st_size, f"{path}: the spectrum")
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeError) as error:
         raise SceneError(f"{path}: cannot read the spectrum: {error}") from None
     pairs = []

@@ -20,7 +20,7 @@ from renderer.scene_file.colors.spectrum_text import (
     spectrum_of_pairs,
 )
 from renderer.scene_file.description import Location
-from renderer.scene_file.images.image import Image
+from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image
 from renderer.scene_file.numbers import check_float, check_integer, quoted
 from renderer.scene_file.plugins import every_plugin, tag_of_plugin
 from renderer.scene_file.reading import Reading
@@ -38,6 +38,9 @@ from renderer.scene_file.tree import (
 
 _DEEPEST = 100  # also what ends a dictionary that contains itself
 _VALUE_TYPES = ("rgb", "spectrum", "ref")
+# Types of pixels, by kind and bytes; of a tensor any numbers, which are what they are.
+_PIXEL_TYPES = ("u1", "u2", "f2", "f4", "f8")
+_TENSOR_TYPES = (*_PIXEL_TYPES, "i1", "i2", "i4", "i8", "u4", "u8")
 
 
 def read_dictionary(content: Mapping[str, Any], reading: Reading) -> Tree:
@@ -125,8 +128,10 @@ def _value(
             return _element(name, value, path, elements, reading)
     if inspect.isroutine(value):
         return Function(value)
-    if name in ("bitmap", "data") and (image := _image(name, value)) is not None:
-        return image
+    if name in ("bitmap", "data"):
+        image = _image(name, value, location)
+        if image is not None:
+            return image
     if name == "grid" and hasattr(value, "__array__"):
         tensor = np.asarray(value)
         if tensor.dtype.kind in "fiu":
@@ -148,21 +153,56 @@ def _value(
     )
 
 
-def _image(name: str, value: Any) -> Image | None:
+def _image(name: str, value: Any, location: Location) -> Image | None:
     """Return an array of pixels, or Mitsuba's object for one, in its own format.
 
     As in Mitsuba bytes are encoded in sRGB, but the numbers of a tensor ("data") are not.
+    A grey `mi.Bitmap` is an array of two dimensions.
+
+    Raises
+    ------
+    SceneError
+        If its numbers are of a type, or its channels of a meaning, that pixels have not.
     """
     if not hasattr(value, "__array__") and not hasattr(value, "__array_interface__"):
         return None
     pixels = np.asarray(value)
-    if pixels.ndim != 3 or pixels.dtype.kind not in "fiu":
+    if pixels.ndim == 2:
+        pixels = pixels[:, :, None]
+    if pixels.ndim != 3:
         return None
-    if pixels.dtype not in (np.uint8, np.uint16, np.float16):
-        pixels = pixels.astype(np.float32)
+    kinds = _TENSOR_TYPES if name == "data" else _PIXEL_TYPES
+    if pixels.dtype.kind + str(pixels.dtype.itemsize) not in kinds:
+        raise SceneError(
+            f"{location}: the pixels are of type {pixels.dtype}; expected uint8, uint16, "
+            "float16, float32 or float64"
+        )
+    if name == "data" and pixels.shape[2] in (2, 4):
+        raise SceneError(
+            f"{location}: the tensor has {pixels.shape[2]} channels; expected 1 or 3 (a "
+            '"bitmap" may have alpha)'
+        )
     said = getattr(value, "srgb_gamma", None)
     srgb = said() if said else name == "bitmap" and pixels.dtype == np.uint8
+    if pixels.dtype not in (np.uint8, np.uint16, np.float16):
+        with np.errstate(over="ignore"):  # found as infinite
+            pixels = pixels.astype(np.float32)
+    if (meant := getattr(value, "pixel_format", None)) is not None:
+        pixels = _as_rgb(pixels, str(meant()).rpartition(".")[2].upper(), location)
     return Image(pixels, bool(srgb))
+
+
+def _as_rgb(pixels: np.ndarray, meant: str, location: Location) -> np.ndarray:
+    """Return the pixels of a `mi.Bitmap` with its `pixel_format` as grey or RGB."""
+    if meant in ("Y", "YA", "RGB", "RGBA"):
+        return pixels
+    if meant in ("XYZ", "XYZA") and pixels.dtype.kind == "f":
+        colors = pixels[:, :, :3].astype(np.float32) @ SRGB_FROM_XYZ.astype(np.float32).T
+        return np.asarray(colors.astype(pixels.dtype))
+    raise SceneError(
+        f"{location}: the bitmap's pixel format is {meant} of {pixels.dtype}; expected Y, "
+        "YA, RGB or RGBA, or XYZ or XYZA of floats"
+    )
 
 
 def _spectrum(

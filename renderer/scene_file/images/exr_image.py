@@ -1,4 +1,8 @@
-"""EXR files as linear RGB or grey, by OpenEXR."""
+"""EXR files as linear RGB or grey, by OpenEXR.
+
+Which channels are colours, which type all of them are turned into, and what the attribute
+`chromaticities` does to them: as in Mitsuba.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +14,22 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
-from renderer.scene_file.images.image import SRGB_FROM_XYZ
+from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image
+from renderer.scene_file.images.primaries import BT709, XYZ, differ, srgb_from
 
 _MAGIC = b"\x76\x2f\x31\x01"
 # Bytes of pixels for a byte of the file, where a method cannot make more of it.
 _MOST_EXPANSION = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1376}
-_BYTES_A_NUMBER = 16  # read, stacked, as float32, and turned from XYZ
-_LAYOUTS = (("R", "G", "B"), ("X", "Y", "Z"), ("Y",))  # each with an A or without
+_BYTES_A_NUMBER = 12  # read, stacked, and turned into other primaries as float32
+_LAYOUTS = ("rgb", "xyz", "y")  # each with an "a" or without
+_SAME_PRIMARIES = 1e-3  # root of the sum of squares below which Mitsuba converts nothing
+_COLOR_SPACES = ("colorInteropID", "oiio:ColorSpace")
+# Attributes that say what the numbers mean and that Mitsuba does not look at.
+_NOT_APPLIED = (
+    *("whiteLuminance", "adoptedNeutral", "renderingTransform", "lookModTransform"),
+    *_COLOR_SPACES,
+)
+_LINEAR_SRGB = {"linear", "scene_linear", "lin_srgb", "lin_rec709", "lin_rec709_scene"}
 
 
 def is_exr(path: Path) -> bool:
@@ -25,48 +38,155 @@ def is_exr(path: Path) -> bool:
         return file.read(4) == _MAGIC
 
 
-def read_exr(path: Path) -> NDArray[np.float16 | np.float32]:
-    """Read the colours of a one-part EXR file.
+def read_exr(path: Path) -> Image:
+    """Read the colours of the first part of an EXR file.
 
     Returns
     -------
-    pixels
-        (H, W, 3) linear sRGB, or (H, W, 1) if the file is grey; half floats if all of its
-        colours are.
+    image
+        Linear sRGB or grey; half floats if the first of the channels, by name, has them.
 
     Raises
     ------
     SceneError
-        If it is damaged or its channels are not RGB[A], Y[A] or XYZ[A].
+        If it is damaged, its channels are not RGB[A], Y[A] or XYZ[A] in capital or small
+        letters, or its chromaticities are those of no colour space.
     """
     import OpenEXR  # here, because it takes 0.1 s that scenes without EXR need not wait
 
     try:
         with OpenEXR.File(str(path), header_only=True) as file:
-            _check_size(path, [part.header for part in file.parts])
+            headers = [dict(part.header) for part in file.parts]  # ends with the file
+            _check_size(path, headers)
+            _check_kind(path, headers[0])
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {
                 name: np.asarray(channel.pixels)
                 for name, channel in file.channels().items()
             }
+        return Image(_pixels(path, channels, headers[0]), notes=_notes(headers))
     except SceneError:  # a ValueError too
         raise
     except (RuntimeError, ValueError, TypeError, MemoryError) as error:
         first_line = (str(error).splitlines() or ["unknown reason"])[0]
         raise SceneError(f"{path}: damaged EXR file: {first_line}") from None
-    names = {name.rpartition(".")[2]: name for name in channels}  # "layer.R" -> R
-    for layout in _LAYOUTS:
-        if names.keys() - {"A"} == set(layout) and len(names) == len(channels):
-            stacked = np.stack([channels[names[key]] for key in layout], axis=-1)
-            kept = np.float16 if stacked.dtype == np.float16 else np.float32
-            pixels = stacked.astype(np.float32)
-            if layout[0] == "X":
-                pixels = pixels @ SRGB_FROM_XYZ.T
-            return pixels.astype(kept)
+
+
+def _pixels(
+    path: Path, channels: dict[str, NDArray[Any]], header: dict[str, Any]
+) -> NDArray[np.float16 | np.float32]:
+    """Return (H, W, 1 or 3) linear sRGB or grey."""
+    layout, names = _colors(path, channels)
+    first = channels[min(channels)].dtype
+    if first == np.uint32 and any(channels[name].dtype != first for name in names):
+        raise SceneError(
+            f"{path}: the first channel of the EXR file, {min(channels)}, has whole "
+            "numbers and its colours have not; expected one type of all channels"
+        )
+    points = header.get("chromaticities")
+    if first == np.uint32 and points and differ(points, BT709, _SAME_PRIMARIES):
+        raise SceneError(
+            f"{path}: the EXR file has whole numbers and chromaticities of its own, which "
+            "Mitsuba converts wrongly; expected floats"
+        )
+    kept = np.float16 if first == np.float16 else np.float32
+    with np.errstate(over="ignore"):  # found as infinite
+        pixels = np.stack([channels[name] for name in names], axis=-1)
+        pixels = pixels.astype(kept, copy=False)
+        return _as_srgb(path, pixels, layout, points)
+
+
+def _colors(path: Path, channels: dict[str, NDArray[Any]]) -> tuple[str, list[str]]:
+    """Return which colours there are ("rgb", "xyz" or "y"), and their channels."""
+    names = {name.rpartition(".")[2].lower(): name for name in channels}  # "layer.R" -> r
+    layers = {name.rpartition(".")[0] for name in channels}
+    if len(names) == len(channels) and len(layers) == 1:
+        for layout in _LAYOUTS:
+            if names.keys() - {"a"} == set(layout):
+                return layout, [names[letter] for letter in layout]
     raise SceneError(
         f"{path}: the EXR file has the channels {', '.join(sorted(channels)) or 'none'}; "
-        "expected R, G, B or Y or X, Y, Z (and A)"
+        "expected R, G, B or Y or X, Y, Z (and A) of one layer"
     )
+
+
+def _as_srgb(
+    path: Path,
+    pixels: NDArray[Any],
+    layout: str,
+    chromaticities: tuple[float, ...] | None,
+) -> NDArray[Any]:
+    """Return colours of the primaries that the file names as linear sRGB."""
+    matrix = SRGB_FROM_XYZ if layout == "xyz" else None
+    if layout == "rgb" and chromaticities is not None:
+        if not differ(chromaticities, BT709, _SAME_PRIMARIES):
+            return pixels
+        matrix = SRGB_FROM_XYZ
+        if differ(chromaticities, XYZ, _SAME_PRIMARIES):
+            matrix = srgb_from(chromaticities)
+    if matrix is None:
+        return pixels
+    if not np.isfinite(matrix).all():
+        shown = ", ".join(f"{number:g}" for number in chromaticities or ())
+        raise SceneError(
+            f"{path}: the EXR attribute chromaticities ({shown}) is of no colour space; "
+            "expected red, green, blue and white as points x, y, not on one line"
+        )
+    single = pixels.astype(np.float32, copy=False)
+    matrix = matrix.astype(np.float32)
+    return (single @ matrix.T).astype(pixels.dtype, copy=False)
+
+
+def _notes(headers: list[dict[str, Any]]) -> tuple[str, ...]:
+    """Return what the file says about its numbers and is not applied."""
+    header, notes = headers[0], []
+    for name in _NOT_APPLIED:
+        value = header.get(name)
+        if isinstance(value, bytes):
+            value = value.decode("latin-1")
+        if value is None or (isinstance(value, str) and not value):
+            continue
+        if name in _COLOR_SPACES and (
+            # primaries are applied if the file has them in numbers
+            "chromaticities" in header or str(value).lower() in _LINEAR_SRGB
+        ):
+            continue
+        if isinstance(value, str):
+            shown = value[:40]
+        else:
+            shown = ", ".join(f"{number:g}" for number in np.ravel(value))
+        notes.append(f"the EXR attribute {name} ({shown}) is not applied, as in Mitsuba")
+    if header.get("envmap"):  # 0: latitude and longitude
+        notes.append(
+            "the EXR attribute envmap says that it shows the faces of a cube; it is taken "
+            "as one picture, as in Mitsuba"
+        )
+    if abs(header.get("pixelAspectRatio", 1.0) - 1.0) > 1e-3:
+        notes.append(
+            f"the EXR attribute pixelAspectRatio ({header['pixelAspectRatio']:g}) is not "
+            "applied, as in Mitsuba"
+        )
+    if not np.array_equal(header["dataWindow"], header["displayWindow"]):
+        notes.append(
+            "the EXR attribute displayWindow is not the dataWindow; the pixels that are "
+            "there are taken as the whole picture, as in Mitsuba"
+        )
+    if len(headers) > 1:
+        notes.append(f"the EXR file has {len(headers)} parts; the first is read")
+    return tuple(notes)
+
+
+def _check_kind(path: Path, header: dict[str, Any]) -> None:
+    """Refuse deep pixels, and channels that lack some."""
+    kind = getattr(header.get("type"), "name", "scanlineimage")
+    if kind not in ("scanlineimage", "tiledimage"):
+        raise SceneError(f"{path}: the EXR file is a {kind}; expected one without depth")
+    for channel in header["channels"]:
+        if (channel.xSampling, channel.ySampling) != (1, 1):
+            raise SceneError(
+                f"{path}: the EXR channel {channel.name} has fewer pixels than the "
+                "picture, as with luminance and chroma; expected one number a pixel"
+            )
 
 
 def _check_size(path: Path, headers: list[dict[str, Any]]) -> None:

@@ -25,7 +25,8 @@ class Image:
     """Pixels without alpha, row 0 at the top."""
 
     texels: NDArray[Any]  # (H, W, 1 or 3) uint8, uint16, float16 or float32
-    srgb: bool = False  # whether they are encoded; of integers only
+    srgb: bool = False  # whether they are encoded, as in files only integers are
+    notes: tuple[str, ...] = ()  # for the log: what the file says of them, not applied
 
     @property
     def linear(self) -> NDArray[np.float32]:
@@ -45,7 +46,7 @@ def linear_from_srgb(encoded: NDArray[np.float64]) -> NDArray[np.float64]:
 def linear_values(texels: NDArray[Any], srgb: bool) -> NDArray[np.floating]:
     """Return what texels mean: integers in [0, 1], out of sRGB if they are encoded so."""
     if texels.dtype.kind == "f":
-        return texels
+        return linear_from_srgb(texels).astype(texels.dtype) if srgb else texels
     if texels.dtype == np.uint8:
         return decoded_bytes(srgb, np.float64)[texels]
     encoded = texels / 65535.0
@@ -64,8 +65,8 @@ def checked(image: Image, name: str) -> Image:
     Raises
     ------
     SceneError
-        If it has others, no pixels, or values that are negative, NaN or infinite. (Mitsuba
-        renders such pixels, and they spoil all that their light reaches.)
+        If it has others, no pixels, or numbers that are NaN or infinite. (Mitsuba renders
+        such pixels, and they spoil all that their light reaches.)
     """
     texels = image.texels
     if texels.ndim != 3 or texels.shape[2] not in (1, 2, 3, 4) or texels.size == 0:
@@ -75,11 +76,20 @@ def checked(image: Image, name: str) -> Image:
         )
     if texels.shape[2] in (2, 4):
         texels = texels[:, :, :-1]
-    if texels.dtype.kind == "f":
-        if not np.isfinite(texels).all():
-            raise SceneError(f"{name}: the image has NaN or infinite pixels")
-        if texels.min() < 0.0:
-            raise SceneError(
-                f"{name}: the image has negative pixels, down to {texels.min():g}"
-            )
-    return Image(np.ascontiguousarray(texels), image.srgb)
+    if texels.dtype.kind == "f" and not (finite := np.isfinite(texels).all(axis=2)).all():
+        row, column = np.argwhere(~finite)[0]
+        raise SceneError(
+            f"{name}: the image has NaN or infinite pixels, "
+            f"{finite.size - finite.sum()} of {finite.size}; the first is in row {row}, "
+            f"column {column}"
+        )
+    return Image(np.ascontiguousarray(texels), image.srgb, image.notes)
+
+
+def negative_pixels(texels: NDArray[Any]) -> str | None:
+    """Return how many pixels have a number below 0, and the least; None if none has."""
+    if texels.dtype.kind != "f" or not (least := texels.min()) < 0.0:
+        return None
+    count = np.count_nonzero((texels < 0.0).any(axis=2))
+    there = texels.shape[0] * texels.shape[1]
+    return f"{count} of {there} pixels are negative, down to {least:g}"

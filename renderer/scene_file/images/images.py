@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
+from renderer.scene_file.images.color_notes import pillow_notes
 from renderer.scene_file.images.exr_image import is_exr, read_exr
 from renderer.scene_file.images.image import Image, checked
 from renderer.scene_file.images.pfm_image import is_pfm, read_pfm
@@ -53,27 +54,26 @@ def read_texels(path: Path) -> Image:
     Raises
     ------
     SceneError
-        If the file is damaged, of another format, or has values that are negative, NaN
-        or infinite.
+        If the file is damaged, of another format, or has values that are NaN or infinite.
     """
     try:
         if is_exr(path):
-            image = Image(read_exr(path))
+            image = read_exr(path)
         elif is_rgbe(path):
-            image = Image(read_rgbe(path, _LARGEST))
+            image = read_rgbe(path, _LARGEST)
         elif is_pfm(path):
             image = Image(read_pfm(path, _LARGEST))
         elif is_16_bit_png(path):
-            image = Image(read_16_bit_png(path), srgb=True)
+            image = read_16_bit_png(path)
         else:
-            image = Image(_read_8_bit(path), srgb=True)
+            image = _read_8_bit(path)
     except OSError as error:
         raise SceneError(f"{path}: cannot read the image: {error.strerror}") from None
     return checked(image, str(path))
 
 
-def _read_8_bit(path: Path) -> NDArray[np.uint8]:
-    """Return (H, W, 1 or 3) values of an image that has at most 8 bits a channel."""
+def _read_8_bit(path: Path) -> Image:
+    """Return an image that has at most 8 bits a channel."""
     # here, because scenes without images need not wait for it
     from PIL import Image as Pillow
     from PIL import UnidentifiedImageError
@@ -94,13 +94,14 @@ def _read_8_bit(path: Path) -> NDArray[np.uint8]:
                 _require_content(path, image)
                 grey = image.mode in ("1", "L", "LA")
                 memory.require((6 if grey else 16) * pixels, f"{path}: the image")
+                notes = pillow_notes(path, image)
                 if image.format == "PNG":
                     _require_rows(path, image)
                 if grey:
-                    return np.asarray(image.convert("L"))[:, :, None]
+                    return Image(np.asarray(image.convert("L"))[:, :, None], True, notes)
                 if image.mode in ("RGB", "RGBA", "P"):
                     # By way of RGBA, so that transparency of a palette is no black.
-                    return np.asarray(image.convert("RGBA"))[:, :, :3]
+                    return Image(np.asarray(image.convert("RGBA"))[:, :, :3], True, notes)
                 raise SceneError(
                     f"{path}: images of mode {image.mode} are not supported; "
                     "supported: grey, "

@@ -12,10 +12,11 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
+from renderer.scene_file.images.color_notes import png_notes
+from renderer.scene_file.images.image import Image
 from renderer.scene_file.images.png_chunks import CHANNELS, HEAD, SIGNATURE, image_data
 
 _LARGEST = 2**28  # pixels
@@ -28,8 +29,8 @@ def is_16_bit_png(path: Path) -> bool:
     return len(head) == HEAD and head[:8] == SIGNATURE and head[24] == 16
 
 
-def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
-    """Return the values without alpha, (H, W, 1 or 3).
+def read_16_bit_png(path: Path) -> Image:
+    """Return the values without alpha, as uint16.
 
     Raises
     ------
@@ -68,4 +69,5 @@ def read_16_bit_png(path: Path) -> NDArray[np.uint16]:
     undo_filters(rows, values, channels * 2)
     pixels = np.ascontiguousarray(values[1:, channels * 2 :]).view(">u2")
     pixels = pixels.reshape(height, width, channels).astype(np.uint16)
-    return pixels[:, :, : 1 if channels < 3 else 3]
+    colors = pixels[:, :, : 1 if channels < 3 else 3]
+    return Image(colors, srgb=True, notes=png_notes(content))

@@ -1,4 +1,4 @@
-"""Radiance pictures (.hdr, .rgbe) as linear RGB [Ward1991].
+"""Radiance pictures (.hdr, .rgbe, .xyze) as linear RGB [Ward1991].
 
 Three bytes share the exponent in a fourth. Rows of 8 to 32767 pixels may be packed: each of
 the four bytes of all pixels as runs and literal pieces.
@@ -14,10 +14,22 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
+from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image
+from renderer.scene_file.images.primaries import BT709
 
 _SIZE = re.compile(rb"-Y (\d{1,7}) \+X (\d{1,7})")
 _LONGEST_HEADER = 1 << 16  # [bytes]
 _PACKED = range(8, 32768)  # widths of rows that may be packed
+_FORMATS = (b"32-bit_rle_rgbe", b"32-bit_rle_xyze")
+# Variables of the header that say what the numbers mean: values that change nothing.
+_NOT_APPLIED = {
+    "EXPOSURE": (1.0,),
+    "COLORCORR": (1.0, 1.0, 1.0),
+    "GAMMA": (1.0,),
+    "PRIMARIES": BT709,
+    "PIXASPECT": (1.0,),
+}
+_SAME = 2e-3  # difference of two numbers of the header that is rounding
 
 
 def is_rgbe(path: Path) -> bool:
@@ -26,16 +38,16 @@ def is_rgbe(path: Path) -> bool:
         return file.read(2) == b"#?"
 
 
-def read_rgbe(path: Path, largest: int) -> NDArray[np.float32]:
-    """Read the pixels, (H, W, 3), row 0 at the top.
+def read_rgbe(path: Path, largest: int) -> Image:
+    """Read the pixels, (H, W, 3) linear sRGB, row 0 at the top.
 
-    Exposure and gamma of the header are not applied, as in Mitsuba.
+    Exposure, gamma and primaries of the header are not applied, as in Mitsuba, but noted.
 
     Raises
     ------
     SceneError
-        If the file is damaged, has more pixels than `largest`, or is one of XYZE, or with
-        its rows in another order.
+        If the file is damaged, has more pixels than `largest`, or its rows in another
+        order.
     """
     content = path.read_bytes()
     end = content.find(b"\n\n", 0, _LONGEST_HEADER)
@@ -43,11 +55,11 @@ def read_rgbe(path: Path, largest: int) -> NDArray[np.float32]:
         raise SceneError(f"{path}: damaged HDR file: its header does not end")
     lines = content[:end].split(b"\n")
     formats = [line[7:].strip() for line in lines if line.startswith(b"FORMAT=")]
-    if formats and formats[-1] != b"32-bit_rle_rgbe":
+    if formats and formats[-1] not in _FORMATS:
         shown = formats[-1].decode("latin-1")[:40]
         raise SceneError(
             f"{path}: HDR files of format {shown!r} are not supported; "
-            "supported: 32-bit_rle_rgbe"
+            "supported: 32-bit_rle_rgbe, 32-bit_rle_xyze"
         )
     start = content.find(b"\n", end + 2, end + 64) + 1
     size = _SIZE.fullmatch(content[end + 2 : start - 1]) if start else None
@@ -67,12 +79,41 @@ def read_rgbe(path: Path, largest: int) -> NDArray[np.float32]:
     if width in _PACKED and content[start : start + 2] == b"\2\2":
         row_at_least = 4 + 8 * -(-width // 127)
     if len(content) - start < height * row_at_least:
+        runs = ", or one with runs of the old kind" if b"\1\1\1" in content[start:] else ""
         raise SceneError(
-            f"{path}: damaged HDR file: {len(content) - start} bytes for {height} rows of "
-            f"{width} pixels"
+            f"{path}: damaged HDR file{runs}: {len(content) - start} bytes for {height} "
+            f"rows of {width} pixels"
         )
     memory.require(44 * height * width, f"{path}: the image")
-    return _decoded(_pixels(content, start, width, height, path))
+    pixels = _decoded(_pixels(content, start, width, height, path))
+    if formats and formats[-1] == b"32-bit_rle_xyze":
+        pixels = np.asarray(pixels @ SRGB_FROM_XYZ.astype(np.float32).T)
+    return Image(pixels, notes=_notes(lines))
+
+
+def _notes(lines: list[bytes]) -> tuple[str, ...]:
+    """Return what the header says about the numbers and is not applied."""
+    notes = []
+    for name, nothing in _NOT_APPLIED.items():
+        prefix = name.encode() + b"="
+        texts = [line[len(prefix) :] for line in lines if line.startswith(prefix)]
+        found = [_numbers(text) for text in texts]
+        total = nothing
+        if name != "PRIMARIES" and all(len(row) == len(nothing) for row in found):
+            total = tuple(np.prod([nothing, *found], axis=0))  # several lines multiply
+        elif found:
+            total = found[-1]
+        if len(total) != len(nothing) or not np.allclose(total, nothing, atol=_SAME):
+            shown = b", ".join(texts).decode("latin-1")[:80]
+            notes.append(f"{name}={shown} of the HDR file is not applied, as in Mitsuba")
+    return tuple(notes)
+
+
+def _numbers(text: bytes) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split())
+    except ValueError:
+        return ()
 
 
 def _pixels(

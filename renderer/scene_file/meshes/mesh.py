@@ -105,6 +105,11 @@ def build_mesh(
     normals = None if face_normals else _vertex_normals(data, linear, vertices, faces)
     if normals is not None and flip_normals:
         normals = -normals
+    with np.errstate(over="ignore", invalid="ignore"):  # judged where one is used
+        attributes = {
+            name: (of[keep] if name.startswith("face_") else of).astype(np.float32)
+            for name, of in data.attributes.items()
+        }
     mesh = Mesh(
         bsdf=bsdf,
         radiance=radiance,
@@ -116,10 +121,7 @@ def build_mesh(
         uvs=None if data.uvs is None else data.uvs.astype(np.float32),
         face_ids=np.flatnonzero(keep).astype(np.int32) if dropped else None,
         flip_normals=flip_normals,
-        attributes={
-            name: (of[keep] if name.startswith("face_") else of).astype(np.float32)
-            for name, of in data.attributes.items()
-        },
+        attributes=attributes,
     )
     return mesh, tuple(warnings)
 

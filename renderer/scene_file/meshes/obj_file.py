@@ -6,7 +6,7 @@ Beyond Mitsuba: negative (relative) indices and lines continued with a backslash
 from __future__ import annotations
 
 import bisect
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
-    first_not_finite,
+    flipped,
+    judged_mesh,
     read_mesh_bytes,
     require_for_words,
-    show_numbers,
 )
 
 # Lines of the format that say nothing about triangles; any other word is reported.
@@ -53,7 +53,9 @@ class _Tables:
     skipped: list[tuple[int, str]] = field(default_factory=list)  # unknown (line, word)
 
 
-def read_obj(path: Path, *, flip_tex_coords: bool = True) -> MeshData:
+def read_obj(
+    path: Path, *, flip_tex_coords: bool = True, face_normals: bool = False
+) -> MeshData:
     """Read an OBJ file.
 
     Vertices come in the order in which faces first use them, polygons become fans around
@@ -66,55 +68,62 @@ def read_obj(path: Path, *, flip_tex_coords: bool = True) -> MeshData:
         The file.
     flip_tex_coords
         Read v as 1 - v. True is Mitsuba's default for obj.
+    face_normals
+        Do not look at the normals of the file, nor at their indices.
 
     Raises
     ------
     SceneError
-        With file and line: missing or unreadable file, a number that is none or not
-        finite, an index out of range, a face with less than three corners, no face.
+        With file and line: missing or unreadable file, a number that is none, a used
+        position that is not finite, an index out of range, a face with less than three
+        corners, no face.
     """
     # latin-1 maps every byte to a character: names may be in any encoding.
     content = read_mesh_bytes(path)
     require_for_words(content, 95, path)  # texts in lists, and numbers beside them
-    tables = _split_lines(content.decode("latin-1"), path)
+    tables = _Tables()
+    if face_normals:
+        tables.vn.width = 0  # of whose lines no number is read
+    _split_lines(content.decode("latin-1"), tables, path)
     vertices = _numbers(tables.v, path)
     uvs = _numbers(tables.vt, path)
     normals = _numbers(tables.vn, path)
     if not tables.corners:
         raise SceneError(f"{path}: no `f` line; an OBJ mesh needs at least one face")
     keys, corner_vertex = _distinct_corners(tables, path)
+    if face_normals:
+        keys[:, 2] = 0
 
-    normal = None
+    normal = uv = None
     if keys[:, 2].any():
-        zero = ~normals.any(axis=1)
-        used = np.zeros(len(normals), dtype=bool)
-        used[keys[:, 2][keys[:, 2] > 0] - 1] = True
-        if (zero & used).any():
-            line = tables.vn.lines[int(np.argmax(zero & used))]
-            raise SceneError(f"{path}:{line}: normal (0, 0, 0) has no direction")
         # Row 0 stands for "not given", index 1 of the file is row 1.
         normal = np.vstack((np.full((1, 3), np.nan), normals))[keys[:, 2]]
-    uv = None
     if keys[:, 1].any():
         if flip_tex_coords:
-            uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
+            uvs[:, 1] = flipped(uvs[:, 1])
         uv = np.vstack((np.zeros((1, 2)), uvs))[keys[:, 1]]
-    return MeshData(
-        vertices=vertices[keys[:, 0] - 1],
-        faces=corner_vertex[_fan(np.array(tables.face_sizes))].astype(np.int32),
-        normals=normal,
-        uvs=uv,
-        source=str(path),
-        warnings=(*_warnings(tables, path), *_missing(keys, path)),
+    mesh = judged_mesh(
+        vertices[keys[:, 0] - 1],
+        corner_vertex[_fan(np.array(tables.face_sizes))].astype(np.int32),
+        normal,
+        uv,
+        str(path),
+        {
+            what: np.array([0, *table.lines])[keys[:, column]]
+            for column, (what, table) in enumerate(
+                (("position", tables.v), ("uv", tables.vt), ("normal", tables.vn))
+            )
+        },
     )
+    warnings = (*_warnings(tables, path), *_missing(keys, path), *mesh.warnings)
+    return replace(mesh, warnings=warnings)
 
 
-def _split_lines(text: str, path: Path) -> _Tables:
+def _split_lines(text: str, tables: _Tables, path: Path) -> None:
     """Sort the lines of a file by kind. One loop over all lines: keep it lean."""
     lines = text.split("\n")
     if "\\" in text:
         _join_continued(lines)
-    tables = _Tables()
     number_tables = {"v": tables.v, "vt": tables.vt, "vn": tables.vn}
     for number, line in enumerate(lines, start=1):
         if "#" in line:
@@ -143,7 +152,6 @@ def _split_lines(text: str, path: Path) -> _Tables:
             tables.face_lines.append(number)
         elif words[0] not in _NOT_GEOMETRY:
             tables.skipped.append((number, words[0]))
-    return tables
 
 
 def _join_continued(lines: list[str]) -> None:
@@ -179,7 +187,7 @@ def _absolute(corner: str, tables: _Tables) -> str:
 
 
 def _numbers(table: _Table, path: Path) -> NDArray[np.float64]:
-    """Turn the texts of one table into an array (N, width) of finite numbers."""
+    """Turn the texts of one table into an array (N, width)."""
     try:
         values = np.fromiter(map(float, table.texts), np.float64, len(table.texts))
     except ValueError:
@@ -188,14 +196,7 @@ def _numbers(table: _Table, path: Path) -> NDArray[np.float64]:
             f"{path}:{table.lines[index // table.width]}: a {table.what} needs numbers, "
             f"found `{table.texts[index][:40]}`"
         ) from None
-    rows = values.reshape(-1, table.width)
-    bad = first_not_finite(rows)
-    if bad >= 0:
-        raise SceneError(
-            f"{path}:{table.lines[bad]}: {table.what} {show_numbers(rows[bad])} "
-            "is not finite"
-        )
-    return rows
+    return values.reshape(len(table), table.width)
 
 
 def _is_number(text: str) -> bool:
@@ -232,7 +233,7 @@ def _distinct_corners(
             )
         for index, table in zip(key, (tables.v, tables.vt, tables.vn), strict=True):
             lowest = 1 if table is tables.v else 0
-            if not lowest <= index <= len(table):
+            if not lowest <= index <= len(table) and table.width:
                 line = _line_of_corner(tables, text)
                 shown = tables.unresolved.get(text, text)
                 there = f"the file has {len(table)}"

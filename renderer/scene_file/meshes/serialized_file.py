@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,8 @@ from renderer.errors import SceneError
 from renderer.process import memory
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
-    clear_zero_normals,
-    first_not_finite,
     first_out_of_range,
+    judged_mesh,
     read_mesh_bytes,
     show_numbers,
 )
@@ -34,7 +34,7 @@ _MARK = 0x041C
 _OFFSETS = {3: "<I", 4: "<Q"}  # how versions write where a mesh begins
 _HEADER = 4  # bytes: mark and version
 
-_HAS_NORMALS, _HAS_UVS, _HAS_COLORS = 0x1, 0x2, 0x8
+_HAS_NORMALS, _HAS_UVS, _HAS_COLORS, _FACE_NORMALS = 0x1, 0x2, 0x8, 0x10
 _DOUBLE = 0x2000  # single otherwise, whether or not the flag for it is set
 
 _MOST_EXPANSION = 1032  # deflate makes at most so many bytes of one
@@ -42,17 +42,20 @@ _LONGEST_NAME = 65536
 _MOST = 2**31 - 1  # vertices or faces that our indices can count
 
 
-def read_serialized(path: Path, *, shape_index: int = 0) -> MeshData:
+def read_serialized(
+    path: Path, *, shape_index: int = 0, face_normals: bool = False
+) -> MeshData:
     """Read one mesh of a file.
 
     Numbers in double precision are rounded to single before anything else is done, as
-    Mitsuba does it. Colours of vertices are dropped with a warning.
+    Mitsuba does it. Colours of vertices, and the mark that a mesh has no vertex normals,
+    are dropped with a warning. With `face_normals` normals are not looked at.
 
     Raises
     ------
     SceneError
         Missing, cut or damaged file, another version, a mesh that the file does not have, a
-        value that is not finite, an index out of range, no face.
+        used position that is not finite, an index out of range, no face.
     """
     content = read_mesh_bytes(path)
     begin, end, version = _find_mesh(content, shape_index, path)
@@ -66,10 +69,11 @@ def read_serialized(path: Path, *, shape_index: int = 0) -> MeshData:
             raise SceneError(f"{stream.what} has {count} {what}; possible are 1 to {_MOST}")
     vertex_count, face_count = counts
     number = np.dtype("<f8" if flags & _DOUBLE else "<f4")
-    vertices = _rows(stream, vertex_count, 3, number, "position")
+    vertices = _rows(stream, vertex_count, 3, number, "positions")
     normals = uvs = None
     if flags & _HAS_NORMALS:
-        normals = _rows(stream, vertex_count, 3, number, "normal")
+        normals = _rows(stream, vertex_count, 3, number, "normals")
+        normals = None if face_normals else normals
     if flags & _HAS_UVS:
         uvs = _rows(stream, vertex_count, 2, number, "uv")
     if flags & _HAS_COLORS:
@@ -82,13 +86,16 @@ def read_serialized(path: Path, *, shape_index: int = 0) -> MeshData:
             f"{stream.what}: face {bad} has the vertices {show_numbers(faces[bad])}; "
             f"possible are integers from 0 to {vertex_count - 1}"
         )
-    faces = faces.astype(np.int32)
-    if normals is not None:
-        clear_zero_normals(normals, faces, stream.what)
-    warnings: tuple[str, ...] = ()
+    mesh = judged_mesh(vertices, faces.astype(np.int32), normals, uvs, stream.what)
+    warnings = list(mesh.warnings)
     if flags & _HAS_COLORS:
-        warnings = (f"{stream.what}: the vertices' colours are not read, as in Mitsuba",)
-    return MeshData(vertices, faces, normals, uvs, stream.what, warnings)
+        warnings.append(f"{stream.what}: the vertices' colours are not read, as in Mitsuba")
+    if flags & _FACE_NORMALS and not face_normals:
+        warnings.append(
+            f"{stream.what}: the file's mark for face normals is not looked at, as in "
+            "Mitsuba; possible is face_normals in the scene"
+        )
+    return replace(mesh, warnings=tuple(warnings))
 
 
 def _find_mesh(content: bytes, index: int, path: Path) -> tuple[int, int, int]:
@@ -193,13 +200,7 @@ class _Stream:
 def _rows(
     stream: _Stream, count: int, width: int, number: np.dtype, what: str
 ) -> NDArray[np.float64]:
-    data = stream.read(count * width * number.itemsize, f"{what}s")
-    with np.errstate(over="ignore", invalid="ignore"):  # found as not finite
+    data = stream.read(count * width * number.itemsize, what)
+    with np.errstate(over="ignore", invalid="ignore"):  # judged later
         rows = np.frombuffer(data, number).astype(np.float32).astype(np.float64)
-    rows = rows.reshape(-1, width)
-    bad = first_not_finite(rows)
-    if bad >= 0:
-        raise SceneError(
-            f"{stream.what}: {what} {show_numbers(rows[bad])} of vertex {bad} is not finite"
-        )
-    return rows
+    return rows.reshape(-1, width)

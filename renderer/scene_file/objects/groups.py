@@ -30,7 +30,20 @@ def read_shapes(
     """
     elements = [element for _, element in scene.children("shape")]
     reading = scene.reading
-    groups = {id(e): read_group(e, reading) for e in elements if e.plugin == "shapegroup"}
+    referred = {
+        id(property_.value)
+        for element in elements
+        if element.plugin == "instance"
+        for property_ in element.properties.values()
+    }
+    groups: dict[int, Group] = {}
+    for element in elements:
+        if element.plugin == "shapegroup" and id(element) in referred:
+            groups[id(element)] = read_group(element, reading)
+        elif element.plugin == "shapegroup" and (
+            group := reading.read_unused(element, read_group)
+        ):
+            groups[id(element)] = group
     used: dict[int, int] = {}  # id of the group's element -> its number
     shapes: list[Shape] = []
     instances: list[Instance] = []

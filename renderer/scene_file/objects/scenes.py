@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from renderer.errors import SceneError
 from renderer.scene_file.description import Emitter, SceneDescription
 from renderer.scene_file.objects.bsdfs import read_bsdf
@@ -28,8 +31,8 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     Raises
     ------
     SceneError
-        If anything in it is not supported or wrong, whether it is used or not, as in
-        Mitsuba.
+        If anything in it is wrong, whether it is used or not, as in Mitsuba, or what is
+        used is not supported.
     """
     if root.tag != "scene":
         raise SceneError(f"{root.location}: the root is {root}; expected a scene")
@@ -38,14 +41,15 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     properties.boolean("embree_use_robust_intersections", False)
     properties.boolean("allow_thread_reordering", True)
     integrator = properties.child("integrator")
-    sensors = [
-        read_sensor(element, reading) for _, element in properties.children("sensor")
-    ]
+    sensors = [element for _, element in properties.children("sensor")]
+    camera = read_sensor(sensors[0], reading) if sensors else None
+    for element in sensors[1:]:
+        reading.read_unused(element, read_sensor)
     shapes, groups, instances = read_shapes(properties)
     emitters = _emitters(root, properties)
     _read_unused(properties)
     properties.finish()
-    if not sensors:
+    if camera is None:
         raise SceneError(
             f"{root.location}: the scene has no <sensor>; expected one of "
             f"{', '.join(supported_plugins('sensor'))}"
@@ -58,7 +62,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
     if method.hide_emitters:
         _check_hidden(properties)
     description = SceneDescription(
-        camera=sensors[0],
+        camera=camera,
         integrator=method,
         shapes=shapes,
         groups=groups,
@@ -128,18 +132,18 @@ def _check_place(element: Element, where: Element, reading: Reading) -> None:
 
 
 def _read_unused(properties: Properties) -> None:
-    """Read what stands in the scene to be referenced, so that its errors show."""
+    """Read what stands in the scene to be referenced, after what may refer to it."""
     reading = properties.reading
-    for _, element in properties.children("bsdf"):
-        read_bsdf(element, reading)
-    for _, element in properties.children("texture"):
-        read_texture_plugin(element, reading)
-    for _, element in properties.children("film"):
-        read_film(element, reading)
-    for _, element in properties.children("rfilter"):
-        read_rfilter(element, reading)
-    for _, element in properties.children("sampler"):
-        read_sampler(element, reading)
+    readers: dict[str, Callable[[Element, Reading], Any]] = {
+        "bsdf": read_bsdf,
+        "texture": read_texture_plugin,
+        "film": read_film,
+        "rfilter": read_rfilter,
+        "sampler": read_sampler,
+    }
+    for tag, read in readers.items():
+        for _, element in properties.children(tag):
+            reading.read_unused(element, read)
     for tag in UNSUPPORTED_TAGS:  # what refers to them refuses them
         for _, element in properties.children(tag):
             reading.warn(element.location, f"{element} is not read: no {tag} is used here")

@@ -254,7 +254,10 @@ def test_pixels_in_a_dictionary(
     ("values", "message"),
     [
         (np.full((2, 2, 3), np.nan), "NaN or infinite pixels"),
-        (np.full((2, 2, 3), -1.0), "negative pixels, down to -1"),
+        (
+            np.full((2, 2, 3), -1.0),
+            "negative mean (4 of 4 pixels are negative, down to -1)",
+        ),
         (
             np.zeros((2, 2, 5)),
             "has the shape (2, 2, 5); expected (height, width, channels)",
@@ -444,7 +447,14 @@ def test_garbled_image_is_an_error_or_a_picture(
 
 @pytest.mark.parametrize(
     ("pixels", "message"),
-    [(np.nan, "NaN or infinite"), (np.inf, "NaN"), (-0.5, "negative")],
+    [
+        (np.nan, "NaN or infinite pixels, 1 of 20; the first is in row 1, column 2"),
+        (np.inf, "NaN"),
+        (
+            -500.0,
+            "bad.exr with a negative mean (1 of 20 pixels",
+        ),
+    ],
 )
 def test_image_with_values_that_are_no_reflectance(
     tmp_path: Path, pixels: float, message: str
@@ -461,7 +471,7 @@ RGBE = b"#?RADIANCE\n# made by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n"
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n....", "32-bit_rle_xyze"),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_luve\n\n-Y 1 +X 1\n....", "32-bit_rle_luve"),
         (RGBE + b"+X 1 -Y 1\n....", "no size `-Y HEIGHT +X WIDTH`"),
         (RGBE + b"-Y 1 +X\n....", "no size"),
         (RGBE[:-1], "its header does not end"),
@@ -469,6 +479,7 @@ RGBE = b"#?RADIANCE\n# made by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n"
         (RGBE + b"-Y 9999999 +X 9999999\n....", "9999999 x 9999999 pixels; expected"),
         (RGBE + b"-Y 30000 +X 8000\n" + b"\2\2" * 99, "198 bytes for 30000 rows"),
         (RGBE + b"-Y 2 +X 1\n....", "4 bytes for 2 rows of 1 pixels"),
+        (RGBE + b"-Y 9 +X 9\nabcd\1\1\1\x50", "or one with runs of the old kind: 8 bytes"),
         (RGBE + b"-Y 1 +X 8\n\2\2\0\10" + b"\211a" * 4, "row 0 cannot be unpacked"),
         (RGBE + b"-Y 1 +X 8\n\2\2\0\10" + b"\0a" * 4, "row 0 cannot be unpacked"),
         (RGBE + b"-Y 1 +X 8\n\2\2\0\10\210a\210b\210c\5a", "row 0 cannot be unpacked"),

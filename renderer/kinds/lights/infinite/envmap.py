@@ -39,7 +39,8 @@ from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
 from renderer.kinds.textures.kind import LUMINANCE
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import EnvironmentMap
-from renderer.scene_file.images.images import read_image
+from renderer.scene_file.images.image import negative_pixels
+from renderer.scene_file.objects.pictures import location_of, read_picture
 
 _PI = np.float32(np.pi)
 INV_TWO_PI = np.float32(0.5 / np.pi)
@@ -66,10 +67,15 @@ class EnvironmentMaps(NamedTuple):
 
 def read(properties: Any) -> EnvironmentMap:
     """Read the properties of a file."""
-    expected = "the path of an EXR, HDR, PFM, PNG or JPEG image"
-    pixels = properties.file("the image", expected, read_image)
+    image, name, key = read_picture(properties, ("bitmap",))
+    pixels = image.linear
+    if negative := negative_pixels(pixels):
+        properties.reading.warn(
+            location_of(properties, key),
+            f"{name}: {negative}; they are kept, but not sampled, as in Mitsuba",
+        )
     scale = properties.number("scale", 1.0, at_least=0.0)
-    if scale * float(pixels.max()) > Use.EMISSION.limits[1]:
+    if scale * float(np.abs(pixels).max()) > Use.EMISSION.limits[1]:
         properties.fail("scale", f"{scale:g}", "one that leaves all pixels at most 1e30")
     to_world = properties.transform("to_world")
     axes = to_world[:3, :3]
@@ -82,7 +88,7 @@ def read(properties: Any) -> EnvironmentMap:
     environment = EnvironmentMap(_padded(pixels), scale, to_world, compensated)
     if make_warp(_importance(environment)) is None:
         properties.fail(
-            "filename",
+            key,
             "an image that is black, or too dark to be sampled, off its first and last row",
             "one that shines",
         )
@@ -125,7 +131,8 @@ def importance(
     if compensated:
         mean = np.float32(luminance.mean(dtype=np.float64))
         if mean - luminance.min() > np.float32(0.01) * mean:  # else there is nothing above
-            luminance = np.maximum(luminance - mean, np.float32(0.0))
+            luminance = luminance - mean
+    luminance = np.maximum(luminance, np.float32(0.0))  # negative light is not sampled
     sine = np.maximum(sine, np.float32(0.0))
     return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
 
@@ -151,7 +158,7 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
 
 def bounds(sky: EnvironmentMap) -> LightBounds:
     """Return what it gives on average over all directions."""
-    rows = sky.pixels.mean(axis=(1, 2), dtype=np.float64)
+    rows = np.maximum(sky.pixels, 0.0).mean(axis=(1, 2), dtype=np.float64)
     sine = np.sin(np.linspace(0.0, np.pi, len(rows)))
     return from_everywhere(sky.scale * float(rows @ sine / sine.sum()))
 

@@ -22,21 +22,33 @@ from renderer.scene_file.meshes.uv_grid import overlap
 def read_obj_shape(properties: Any, common: dict[str, Any]) -> Mesh:
     """Read the properties of an `obj`."""
     flip = properties.boolean("flip_tex_coords", True)
-    data = _file(properties, lambda path: read_obj(path, flip_tex_coords=flip))
+    sharp = properties.boolean("face_normals", False)
+    data = _file(
+        properties,
+        lambda path: read_obj(path, flip_tex_coords=flip, face_normals=sharp),
+    )
     return _mesh(properties, common, data)
 
 
 def read_ply_shape(properties: Any, common: dict[str, Any]) -> Mesh:
     """Read the properties of a `ply`."""
     flip = properties.boolean("flip_tex_coords", False)
-    data = _file(properties, lambda path: read_ply(path, flip_tex_coords=flip))
+    sharp = properties.boolean("face_normals", False)
+    data = _file(
+        properties,
+        lambda path: read_ply(path, flip_tex_coords=flip, face_normals=sharp),
+    )
     return _mesh(properties, common, data)
 
 
 def read_serialized_shape(properties: Any, common: dict[str, Any]) -> Mesh:
     """Read the properties of a `serialized`."""
     index = properties.integer("shape_index", 0, at_least=0)
-    data = _file(properties, lambda path: read_serialized(path, shape_index=index))
+    sharp = properties.boolean("face_normals", False)
+    data = _file(
+        properties,
+        lambda path: read_serialized(path, shape_index=index, face_normals=sharp),
+    )
     return _mesh(properties, common, data)
 
 

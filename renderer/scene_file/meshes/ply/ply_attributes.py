@@ -13,8 +13,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
-from renderer.scene_file.meshes.mesh_data import first_not_finite, show_numbers
 from renderer.scene_file.meshes.ply.ply_records import Columns
 
 _COLORS = (("r", "g", "b", "a"), ("red", "green", "blue", "alpha"))
@@ -25,13 +23,7 @@ _KNOWN = {"x", "y", "z", "nx", "ny", "nz", "u", "v", "s", "t", "texture_u", "tex
 def ply_attributes(
     columns: Columns, element: str, path: Path
 ) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-    """Return the attributes of the vertices or faces, (records, size), and warnings.
-
-    Raises
-    ------
-    SceneError
-        If a value is not finite.
-    """
+    """Return the attributes of the vertices or faces, (records, size), and warnings."""
     fields = [name for name, column in columns.items() if column.ndim == 1]
     found: dict[str, list[str]] = {}
     for color in _COLORS:
@@ -53,15 +45,10 @@ def ply_attributes(
     attributes = {}
     for name, names in found.items():
         values = np.column_stack([columns[field] for field in names])
-        bad = first_not_finite(values)
-        if bad >= 0:
-            raise SceneError(
-                f"{path}: {name} {show_numbers(values[bad])} of {element} {bad} is not "
-                "finite"
-            )
-        if name.endswith("_color") and values.max(initial=0.0) > 1.0:
+        largest = np.nanmax(values, initial=0.0)
+        if name.endswith("_color") and largest > 1.0:
             warnings.append(
-                f"{path}: {name} is up to {values.max():g}; as in Mitsuba it is not "
+                f"{path}: {name} is up to {largest:g}; as in Mitsuba it is not "
                 "divided by 255"
             )
         attributes[name] = values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,9 @@ from renderer.errors import SceneError
 from renderer.process import memory
 from renderer.scene_file.meshes.mesh_data import (
     MeshData,
-    clear_zero_normals,
-    first_not_finite,
     first_out_of_range,
+    flipped,
+    judged_mesh,
     read_mesh_bytes,
     require_for_words,
     show_numbers,
@@ -26,7 +27,9 @@ _UV_NAMES = (("u", "v"), ("texture_u", "texture_v"), ("s", "t"))  # the first pa
 _INDEX_NAMES = ("vertex_index", "vertex_indices")
 
 
-def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
+def read_ply(
+    path: Path, *, flip_tex_coords: bool = False, face_normals: bool = False
+) -> MeshData:
     """Read a PLY file of triangles; other elements and properties are skipped.
 
     Parameters
@@ -35,13 +38,15 @@ def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
         The file.
     flip_tex_coords
         Read v as 1 - v. False is Mitsuba's default for ply (and True for obj).
+    face_normals
+        Do not look at the normals of the file.
 
     Raises
     ------
     SceneError
         Missing, truncated or unreadable file, data left over, a polygon that is no
-        triangle, a value that is not finite, an index out of range, no face. With the
-        line where it is in the header or an ascii value.
+        triangle, a used position that is not finite, an index out of range, no face. With
+        the line where it is in the header or an ascii value.
     """
     content = read_mesh_bytes(path)
     header = parse_ply_header(content, path)
@@ -50,51 +55,45 @@ def read_ply(path: Path, *, flip_tex_coords: bool = False) -> MeshData:
     else:
         require_for_words(content[header.size :], 55, path)
     elements = read_records(content, header, path)
-    for name in ("vertex", "face"):
-        if not elements.get(name):
-            raise SceneError(f"{path}: no `{name}` records; a mesh needs at least one")
-
+    if not elements.get("vertex") or "face" not in elements:
+        missing = "face" if elements.get("vertex") else "vertex"
+        raise SceneError(f"{path}: no `{missing}` records; a mesh needs at least one")
     vertex = elements["vertex"]
-    vertices = _finite_columns(vertex, ("x", "y", "z"), "position", path)
+    vertices = _columns(vertex, ("x", "y", "z"), path)
     faces = _triangles(elements["face"], len(vertices), path)
     normals = None
-    if {"nx", "ny", "nz"} <= vertex.keys():
-        normals = _finite_columns(vertex, ("nx", "ny", "nz"), "normal", path)
-        clear_zero_normals(normals, faces, path)
+    if {"nx", "ny", "nz"} <= vertex.keys() and not face_normals:
+        normals = _columns(vertex, ("nx", "ny", "nz"), path)
     uvs = None
     if pair := next((pair for pair in _UV_NAMES if set(pair) <= vertex.keys()), None):
-        uvs = _finite_columns(vertex, pair, "uv", path)
+        uvs = _columns(vertex, pair, path)
         if flip_tex_coords:
-            uvs[:, 1] = np.float32(1.0) - uvs[:, 1].astype(np.float32)  # as Mitsuba rounds
+            uvs[:, 1] = flipped(uvs[:, 1])
     of_vertices, dropped = ply_attributes(vertex, "vertex", path)
     of_faces, dropped_too = ply_attributes(elements["face"], "face", path)
-    warnings = (*_warnings(header, path), *dropped, *dropped_too)
-    return MeshData(
-        vertices, faces, normals, uvs, str(path), warnings, of_vertices | of_faces
+    mesh = judged_mesh(vertices, faces, normals, uvs, str(path))
+    return replace(
+        mesh,
+        warnings=(*_warnings(header, path), *dropped, *dropped_too, *mesh.warnings),
+        attributes=of_vertices | of_faces,
     )
 
 
-def _finite_columns(
-    vertex: Columns, names: tuple[str, ...], what: str, path: Path
-) -> NDArray[np.float64]:
-    """Put scalar properties side by side, (V, len(names)), and check them."""
+def _columns(vertex: Columns, names: tuple[str, ...], path: Path) -> NDArray[np.float64]:
+    """Put scalar properties side by side, (V, len(names))."""
     for name in names:
         if name not in vertex or vertex[name].ndim != 1:
             raise SceneError(
                 f"{path}: the vertices have no number `{name}`; they have: "
                 + ", ".join(vertex)
             )
-    rows = np.column_stack([vertex[name] for name in names])
-    bad = first_not_finite(rows)
-    if bad >= 0:
-        raise SceneError(
-            f"{path}: {what} {show_numbers(rows[bad])} of vertex {bad} is not finite"
-        )
-    return rows
+    return np.column_stack([vertex[name] for name in names])
 
 
 def _triangles(face: Columns, vertex_count: int, path: Path) -> NDArray[np.int32]:
     """Return the checked vertex indices, (F, 3)."""
+    if not face:  # no records; Mitsuba has nothing to show either
+        return np.zeros((0, 3), np.int32)
     name = next((name for name in _INDEX_NAMES if name in face), None)
     if name is None or face[name].ndim != 2:
         raise SceneError(
