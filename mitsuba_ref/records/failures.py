@@ -40,7 +40,11 @@ def _failures(scene: SceneResult) -> Iterator[Failure]:
         if not aov.passed:
             where = f"{aov.compared_pixels} pixels compared, {aov.edge_pixels} on edges"
             yield Failure(
-                f"AOV {aov.name}", aov.value, None, aov.tolerance, f"{aov.meaning} ({where})"
+                f"AOV {aov.name}",
+                aov.value,
+                None,
+                aov.tolerance,
+                f"{aov.meaning} ({where})",
             )
     for replay in scene.replay:
         if not replay.passed:

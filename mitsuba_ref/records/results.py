@@ -115,7 +115,9 @@ class ReplayResult:
     traced: int = 0  # pixels beyond the limits whose causes were looked at; 0: none
     unexplained: int = 0  # those of them that rounding does not explain
     excluded: float | None = None  # a share of such that the sample excludes, at 95 %
-    partings: tuple[Parting, ...] = ()  # of pixels that rounding does not explain, the first
+    partings: tuple[
+        Parting, ...
+    ] = ()  # of pixels that rounding does not explain, the first
 
     @property
     def explained(self) -> bool:

@@ -73,9 +73,7 @@ def explain_pixel(pair: TracedPair, of: DifferentPixel) -> Finding:
         if apart <= of.tolerance * of.scale and not shifts:
             continue
         found = pair.led(of.pixel, sample, reference).examine()
-        found = replace(
-            found, sample=sample, sentence=f"Sample {sample}. {found.sentence}"
-        )
+        found = replace(found, sample=sample, sentence=f"Sample {sample}. {found.sentence}")
         if not found.within_rounding:
             return found
         findings.append(found)

@@ -64,10 +64,12 @@ def test_who_is_absent_and_what_failed_is_at_the_top(page):
     assert f"{PEER} x takes no part in only" in found
 
 
-def test_load_and_peers_are_stated(page):
-    assert "0.25 processes wanted a processor" in page and "there are 2 cores" in page
-    busy = "It was busy with something else"
-    assert busy not in page and busy in speed_accuracy_page(record(load=[1.5, 3.0]))
+def test_an_older_file_tells_by_its_load_whether_the_machine_was_busy(tmp_path):
+    """The load average of the minute before it began is nearly the cores of others."""
+    for load, busy in (([0.1, 2.0], False), ([1.5, 3.0], True)):
+        write_speed_accuracy(tmp_path / "old.json", record(load=load))
+        page = speed_accuracy_page(read_speed_accuracy(tmp_path / "old.json"))
+        assert ("took 1.5 of its 2 cores" in page) == busy
 
 
 def test_a_structure_with_another_picture_is_seen():
