@@ -49,7 +49,7 @@ def _print_partings(scene: SceneResult, console: Console) -> None:
         ("spp", "pixel", "sample", "place", "quantity"),
         PARTING_NUMBERS,
     )
-    likely = {}
+    likely: dict[str, None] = {}
     for spp, step in steps:
         error = "differs" if step.error is None else _number(step.error)
         table.add_row(

@@ -15,6 +15,9 @@ from typing import Any, NamedTuple
 KEY = "cores_of_other_programs"
 """Of a record's machine: cores that other programs kept busy, on average."""
 
+LOAD = "load_average_before"
+"""What files of older versions tell instead: of the minute before they began."""
+
 BUSY = 0.1
 """Part of the cores from which on the seconds of a record are called rough."""
 
@@ -50,16 +53,16 @@ def busy_sentence(machine: Mapping[str, Any]) -> str:
     machine
         From `describe_machine`, perhaps out of an older file that does not tell.
     """
-    others, cores = machine.get(KEY), machine.get("cores")
+    cores, load = (machine.get(key) for key in ("cores", LOAD))
+    others = machine.get(KEY, load)
     if not isinstance(others, int | float) or not isinstance(cores, int | float):
         return ""
     if others <= BUSY * cores:
         return ""
-    return (
-        f"The machine was busy with something else: other programs took {others:.2g} of "
-        f"its {cores} cores meanwhile. The seconds are too long; ratios and counts are "
-        "better than they."
-    )
+    what = f"The machine was busy: other programs took {others:.2g} of its {cores} cores"
+    if KEY not in machine:  # it may have been an earlier command of ours
+        what = f"The machine may have been busy: its load was {others:.2g} at the beginning"
+    return f"{what}. Seconds may be too long; ratios and counts are better than they."
 
 
 def _times() -> _Times | None:

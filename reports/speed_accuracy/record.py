@@ -9,7 +9,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from mitsuba_ref.records.other_programs import KEY
+from mitsuba_ref.records.other_programs import LOAD
 from mitsuba_ref.statistics.equal_error import log_ratio_error, worth
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json, write_json
@@ -174,11 +174,9 @@ class SpeedAccuracy(Circumstances):
 def read_speed_accuracy(path: Path) -> SpeedAccuracy:
     """Read and check the record; raise ReportError for what is wrong, and where."""
     record = read_json(path, SpeedAccuracy, SCHEMA)
-    if KEY not in record.machine and record.load:
-        cores = float(record.machine.get("cores", record.threads))
-        others = round(min(record.load[0], cores), 2)
-        record = replace(record, machine={**record.machine, KEY: others})
-    return record
+    if not record.load:
+        return record
+    return replace(record, machine={**record.machine, LOAD: round(record.load[0], 2)})
 
 
 def write_speed_accuracy(path: Path, record: SpeedAccuracy) -> None:
