@@ -7,6 +7,7 @@ Mitsuba's: the table shows which quantity of which bounce differs first.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -16,11 +17,14 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import exit_status
+from mitsuba_ref.replay.paths.led_path import Finding, unexplained
 from mitsuba_ref.replay.paths.path_comparison import (
     CAMERA,
     TOLERANCE,
+    Quantity,
     compare_paths,
     first_difference,
+    largest_error,
 )
 from mitsuba_ref.replay.paths.path_table import print_paths
 from mitsuba_ref.replay.paths.traced_pair import NotTraceable, TracedPair
@@ -84,7 +88,14 @@ def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     tolerance = given.tolerance or TOLERANCE
     ours, reference = paths = pair.trace(pixel, sample)
     quantities = compare_paths(ours, reference)
+    why = ""
+    if given.tolerance is None:
+        # what a verdict calls a defect is one here, though paths may differ by more
+        found = pair.led(pixel, sample, reference).examine()
+        if (lower := _tolerance_of(found, quantities)) is not None:
+            tolerance, why = lower, unexplained(found)
     first = first_difference(quantities, tolerance)
+    why = why or pair.rounding(pixel, sample, paths, quantities, tolerance)
     notes = []
     if first is not None and sample > 0 and quantities[first].bounce == CAMERA:
         notes = [
@@ -94,8 +105,23 @@ def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     output = Console(width=max(WIDTH, Console().width), highlight=False)
     title = f"{scene}: pixel {pixel[0]},{pixel[1]}, sample {sample} of {pair.spp}"
     output.print(title, markup=False, soft_wrap=True)
-    why = pair.rounding(pixel, sample, paths, quantities, tolerance)
     print_paths(quantities, (ours.renderer, reference.renderer), tolerance, output, why)
     for note in notes:
         output.print(note, markup=False, soft_wrap=True)
     return 0 if first is None else 1
+
+
+def _tolerance_of(found: Finding, quantities: Sequence[Quantity]) -> float | None:
+    """Return the tolerance by which the step that `found` calls a defect differs first.
+
+    None if it calls none so, or if the paths have parted before.
+    """
+    step = found.quantity
+    if found.within_rounding or step is None:
+        return None
+    for index, quantity in enumerate(quantities):
+        if (quantity.bounce, quantity.name) == (step.bounce, step.name):
+            lower = max(found.limit, largest_error(quantities[:index]))
+            if quantity.differs(lower):
+                return lower
+    return None

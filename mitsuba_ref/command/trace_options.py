@@ -33,7 +33,8 @@ def add_trace_options(parser: argparse.ArgumentParser) -> None:
         "--tolerance",
         type=_tolerance,
         metavar="R",
-        help=f"relative error from which on a quantity differs (default: {TOLERANCE:g})",
+        help=f"relative error from which on a quantity differs (default: {TOLERANCE:g}; "
+        "for a step that rounding does not explain, the limit of a verdict)",
     )
 
 

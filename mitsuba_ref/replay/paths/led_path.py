@@ -241,6 +241,15 @@ def _ray(path: TracedPath, segment: int) -> Ray:
     return before.scattered.origin or before.position, before.scattered.direction
 
 
+def unexplained(found: Finding) -> str:
+    """Return what is to be said of a step whose values have been said already."""
+    likely = MEANINGS[found.quantity.kind] if found.quantity else "not in a single step"
+    return (
+        f"Not within rounding: from the same ray as Mitsuba's no move by {STEPS[-1]:g} "
+        f"makes up for it. Likely {likely}."
+    )
+
+
 def _unexplained(q: Quantity) -> str:
     ours, theirs = (" ".join(value_text(v).split()) for v in (q.ours, q.reference))
     by = "" if q.error == math.inf else f", relative error {error_text(q.error)}"
