@@ -1,42 +1,30 @@
-"""The command `lightproof-validate`, also `python -m mitsuba_ref`."""
+"""The command `lightproof-validate`, also `python -m mitsuba_ref`: its options."""
 
 from __future__ import annotations
 
 import argparse
-import io
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-from rich.console import Console
+from mitsuba_ref.command.trace_options import add_trace_options, asks_for_trace
+from mitsuba_ref.records.request import FEWEST_SEEDS, MIN_THREADS, TIME_LIMIT
+from mitsuba_ref.records.verdicts import statuses_in_words
 
-from mitsuba_ref.command.scene_table import print_table
-from mitsuba_ref.command.stages import shown_stages
-from mitsuba_ref.command.trace_command import add_trace_options, asks_for_trace, run_trace
-from mitsuba_ref.command.validation import Validated, validate_scene
-from mitsuba_ref.ladder.climb import FEWEST_SEEDS
-from mitsuba_ref.our_renderer.compile_ahead import compile_kernels, kernel_requests
-from mitsuba_ref.our_renderer.picture import RenderOurs, render_ours
-from mitsuba_ref.records import machine
-from mitsuba_ref.records.json_files import write_atomically, write_json
-from mitsuba_ref.records.options import Options, scene_name
-from mitsuba_ref.records.request import MIN_THREADS, TIME_LIMIT
-from mitsuba_ref.records.results import Results, SceneResult
-from mitsuba_ref.records.verdicts import exit_status, statuses_in_words
-from mitsuba_ref.reference.cache import ReferenceCache
-from mitsuba_ref.reference.picture_process import MitsubaWorker
+if TYPE_CHECKING:
+    from mitsuba_ref.our_renderer.picture import RenderOurs
+    from mitsuba_ref.records.options import Options
 
 EPILOG = f"""exit status, one for each verdict:
 {statuses_in_words()}
 Of several scenes the most severe decides: the smallest status other than 0.
 """
-WRONG_USE, INTERRUPTED = 2, 130
+WRONG_USE = 2
 
 
-def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours) -> int:
+def main(arguments: Sequence[str] | None = None, ours: RenderOurs | None = None) -> int:
     """Render scenes in both renderers, compare, print a table; return the exit status.
 
     Parameters
@@ -44,7 +32,7 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     arguments
         Without the program's name; None: those of the process.
     ours
-        Our renderer; a parameter so that tests can break it.
+        Our renderer; None: the real one. A parameter so that tests can break it.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -53,76 +41,22 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs = render_ours)
     except SystemExit as stop:
         return int(stop.code or 0)
     except FileNotFoundError as error:
-        Console(stderr=True).print(f"lightproof-validate: {error}", markup=False)
+        sys.stderr.write(f"lightproof-validate: {error}\n")
         return WRONG_USE
+    # Imported only now, because they take seconds, and --help needs none of them.
     if asks_for_trace(options):
+        from mitsuba_ref.command.trace_command import run_trace
+
         return run_trace(options, list(scenes.values()), _options(options))
-    results: list[SceneResult] = []
-    console = Console(stderr=True)
-    try:
-        with MitsubaWorker(options.time_limit) as worker, shown_stages() as show:
-            references = ReferenceCache(worker.render)
-            if len(scenes) > 1 and ours is render_ours:
-                _warm_up(scenes.values(), _options(options), show)
-            for index, (name, path) in enumerate(scenes.items(), start=1):
-                place = f"{name} ({index} of {len(scenes)}): "
+    from mitsuba_ref.command.validate_scenes import validate_scenes
 
-                def progress(stage: str, place: str = place) -> None:
-                    show(place + stage)
-
-                validated = validate_scene(
-                    path, _options(options), ours, references, progress
-                )
-                results.append(_keep(validated, name, options.report))
-        _finish(results, given, options.report)
-    except KeyboardInterrupt:
-        console.print("interrupted; the scenes so far:")
-        _finish(results, given, options.report)
-        return INTERRUPTED
-    except OSError as error:  # what a scene meets is in its verdict
-        console.print(f"lightproof-validate: {error}", markup=False, soft_wrap=True)
-        return WRONG_USE
-    return exit_status(scene.verdict for scene in results)
-
-
-def _warm_up(scenes: Iterable[Path], options: Options, show: Callable[[str], None]) -> None:
-    """Compile the kernels of all scenes before the first is measured."""
-    requests = kernel_requests(scenes, options)
-    if requests:
-        count = len(requests)
-        show(f"compiling our kernels, once: 0 of {count}")
-        compile_kernels(
-            requests,
-            lambda done: show(f"compiling our kernels, once: {done} of {count}"),
-        )
-
-
-def _finish(results: list[SceneResult], given: list[str], report: Path | None) -> None:
-    # In a pipe rich would assume 80 columns and cut the numbers.
-    output = Console() if sys.stdout.isatty() else Console(width=120)
-    print_table(results, output)
-    if report is not None and results:
-        path = report / "results.json"
-        circumstances = machine.circumstances("mitsuba_ref", given)
-        write_json(Results(**circumstances, scenes=tuple(results)), path)
-        output.print(f"wrote {path}", markup=False, soft_wrap=True)
-
-
-def _keep(validated: Validated, name: str, report: Path | None) -> SceneResult:
-    """Write the pictures beside the report; return the result with their names."""
-    if report is None:
-        return replace(validated.result, name=name)
-    images = {}
-    for kind, pixels in validated.pictures.items():
-        images[kind] = f"images/{name}/{kind}.npy"
-        content = io.BytesIO()
-        np.save(content, pixels.astype(np.float32))
-        write_atomically(report / images[kind], content.getvalue())
-    return replace(validated.result, name=name, images=images)
+    return validate_scenes(scenes, _options(options), options.report, given, ours)
 
 
 def _scene_files(given: Sequence[Path]) -> dict[str, Path]:
     """Return each scene by a name of its own; without any given, all of scenes/."""
+    from mitsuba_ref.records.options import scene_name
+
     files = [path / "scene.xml" if path.is_dir() else path for path in given]
     if not files:
         files = sorted(_scenes_folder().glob("*/scene.xml"))
@@ -145,6 +79,8 @@ def _scenes_folder() -> Path:
 
 
 def _options(given: argparse.Namespace) -> Options:
+    from mitsuba_ref.records.options import Options
+
     return Options(
         size=given.size,
         spp=given.spp,

@@ -9,9 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
+from mitsuba_ref.records.results import Parting, ReplayResult, Rung, SceneResult
 
 REPLAY_NUMBERS = ("spp", "diverged", "may", "pixels", "RMSE of the others", "limit")
+PARTING_NUMBERS = ("lightproof", "Mitsuba", "error", "limit")
 RUNG_NUMBERS = ("number", "limit", "p-value", "would have seen")
 EXPLAINED = "[yellow]rounding[/]"
 PASSED, BROKEN = "[green]holds[/]", "[bold red]broken[/]"
@@ -27,11 +28,41 @@ def print_replays(scenes: Sequence[SceneResult], console: Console) -> None:
     for scene in scenes:
         if "replay" in scene.settings:
             _line(console, scene, f"not replayed: {scene.settings['replay']}")
+        _print_partings(scene, console)
         for replay in scene.replay:
             for pixel in replay.listed:
-                if pixel.cause:
+                if pixel.cause and pixel.parting is None:
                     where = f"{replay.spp} spp, pixel {pixel.x},{pixel.y}"
                     _line(console, scene, f"{where}: {pixel.cause}")
+
+
+def _print_partings(scene: SceneResult, console: Console) -> None:
+    """Print a line for each pixel of which is known in which step its paths part."""
+    steps: dict[tuple[int, Parting], None] = {}  # a pixel may be there for two reasons
+    for replay in scene.replay:
+        listed = (pixel.parting for pixel in replay.listed if pixel.parting is not None)
+        steps |= dict.fromkeys((replay.spp, step) for step in (*replay.partings, *listed))
+    if not steps:
+        return
+    table = _table(
+        f"{escape(scene.name)}: the first step that differs, from the same ray",
+        ("spp", "pixel", "sample", "place", "quantity"),
+        PARTING_NUMBERS,
+    )
+    likely: dict[str, None] = {}
+    for spp, step in steps:
+        error = "differs" if step.error is None else _number(step.error)
+        table.add_row(
+            *(str(spp), f"{step.x},{step.y}", str(step.sample), step.place),
+            *(step.quantity, escape(step.ours), escape(step.reference)),
+            *(error, _number(step.limit)),
+            "[yellow]rounding[/]" if step.within_rounding else "[bold red]defect[/]",
+        )
+        if not step.within_rounding:
+            likely[f"{step.quantity} differs: likely {step.likely}"] = None
+    console.print(table)
+    for sentence in likely:
+        _line(console, scene, sentence)
 
 
 def print_rungs(scenes: Sequence[SceneResult], console: Console) -> None:
@@ -77,7 +108,7 @@ def _replay(replay: ReplayResult) -> list[str]:
         str(replay.divergent),
         str(replay.divergent_allowed),
         str(replay.pixels),
-        _number(replay.rmse),
+        _number(replay.rmse) if replay.divergent < replay.pixels else "",
         _number(replay.rmse_limit),
         EXPLAINED if replay.passed and replay.explained else _judged(replay.passed),
     ]

@@ -10,14 +10,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from mitsuba_ref.command.replay_and_rung_tables import print_replays, print_rungs
+from mitsuba_ref.records.failures import failures
 from mitsuba_ref.records.results import Metric, SceneResult
 from mitsuba_ref.records.verdicts import Verdict
 
 TEXTS = ("scene", "method")
-NUMBERS = ("spp", "RMSE", "floor", "limit", "edges", "SSIM", "FLIP", "s ours", "s Mitsuba")
+JUDGED = ("spp", "RMSE", "floor", "limit", "edges")
+NOT_JUDGED = ("(SSIM)", "(FLIP)", "s ours", "s Mitsuba")
+FAILURE_NUMBERS = ("value", "floor", "limit")
 COLOURS: dict[Verdict, str] = {"pass": "green", "fail": "bold red"}
-# Rich leaves no line after a caption.
-EDGES = "edges: share of a picture without noise on edges, where RMSE looks away\n"
+BRACKETS = "in brackets: shown, not judged"
+EDGES = "; edges: share of a picture without noise on edges, where RMSE looks away"
 NOT_COMPARED = "bold magenta"
 
 
@@ -28,14 +31,15 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
     )
     for column in TEXTS:
         table.add_column(column, overflow="fold")
-    for column in NUMBERS:
+    for column in (*JUDGED, *NOT_JUDGED):
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for scene in scenes:
         table.add_row(*_row(scene))
-    if any("masked_fraction" in scene.metrics for scene in scenes):
-        table.caption = EDGES
-        table.caption_justify = "left"
+    exact = any("masked_fraction" in scene.metrics for scene in scenes)
+    # Rich leaves no line after a caption.
+    table.caption = f"{BRACKETS}{EDGES if exact else ''}\n"
+    table.caption_justify = "left"
     console.print(table)
     print_replays(scenes, console)
     print_rungs(scenes, console)
@@ -46,11 +50,32 @@ def print_table(scenes: Sequence[SceneResult], console: Console) -> None:
             )
         for note in scene.notes:
             console.print(f"note {escape(scene.name)}: {escape(note)}", soft_wrap=True)
+        if scene.verdict == "fail" and failures(scene):
+            _print_failures(scene, console)
+            continue
         for reason in scene.reasons:
-            console.print(
-                f"{_coloured(scene.verdict)} {escape(scene.name)}: {escape(reason)}",
-                soft_wrap=True,
-            )
+            _print_reason(scene, reason, console)
+
+
+def _print_reason(scene: SceneResult, reason: str, console: Console) -> None:
+    verdict = _coloured(scene.verdict)
+    console.print(f"{verdict} {escape(scene.name)}: {escape(reason)}", soft_wrap=True)
+
+
+def _print_failures(scene: SceneResult, console: Console) -> None:
+    """Print what is beyond its limit: each number with its floor, limit and meaning."""
+    found = failures(scene)
+    _print_reason(scene, "; ".join(one.quantity for one in found), console)
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("beyond its limit", overflow="fold", min_width=16)
+    for column in FAILURE_NUMBERS:
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("what it is", overflow="fold")
+    for one in found:
+        numbers = (_number(n, ".3g") for n in (one.value, one.floor, one.limit))
+        name = f"[bold red]{escape(one.quantity)}[/]"
+        table.add_row(name, *numbers, escape(one.meaning))
+    console.print(table)
 
 
 def _row(scene: SceneResult) -> list[str]:
@@ -59,11 +84,12 @@ def _row(scene: SceneResult) -> list[str]:
         scene.metrics.get(name, unmeasured)
         for name in ("rmse", "masked_fraction", "ssim", "flip")
     )
+    failed = rmse.passed is False
     return [
         escape(scene.name),
         escape(scene.integrator),
         str(scene.spp or ""),
-        _number(rmse.value),
+        f"[bold red]{_number(rmse.value)}[/]" if failed else _number(rmse.value),
         _number(rmse.floor),
         _number(rmse.tolerance),
         _number(masked.value, ".0%"),

@@ -7,7 +7,7 @@ Mitsuba's: the table shows which quantity of which bounce differs first.
 from __future__ import annotations
 
 import argparse
-import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -17,53 +17,22 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import exit_status
+from mitsuba_ref.replay.paths.led_path import Finding, unexplained
 from mitsuba_ref.replay.paths.path_comparison import (
     CAMERA,
     TOLERANCE,
+    Quantity,
     compare_paths,
     first_difference,
+    largest_error,
 )
 from mitsuba_ref.replay.paths.path_table import print_paths
-from mitsuba_ref.replay.paths.traced_pair import NotTraceable, Pixel, TracedPair
+from mitsuba_ref.replay.paths.traced_pair import NotTraceable, TracedPair
 from renderer.errors import NotReplayable, SceneError
 
 WRONG_USE, INTERRUPTED = 2, 130
 WIDTH = 128
 """Columns of the table: a narrower terminal wraps its lines, rich would cut the numbers."""
-
-
-def add_trace_options(parser: argparse.ArgumentParser) -> None:
-    """Add `--trace` and what belongs to it."""
-    group = parser.add_argument_group(
-        "trace",
-        "Compare one path instead of pictures: both renderers draw Mitsuba's random "
-        "numbers. Exit status 0: the paths agree, 1: they do not, 2: there is no such "
-        "path; the others as below.",
-    )
-    group.add_argument(
-        "--trace",
-        type=_pixel,
-        metavar="X,Y",
-        help="print both paths at a pixel of the picture as shown (counted from 0 at the "
-        "top left, inside the crop window), bounce by bounce; for path and direct",
-    )
-    group.add_argument(
-        "--sample",
-        type=_sample,
-        metavar="S",
-        help="which of the pixel's samples, from 0 (default: 0)",
-    )
-    group.add_argument(
-        "--tolerance",
-        type=_tolerance,
-        metavar="R",
-        help=f"relative error from which on a quantity differs (default: {TOLERANCE:g})",
-    )
-
-
-def asks_for_trace(given: argparse.Namespace) -> bool:
-    """Return whether one of the options of `add_trace_options` is given."""
-    return any(value is not None for value in (given.trace, given.sample, given.tolerance))
 
 
 def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -> int:
@@ -72,7 +41,7 @@ def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -
     Parameters
     ----------
     given
-        The command line, with the options of `add_trace_options`.
+        The command line, with the options of `trace_options`.
     scenes
         Its scene files; one of them.
     options
@@ -119,7 +88,14 @@ def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     tolerance = given.tolerance or TOLERANCE
     ours, reference = paths = pair.trace(pixel, sample)
     quantities = compare_paths(ours, reference)
+    why = ""
+    if given.tolerance is None:
+        # what a verdict calls a defect is one here, though paths may differ by more
+        found = pair.led(pixel, sample, reference).examine()
+        if (lower := _tolerance_of(found, quantities)) is not None:
+            tolerance, why = lower, unexplained(found)
     first = first_difference(quantities, tolerance)
+    why = why or pair.rounding(pixel, sample, paths, quantities, tolerance)
     notes = []
     if first is not None and sample > 0 and quantities[first].bounce == CAMERA:
         notes = [
@@ -129,28 +105,23 @@ def _trace(given: argparse.Namespace, pair: TracedPair, scene: str) -> int:
     output = Console(width=max(WIDTH, Console().width), highlight=False)
     title = f"{scene}: pixel {pixel[0]},{pixel[1]}, sample {sample} of {pair.spp}"
     output.print(title, markup=False, soft_wrap=True)
-    why = pair.rounding(pixel, sample, paths, quantities, tolerance)
     print_paths(quantities, (ours.renderer, reference.renderer), tolerance, output, why)
     for note in notes:
         output.print(note, markup=False, soft_wrap=True)
     return 0 if first is None else 1
 
 
-def _pixel(text: str) -> Pixel:
-    x, comma, y = text.partition(",")
-    if not (comma and x.isdecimal() and y.isdecimal()):
-        raise argparse.ArgumentTypeError(f"{text!r}: must be X,Y, whole numbers from 0")
-    return int(x), int(y)
+def _tolerance_of(found: Finding, quantities: Sequence[Quantity]) -> float | None:
+    """Return the tolerance by which the step that `found` calls a defect differs first.
 
-
-def _sample(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from 0")
-    return int(text)
-
-
-def _tolerance(text: str) -> float:
-    value = float(text)
-    if not (value > 0.0 and math.isfinite(value)):
-        raise argparse.ArgumentTypeError(f"{text}: must be above 0")
-    return value
+    None if it calls none so, or if the paths have parted before.
+    """
+    step = found.quantity
+    if found.within_rounding or step is None:
+        return None
+    for index, quantity in enumerate(quantities):
+        if (quantity.bounce, quantity.name) == (step.bounce, step.name):
+            lower = max(found.limit, largest_error(quantities[:index]))
+            if quantity.differs(lower):
+                return lower
+    return None

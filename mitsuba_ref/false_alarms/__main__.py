@@ -17,9 +17,9 @@ from mitsuba_ref.false_alarms.alarm_counts import (
 )
 from mitsuba_ref.false_alarms.binomial import Rate
 from mitsuba_ref.false_alarms.measure import measure, measure_convergence_alarms
-from mitsuba_ref.ladder.climb import FEWEST_SEEDS
 from mitsuba_ref.records import machine
 from mitsuba_ref.records.json_files import write_json
+from mitsuba_ref.records.request import FEWEST_SEEDS
 
 RECORD = Path("reports/out/data/false_alarms.json")
 """Where the page "proof" looks."""

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.ladder import rungs_with_noise, rungs_without_noise
+from mitsuba_ref.records.request import FEWEST_SEEDS
 from mitsuba_ref.records.results import Rung
 from mitsuba_ref.statistics.samples import stack
 
@@ -25,9 +26,6 @@ Array = NDArray[np.floating]
 
 FALSE_ALARMS = 1e-3
 """Of each rung under noise; seven rungs make at most 7e-3 for the whole ladder."""
-
-FEWEST_SEEDS = 8
-"""Of each renderer. With fewer no relabelling reaches a p-value of 1e-3."""
 
 
 def climb(

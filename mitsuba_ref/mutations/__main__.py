@@ -44,17 +44,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     circumstances = machine.circumstances("mitsuba_ref.mutations", given)
     done = Matrix(before, str(circumstances["commit"]), mutations)
 
+    def write() -> None:
+        circumstances["machine"] = machine.describe_machine()  # busy so far, or not
+        write_matrix(done.rows, circumstances, path)
+
     def keep(row: Row) -> None:
         console.print(_line(row), markup=False, soft_wrap=True)
         # each mutant is a copy of the work tree of its hour, not of that of the start
         done.add(row, machine.current_commit())
-        write_matrix(done.rows, circumstances, path)  # an interrupt loses nothing
+        write()  # an interrupt loses nothing
 
     with MitsubaWorker() as worker:
         references = ReferenceCache(worker.render)
         for part in done.to_try():
             try_all(part, references, keep, options.jobs, done.of_this_commit)
-    write_matrix(done.rows, circumstances, path)
+    write()
     output = Console() if sys.stdout.isatty() else Console(width=150)
     output.print(_table(done.rows))
     output.print(f"wrote {path}", markup=False, soft_wrap=True)

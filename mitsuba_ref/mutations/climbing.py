@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.ladder.climb import FEWEST_SEEDS, climb
+from mitsuba_ref.ladder.climb import climb
 from mitsuba_ref.ladder.pictures_by_seed import reference_seed, seeded_pictures
 from mitsuba_ref.mutations.rungs import (
     CLIMB,
@@ -26,7 +26,7 @@ from mitsuba_ref.mutations.rungs import (
 from mitsuba_ref.records import results
 from mitsuba_ref.records.options import scene_name, scene_request
 from mitsuba_ref.records.proof_file import read_proof
-from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.request import FEWEST_SEEDS, RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.errors import MitsubaError
 

@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from mitsuba_ref.records.other_programs import KEY, cores_of_other_programs
+
 DISTRIBUTIONS = (
     "lightproof",
     "numba",
@@ -29,6 +31,8 @@ DISTRIBUTIONS = (
 def circumstances(module: str, words: Sequence[str]) -> dict[str, Any]:
     """Return what every record says first: when, by which command, where, with what.
 
+    Call it when all is measured: it says how busy the machine was meanwhile.
+
     Parameters
     ----------
     module, words
@@ -44,12 +48,16 @@ def circumstances(module: str, words: Sequence[str]) -> dict[str, Any]:
 
 
 def describe_machine() -> dict[str, Any]:
-    """Return processor, usable cores, memory and system; no name of the machine."""
+    """Return processor, usable cores, memory and system; no name of the machine.
+
+    It also says how busy other programs kept it so far, so call it after measuring.
+    """
     return {
         "cpu": _cpu_name(),
         "cores": usable_cores(),
         "memory_gib": _memory_gib(),
         "os": f"{platform.system()} {platform.release()} {platform.machine()}",
+        KEY: cores_of_other_programs(),
     }
 
 

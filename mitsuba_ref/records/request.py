@@ -9,6 +9,10 @@ MIN_THREADS = 2
 """With one worker thread or none, Mitsuba 3.9.1 waits for ever when it reads or writes an
 EXR file, and a scene may hold EXR textures."""
 
+FEWEST_SEEDS = 8
+"""Of each renderer, for the ladder of tests. With fewer no relabelling reaches a p-value of
+1e-3."""
+
 TIME_LIMIT = 900.0
 """Seconds for one answer of Mitsuba, its start included."""
 

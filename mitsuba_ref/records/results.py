@@ -61,6 +61,26 @@ class Ladder:
 
 
 @dataclass(frozen=True)
+class Parting:
+    """The first step in which two paths of a pixel part, from the same ray on both sides.
+
+    Of a vector or a colour the two values are those of its worst component.
+    """
+
+    x: int  # from the left of the picture
+    y: int  # from its top
+    sample: int
+    place: str  # "bounce 2"
+    quantity: str
+    ours: str
+    reference: str
+    error: float | None  # relative; null: a decision, which has none
+    limit: float | None  # of that error, where no rounding has to explain it
+    within_rounding: bool  # a move of the ray by rounding makes up for it
+    likely: str  # what that kind of difference comes from
+
+
+@dataclass(frozen=True)
 class DivergentPixel:
     """A pixel whose paths parted although both renderers drew the same numbers."""
 
@@ -70,6 +90,7 @@ class DivergentPixel:
     reference: tuple[float, ...]
     relative: float  # difference
     cause: str = ""  # where the first path parted and why; empty: not traced
+    parting: Parting | None = None  # the same as numbers; null: no single step parts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +115,9 @@ class ReplayResult:
     traced: int = 0  # pixels beyond the limits whose causes were looked at; 0: none
     unexplained: int = 0  # those of them that rounding does not explain
     excluded: float | None = None  # a share of such that the sample excludes, at 95 %
+    partings: tuple[
+        Parting, ...
+    ] = ()  # of pixels that rounding does not explain, the first
 
     @property
     def explained(self) -> bool:

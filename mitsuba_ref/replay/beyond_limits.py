@@ -6,7 +6,7 @@ one, in every step of every sample that matters (`explained_pixel`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.records.proof_file import ReplayLimits
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
-from mitsuba_ref.records.results import ReplayResult
+from mitsuba_ref.records.results import DivergentPixel, Parting, ReplayResult
 from mitsuba_ref.reference.errors import MitsubaError
-from mitsuba_ref.replay.explained_pixel import DifferentPixel, explain_pixel
+from mitsuba_ref.replay.explained_pixel import DifferentPixel, explain_pixel, parting
 from mitsuba_ref.replay.paths.led_path import Finding
 from mitsuba_ref.replay.paths.traced_pair import TracedPair
 from mitsuba_ref.replay.replay_comparison import (
@@ -71,6 +71,7 @@ def look_at_causes(
         Seconds for one answer of Mitsuba.
     """
     said: list[str] = []
+    partings: list[Parting] = []
     traced = unexplained = 0
     excluded = 0.0
     try:
@@ -86,6 +87,7 @@ def look_at_causes(
                 if len(chosen) < count:
                     excluded = max(excluded, excluded_share(len(chosen)))
                 said.append(_sentence(beyond, found))
+                partings += _first_parting(beyond, found)
     except (MitsubaError, SceneError) as error:
         return replace(result, sentence=f"{result.sentence}; causes not traced: {error}")
     passed = traced > 0 and unexplained == 0
@@ -97,7 +99,32 @@ def look_at_causes(
         traced=traced,
         unexplained=unexplained,
         excluded=excluded,
+        partings=tuple(partings),
     )
+
+
+def causes_of(
+    pixels: Sequence[DivergentPixel],
+    ours: Array,
+    reference: Array,
+    request: RenderRequest,
+    time_limit: float = TIME_LIMIT,
+) -> tuple[DivergentPixel, ...]:
+    """Return divergent pixels, each with the step in which its paths part.
+
+    They are held to the limits of `look_at_causes`, so that both say the same of a pixel.
+    Parameters are as there; `pixels` are those of its `listed`.
+    """
+    scale = _scale_of_divergence(reference)
+    explained = []
+    with TracedPair(request, time_limit) as pair:
+        for pixel in pixels:
+            places = np.array([[pixel.y, pixel.x]])
+            beyond = Beyond("diverged", places, scale, TOLERANCE)
+            found = _explain(pair, beyond, 0, ours, reference)
+            step = parting((pixel.x, pixel.y), found)
+            explained.append(replace(pixel, cause=found.sentence, parting=step))
+    return tuple(explained)
 
 
 def pixels_beyond(
@@ -112,7 +139,7 @@ def pixels_beyond(
     theirs = np.abs(reference.astype(np.float64))
     own, mean = theirs.max(axis=2), theirs.mean()
     if result.divergent > result.divergent_allowed:
-        scale = np.maximum(own, DARK * mean)
+        scale = _scale_of_divergence(reference)
         yield Beyond("diverged", np.argwhere(diverged), scale, TOLERANCE)
     if result.rmse is not None and result.rmse > limits.rmse:
         errors = np.abs(errors_in_common(ours, reference)).max(axis=2)
@@ -120,6 +147,12 @@ def pixels_beyond(
         scale = np.maximum(BRIGHT * own, mean)
         what = f"differ by more than {limits.rmse:g} without diverging"
         yield Beyond(what, np.argwhere(beyond), scale, limits.rmse)
+
+
+def _scale_of_divergence(reference: Array) -> NDArray[np.float64]:
+    """Return what `relative_difference` is relative to at each pixel, (H, W)."""
+    theirs = np.abs(reference.astype(np.float64))
+    return np.maximum(theirs.max(axis=2), DARK * theirs.mean())
 
 
 def spread_evenly(count: int, wanted: int) -> NDArray[np.intp]:
@@ -153,6 +186,16 @@ def _explain(
             (x, y), (a[0], a[1], a[2]), (b[0], b[1], b[2]), scale, beyond.tolerance
         ),
     )
+
+
+def _first_parting(beyond: Beyond, found: dict[int, Finding]) -> list[Parting]:
+    """Return the step in which the first pixel parts that rounding does not explain."""
+    bad = [k for k, one in found.items() if not one.within_rounding]
+    if not bad:
+        return []
+    row, column = (int(place) for place in beyond.places[bad[0]])
+    step = parting((column, row), found[bad[0]])
+    return [] if step is None else [step]
 
 
 def _sentence(beyond: Beyond, found: dict[int, Finding]) -> str:

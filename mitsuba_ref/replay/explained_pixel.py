@@ -6,12 +6,20 @@ them must not hide a defect in another.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mitsuba_ref.our_renderer.traced_path import TracedPath, Vector
+from mitsuba_ref.records.results import Parting
 from mitsuba_ref.replay.paths.led_path import Finding
+from mitsuba_ref.replay.paths.path_comparison import (
+    MEANINGS,
+    Value,
+    place,
+    value_text,
+)
 from mitsuba_ref.replay.paths.traced_pair import Pixel, TracedPair
 
 REPRODUCED = 1e-4
@@ -65,18 +73,48 @@ def explain_pixel(pair: TracedPair, of: DifferentPixel) -> Finding:
         if apart <= of.tolerance * of.scale and not shifts:
             continue
         found = pair.led(of.pixel, sample, reference).examine()
+        found = replace(found, sample=sample, sentence=f"Sample {sample}. {found.sentence}")
         if not found.within_rounding:
-            return Finding(False, f"Sample {sample}. {found.sentence}")
+            return found
         findings.append(found)
         if shifts:
             if len(ours.bounces) != len(reference.bounces) or _drawn(ours) != _drawn(
                 reference
             ):
                 break  # the samples after it are others
-            return Finding(False, f"Sample {sample + 1}. It begins with other numbers.")
+            sentence = f"Sample {sample + 1}. It begins with other numbers."
+            return Finding(False, sentence, sample=sample + 1)
     if not findings:
         return Finding(False, "No sample differs by as much as the pixel does.")
     return max(findings, key=lambda found: found.step)
+
+
+def parting(pixel: Pixel, found: Finding) -> Parting | None:
+    """Return the step in which a pixel's paths part; None if `found` names none."""
+    quantity = found.quantity
+    if quantity is None:
+        return None
+    ours, reference = _worst(quantity.ours, quantity.reference)
+    exact = quantity.error is None or math.isinf(quantity.error)
+    return Parting(
+        *pixel,
+        sample=found.sample,
+        place=place(quantity.bounce),
+        quantity=quantity.name,
+        ours=value_text(ours),
+        reference=value_text(reference),
+        error=None if exact else quantity.error,
+        limit=None if exact else found.limit,
+        within_rounding=found.within_rounding,
+        likely="rounding" if found.within_rounding else MEANINGS[quantity.kind],
+    )
+
+
+def _worst(a: Value, b: Value) -> tuple[Value, Value]:
+    """Return the components of two vectors that are farthest apart; else both as given."""
+    if not (isinstance(a, tuple) and isinstance(b, tuple)):
+        return a, b
+    return max(zip(a, b, strict=True), key=lambda pair: abs(pair[0] - pair[1]))
 
 
 def _drawn(path: TracedPath) -> list[tuple[str, ...]]:

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from mitsuba_ref.our_renderer.picture import RenderOurs, read_scene
 from mitsuba_ref.records.proof_file import USUAL_LIMITS, ReplayLimits
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
-from mitsuba_ref.records.results import DivergentPixel, ReplayResult
+from mitsuba_ref.records.results import ReplayResult
 from mitsuba_ref.reference.cache import ReferenceCache
-from mitsuba_ref.replay.beyond_limits import look_at_causes
+from mitsuba_ref.replay.beyond_limits import causes_of, look_at_causes
 from mitsuba_ref.replay.edge_causes import first_hit_causes
-from mitsuba_ref.replay.paths.traced_pair import TracedPair, is_traceable
+from mitsuba_ref.replay.paths.traced_pair import is_traceable
 from mitsuba_ref.replay.replay_comparison import compare_replay
 from renderer.errors import NotReplayable
 from renderer.rendering.planning.make_plan import make_plan
@@ -74,14 +74,14 @@ def replay_scene(
     camera = None if entries is None else tuple(float(entry) for entry in entries)
     request = replace(request, camera=camera)
     ours = render_ours(request)
-    result = compare_replay(ours.pixels, reference.pixels, limits)
+    pictures = ours.pixels, reference.pixels
+    result = compare_replay(*pictures, limits)
     if limits.traced and result.verdict == "fail" and is_traceable(description):
-        pictures = ours.pixels, reference.pixels
         result = look_at_causes(result, *pictures, request, limits, time_limit)
     if causes and result.listed:
         few = result.listed[:causes]
         if is_traceable(description):
-            told = _with_causes(few, request, time_limit)
+            told = causes_of(few, *pictures, request, time_limit)
         else:
             told = first_hit_causes(few, request, plan.name, render_ours)
         result = replace(result, listed=told + result.listed[causes:])
@@ -93,7 +93,7 @@ def replay_scene(
         seconds_reference=reference.seconds,
         changes=reference.changes,
     )
-    return result, ours.pixels, reference.pixels
+    return result, *pictures
 
 
 def _refuse_early(description: SceneDescription, request: RenderRequest) -> Plan:
@@ -139,14 +139,3 @@ def replay_all(
     except NotReplayable as refusal:
         return (), {}, str(refusal)
     return tuple(results), pictures, ""
-
-
-def _with_causes(
-    pixels: Sequence[DivergentPixel], request: RenderRequest, time_limit: float
-) -> tuple[DivergentPixel, ...]:
-    """Trace pixels in both renderers and say where they part."""
-    with TracedPair(request, time_limit) as pair:
-        return tuple(
-            replace(pixel, cause=pair.cause((pixel.x, pixel.y)) or "below the tolerance")
-            for pixel in pixels
-        )

@@ -26,8 +26,6 @@ from reports.accelerator_trials.structure_facts import structure_facts
 from reports.accelerator_trials.tracing import Query, bytes_of, spread, tallied, trace
 
 COUNTED = ("camera", "shadow", "diffuse", "random")
-# [s] between turns: for a while threads that have nothing to do keep looking for work
-PAUSE = 0.05
 CHECK_PATIENCE = 4  # times the seconds of a turn, for comparing hits
 
 
@@ -60,6 +58,7 @@ def take_turns(
     threads: list[int],
     rounds: int,
     progress: Progress,
+    pause: float = 0.0,
 ) -> Times:
     """Return nanoseconds per ray by name, kind and threads: one number a round."""
     names = [one.name for one in contenders] + [peer.name for peer in peers]
@@ -70,27 +69,34 @@ def take_turns(
                 peer.time(kind, count)  # compiles; ours are compiled since the check
             for turn in range(rounds):
                 progress(f"{kind} rays, {count} threads, round {turn + 1} of {rounds}")
-                for name, each in _one_round(contenders, peers, query, count):
+                for name, each in _one_round(contenders, peers, query, count, pause):
                     times[name][kind].setdefault(str(count), []).append(each * 1e9)
     return times
 
 
 def _one_round(
-    contenders: list[Contender], peers: list[Peer], query: Query, threads: int
+    contenders: list[Contender],
+    peers: list[Peer],
+    query: Query,
+    threads: int,
+    pause: float,
 ) -> Iterator[tuple[str, float]]:
     """Let each take its turn; yield names and seconds per ray.
 
     The first of two goes is not timed: it wakes threads that sleep, and fetches the rays.
+    One thread alone leaves none behind that could look for work, but peers may.
     """
+    time.sleep(pause)
     for one in contenders:
         if not one.fault:
             share = spread(len(query.rays.count), len(one.share[query.kind]) * threads)
             rays = int(query.rays.count[share].sum())
-            time.sleep(PAUSE)
+            if threads > 1:
+                time.sleep(pause)
             trace(one.accel, query, share, threads)
             yield one.name, trace(one.accel, query, share, threads) / rays
     for peer in peers:
-        time.sleep(PAUSE)
+        time.sleep(pause)
         peer.time(query.kind, threads)
         seconds = peer.time(query.kind, threads)
         if seconds is not None:
@@ -154,6 +160,7 @@ def study_scene(
             threads,
             settings.rounds,
             lambda stage: progress(f"{mesh.name}: {stage}"),
+            settings.pause,
         )
         peer_builds = {
             peer.name: peer.time_builds(settings.build_rounds, all_threads())

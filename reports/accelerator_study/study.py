@@ -66,6 +66,7 @@ def measure(settings: StudySettings, progress: Progress) -> dict[str, Any]:
         if mesh.name == "teapot":
             figure = lecture_figure(mesh, contenders, settings, progress)
         _forget(contenders)
+    growth = study_growth(settings, progress)
     further = {}
     for key, study in FURTHER_STUDIES.items():
         progress(study.title)
@@ -87,7 +88,7 @@ def measure(settings: StudySettings, progress: Progress) -> dict[str, Any]:
         "scenes": scenes,
         "figure": figure,
         "maps": maps,
-        "growth": study_growth(settings, progress),
+        "growth": growth,
         "further": further,
     }
 

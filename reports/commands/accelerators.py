@@ -20,6 +20,10 @@ from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.records.errors import ReportError
 
 FAULTY = 1
+QUICK_HELP = (
+    "few and small scenes, about a minute on two quiet cores, and about another one the "
+    "first time, to compile (the default)"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -71,6 +75,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="where the page goes")
     add("--from", dest="source", type=Path, metavar="ACCELERATORS.json", help="draw only")
     size = parser.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="about a minute (the default)")
+    size.add_argument("--quick", action="store_true", help=QUICK_HELP)
     size.add_argument("--full", action="store_true", help="the sizes of the page's figures")
     return parser

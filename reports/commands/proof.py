@@ -10,8 +10,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from mitsuba_ref.ladder.climb import FEWEST_SEEDS
 from mitsuba_ref.records.json_files import write_atomically
+from mitsuba_ref.records.request import FEWEST_SEEDS
 from mitsuba_ref.records.verdicts import exit_status
 from reports.argument_types import at_least
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw

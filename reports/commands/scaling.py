@@ -17,6 +17,7 @@ from rich.table import Table
 
 import renderer
 from mitsuba_ref.records.machine import circumstances
+from mitsuba_ref.records.other_programs import busy_sentence
 from renderer.errors import ClusterError
 from reports.cluster_study.measure import measure_costs, measure_runs
 from reports.cluster_study.record import Costs, Run, Scaling, Simulated
@@ -63,6 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         simulated=simulated,
     )
     write_json(given.out / "data" / "scaling.json", record, SCHEMA)
+    if sentence := busy_sentence(record.machine):
+        out.print(sentence, style="bold yellow", markup=False)
     out.print(_costs(costs), _runs(runs, record.samples), _simulated(simulated), sep="\n")
     return 0
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -145,7 +144,6 @@ def _measure(
         If there is nothing to show, for that reason.
     """
     settings = _settings(given)
-    load = [os.getloadavg()[0]]
     noisy: list[NoisyScene] = []
     noiseless: list[NoiselessScene] = []
     failed: dict[str, str] = {}
@@ -176,7 +174,6 @@ def _measure(
         spp=list(settings.spp),
         seeds=settings.seeds,
         threads=settings.threads,
-        load=[*load, os.getloadavg()[0]],
         noisy=noisy,
         noiseless=noiseless,
         failed=failed,

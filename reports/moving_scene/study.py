@@ -42,7 +42,7 @@ Record = dict[str, Any]
 def measure_moving_scene(quick: bool = True) -> Record:
     """Return the study at the size of the page's quick or full run."""
     if quick:
-        return study_moving_scene(frequency=29, frames=5, rays=4096)
+        return study_moving_scene(frequency=29, frames=3, rays=4096)
     return study_moving_scene(frequency=114, frames=17, rays=16384)
 
 

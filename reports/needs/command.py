@@ -14,7 +14,7 @@ from rich.console import Console
 
 import renderer
 from mitsuba_ref.records.json_files import write_atomically
-from mitsuba_ref.records.machine import circumstances
+from mitsuba_ref.records.machine import circumstances, describe_machine
 from mitsuba_ref.records.proof_file import read_proof
 from renderer.command.options import definition
 from renderer.errors import SceneError
@@ -74,7 +74,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 continue
             print_table(found[-1][0], console)
             # what takes this long is not lost, nor what is further down from before
-            record = replace(record, scenes=[*(one for one, _ in found), *before.values()])
+            record = replace(
+                record,
+                scenes=[*(one for one, _ in found), *before.values()],
+                machine=describe_machine(),  # busy so far, or not
+            )
             write_json(file, record, SCHEMA)
     except KeyboardInterrupt:
         status = INTERRUPTED  # what is measured is worth a page

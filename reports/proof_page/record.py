@@ -16,7 +16,8 @@ from msgspec import Meta
 from mitsuba_ref.false_alarms.alarm_counts import FalseAlarms, exceeds
 from mitsuba_ref.false_alarms.binomial import Rate
 from mitsuba_ref.mutations.matrix import Row
-from mitsuba_ref.records.results import Results
+from mitsuba_ref.records.failures import failures
+from mitsuba_ref.records.results import Results, SceneResult
 from mitsuba_ref.records.verdicts import VERDICTS
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json
@@ -96,7 +97,7 @@ class ProofRecord:
     def faults(self) -> list[str]:
         """Everything that is not as it should be, one sentence each."""
         scenes = [
-            f"{scene.title}: {(*scene.reasons, VERDICTS[scene.verdict].meaning)[0]}"
+            f"{scene.title}: {_what_failed(scene)}"
             for scene in self.results.scenes
             if scene.verdict != "pass"
         ]
@@ -160,6 +161,13 @@ def _within(value: float | None, band: Ends) -> bool:
     if value is None:
         return False
     return (low is None or low <= value) and (high is None or value <= high)
+
+
+def _what_failed(scene: SceneResult) -> str:
+    """Return the names of what is beyond its limit, or else why there is nothing."""
+    if scene.verdict == "fail" and (found := failures(scene)):
+        return f"beyond its limit: {'; '.join(one.quantity for one in found)}"
+    return (*scene.reasons, VERDICTS[scene.verdict].meaning)[0]
 
 
 def _register_faults(register: Register) -> list[str]:

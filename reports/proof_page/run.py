@@ -11,8 +11,8 @@ from typing import Literal
 
 from mitsuba_ref.command import cli as harness
 from mitsuba_ref.command.stages import shown_stages
-from mitsuba_ref.ladder.climb import FEWEST_SEEDS
 from mitsuba_ref.records.machine import usable_cores
+from mitsuba_ref.records.request import FEWEST_SEEDS
 from reports.proof_page.record import ALARMS, MATRIX, REGISTER
 from reports.records.errors import ReportError
 

@@ -50,11 +50,17 @@ class SceneSection:
         return self.result.method.removeprefix(self.result.integrator).lstrip(" ,;:")
 
     @property
-    def metrics(self) -> dict[str, Metric]:
-        """RMSE first, then what else was judged, then what is only shown."""
+    def judged(self) -> dict[str, Metric]:
+        """The metrics that were judged, RMSE first."""
         found = self.result.metrics
-        order = sorted(found, key=lambda key: (key != "rmse", found[key].passed is None))
-        return {key: found[key] for key in order}
+        keys = sorted(found, key=lambda key: key != "rmse")
+        return {key: found[key] for key in keys if found[key].passed is not None}
+
+    @property
+    def not_judged(self) -> dict[str, Metric]:
+        """The metrics that are only shown."""
+        found = self.result.metrics
+        return {key: metric for key, metric in found.items() if metric.passed is None}
 
     @property
     def rmse_share(self) -> float | None:

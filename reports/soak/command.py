@@ -13,7 +13,7 @@ from rich.console import Console
 
 from mitsuba_ref.command.stages import Show, shown_stages
 from mitsuba_ref.records.json_files import write_atomically
-from mitsuba_ref.records.machine import circumstances
+from mitsuba_ref.records.machine import circumstances, describe_machine
 from reports.records.errors import ReportError
 from reports.records.measured import MEASURED
 from reports.soak.page import soak_page
@@ -93,7 +93,8 @@ def _soaked(soak: Soak, study: Study, given: argparse.Namespace, show: Show) -> 
 
 
 def _with(soak: Soak, study: Study, part: Part) -> Soak:
-    return replace(soak, parts={**soak.parts, study.name: part})
+    parts = {**soak.parts, study.name: part}
+    return replace(soak, parts=parts, machine=describe_machine())  # busy so far, or not
 
 
 def _read_again(record: Path, otherwise: Soak) -> Soak:

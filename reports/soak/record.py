@@ -52,6 +52,11 @@ class Part:
     sessions: tuple[Session, ...] = ()
     curve: tuple[float, ...] = ()
 
+    @property
+    def open_faults(self) -> int:
+        """Those of the last session; a trial goes on when those before are mended."""
+        return self.sessions[-1].faults if self.sessions else 0
+
     def begun(self, session: Session) -> Part:
         """Return the part with one more session."""
         return replace(self, sessions=(*self.sessions, session))
@@ -103,8 +108,13 @@ class Soak(Circumstances):
 
     @property
     def fault_count(self) -> int:
-        """The faults of all trials."""
+        """The faults of all trials, those mended since included."""
         return sum(part.fault_count for part in self.parts.values())
+
+    @property
+    def open_faults(self) -> int:
+        """The faults of the last session of each trial."""
+        return sum(part.open_faults for part in self.parts.values())
 
 
 def read_soak(path: Path) -> Soak:

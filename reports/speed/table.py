@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from mitsuba_ref.records.other_programs import busy_sentence
 from reports.page import formatting
 from reports.records.circumstances import Circumstances
 from reports.speed.compile_times import CompileTimes
@@ -72,7 +73,9 @@ def print_compile_times(record: CompileTimes, console: Console) -> None:
 
 
 def print_circumstances(record: Circumstances, console: Console) -> None:
-    """Print machine, versions, commit, time and command of a record."""
+    """Print machine, versions, commit, time and command; first if it was busy."""
+    if sentence := busy_sentence(record.machine):
+        console.print(sentence, style="bold yellow", markup=False, soft_wrap=True)
     machine = ", ".join(f"{key} {value}" for key, value in record.machine.items())
     versions = ", ".join(f"{name} {found}" for name, found in record.versions.items())
     _line(console, f"machine: {machine}")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import statistics
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
 
+from mitsuba_ref.records.other_programs import LOAD
 from mitsuba_ref.statistics.equal_error import log_ratio_error, worth
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json, write_json
@@ -158,7 +159,8 @@ class SpeedAccuracy(Circumstances):
     spp: Annotated[list[int], Meta(min_length=1)]
     seeds: int
     threads: int  # of each renderer
-    load: Annotated[list[float], Meta(min_length=1)]  # average of a minute: first, last
+    # of older files: processes that wanted a processor in the minute before it began, ...
+    load: list[float] = field(default_factory=list)
     noisy: list[NoisyScene]
     noiseless: list[NoiselessScene]
     failed: dict[str, str] = field(default_factory=dict)  # scenes, and why
@@ -171,7 +173,10 @@ class SpeedAccuracy(Circumstances):
 
 def read_speed_accuracy(path: Path) -> SpeedAccuracy:
     """Read and check the record; raise ReportError for what is wrong, and where."""
-    return read_json(path, SpeedAccuracy, SCHEMA)
+    record = read_json(path, SpeedAccuracy, SCHEMA)
+    if not record.load:
+        return record
+    return replace(record, machine={**record.machine, LOAD: round(record.load[0], 2)})
 
 
 def write_speed_accuracy(path: Path, record: SpeedAccuracy) -> None:

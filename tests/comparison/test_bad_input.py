@@ -15,7 +15,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mitsuba_ref.command import cli, verdict_of_error
+from mitsuba_ref.command import validate_scenes, verdict_of_error
 from mitsuba_ref.command.cli import main
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import CURRENT, VERDICTS, exit_status, most_severe
@@ -154,7 +154,7 @@ def test_each_case_has_its_verdict_status_and_sentence(
         monkeypatch.setattr(replay_scene, "read_scene", lambda request: NO_OTHER_FILES)
         monkeypatch.setattr(replay_scene, "_refuse_early", lambda *arguments: None)
     if mode != "noise" or mitsuba not in BY_A_PROCESS:
-        monkeypatch.setattr(cli, "MitsubaWorker", canned_renderers.InProcess)
+        monkeypatch.setattr(validate_scenes, "MitsubaWorker", canned_renderers.InProcess)
     report = tmp_path / "report"
     limit = 2 if mitsuba == "hang" else 120
     given = write("case", ours, mitsuba), "--report", report, "--time-limit", limit

@@ -168,9 +168,11 @@ def replayed(tmp_path_factory):
     with MitsubaWorker(time_limit=120.0) as worker:
         references = ReferenceCache(worker.render)
 
-        def replay(name, spp=1, limits=NO_PROOF.replay):
+        def replay(name, spp=1, limits=NO_PROOF.replay, causes=0):
             request = scene_request(scenes[name], NO_PROOF, Options(threads=2))
-            one = replay_scene.replay_scene(request, spp, render_ours, references, limits)
+            one = replay_scene.replay_scene(
+                request, spp, render_ours, references, limits, causes
+            )
             return one[0]
 
         yield replay
@@ -247,6 +249,23 @@ def test_a_defect_does_not_pass_as_rounding(replayed, monkeypatch, kind, size, n
     assert result.unexplained > result.traced // 4
     assert "NOT explained by rounding, as pixel " in result.sentence
     assert named in result.sentence
+
+
+@pytest.mark.parametrize("size", [4e-4, 9e-4, 3e-3])
+def test_causes_name_a_defect_that_the_verdict_names(replayed, monkeypatch, size):
+    """Below 1e-3 they said "below the tolerance" next to a verdict that named the cause."""
+    defect(monkeypatch, "albedo", size)
+    result = replayed("thin-triangles-far-away", causes=3)
+    (verdict, *_) = result.partings
+    causes = [pixel for pixel in result.listed[:3] if pixel.cause]
+    assert len(causes) == 3
+    # one and the same defect, with the same limit, whoever looks
+    steps = {pixel.parting for pixel in causes if not pixel.parting.within_rounding}
+    assert steps
+    assert {step.limit for step in steps} == {verdict.limit} == {EXACT}
+    assert {step.quantity for step in steps} <= {"throughput after", "unblocked light"}
+    assert all("tolerance" not in pixel.cause for pixel in causes)
+    assert all(step.error == pytest.approx(size, rel=0.5) for step in steps)
 
 
 @pytest.mark.slow

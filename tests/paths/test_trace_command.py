@@ -88,17 +88,17 @@ def inject(monkeypatch, defect) -> None:
     """Let the kernels' path of each sample, moved or not, have a defect."""
     real = StepByStep._trace
 
-    def spoilt(self, tile, sample, moved=None):
-        return defect(real(self, tile, sample, moved), sample)
+    def spoilt(self, tile, sample, *moved):
+        return defect(real(self, tile, sample, *moved), sample)
 
     monkeypatch.setattr(StepByStep, "_trace", spoilt)
 
 
-def darker_light(path: TracedPath) -> TracedPath:
-    """Return a path on which the lights of bounce 1 carry a tenth less."""
+def darker_light(path: TracedPath, factor: float = 0.9) -> TracedPath:
+    """Return a path on which the lights of bounce 1 carry `factor` times as much."""
     first, second, *rest = path.bounces
     lights = tuple(
-        replace(light, carried=tuple(0.9 * c for c in light.carried))
+        replace(light, carried=tuple(factor * c for c in light.carried))
         for light in second.lights
     )
     return replace(path, bounces=(first, replace(second, lights=lights), *rest))
@@ -112,8 +112,21 @@ def test_an_injected_defect_is_status_1_and_marked_in_its_bounce(monkeypatch, ca
     (marked,) = (line for line in output.splitlines() if "<-- first" in line)
     assert marked.split()[:2] == ["unblocked", "light"]
     assert "First difference at bounce 1: unblocked light" in output
-    assert "Not within rounding: even moving any ray of ours up to there" in output
+    assert "Not within rounding: from the same ray as Mitsuba's no move by 4e-07" in output
     assert "Likely a value" in output
+
+
+def test_what_a_verdict_calls_a_defect_is_marked_though_it_is_small(monkeypatch, capsys):
+    """Half a thousandth at bounce 1: paths may differ by more, a single step may not."""
+    inject(monkeypatch, lambda path, sample: darker_light(path, 0.9995))
+    assert run("--trace", PIXEL, "--sample", SAMPLE) == 1
+    output = capsys.readouterr().out
+    (marked,) = (line for line in output.splitlines() if "<-- first" in line)
+    assert marked.split()[:2] == ["unblocked", "light"]
+    assert "First difference at bounce 1: unblocked light" in output
+    # one who says a tolerance gets this and no other
+    assert run("--trace", PIXEL, "--sample", SAMPLE, "--tolerance", "1e-3") == 0
+    assert "The paths agree" in capsys.readouterr().out
 
 
 def test_an_earlier_sample_that_parted_is_named(monkeypatch, capsys):

@@ -66,7 +66,6 @@ def record(**changes) -> SpeedAccuracy:
         "spp": [4, 16],
         "seeds": 2,
         "threads": 2,
-        "load": [0.25, 2.0],
         "noisy": scenes,
         "noiseless": [noiseless()],
         "created": "2026-01-02T03:04:05Z",

@@ -48,6 +48,15 @@ def test_version_and_help_import_nothing_slow(option):
     assert not imported(finished) & {*SLOW, "numpy"}
 
 
+def test_the_harness_tells_its_options_before_it_imports_what_compares():
+    """It took 3 to 5 seconds; a wrong option is told as fast."""
+    for options, status in ((["--help"], 0), (["--seeds", "3"], 2)):
+        finished = run("-m", "mitsuba_ref", *options)
+        assert finished.returncode == status
+        assert "--checks" in finished.stdout + finished.stderr
+        assert not imported(finished) & {*SLOW, "numpy", "msgspec", "mitsuba"}
+
+
 def test_the_package_imports_its_parts_when_they_are_asked_for():
     finished = run("-c", "import renderer; print(renderer.__version__, dir(renderer))")
     assert renderer.__version__ in finished.stdout

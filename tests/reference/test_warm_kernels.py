@@ -9,7 +9,7 @@ import sys
 import pytest
 from mitsuba_stand_in import stand_in, write_scene
 
-from mitsuba_ref.command import cli
+from mitsuba_ref.command import cli, validate_scenes
 from mitsuba_ref.our_renderer import compile_ahead
 from mitsuba_ref.records.options import Options
 
@@ -91,8 +91,8 @@ def test_only_our_own_renderer_is_warmed_and_only_for_several_scenes(scenes, mon
     def note(requests, progress):
         asked.append([request.kind for request in requests])
 
-    monkeypatch.setattr(cli, "compile_kernels", note)
-    monkeypatch.setattr(cli, "validate_scene", interrupt)
+    monkeypatch.setattr(validate_scenes, "compile_kernels", note)
+    monkeypatch.setattr(validate_scenes, "validate_scene", interrupt)
     names = [os.fspath(scene) for scene in scenes]
     assert cli.main([*names, "--size", "test"]) == 130
     assert asked == [["image", "aovs", "image", "aovs"]]

@@ -26,6 +26,7 @@ from reports.soak.damage.formats import DAMAGE
 from reports.soak.damage.sound_files import SoundFile, sound_files
 from reports.soak.damaged_files import Answer, Reader, damaged_file_steps
 from reports.soak.growth import ALPHA, LEAST, MIB, trend
+from reports.soak.page import soak_page
 from reports.soak.rays import trial as rays
 from reports.soak.rays.closed_meshes import ClosedMesh, Starts
 from reports.soak.rays.making import rays_from_inside
@@ -489,6 +490,22 @@ def test_a_fault_is_status_1_and_on_the_page(tmp_path: Path, monkeypatch) -> Non
         monkeypatch.setattr("reports.soak.page.STUDIES", (study,))
         assert command.main(words) == status
         assert "a &lt;b&gt; hole" in (tmp_path / "soak.html").read_text()
+
+
+def test_faults_are_open_until_the_trial_goes_on_without_them() -> None:
+    """The banner counts those of each trial's last session, the others are mended."""
+    begun = (
+        Part()
+        .begun(Session("2026", "c0ffee", "cpu"))
+        .after(Step(9, faults=("a", "b")), 1.0)
+    )
+    gone_on = begun.begun(Session("2027", "c0ffee", "cpu")).after(Step(9), 1.0)
+    for part, banner in (
+        (Part(), '"banner pass">✓ 0 faults open, 0 found and mended'),
+        (begun, '"banner fail">✗ 2 faults open, 0 found and mended'),
+        (gone_on, '"banner pass">✓ 0 faults open, 2 found and mended'),
+    ):
+        assert banner in soak_page(Soak(parts={STUDIES[0].name: part}))
 
 
 def test_a_record_has_no_paths_of_the_machine(tmp_path: Path, monkeypatch) -> None:

@@ -75,6 +75,9 @@ class Finding:
     within_rounding: bool
     sentence: str
     step: float = 0.0  # the largest move that was needed; 0: none
+    quantity: Quantity | None = None  # that parts; None: each step agrees
+    limit: float = 0.0  # of its relative error, where no move has to explain it
+    sample: int = 0
 
 
 class LedPath:
@@ -105,8 +108,8 @@ class LedPath:
         are paths of their own ends the comparison.
         """
         found = _compare(self._led, self._reference)
-        explained: list[str] = []
-        largest, after = 0.0, 0.0
+        explained: list[Quantity] = []
+        largest, after, limit = 0.0, 0.0, 0.0
         shadows: set[tuple[int, int]] = set()
         for key, quantity in found.items():
             bounce, name, turn = key
@@ -117,21 +120,23 @@ class LedPath:
                 continue  # that after the bounce before, over the chance of roulette
             after = error if name == "throughput after" else after
             chosen = found.get((bounce, "BSDF pdf", turn))
-            if error <= _inexact(quantity, chosen):
+            if error <= (allowed := _inexact(quantity, chosen)):
                 continue
             step = self._smallest_step(key, quantity)
             if step is None:
-                return Finding(False, _unexplained(quantity))
-            largest = max(largest, step)
-            explained.append(f"{name} at {place(bounce)}")
+                return Finding(False, _unexplained(quantity), 0.0, quantity, allowed)
+            largest, limit = max(largest, step), allowed
+            explained.append(quantity)
             if quantity.kind == "shadow":
                 shadows.add((bounce, turn))
             if quantity.kind in ENDS:
-                return Finding(True, _words(explained, largest), largest)
-        total = found[WHOLE, "radiance", 0]
-        if not explained and total.counted_error > SUM:
-            return Finding(False, _unexplained(total))
-        return Finding(True, _words(explained, largest), largest)
+                break
+        else:
+            total = found[WHOLE, "radiance", 0]
+            if not explained and total.counted_error > SUM:
+                return Finding(False, _unexplained(total), 0.0, total, SUM)
+        last = explained[-1] if explained else None
+        return Finding(True, _words(explained, largest), largest, last, limit)
 
     def _smallest_step(self, key: Key, quantity: Quantity) -> float | None:
         """Return the size of the first move that explains a quantity; None if none does."""
@@ -236,6 +241,15 @@ def _ray(path: TracedPath, segment: int) -> Ray:
     return before.scattered.origin or before.position, before.scattered.direction
 
 
+def unexplained(found: Finding) -> str:
+    """Return what is to be said of a step whose values have been said already."""
+    likely = MEANINGS[found.quantity.kind] if found.quantity else "not in a single step"
+    return (
+        f"Not within rounding: from the same ray as Mitsuba's no move by {STEPS[-1]:g} "
+        f"makes up for it. Likely {likely}."
+    )
+
+
 def _unexplained(q: Quantity) -> str:
     ours, theirs = (" ".join(value_text(v).split()) for v in (q.ours, q.reference))
     by = "" if q.error == math.inf else f", relative error {error_text(q.error)}"
@@ -246,14 +260,15 @@ def _unexplained(q: Quantity) -> str:
     )
 
 
-def _words(explained: Sequence[str], step: float) -> str:
+def _words(explained: Sequence[Quantity], step: float) -> str:
     if not explained:
         return (
             "Amplified rounding: from the same rays as Mitsuba's, every step agrees to "
             f"{EXACT:g}; the difference has grown from bounce to bounce."
         )
     more = f" and {len(explained) - 1} more before" if len(explained) > 1 else ""
+    last = f"{explained[-1].name} at {place(explained[-1].bounce)}"
     return (
-        f"Within rounding: from the same rays as Mitsuba's, {explained[-1]}{more} differ, "
+        f"Within rounding: from the same rays as Mitsuba's, {last}{more} differ, "
         f"and moves by {step:g} make up for it."
     )

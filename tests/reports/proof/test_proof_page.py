@@ -273,7 +273,7 @@ def test_replay_of_two_sizes_is_a_sentence_not_a_picture(tmp_path: Path) -> None
     record = sample.record(tmp_path, sample.proven("box", "fail", replay=[sizes]))
     np.save(tmp_path / "box/replay_reference.npy", np.ones((9, 9, 3), np.float32))
     page = proof_page(record, tmp_path)
-    assert "✗ 1 sample: 16 x 12, 9 x 9" in page
+    assert '<td colspan="5" class="meaning">16 x 12, 9 x 9</td>' in page
     assert "Our picture with Mitsuba" not in page
 
 

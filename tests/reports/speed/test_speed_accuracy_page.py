@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 from drawn_charts import figures, points
@@ -11,11 +13,18 @@ from speed_accuracy_sample import PEER, noisy, record
 
 from reports.commands import speed_accuracy as command
 from reports.commands.pages import draw
+from reports.page.formatting import number
 from reports.records.errors import ReportError
+from reports.records.measured import MEASURED
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.speed_accuracy.page import speed_accuracy_page
-from reports.speed_accuracy.record import read_speed_accuracy, write_speed_accuracy
+from reports.speed_accuracy.record import (
+    FILE,
+    read_speed_accuracy,
+    write_speed_accuracy,
+)
+from reports.speed_accuracy.summary import efficiencies
 
 
 @pytest.fixture
@@ -64,10 +73,12 @@ def test_who_is_absent_and_what_failed_is_at_the_top(page):
     assert f"{PEER} x takes no part in only" in found
 
 
-def test_load_and_peers_are_stated(page):
-    assert "0.25 processes wanted a processor" in page and "there are 2 cores" in page
-    busy = "It was busy with something else"
-    assert busy not in page and busy in speed_accuracy_page(record(load=[1.5, 3.0]))
+def test_an_older_file_tells_by_its_load_whether_the_machine_was_busy(tmp_path):
+    """The load average of the minute before it began, which may be a command of ours."""
+    for load, busy in (([0.1, 2.0], False), ([1.5, 3.0], True)):
+        write_speed_accuracy(tmp_path / "old.json", record(load=load))
+        page = speed_accuracy_page(read_speed_accuracy(tmp_path / "old.json"))
+        assert ("⚠ The machine may have been busy: its load was 1.5" in page) == busy
 
 
 def test_a_structure_with_another_picture_is_seen():
@@ -80,6 +91,15 @@ def test_a_structure_with_another_picture_is_seen():
 
 def test_an_exact_picture_has_a_place_on_a_logarithmic_axis(page):
     assert any(points(trace) == [(0.1, 1e-9)] for trace in figures(page)[2]["data"])
+
+
+def test_the_readme_has_the_numbers_of_the_record_and_no_others():
+    """The table that the command prints; "at equal error" is said nowhere with another."""
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    summary = efficiencies(read_speed_accuracy(MEASURED / FILE))
+    assert "\n".join(command.markdown(summary)) in readme
+    told = re.findall(r"equal error,? it is \**([\d.]+)", " ".join(readme.split()))
+    assert set(told) <= {number(summary[0].mean)}, "another number than the record's"
 
 
 def test_the_page_loads_nothing(page):
