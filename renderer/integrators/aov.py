@@ -45,9 +45,10 @@ def _read(properties: Properties) -> Integrator:
     if not aovs:
         properties.fail("aovs", "an empty list", 'a list like "dd:depth, nn:sh_normal"')
     nested = _nested(properties)
+    # the first hit is that of an emitter too; colours follow the integrator inside
+    properties.boolean("hide_emitters", False)
     return Integrator(
         "aov",
-        hide_emitters=properties.boolean("hide_emitters", False),
         aovs=tuple(aovs),
         nested=nested,
         refusal="" if nested is None else nested.refusal,
