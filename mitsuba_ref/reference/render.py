@@ -63,6 +63,8 @@ def render_reference(request: RenderRequest) -> Reference:
             keep_shapes_apart=wants_aovs or request.replay,
             fixed_blocks=request.replay,
             independent_samples=request.independent,
+            # a replay has Mitsuba's densities on both sides
+            unsampled_lamps=request.unsampled_lamps and not (request.replay or wants_aovs),
             plugins=request.plugins,
         )
         scene = edited.scene
