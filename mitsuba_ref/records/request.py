@@ -12,6 +12,9 @@ EXR file, and a scene may hold EXR textures."""
 TIME_LIMIT = 900.0
 """Seconds for one answer of Mitsuba, its start included."""
 
+OF_FILE = "aov "
+"""What names of rendered arrays begin with that are AOVs which the file lists."""
+
 
 @dataclass(frozen=True)
 class RenderRequest:
