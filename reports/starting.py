@@ -22,7 +22,9 @@ def run(module: str) -> int:
     try:
         os.getcwd()
     except FileNotFoundError:  # pages go there, and a study of minutes would be lost
-        raise SystemExit("error: the working directory was deleted; change to another")
+        raise SystemExit(
+            "error: the working directory was deleted; change to another"
+        ) from None
     # a missing package is said alone, in one line
     quiet = {"-h", "--help"} & set(sys.argv[1:]) or not all(map(is_installed, NEEDED))
     if not quiet:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from mitsuba_ref.comparison.compare import (
     Comparison,
     compare,
     with_known_fault,
+    with_listed_aov,
     with_metric,
     with_replays,
     without_numbers,
@@ -28,7 +29,7 @@ from mitsuba_ref.comparison.noise_floor import compare_filtered
 from mitsuba_ref.comparison.preconditions import count_non_finite, find_obstacle
 from mitsuba_ref.ladder.pictures_by_seed import climb_scene, reference_seed, with_rungs
 from mitsuba_ref.ladder.rungs_of_convergence import convergence_rungs
-from mitsuba_ref.our_renderer.picture import RenderOurs, cautions_about
+from mitsuba_ref.our_renderer.picture import RenderOurs, cautions_about, read_scene
 from mitsuba_ref.records.options import Options, scene_name, scene_request, shown_path
 from mitsuba_ref.records.proof_file import NO_PROOF, USUAL_LIMITS, Proof, read_proof
 from mitsuba_ref.records.request import RenderRequest
@@ -36,7 +37,7 @@ from mitsuba_ref.records.results import SceneResult, Seconds
 from mitsuba_ref.records.verdicts import COMPARED
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.edited_scene import BOX_INSTEAD
-from mitsuba_ref.reference.plugins.known_faults import wrong_by
+from mitsuba_ref.reference.plugins.known_faults import TURNED, has_biased_lamps, wrong_by
 from mitsuba_ref.reference.render import Reference
 from mitsuba_ref.replay.replay_scene import replay_all
 from mitsuba_ref.speed.speed_against_accuracy import measure_ladder
@@ -135,27 +136,33 @@ def _validate(
     progress("our renderer")
     ours = render_ours(request)
     our_aovs = render_ours(replace(request, kind="aovs", spp=None))
-    pictures: list[Reference] = []
-    deterministic = proof.deterministic
-    for index in range(REFERENCE_SEEDS):
-        if index == 2 and deterministic is None:
-            deterministic = np.array_equal(pictures[0].pixels, pictures[1].pixels)
-        if index == 2 and deterministic:
-            break  # the second seed has shown that there is no noise
-        progress(f"Mitsuba, seed {index + 1}")
-        seeded = replace(request, seed=reference_seed(index))
-        pictures.append(references.get(seeded, ours.files))
     progress("Mitsuba, AOVs")
     aovs = references.get(replace(request, kind="aovs", spp=None, seed=0), ours.files)
-    progress("comparing")
-    comparison = compare(
-        ours.pixels,
-        [picture.pixels for picture in pictures],
-        our_aovs.arrays,
-        aovs.arrays,
-        deterministic=bool(deterministic),
-        rmse_factor=proof.rmse_factor,
-    )
+
+    def compared(request: RenderRequest) -> tuple[Comparison, list[Reference], bool]:
+        pictures, deterministic = _reference_pictures(
+            request, ours.files, proof.deterministic, references, progress
+        )
+        progress("comparing")
+        comparison = compare(
+            ours.pixels,
+            [picture.pixels for picture in pictures],
+            our_aovs.arrays,
+            aovs.arrays,
+            deterministic=deterministic,
+            rmse_factor=proof.rmse_factor,
+        )
+        turned = TURNED in aovs.changes  # not those of the file, which have noise
+        for name, kind in ours.listed.items():
+            if comparison.verdict in COMPARED and not (turned and kind == "sh_normal"):
+                theirs = [picture.arrays.get(name) for picture in pictures]
+                comparison = with_listed_aov(comparison, name, ours.arrays[name], theirs)
+        return comparison, pictures, deterministic
+
+    comparison, pictures, deterministic = compared(request)
+    if comparison.verdict == "fail" and has_biased_lamps(read_scene(request)):
+        request = replace(request, unsampled_lamps=True)
+        comparison, pictures, deterministic = compared(request)
     boxed = BOX_INSTEAD in pictures[0].changes
     if boxed and not deterministic and comparison.verdict in COMPARED:
         progress("with the scene's own filter")
@@ -176,7 +183,7 @@ def _validate(
     comparison = with_known_fault(comparison, wrong_by(pictures[0].changes))
     blank = replace(
         blank,
-        deterministic=bool(deterministic),
+        deterministic=deterministic,
         replay=replays,
         settings=_replay_settings(proof, refusal),
     )
@@ -197,7 +204,7 @@ def _validate(
             render_ours,
             references,
             progress,
-            deterministic=bool(deterministic),
+            deterministic=deterministic,
         )
         climbed = climb_scene(
             request,
@@ -207,12 +214,32 @@ def _validate(
             render_ours,
             references,
             progress,
-            deterministic=bool(deterministic),
+            deterministic=deterministic,
             further=further if options.convergence else (),
         )
         result = with_rungs(result, climbed)
         shown |= climbed.pictures
     return Validated(result, shown)
+
+
+def _reference_pictures(
+    request: RenderRequest,
+    files: Sequence[str],
+    deterministic: bool | None,
+    references: ReferenceCache,
+    progress: Callable[[str], None],
+) -> tuple[list[Reference], bool]:
+    """Return Mitsuba's pictures with several seeds, and whether they are without noise."""
+    pictures: list[Reference] = []
+    for index in range(REFERENCE_SEEDS):
+        if index == 2 and deterministic is None:
+            deterministic = np.array_equal(pictures[0].pixels, pictures[1].pixels)
+        if index == 2 and deterministic:
+            break  # the second seed has shown that there is no noise
+        progress(f"Mitsuba, seed {index + 1}")
+        seeded = replace(request, seed=reference_seed(index))
+        pictures.append(references.get(seeded, files))
+    return pictures, bool(deterministic)
 
 
 def _small(options: Options) -> Options:

@@ -9,12 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.comparison.aovs import NOTHING_SEEN, compare_aovs, sees_nothing
-from mitsuba_ref.comparison.noise_floor import NOISY_RMSE_FACTOR, judge_with_noise
+from mitsuba_ref.comparison.noise_floor import (
+    NOISY_RMSE_FACTOR,
+    compare_filtered,
+    judge_with_noise,
+)
 from mitsuba_ref.comparison.preconditions import Obstacle, count_non_finite, find_obstacle
 from mitsuba_ref.comparison.without_noise import judge_without_noise
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.records.results import AovResult, Finite, Metric, ReplayResult
 from mitsuba_ref.records.verdicts import Verdict, most_severe
+from renderer.integrators.kind import as_picture
 
 Array = NDArray[np.float32]
 
@@ -97,6 +102,39 @@ def with_metric(comparison: Comparison, name: str, metric: Metric) -> Comparison
         reasons=reasons,
         metrics={**comparison.metrics, name: metric},
     )
+
+
+def with_listed_aov(
+    comparison: Comparison,
+    name: str,
+    ours: Array,
+    references: Sequence[Array | None],
+) -> Comparison:
+    """Return the comparison with an AOV that the file lists, its channels as a picture's.
+
+    Parameters
+    ----------
+    comparison, name
+        To what the metric `name` is added.
+    ours, references
+        (H, W, C) with C up to 3, of all samples; None: Mitsuba has none by this name. Equal
+        ones have no noise, whatever the colours have.
+    """
+    shape = ours.shape
+    if any(values is None or values.shape != shape for values in references):
+        found = [None if values is None else values.shape for values in references]
+        what = f"our {name} has shape {shape}, Mitsuba's {found[0]}"
+        return without_numbers(comparison, Obstacle("size-mismatch", what), name)
+    picture = as_picture(ours)
+    theirs = [as_picture(values) for values in references if values is not None]
+    obstacle = find_obstacle([picture], theirs)
+    if obstacle:
+        return without_numbers(comparison, obstacle, name)
+    if np.array_equal(theirs[0], theirs[1]):
+        metric = judge_without_noise(picture, theirs, None, 1.0)["rmse"]
+    else:
+        metric = compare_filtered(picture, theirs)
+    return with_metric(comparison, name, metric)
 
 
 def with_known_fault(comparison: Comparison, fault: str) -> Comparison:

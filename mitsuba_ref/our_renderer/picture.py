@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.whole_picture import whole
-from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.request import OF_FILE, RenderRequest
 from renderer.scene_file.description import (
     AOV_KINDS,
     Integrator,
@@ -27,7 +27,8 @@ Array = NDArray[np.float32]
 class OurPicture:
     """What our renderer made of a request."""
 
-    arrays: dict[str, Array]  # "pixels" (H, W, 3), or one (H, W, C) for each AOV kind
+    # "pixels" (H, W, 3) and those AOVs that the file lists, or one for each AOV kind
+    arrays: dict[str, Array]
     spp: int
     files: tuple[str, ...] = ()  # every file that the scene reads
     seconds: float | None = None  # without loading and compiling
@@ -36,6 +37,7 @@ class OurPicture:
     integrator: str = ""
     method: str = ""
     explain: str = ""
+    listed: Mapping[str, str] = field(default_factory=dict)  # name of an AOV -> its kind
 
     @property
     def pixels(self) -> Array:
@@ -86,8 +88,13 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
             light_choice=light_choice,
         )
     )
+    arrays = dict(image.aovs)
+    listed = {OF_FILE + k: kind for k, kind in image.aov_kinds.items() if kind in AOV_KINDS}
+    if not wants_aovs:
+        arrays = {OF_FILE + name: values for name, values in image.aovs.items()}
+        arrays["pixels"] = np.asarray(image)
     return OurPicture(
-        arrays=dict(image.aovs) if wants_aovs else {"pixels": np.asarray(image)},
+        arrays=arrays,
         spp=int(image.spp),
         files=description.files,
         seconds=image.seconds,
@@ -96,6 +103,7 @@ def render_ours(request: RenderRequest, light_choice: str | None = "uniform") ->
         integrator=image.integrator,
         method=_method(image.explain),
         explain=image.explain,
+        listed={} if wants_aovs else listed,
     )
 
 

@@ -16,6 +16,9 @@ FEWEST_SEEDS = 8
 TIME_LIMIT = 900.0
 """Seconds for one answer of Mitsuba, its start included."""
 
+OF_FILE = "aov "
+"""What names of rendered arrays begin with that are AOVs which the file lists."""
+
 
 @dataclass(frozen=True)
 class RenderRequest:
@@ -29,6 +32,8 @@ class RenderRequest:
     threads: int | None = None  # None: one for each core
     box_filter: bool = False  # instead of the file's filter
     independent: bool = False  # the sampler `independent` instead of the file's
+    # Mitsuba's side: lamps of meshes are found by BSDF samples alone
+    unsampled_lamps: bool = False
     plugins: str | None = None  # a Python file of the user's (`plugin_file`)
     allow_outside: tuple[str, ...] = ()  # folders besides the scene's (`scene_file.files`)
     replay: bool = False  # both sides draw the same random numbers

@@ -15,8 +15,10 @@ from typing import Any
 from mitsuba_ref.reference.plugins.known_faults import (
     PIXELS_INSTEAD,
     RGB_INSTEAD,
+    UNSAMPLED,
     divide_lights_without_extent,
     give_spectra_colours,
+    leave_lamps_to_bsdfs,
 )
 from mitsuba_ref.reference.user_plugins import register_user_plugins
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
@@ -52,6 +54,7 @@ def load_edited_scene(
     fixed_blocks: bool = False,
     independent_samples: bool = False,
     colors_alone: bool = False,
+    unsampled_lamps: bool = False,
     plugins: str | None = None,
 ) -> EditedScene:
     """Load `path` in Mitsuba with changes.
@@ -75,6 +78,8 @@ def load_edited_scene(
         Replace the sampler by `independent`.
     colors_alone
         Replace `aov` and `moment` by the integrator whose colours they show.
+    unsampled_lamps
+        Leave lamps of meshes to the directions that BSDFs choose.
     plugins
         A Python file that registers plugins of the user's (`user_plugins`).
     """
@@ -116,6 +121,10 @@ def load_edited_scene(
             changes.append("sampler replaced by independent")
         if colors_alone and nodes.unwrap_integrator():
             changes.append("without AOVs and second moments")
+        if unsampled_lamps:
+            leave_lamps_to_bsdfs(mi, state)
+            nodes.add_dark_light()  # of a single light Mitsuba samples all the same
+            changes.append(UNSAMPLED)
         if fixed_blocks:
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")
@@ -197,6 +206,11 @@ class SceneNodes:
             return False
         self._add("Integrator", "path", parent=0)
         return True
+
+    def add_dark_light(self) -> None:
+        """Add a light that can be sampled, and gives nothing."""
+        index = self._add("Emitter", "point", parent=0)
+        self._nodes[index].props["intensity"] = 0.0
 
     def unwrap_integrator(self) -> bool:
         """Leave out what stands around the colours' integrator; tell whether."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.records.request import RenderRequest
+from mitsuba_ref.records.request import OF_FILE, RenderRequest
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.plugins.known_faults import TURNED, turn_normals_of_bump_maps
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
+from renderer.integrators.kind import as_picture
 from renderer.scene_file.description import AOV_KINDS
 
 Array = NDArray[np.float32]
@@ -24,7 +26,8 @@ Array = NDArray[np.float32]
 class Reference:
     """What Mitsuba rendered, and under which circumstances."""
 
-    arrays: dict[str, Array]  # "pixels" (H, W, 3), or one (H, W, C) for each AOV kind
+    # "pixels" (H, W, 3) and those AOVs that the file lists, or one for each AOV kind
+    arrays: dict[str, Array]
     seconds: float  # rendering alone, without loading the scene
     threads: int
     spp: int
@@ -63,6 +66,8 @@ def render_reference(request: RenderRequest) -> Reference:
             keep_shapes_apart=wants_aovs or request.replay,
             fixed_blocks=request.replay,
             independent_samples=request.independent,
+            # a replay has Mitsuba's densities on both sides
+            unsampled_lamps=request.unsampled_lamps and not (request.replay or wants_aovs),
             plugins=request.plugins,
         )
         scene = edited.scene
@@ -77,7 +82,15 @@ def render_reference(request: RenderRequest) -> Reference:
     except (RuntimeError, MemoryError) as error:
         raise MitsubaRefused(_one_line(str(error))) from None
     pixels = np.array(image, dtype=np.float32)
-    arrays = _split_aovs(integrator, pixels) if wants_aovs else {"pixels": pixels[..., :3]}
+    if wants_aovs:
+        arrays = _split_aovs(integrator, pixels)
+    else:
+        listed = listed_aovs(integrator.aov_names(), pixels)
+        alone = edited.integrator == "aov" and pixels.shape[2] == len(
+            integrator.aov_names()
+        )
+        first = as_picture(next(iter(listed.values()))) if alone else pixels[..., :3]
+        arrays = {"pixels": first} | listed
     changes = edited.changes
     if wants_aovs and edited.bump_maps:
         if turn_normals_of_bump_maps(mi, scene, arrays["sh_normal"]):
@@ -113,6 +126,28 @@ def camera_entries(mi: Any, sensor: Any) -> Array:
 
 def _aov_integrator(mi: Any) -> Any:
     return mi.load_dict({"type": "aov", "aovs": ",".join(f"{k}:{k}" for k in AOV_KINDS)})
+
+
+def listed_aovs(names: Sequence[str], pixels: Array) -> dict[str, Array]:
+    """Return the AOVs (H, W, C) that an integrator adds to its colours, by `OF_FILE` name.
+
+    Parameters
+    ----------
+    names
+        Of the last channels, "name.X" and so on. Colours of integrators inside have an
+        alpha among these names, and none in a film of three colours; they are left out.
+    pixels
+        (H, W, channels).
+    """
+    channels: dict[str, list[int]] = {}
+    for number, channel in enumerate(names):
+        channels.setdefault(channel.rpartition(".")[0], []).append(number - len(names))
+    colours = {name.removesuffix(".A") for name in names if name.endswith(".A")}
+    return {
+        OF_FILE + name: np.ascontiguousarray(pixels[..., numbers])
+        for name, numbers in channels.items()
+        if name not in colours
+    }
 
 
 def _split_aovs(integrator: Any, pixels: Array) -> dict[str, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown, as_picture
 from renderer.integrators.stages import first_hit
 from renderer.scene_file.description import AOV_KINDS, Integrator
 from renderer.scene_file.numbers import quoted, split_list
@@ -45,9 +45,10 @@ def _read(properties: Properties) -> Integrator:
     if not aovs:
         properties.fail("aovs", "an empty list", 'a list like "dd:depth, nn:sh_normal"')
     nested = _nested(properties)
+    # the first hit is that of an emitter too; colours follow the integrator inside
+    properties.boolean("hide_emitters", False)
     return Integrator(
         "aov",
-        hide_emitters=properties.boolean("hide_emitters", False),
         aovs=tuple(aovs),
         nested=nested,
         refusal="" if nested is None else nested.refusal,
@@ -74,21 +75,31 @@ def _nested(properties: Properties) -> Integrator | None:
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     say("method", "aov: the first hit alone; no light, no BSDF is sampled")
+    if case.asked.nested is None and case.asked.moments is None:
+        (name, kind), *_ = _listed(case.asked)
+        say("picture", f"the first AOV, {quoted(name)} ({kind}): no integrator is inside")
     return Decision("aov")
 
 
-def _show(film: NDArray[Any], asked: Integrator) -> Shown:
-    """Return the AOVs by name; without a list all kinds, named after themselves.
+def _listed(asked: Integrator) -> tuple[tuple[str, str], ...]:
+    """Return name and kind of the AOVs; without a list all kinds, by their own names."""
+    return asked.aovs or tuple((kind, kind) for kind in AOV_KINDS)
 
-    The colours are those of the nested integrator, which is rendered apart, so they are
-    black here.
+
+def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+    """Return the AOVs by name, and as the picture the first of them.
+
+    Around another integrator the picture is that integrator's, which is rendered apart;
+    until then it is black.
     """
-    listed = asked.aovs or tuple((kind, kind) for kind in AOV_KINDS)
-    return Shown(
-        np.zeros((*film.shape[:2], 3), np.float32),
-        {name: np.ascontiguousarray(film[..., _CHANNELS[kind]]) for name, kind in listed},
-        dict(listed),
-    )
+    aovs = {
+        name: np.ascontiguousarray(film[..., _CHANNELS[kind]])
+        for name, kind in _listed(asked)
+    }
+    picture = as_picture(next(iter(aovs.values())))
+    if asked.nested is not None:
+        picture = np.zeros_like(picture)
+    return Shown(picture, aovs, dict(_listed(asked)))
 
 
 INTEGRATOR = IntegratorKind(

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
+from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown, as_picture
 from renderer.integrators.stages.first_hit import CHANNELS, DEPTH, trace_first_hits
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
@@ -25,7 +24,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
 
 
 def _show(film: NDArray[Any], asked: Integrator) -> Shown:
-    return Shown(np.repeat(film[..., DEPTH : DEPTH + 1], 3, axis=2))
+    return Shown(as_picture(film[..., DEPTH : DEPTH + 1]))
 
 
 INTEGRATOR = IntegratorKind(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from renderer.scene_file.description import Integrator
@@ -58,6 +59,14 @@ class Shown(NamedTuple):
     aovs: Mapping[str, NDArray[Any]] = {}
     aov_kinds: Mapping[str, str] = {}
     notes: Mapping[str, str] = {}  # for the metadata
+
+
+def as_picture(values: NDArray[Any]) -> NDArray[Any]:
+    """Return an AOV (H, W, C) as colours (H, W, 3): one number as grey, two and a 0."""
+    if values.shape[2] == 1:
+        return np.repeat(values, 3, axis=2)
+    missing = max(0, 3 - values.shape[2])
+    return np.pad(values[..., :3], [(0, 0), (0, 0), (0, missing)])
 
 
 @dataclass(frozen=True)

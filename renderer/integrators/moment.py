@@ -102,7 +102,9 @@ def show_moments(kind: IntegratorKind, film: NDArray[Any], asked: Integrator) ->
         squares[second + name], kinds[second + name] = film[..., start:end], meaning
         start = end
     both = {name: np.ascontiguousarray(values) for name, values in (aovs | squares).items()}
-    return Shown(shown.pixels, both, kinds, shown.notes)
+    # around AOVs alone Mitsuba's picture is black
+    pixels = np.zeros_like(shown.pixels) if shown.aovs else shown.pixels
+    return Shown(pixels, both, kinds, shown.notes)
 
 
 def _parts(shown: Shown, asked: Integrator) -> Iterator[tuple[str, NDArray[Any], str]]:

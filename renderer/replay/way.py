@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import pack
+from renderer.kinds.lights.finite.spot import SpotLights
 from renderer.kinds.lights.infinite.envmap import EnvironmentMaps
 from renderer.kinds.sampling.source import Sampling
 from renderer.kinds.sensors.registry import kind_of_sensor
@@ -35,12 +36,14 @@ from renderer.replay.rounding.hits.triangle_arithmetic import (
 )
 from renderer.replay.rounding.mesh_lights import triangle_shares
 from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
+from renderer.replay.rounding.spots import rounded_spots
 from renderer.replay.rounding.texture_means import rounded_shares
 from renderer.replay.sequences import make_sequence
+from renderer.scene.light_order import light_order
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import MaterialTables, kind_of, sides
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import EnvironmentMap, Sampler
+from renderer.scene_file.description import EnvironmentMap, Sampler, SpotLight
 
 
 class Planned(Protocol):
@@ -121,15 +124,19 @@ class Replayed:
         return triangle_shares(count, surfaces, tables)
 
     def lights(self, scene: Scene, lights: LightTables) -> LightTables:
-        """Return them with Mitsuba's way into environment maps and out of them."""
-        emitters = scene.description.emitters
-        skies = [sky for sky in emitters if isinstance(sky, EnvironmentMap)]
-        tables = [
-            rounded_environment(table, skies[0])
-            if isinstance(table, EnvironmentMaps)
-            else table
-            for table in lights.tables
-        ]
+        """Return them with Mitsuba's ways of environment maps and spot lights."""
+        description = scene.description
+        skies = [sky for sky in description.emitters if isinstance(sky, EnvironmentMap)]
+        order = light_order(description).of_emitters
+        pairs = zip(order, description.emitters, strict=True)
+        spots = {i: spot for i, spot in pairs if isinstance(spot, SpotLight)}
+
+        def rounded(table: Any) -> Any:
+            if isinstance(table, EnvironmentMaps):
+                return rounded_environment(table, skies[0])
+            return rounded_spots(table, spots) if isinstance(table, SpotLights) else table
+
+        tables = [rounded(table) for table in lights.tables]
         return dataclasses.replace(lights, tables=tables)
 
     def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:

@@ -167,6 +167,11 @@ class MaterialTables:
         return any(goes_straight(kind) for kind in self.kinds)
 
     @property
+    def half_open(self) -> bool:
+        """Whether lights are sampled at a surface that rays go straight through."""
+        return any(kind.smooth and goes_straight(kind) for kind in self.kinds)
+
+    @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
         return any(kind.chooses for kind in self.kinds)

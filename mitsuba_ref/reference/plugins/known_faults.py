@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from renderer.scene_file.colors.colors import Use, read_constant_plugin
 from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS
-from renderer.scene_file.description import NOWHERE
+from renderer.scene_file.description import NOWHERE, Mesh, SceneDescription
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.tree import Element
 
@@ -24,6 +24,13 @@ PIXELS_INSTEAD = "pixels of the film in rgb"
 TURNED = "normals of bump maps turned from the surface's frame into the world"
 WRONG = "lights without extent divided by "
 """What a change begins with that undoes a fault; `wrong_by` makes a sentence of it."""
+UNSAMPLED = "lamps of meshes found by directions that BSDFs choose, and by no others"
+"""Another such change."""
+TURNED_AWAY = 1e-3
+"""Distance of the unit normals of a triangle and its vertices from which on a lamp counts
+as one with vertex normals. Mitsuba's density of directions to it is off by about as much,
+times the tangent of the angle at which the lamp is seen."""
+MESHES = ("obj", "ply", "serialized")
 
 
 def give_spectra_colours(mi: Any, state: Any) -> bool:
@@ -93,6 +100,51 @@ def _without_extent(mi: Any, scene: Any) -> Iterator[Any]:
     return (e for e in scene.emitters() if mi.has_flag(e.flags(), delta))
 
 
+def has_biased_lamps(description: SceneDescription) -> bool:
+    """Return whether Mitsuba samples lamps whose vertex normals leave their triangles' own.
+
+    It goes from areas to solid angles by the cosine of the interpolated normal, so that
+    such lamps are too bright or too dark in `path` and `direct`.
+    """
+    integrator = description.integrator.nested or description.integrator
+    sampled = {
+        "path": integrator.max_depth not in (0, 1),
+        "direct": integrator.emitter_samples > 0,
+    }
+    return sampled.get(integrator.name, False) and any(
+        isinstance(shape, Mesh) and shape.radiance is not None and _is_turned(shape)
+        for shape in description.shapes
+    )
+
+
+def _is_turned(mesh: Mesh) -> bool:
+    if mesh.normals is None:
+        return False
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    # on whichever side: the cosine counts without its sign
+    cosine = np.abs((mesh.normals[mesh.faces] * flat[:, None]).sum(axis=2))
+    return bool((2.0 - 2.0 * cosine > TURNED_AWAY**2).any())
+
+
+def leave_lamps_to_bsdfs(mi: Any, state: Any) -> None:
+    """Undo the bias of lamps with vertex normals: sample no lamp of a mesh.
+
+    The directions that BSDFs choose find them, with full weight since the density of a
+    light that is never chosen is 0. `direct` without such directions gets one at a point.
+    """
+    for node in state.nodes:
+        if node.props.plugin_name() == "direct" and "bsdf_samples" in node.props:
+            node.props["bsdf_samples"] = max(1, node.props["bsdf_samples"])
+        if node.props.plugin_name() not in MESHES:
+            continue
+        for name in list(node.props.keys()):
+            target = _referenced(state, node.props[name])
+            if target is not None and target.type == mi.ObjectType.Emitter:
+                target.props["sampling_weight"] = 0.0
+
+
 def turn_normals_of_bump_maps(mi: Any, scene: Any, normals: NDArray[np.float32]) -> bool:
     """Undo that a `bumpmap` gives its shading normal in the frame of the surface.
 
@@ -123,12 +175,22 @@ def turn_normals_of_bump_maps(mi: Any, scene: Any, normals: NDArray[np.float32])
 
 
 def wrong_by(changes: tuple[str, ...]) -> str:
-    """Return the sentence about a fault that was undone; empty: there was none."""
+    """Return the sentence about the faults that were undone; empty: there was none."""
+    wrong = []
     factor = next((c.removeprefix(WRONG) for c in changes if c.startswith(WRONG)), "")
-    if not factor:
+    if factor:
+        wrong.append(
+            f"by a factor of {factor}: Mitsuba 3.9.1 adds its {factor} emitter_samples of "
+            "a light without extent undivided; with such lights divided by "
+            f"{factor} on its side"
+        )
+    if UNSAMPLED in changes:
+        wrong.append(
+            "in the light of lamps with vertex normals: Mitsuba 3.9.1 samples them with "
+            "the cosine of these normals instead of the triangles' own; with such lamps "
+            "found by BSDF samples alone on its side"
+        )
+    if not wrong:
         return ""
-    return (
-        f"the reference is known to be wrong here, by a factor of {factor}: Mitsuba 3.9.1 "
-        f"adds its {factor} emitter_samples of a light without extent undivided; with such "
-        f"lights divided by {factor} on its side, the pictures agree"
-    )
+    wrong_in = ", and ".join(wrong)
+    return f"the reference is known to be wrong here, {wrong_in}, the pictures agree"

@@ -4,7 +4,7 @@ A ray goes straight on through `null`, `thindielectric` and the holes of a `mask
 has done no more than that when it ends, at no lamp, and if there is no environment or
 `hide_emitters` hides it, then its sample is transparent, and black: through the holes of a
 leaf the sky is hidden as it is beside the leaf. Light that was sampled at the rim of a hole
-is lost with it, as in Mitsuba.
+is lost with it, as in Mitsuba. `direct` and `whitted` have no such rule.
 
 A negative density marks such a ray. Where Russian roulette or a black tint ends the path at
 the hole itself, the light sampled there stays.

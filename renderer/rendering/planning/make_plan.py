@@ -48,7 +48,13 @@ OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 
 
 def _is_transparent(scene: Scene, asked: Integrator) -> bool:
-    """Return whether there are holes, and nothing to be seen behind them."""
+    """Return whether samples that meet nothing but holes are black.
+
+    A rule of Mitsuba's `path`: its `direct` has none, and shows lights behind holes even
+    with `hide_emitters`.
+    """
+    if asked.name != "path":
+        return False
     emitters = scene.description.emitters
     sky = any(plugin_of(emitter).environment for emitter in emitters)
     return scene.materials.straight and (asked.hide_emitters or not sky)
@@ -122,8 +128,9 @@ def make_plan(
     light_choice : str, optional
         Where one of several lights is asked at a point: `importance`, by what each can give
         there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
-        paths or their second moments are asked for. With `importance` an even sky is not
-        one of them where BSDF samples are followed, which mostly find it with less
+        paths or their second moments are asked for, or where light that was sampled at a
+        half-open surface is lost (see `straight_through`). With `importance` an even sky is
+        not one of them where BSDF samples are followed, which mostly find it with less
         noise.
 
     Raises
@@ -184,13 +191,12 @@ def _known_ray_offset(name: str | None, replay: bool) -> str:
     return name
 
 
-def _known_light_choice(name: str | None, asked: Integrator, replay: bool) -> str:
+def _known_light_choice(name: str | None, replay: bool, as_mitsuba: bool) -> str:
     if name not in (None, *LIGHT_CHOICES):
         known = ", ".join(LIGHT_CHOICES)
         raise SceneError(f"light choice {name!r} is unknown; there are: {known}")
     if replay and name == "importance":
         raise SceneError("light choice 'importance': a replay takes Mitsuba's, 'uniform'")
-    as_mitsuba = replay or asked.moments is not None
     return name or ("uniform" if as_mitsuba else "importance")
 
 
@@ -204,7 +210,12 @@ def _decide(
     why = Explanation()
     asked = _choose_integrator(scene, integrator)
     replay = sampler == REPLAY
-    choice = _known_light_choice(light_choice, asked, replay)
+    transparent = _is_transparent(scene, asked)
+    # The light sampled at a half-open surface is lost where the path goes straight on, and
+    # how much of all light that is follows from the densities of Mitsuba's choice.
+    loses_light = transparent and scene.materials.half_open
+    as_mitsuba = replay or loses_light or asked.moments is not None
+    choice = _known_light_choice(light_choice, replay, as_mitsuba)
     # a leaner method gives the same answer, but not by the same paths, nor the same moments
     reduce = integrator in (None, "auto") and not replay and asked.moments is None
     chosen_sampler = _choose_sampler(scene, sampler)
@@ -226,7 +237,7 @@ def _decide(
         materials.delta,
         materials.smooth,
         materials.chooses,
-        _is_transparent(scene, asked),
+        transparent,
     )
     decision = INTEGRATORS[asked.name].decide(case, why.say)
     sampled_whole = not has_lights_beside_their_samples(scene.description)
@@ -240,6 +251,7 @@ def _decide(
     if choice == "importance" and decision.follow and materials.smooth and depth > 1:
         finds_sky = (
             has_even_sky(scene.description)
+            and not loses_light
             and strategy == "both"
             and max(decision.light_samples, decision.bsdf_samples) == 1
             and all(map(reaches_all, scene.materials.bsdfs))
@@ -254,7 +266,7 @@ def _decide(
         and materials.smooth
         and depth > 1
         and strategy != "bsdfs",
-        hide_emitters=asked.hide_emitters,
+        hide_emitters=asked.hide_emitters and not INTEGRATORS[decision.method].first_hit,
         transparent=case.transparent,
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,

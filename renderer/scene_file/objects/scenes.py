@@ -59,7 +59,7 @@ def read_scene(root: Element, source: str, reading: Reading) -> SceneDescription
             root.location, f"{len(sensors)} sensors; the first one takes the picture"
         )
     method = read_scene_integrator(integrator, root, reading)
-    if method.hide_emitters:
+    if (method.nested or method).hide_emitters:
         _check_hidden(properties)
     description = SceneDescription(
         camera=camera,

@@ -130,26 +130,44 @@ def _through_slide(radiance, square, light, wi, cosine, mask):
     return radiance * light_color(square.textures, light, u, v, None, None, mask)
 
 
-@sample_light.by(SpotLights)
 @kernel
-def sample_spot(spots, kind, light, mask, position, x, y, z):
-    """Look straight at the light, and see how far off its axis one is."""
-    to_light = gather_vectors(spots.position, light, mask) - position
-    r = length(to_light)
-    wi = to_light / r
-    cosine = -dot(wi, gather_vectors(spots.axis, light, mask))
-    from_cutoff = gather_row(spots.cutoff, 0, light, mask) - arccos(cosine)
+def spot_falloff(spots, light, cosine, angle, mask):
+    """Return what of the intensity is left at an angle from the axis, in [0, 1]."""
+    from_cutoff = gather_row(spots.cutoff, 0, light, mask) - angle
     fading = from_cutoff * gather_row(spots.inverse_transition, 0, light, mask)
     falloff = select(
         cosine >= gather_row(spots.cos_beam, 0, light, mask), splat_f32(1.0), fading
     )
     lit = cosine > gather_row(spots.cos_cutoff, 0, light, mask)
-    falloff = select(lit, falloff, splat_f32(0.0))
+    return select(lit, falloff, splat_f32(0.0))
+
+
+@kernel
+def axis_cosine(spots, light, wi, mask):
+    """Return the cosine between a light's axis and -wi."""
+    return -dot(wi, gather_vectors(spots.axis, light, mask))
+
+
+@kernel
+def falling_off(spots, light, to_light, cosine, falloff, mask):
+    """Return the sample of lights in the direction `to_light`."""
+    r = length(to_light)
+    wi = to_light / r
     radiance = gather_vectors(spots.intensity, light, mask) * (
         falloff / dot(to_light, to_light)
     )
     radiance = _through_slide(radiance, spots.across, light, wi, cosine, mask)
     return LightSample(wi, r, radiance, splat_f32(0.0))
+
+
+@sample_light.by(SpotLights)
+@kernel
+def sample_spot(spots, kind, light, mask, position, x, y, z):
+    """Look straight at the light, and see how far off its axis one is."""
+    to_light = gather_vectors(spots.position, light, mask) - position
+    cosine = axis_cosine(spots, light, to_light / length(to_light), mask)
+    falloff = spot_falloff(spots, light, cosine, arccos(cosine), mask)
+    return falling_off(spots, light, to_light, cosine, falloff, mask)
 
 
 SPOT = LightPlugin("spot", SpotLight, read, table, bounds, texture="texture")

@@ -104,7 +104,8 @@ def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
 def _importance(environment: EnvironmentMap) -> NDArray[np.float32]:
     # in float32 throughout, as Mitsuba: the choice of a patch follows its last bits
     r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
-    sine = np.sin(latitudes(len(environment.pixels)))
+    # float32 has pi 8.7e-8 too large: the sine at the last row would be negative
+    sine = np.maximum(np.sin(latitudes(len(environment.pixels))), np.float32(0.0))
     return importance(r + g + b, sine, compensated=environment.mis_compensation)
 
 
