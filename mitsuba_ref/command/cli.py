@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 from mitsuba_ref.command.trace_options import add_trace_options, asks_for_trace
 from mitsuba_ref.records.request import FEWEST_SEEDS, MIN_THREADS, TIME_LIMIT
 from mitsuba_ref.records.verdicts import statuses_in_words
+from renderer.errors import SceneError
+from renderer.process.working_folder import leave_deleted_folder
 
 if TYPE_CHECKING:
     from mitsuba_ref.our_renderer.picture import RenderOurs
@@ -37,10 +39,11 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs | None = None)
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         options = _parse(given)
+        leave_deleted_folder(options)
         scenes = _scene_files(options.scenes)
     except SystemExit as stop:
         return int(stop.code or 0)
-    except FileNotFoundError as error:
+    except (FileNotFoundError, SceneError) as error:
         sys.stderr.write(f"lightproof-validate: {error}\n")
         return WRONG_USE
     # Imported only now, because they take seconds, and --help needs none of them.

@@ -175,7 +175,8 @@ class SweepRecord:
         try:
             write_whole(self.path, text.encode())
         except OSError as error:
-            raise SceneError(f"{self.path}: cannot be written: {error}") from error
+            reason = error.strerror or error
+            raise SceneError(f"{self.path}: cannot be written: {reason}") from error
 
 
 def of_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:

@@ -8,6 +8,7 @@ the older one after it is flushed and on the disk. A full disk is often reported
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import shutil
 import stat
@@ -38,10 +39,21 @@ def whole_file(path: Path, *, older: Path | None = None) -> Iterator[BinaryIO]:
     Raises
     ------
     OSError
-        If the file cannot be written; `path` is then as it was.
+        If the file cannot be written, with its name; `path` is then as it was.
     """
     if (reason := why_not_writable(path)) is not None:
-        raise OSError(reason)
+        raise OSError(errno.EACCES, reason, str(path))
+    try:
+        with _open(path, older) as file:
+            yield file
+    except OSError as error:  # a full disk is reported without a name
+        if error.filename is not None or error.errno is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+@contextlib.contextmanager
+def _open(path: Path, older: Path | None) -> Iterator[BinaryIO]:
     found = _status(path)
     if found is not None and not stat.S_ISREG(found.st_mode):
         with tempfile.TemporaryFile() as gathered:

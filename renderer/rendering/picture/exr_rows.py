@@ -134,7 +134,8 @@ class ExrRows:
         self._file.write(struct.pack(f"<{len(self._chunks)}Q", *self._chunks))
 
     def _failed(self, error: Exception) -> SceneError:
-        return SceneError(f"{self._path}: cannot be written: {error}")
+        reason = getattr(error, "strerror", None) or error
+        return SceneError(f"{self._path}: cannot be written: {reason}")
 
 
 def _attributes(content: Any) -> list[tuple[bytes, int, int]]:

@@ -146,4 +146,5 @@ def write_image_file(path: Path, image: Picture) -> None:
     except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
         if isinstance(error, RuntimeWarning):  # a warning that the user made an error
             raise
-        raise SceneError(f"{path}: cannot be written: {error}") from error
+        reason = getattr(error, "strerror", None) or error
+        raise SceneError(f"{path}: cannot be written: {reason}") from error
