@@ -165,7 +165,7 @@ class Probe:
     def left_over(
         self, position: Any, normal: Any = UP
     ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
-        """Return light, number and what is left of it, of a sampler that chooses by pair."""
+        """Return light, number and what is left of it, if the sampler chooses by pair."""
         assert self.choice.by_pair == 1
         self._put(position, normal)
         light, rest = np.zeros(NUMBERS, np.int32), np.zeros(NUMBERS)
