@@ -96,7 +96,8 @@ def test_a_scene_is_sent_by_its_content():
     there = thaw(content.names, list(content.pieces.values()))
     assert there["a"] is there["same"] and there["a"].flags.writeable
     assert not there["fixed"].flags.writeable
-    assert np.array_equal(there["equal"], large) and np.array_equal(there["fixed"], fixed)
+    np.testing.assert_array_equal(there["equal"], large)
+    np.testing.assert_array_equal(there["fixed"], fixed)
     changed = freeze({"a": large + 1, "same": large, "equal": large, "fixed": fixed})
     assert changed.key != content.key == freeze(there).key
 
@@ -191,9 +192,8 @@ def test_frames_of_a_sweep_are_begun_ahead(local):
         renderer.render_frames((load(width=w) for w in widths), spp=17, cluster=local)
     )
     for width, image in zip(widths, images, strict=True):
-        assert np.array_equal(
-            np.asarray(image), np.asarray(renderer.render(load(width=width), 17))
-        )
+        alone = renderer.render(load(width=width), 17)
+        np.testing.assert_array_equal(np.asarray(image), np.asarray(alone))
 
 
 def test_frames_under_way_are_kept_when_a_later_one_cannot_be_read(local):
