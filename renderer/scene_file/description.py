@@ -245,7 +245,8 @@ class Mesh(Shape):
 
     vertices: NDArray[np.float32]  # (V, 3) finite
     faces: NDArray[np.int32]  # (F, 3) in [0, V), no degenerate ones
-    normals: NDArray[np.float32] | None = None  # (V, 3) unit; None: face normals
+    # (V, 3) unit, but in `simplifications.instances`; None: face normals
+    normals: NDArray[np.float32] | None = None
     uvs: NDArray[np.float32] | None = None  # (V, 2)
     face_ids: NDArray[np.int32] | None = None  # (F,) index in the file; None: 0..F-1
     flip_normals: bool = False  # the geometric normal is -(e1 x e2)

@@ -57,7 +57,9 @@ def bounds_of(light: Light) -> Bounds:
             center, axis = light.to_world[:3, 3], normalize(light.to_world[:3, 2])
             beam, cutoff = np.radians([light.beam_width, light.cutoff_angle])
             strength = float(np.mean(light.intensity))
-            return Bounds(strength, center, 0.0, axis, beam, cutoff - beam)
+            # a cosine reaches no farther than 90 degrees
+            spread = max(beam, cutoff - math.pi / 2)
+            return Bounds(strength, center, 0.0, axis, spread, cutoff - spread)
         case DirectionalLight():
             to_light = -normalize(np.array(light.direction))
             strength = float(np.mean(light.irradiance))

@@ -104,9 +104,10 @@ def test_every_volume_holds_every_grown_point(points, share):
     beyond = points + 3 * (size if size > 0 else 1)
     for name, volume in VOLUMES.items():
         fitted = volume.fit(points, radius)
-        assert volume.contains(fitted, points, radius).all(), name
+        inside = volume.contains(fitted, points, radius)
+        assert inside.all(), f"{name} leaves out {(~inside).sum()} of {inside.size} points"
         assert all(a.dtype == np.float32 for a in fitted), name
-        assert not volume.contains(fitted, beyond, radius).all(), name
+        assert not volume.contains(fitted, beyond, radius).all(), f"{name} holds anything"
 
 
 @given(clouds, st.integers(0, 2**32 - 1), st.sampled_from((0.0, 0.1)))
@@ -151,9 +152,10 @@ def test_slabs_of_other_numbers_of_directions():
 @given(st.lists(st.floats(-1e30, 1e30), min_size=1, max_size=20))
 def test_rounding_is_outward_and_to_the_next_number(values):
     up, down = rounded_up(values), rounded_down(values)
-    assert (down <= np.array(values)).all()
-    assert (up >= np.array(values)).all()
-    assert (np.nextafter(down, np.float32(np.inf)) >= up).all()
+    np.testing.assert_array_less(down - np.array(values), np.nextafter(0.0, 1.0))
+    np.testing.assert_array_less(np.array(values) - up, np.nextafter(0.0, 1.0))
+    next_up = np.nextafter(down, np.float32(np.inf))
+    assert (next_up >= up).all(), f"expected at most {next_up}, found {up}"
 
 
 # ------------------------------------------------------------------- closed forms
@@ -336,7 +338,8 @@ def test_ray_tests_are_those_of_double_precision(name):
     found = hits(volume, origin, direction, t_max)
     for wider, wanted in ((-1e-4, True), (1e-4, False)):
         truth = in_double_precision(name, volume, origin, direction, t_max, wider)
-        assert (found[truth == wanted] == wanted).all()
+        wrong = np.flatnonzero((truth == wanted) & (found != wanted))
+        assert wrong.size == 0, f"{name}: rays {wrong[:5]} of {n}: hit is not {wanted}"
     assert 0.2 < found.mean() < 0.8
 
 
@@ -353,7 +356,8 @@ def test_axis_parallel_rays_in_the_faces(name):
     volume = VOLUMES[name].fit(CUBE - 0.5)
     for origin in ((0.5, 0.5, 0.5), (0.5, 0, 0), (0, 0.5, 0.5), (0, 0, 0)):
         direction = unit(SIGNED_ZEROS)
-        assert hits(volume, np.array(origin), direction).all(), origin
+        found = hits(volume, np.array(origin), direction)
+        assert found.all(), f"{name}, from {origin}: {direction[~found]} are missed"
     # and beside it, misses
     assert not hits(
         volume, np.array([3.0, 0.0, 0.0]), unit([(0.0, 1, -0.0), (1, 0, 0)])
@@ -372,19 +376,20 @@ def test_rays_in_a_face_at_the_worlds_origin():
             KDop(axes, lower, upper, one),
         )
         for box in boxes:
-            assert hits(box, zero, SIGNED_ZEROS).all()
-            assert not hits(box, zero, np.eye(3), -1.0).any()
+            what = f"{type(box).__name__} from {lower} to {upper}"
+            assert hits(box, zero, SIGNED_ZEROS).all(), f"{what} is missed"
+            assert not hits(box, zero, np.eye(3), -1.0).any(), f"{what} is hit behind"
 
 
 @every_volume
 def test_rays_that_end_before_or_start_behind(name):
     volume = VOLUMES[name].fit(CUBE - 0.5)
     origin, towards = np.array([[-3.0, 0.1, 0.2]]), np.array([[1.0, 0, 0]])
-    assert hits(volume, origin, towards, 3.0).all()
-    assert not hits(volume, origin, towards, 1.9).any()
-    assert not hits(volume, origin, -towards).any()
-    assert not hits(volume, origin, towards, -1.0).any()
-    assert hits(volume, np.zeros((1, 3)), towards, 0.0).all()  # starts within
+    assert hits(volume, origin, towards, 3.0).all(), f"{name} ends 0.5 behind the face"
+    assert not hits(volume, origin, towards, 1.9).any(), f"{name} is hit before its face"
+    assert not hits(volume, origin, -towards).any(), f"{name} is hit behind the ray"
+    assert not hits(volume, origin, towards, -1.0).any(), f"{name} is hit at t < 0"
+    assert hits(volume, np.zeros((1, 3)), towards, 0.0).all(), f"{name}: starts within"
 
 
 @every_volume
@@ -397,9 +402,11 @@ def test_rays_without_an_answer_miss(name):
             rays.append([*good[:k], bad, *good[k + 1 :]])
     rays.append([*good[:3], 0.0, -0.0, 0.0])
     rays = np.array(rays)
-    assert not hits(volume, rays[:, :3], rays[:, 3:]).any()
-    assert not hits(volume, np.array([good[:3]]), np.array([good[3:]]), np.nan).any()
-    assert hits(volume, np.array([good[:3]]), np.array([good[3:]])).all()
+    found = hits(volume, rays[:, :3], rays[:, 3:])
+    assert not found.any(), f"{name} is hit by {rays[found]}"
+    one = np.array([good[:3]]), np.array([good[3:]])
+    assert not hits(volume, *one, np.nan).any(), f"{name} is hit before t = NaN"
+    assert hits(volume, *one).all(), f"{name} is missed by a good ray"
 
 
 @every_volume
@@ -410,7 +417,8 @@ def test_volumes_without_thickness_are_hit(name, form):
     volume = VOLUMES[name].fit(points)
     direction = directions(300, rng)
     target = points.T[rng.integers(0, 30, 300)]
-    assert hits(volume, target - 5 * direction, direction).all()
+    found = hits(volume, target - 5 * direction, direction)
+    assert found.all(), f"{name} of a {form}: {(~found).sum()} of 300 rays miss it"
 
 
 # ---------------------------------------------------------------- areas are shares

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mitsuba_stand_in import write_scene
 
-from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.comparison.aovs import TOLERANCES, compare_aovs
 from mitsuba_ref.comparison.compare import Comparison, compare
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.render import render_reference
@@ -157,19 +157,22 @@ def test_swapped_indices_of_refraction_fail(noisy, tmp_path):
     assert {"rmse", "tile_bias"} <= failed(compare(wrong[0], right[1:]))
 
 
-def test_half_a_per_cent_of_scale_fails(noisy):
+@pytest.mark.parametrize("scale", [1.005, 0.995])
+def test_half_a_per_cent_of_scale_fails(noisy, scale):
     """Far below the RMSE's tolerance under this noise: the tests of the mean find it."""
-    names = failed(noisy.compare(noisy.picture(9) * np.float32(1.005)))
+    names = failed(noisy.compare(noisy.picture(9) * np.float32(scale)))
     assert "mean_difference" in names
     assert "rmse" not in names
 
 
-def test_one_part_in_a_thousand_fails_without_noise(still):
-    assert "rmse" in failed(still.compare(still.references[0] * np.float32(1.001)))
+@pytest.mark.parametrize("scale", [1.001, 0.999])
+def test_one_part_in_a_thousand_fails_without_noise(still, scale):
+    assert "rmse" in failed(still.compare(still.references[0] * np.float32(scale)))
 
 
-def test_one_part_in_a_million_passes_without_noise(still):
-    assert failed(still.compare(still.references[0] * np.float32(1.000001))) == set()
+@pytest.mark.parametrize("scale", [1.000001, 0.999999])
+def test_one_part_in_a_million_passes_without_noise(still, scale):
+    assert failed(still.compare(still.references[0] * np.float32(scale))) == set()
 
 
 def test_blur_fails_although_it_has_less_noise(noisy):
@@ -231,18 +234,33 @@ def test_a_missing_aov_is_a_failure(scene):
     assert failed(scene.compare(scene.references[0], aovs)) == {"sh_normal"}
 
 
-@pytest.mark.parametrize("kind", ["depth", "position", "geo_normal", "sh_normal", "albedo"])
-def test_an_error_of_one_per_cent_in_an_aov_fails(scene, kind):
+@pytest.mark.parametrize("factor", [1.01, 0.99])
+@pytest.mark.parametrize("kind", [kind for kind in TOLERANCES if kind != "uv"])
+def test_an_error_of_one_per_cent_in_an_aov_fails(scene, kind, factor):
     aovs = dict(scene.aovs)
-    aovs[kind] = aovs[kind] * np.float32(1.01)
+    aovs[kind] = aovs[kind] * np.float32(factor)
     assert kind in failed(scene.compare(scene.references[0], aovs))
 
 
-def test_indices_off_by_one_fail(scene):
+@pytest.mark.parametrize("off", [0.01, -0.01])
+@pytest.mark.parametrize("kind", TOLERANCES)
+def test_each_component_of_an_aov_counts_with_both_signs(kind, off):
+    """One component of a hand-made wall a hundredth off, all others exact."""
+    reference = two_triangles(0)
+    for component in range(reference[kind].shape[-1]):
+        wrong = reference[kind].copy()
+        wrong[..., component] += off
+        results = compare_aovs(reference | {kind: wrong}, reference)
+        broken = [result.name for result in results if not result.passed]
+        assert broken == [kind], f"component {component}: {broken}"
+
+
+@pytest.mark.parametrize("off", [1, -1])
+def test_indices_off_by_one_fail(scene, off):
     """Every hit has the right place and the wrong name."""
     hit = scene.aovs["depth"] > 0
     aovs = dict(scene.aovs)
-    aovs["shape_index"] = aovs["shape_index"] + hit
+    aovs["shape_index"] = aovs["shape_index"] + off * hit
     assert failed(scene.compare(scene.references[0], aovs)) == {"shape_index"}
 
 
@@ -264,14 +282,15 @@ def test_noise_in_a_scene_called_deterministic_fails(noisy):
     assert "rmse" in failed(comparison)
 
 
-def test_four_wrong_pixels_of_1728_on_an_outline_fail(still):
+@pytest.mark.parametrize("off", [0.5, -0.5])
+def test_four_wrong_pixels_of_1728_on_an_outline_fail(still, off):
     """The mask of edges excuses the last bit of a float here and there, not a contour."""
     from mitsuba_ref.metrics.edges import silhouettes
 
     ours = still.references[0].copy()
     rows, columns = np.nonzero(silhouettes(still.aovs))
     wrong = slice(0, ours.shape[0] * ours.shape[1] // 400)
-    ours[rows[wrong], columns[wrong]] += 0.5
+    ours[rows[wrong], columns[wrong]] += off
     assert failed(still.compare(ours)) == {"edge_disagreement", "rmse_everywhere"}
 
 
@@ -285,7 +304,8 @@ def test_a_wide_tolerance_for_the_plain_rmse_leaves_the_trimmed_one_as_it_is(noi
     assert wide["trimmed_rmse"].tolerance == 1.25 * wide["trimmed_rmse"].floor
 
 
-def test_errors_hidden_on_edges_are_counted(still):
+@pytest.mark.parametrize("off", [1.0, -1.0])
+def test_errors_hidden_on_edges_are_counted(still, off):
     """Silhouettes may differ, but not all of them: here every masked pixel is wrong."""
     clean = still.compare(still.references[0])
     assert clean.metrics["masked_fraction"].value > 0.1
@@ -293,9 +313,29 @@ def test_errors_hidden_on_edges_are_counted(still):
 
     edge = silhouettes(still.aovs) | discontinuities(still.references[0])
     ours = still.references[0].copy()
-    ours[edge] += 1.0
+    ours[edge] += off
     comparison = still.compare(ours)
     assert failed(comparison) == {"edge_disagreement", "rmse_everywhere"}
+
+
+@pytest.mark.parametrize("factor", [1.012, 0.988])
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_an_edge_that_is_over_one_per_cent_off_is_counted(channel, factor):
+    """Of the brightest channel, with either sign; 0.8 % is none.
+
+    Two halves of two colours; 20 of 1600 pixels along the edge between them are wrong, too
+    few and too little for every other metric.
+    """
+    left, right = np.roll([0.9, 0.5, 0.3], channel), np.roll([0.4, 0.2, 0.1], channel)
+    picture = np.where((np.arange(40) < 20)[:, None], left, right).astype(np.float32)
+    reference = np.tile(picture, (40, 1, 1))
+    ours = reference.copy()
+    ours[10:20, 19:21, channel] *= np.float32(factor)
+    comparison = compare(ours, [reference, reference], deterministic=True)
+    assert failed(comparison) == {"edge_disagreement"}, comparison.reasons
+    assert comparison.metrics["edge_disagreement"].value == pytest.approx(20 / 1600)
+    ours = reference + np.float32(2 / 3) * (ours - reference)
+    assert failed(compare(ours, [reference, reference], deterministic=True)) == set()
 
 
 def two_triangles(on_the_diagonal: int) -> dict[str, np.ndarray]:

@@ -40,7 +40,8 @@ def arrays(value):
 def value_in(stored):
     found = {name: np.empty(a.shape, a.dtype) for name, a in stored.arrays.items()}
     stored.read_into(found)
-    assert (found["sums"] == found["samples"][0]).all()
+    first = found["samples"][0]
+    assert (found["sums"] == first).all(), f"sums and samples are of two states: {first}"
     return int(found["samples"][0])
 
 

@@ -27,10 +27,11 @@ from renderer.rendering.checkpoints import file as checkpoint_file
 from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older, read_checkpoint
+from renderer.rendering.goal import Halves
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.progress_display import ProgressDisplay
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Progress
+from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import Mesh, OtherBsdf
 
@@ -100,11 +101,19 @@ def in_sittings(scene, path, **settings):
 
 
 def same(image, whole):
-    assert np.array_equal(image.pixels, whole.pixels)
+    """The resumed picture is the unbroken one, bit for bit, and says the same of itself."""
+    assert image.spp == whole.spp
     assert image.metadata == whole.metadata
-    assert image.spp == whole.spp and image.aovs.keys() == whole.aovs.keys()
+    same_bits("the picture", image.pixels, whole.pixels)
+    assert image.aovs.keys() == whole.aovs.keys()
     for name, values in whole.aovs.items():
-        assert np.array_equal(image.aovs[name], values), name
+        same_bits(f"AOV {name}", image.aovs[name], values)
+
+
+def same_bits(what, resumed, unbroken):
+    np.testing.assert_array_equal(
+        resumed, unbroken, f"{what} is not that of a render without interruption"
+    )
 
 
 # ---------------------------------------------------------------------- the same bits
@@ -146,9 +155,75 @@ def test_a_goal_takes_the_same_number_of_samples(box, path):
     more = renderer.render(box, target_error=0.05, checkpoint=path, resume=True)
     assert more.error <= 0.05 and more.spp > whole.spp
     same_count = renderer.render(box, more.spp, checkpoint=path, resume=True)
-    assert np.array_equal(same_count.pixels, more.pixels)
+    np.testing.assert_array_equal(same_count.pixels, more.pixels)
     with pytest.raises(SceneError, match="has no first half: it is of a render without"):
         renderer.render(box, target_error=0.04, checkpoint=path, resume=True)
+
+
+def interrupted_at(monkeypatch, number, short):
+    """Interrupt a render in its part of this number, `short` samples before its end.
+
+    A goal has two parts for each look, its two halves. Returns how many parts were begun.
+    """
+    trace, begun = Sitting._trace_till_due, []
+
+    def trace_a_part(self, end):
+        begun.append(end)
+        if len(begun) - 1 != number:
+            return trace(self, end)
+        assert trace(self, end - short)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Sitting, "_trace_till_due", trace_a_part)
+    return begun
+
+
+@pytest.mark.parametrize("short", [0, 3])
+def test_a_goal_goes_on_from_either_half_of_each_look(box, path, short):
+    """Interrupted in each half, at its end or before: the same looks, error and picture.
+
+    In a first half the error of the last look is still known, in a second one it is not.
+    """
+    errors, end_second = [], Halves.end_second
+
+    def end_second_and_tell(self, threads):
+        errors.append(end_second(self, threads).error)
+        return self.last_look(threads)
+
+    with pytest.MonkeyPatch.context() as context:
+        looks = interrupted_at(context, -1, 0)
+        context.setattr(Halves, "end_second", end_second_and_tell)
+        whole = renderer.render(box, 4096, target_error=0.15)
+    assert len(looks) >= 6, f"a goal of three looks is expected: {looks}"
+    sizes = np.diff([0, *looks])
+    np.testing.assert_array_equal(
+        sizes[::2], sizes[1::2], "both halves of a look are equal"
+    )
+    for number, end in enumerate(looks):
+        for file in (path, older(path)):
+            file.unlink(missing_ok=True)
+        with pytest.MonkeyPatch.context() as context:
+            interrupted_at(context, number, short)
+            image = renderer.render(box, 4096, target_error=0.15, checkpoint=path)
+        assert not image.complete
+        with pytest.MonkeyPatch.context() as context:
+            rest = interrupted_at(context, -1, 0)
+            shown = []
+            image = renderer.render(
+                box,
+                4096,
+                target_error=0.15,
+                checkpoint=path,
+                resume=True,
+                progress=shown.append,
+            )
+        where = f"interrupted {short} samples before {end}"
+        known = errors[number // 2 - 1] if number in range(2, 99, 2) else np.inf
+        first = next(now for now in shown if now.stage == "render")
+        assert first.error == known, f"{where}: the error that is shown first"
+        assert rest == looks[number:], f"{where}: other looks"
+        assert image.error == whole.error, f"{where}: another error"
+        same(image, whole)
 
 
 def test_a_time_counts_in_all_sittings(box, path):
@@ -585,4 +660,5 @@ def test_a_checkpoint_is_not_due_while_one_is_written(monkeypatch, path):
     sums += 1.0  # work goes on: what is written is the copy
     let_go.append(True)
     kept.close()
-    assert kept.due() and np.array_equal(written, [np.zeros(3)])
+    assert kept.due()
+    np.testing.assert_array_equal(written, [np.zeros(3)])

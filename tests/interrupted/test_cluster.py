@@ -96,7 +96,8 @@ def test_a_scene_is_sent_by_its_content():
     there = thaw(content.names, list(content.pieces.values()))
     assert there["a"] is there["same"] and there["a"].flags.writeable
     assert not there["fixed"].flags.writeable
-    assert np.array_equal(there["equal"], large) and np.array_equal(there["fixed"], fixed)
+    np.testing.assert_array_equal(there["equal"], large)
+    np.testing.assert_array_equal(there["fixed"], fixed)
     changed = freeze({"a": large + 1, "same": large, "equal": large, "fixed": fixed})
     assert changed.key != content.key == freeze(there).key
 
@@ -118,7 +119,7 @@ def test_no_bit_depends_on_who_does_what(seed, alone):
         answers = [worker.add_samples(*arguments)[0] for _ in range(rng.choice([1, 2]))]
         job.add(portion, answers[-1])
     assert job.missing == 0 and rendering.samples_done == rendering.samples_in_all
-    assert np.array_equal(rendering.film.develop(), alone)
+    np.testing.assert_array_equal(rendering.film.develop(), alone)
 
 
 def test_an_interrupted_picture_has_no_holes():
@@ -142,7 +143,8 @@ def test_the_picture_is_that_of_one_process(local, alone):
     image = renderer.render(
         load(), 40, seed=3, cluster=local, progress=lambda now: notes.append(now.cluster)
     )
-    assert image.complete and np.array_equal(np.asarray(image), alone)
+    assert image.complete
+    np.testing.assert_array_equal(np.asarray(image), alone)
     assert "2 workers" in notes[-1] and "MB sent" in notes[-1]
 
 
@@ -150,7 +152,8 @@ def test_goals_and_colours_beside_aovs(local):
     """Several jobs one after the other: halves of samples, then a second rendering."""
     goal = {"target_error": 0.2, "seed": 3}
     here, there = (renderer.render(load(), **goal, cluster=c) for c in (None, local))
-    assert here.spp == there.spp and np.array_equal(np.asarray(here), np.asarray(there))
+    assert here.spp == there.spp
+    np.testing.assert_array_equal(np.asarray(here), np.asarray(there))
     scene = renderer.load_dict(
         {
             "type": "scene",
@@ -161,8 +164,8 @@ def test_goals_and_colours_beside_aovs(local):
         }
     )
     here, there = (renderer.render(scene, 4, cluster=c) for c in (None, local))
-    assert np.array_equal(np.asarray(here), np.asarray(there))
-    assert np.array_equal(here.aovs["d"], there.aovs["d"])
+    np.testing.assert_array_equal(np.asarray(here), np.asarray(there))
+    np.testing.assert_array_equal(here.aovs["d"], there.aovs["d"])
 
 
 def test_an_interrupt_keeps_what_came_in_and_resumes_anywhere(
@@ -180,7 +183,7 @@ def test_an_interrupt_keeps_what_came_in_and_resumes_anywhere(
         load(), MANY, cluster=local, resume=True, progress=seen.append, **kept
     )
     assert 0 < seen[0].done < seen[0].total
-    assert np.array_equal(np.asarray(image), alone_for_long)
+    np.testing.assert_array_equal(np.asarray(image), alone_for_long)
 
 
 def test_frames_of_a_sweep_are_begun_ahead(local):
@@ -189,9 +192,8 @@ def test_frames_of_a_sweep_are_begun_ahead(local):
         renderer.render_frames((load(width=w) for w in widths), spp=17, cluster=local)
     )
     for width, image in zip(widths, images, strict=True):
-        assert np.array_equal(
-            np.asarray(image), np.asarray(renderer.render(load(width=width), 17))
-        )
+        alone = renderer.render(load(width=width), 17)
+        np.testing.assert_array_equal(np.asarray(image), np.asarray(alone))
 
 
 def test_frames_under_way_are_kept_when_a_later_one_cannot_be_read(local):
@@ -233,7 +235,7 @@ def test_a_worker_that_is_not_like_us_is_refused_or_proved_equal(
         assert len(team.tally.refused) == 2
     else:
         image = renderer.render(load(), 40, seed=3, cluster=team)
-        assert np.array_equal(np.asarray(image), alone)
+        np.testing.assert_array_equal(np.asarray(image), alone)
         assert len(team.tally.shown_equal) == 2
         assert all("processor (z80, here" in d for d in team.tally.shown_equal.values())
 
@@ -256,7 +258,8 @@ def test_an_idle_worker_gets_what_a_slow_one_has(local, alone, monkeypatch):
         image = renderer.render(load(), 40, seed=3, cluster=team)
     finally:
         free.set()
-    assert np.array_equal(np.asarray(image), alone) and team.tally.doubled >= 1
+    np.testing.assert_array_equal(np.asarray(image), alone)
+    assert team.tally.doubled >= 1
 
 
 def test_a_portion_that_always_fails_ends_the_render_in_one_line(local, monkeypatch):
@@ -281,7 +284,8 @@ def test_a_worker_that_cannot_read_the_scene_is_refused(local, alone, monkeypatc
     monkeypatch.setattr(worker, "add_samples", reading)
     team = Team(local)
     image = renderer.render(load(), 40, seed=3, cluster=team)
-    assert image.complete and np.array_equal(np.asarray(image), alone)
+    assert image.complete
+    np.testing.assert_array_equal(np.asarray(image), alone)
     assert team.tally.refused == dict.fromkeys(broken, "plugin.py: no such module")
     broken.update(everybody)
     with pytest.raises(ClusterError, match=r"may work: \S+: plugin\.py: no such module$"):
@@ -352,7 +356,7 @@ def test_a_scheduler_that_goes_away_costs_nothing(alone_for_long, tmp_path):
     assert gone and not image.complete
     assert "the scheduler at" in image.metadata["interrupted"]
     image = renderer.render(load(), MANY, resume=True, **kept)
-    assert np.array_equal(np.asarray(image), alone_for_long)
+    np.testing.assert_array_equal(np.asarray(image), alone_for_long)
 
 
 @pytest.mark.parametrize(
@@ -376,7 +380,8 @@ def test_killed_workers_cost_nothing_but_time(workers, kills, alone_for_long):
                     pass
 
         image = renderer.render(load(), MANY, seed=3, cluster=team, progress=progress)
-    assert image.complete and np.array_equal(np.asarray(image), alone_for_long)
+    assert image.complete
+    np.testing.assert_array_equal(np.asarray(image), alone_for_long)
     assert killed and team.tally.lost >= 1
 
 
@@ -416,7 +421,7 @@ def test_a_portion_that_kills_its_workers_ends_the_render(
         "at pixel (0, 0), samples 0 to 15; their logs may say why, such as a lack of memory"
     )
     image = renderer.render(load(), 40, resume=True, **kept)
-    assert np.array_equal(np.asarray(image), alone)
+    np.testing.assert_array_equal(np.asarray(image), alone)
 
 
 @pytest.mark.slow  # a process for each death
@@ -465,7 +470,7 @@ def test_a_worker_without_memory_is_asked_again(local, alone, monkeypatch):
     monkeypatch.setattr(teams, "AGAIN", 0.1)
     monkeypatch.setattr(teams, "LOOK", 0.02)
     image = renderer.render(load(), 40, seed=3, cluster=team)
-    assert np.array_equal(np.asarray(image), alone)
+    np.testing.assert_array_equal(np.asarray(image), alone)
     assert refused and late.is_set() and not team.tally.refused
 
 

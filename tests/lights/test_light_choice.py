@@ -29,7 +29,12 @@ from renderer.kernels.records.kernel_scene import (
     WEIGH_FOUND,
 )
 from renderer.kinds.lights.choice.choose import UNIFORM, LightChoice
-from renderer.kinds.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
+from renderer.kinds.lights.choice.importance import (
+    ANY_NORMAL,
+    BOTH_SIDES,
+    IN_FRONT,
+    LightNodes,
+)
 from renderer.kinds.lights.choice.tree import LISTED, WIDTH
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.variant import way_of
@@ -104,7 +109,8 @@ def lamps(count: int) -> dict[str, Any]:
             {
                 "type": "spot",
                 "to_world": turn,
-                "cutoff_angle": 40.0,
+                "cutoff_angle": (40.0, 100.0, 180.0)[k // 5 % 3],
+                "beam_width": (30.0, 5.0, 20.0)[k // 5 % 3],
                 "intensity": rgb(rng.uniform(0.5, 5)),
             },
         )[k % 5]
@@ -114,14 +120,14 @@ def lamps(count: int) -> dict[str, Any]:
 
 
 class Probe:
-    """The choice at one point after another, of a scene with the sampler `independent`.
+    """The choice at one point after another, of a scene with one sampler.
 
     An even sky is one of the lights here, as environment maps are.
     """
 
-    def __init__(self, content: dict[str, Any]) -> None:
+    def __init__(self, content: dict[str, Any], sampler: str = "independent") -> None:
         self.scene = renderer.load_dict(content)
-        plan = make_plan(self.scene, integrator="path")
+        plan = make_plan(self.scene, integrator="path", sampler=sampler)
         self.inputs = Inputs(self.scene, dataclasses.replace(plan, finds_sky=False))
         self.lights = pack(self.inputs.record.lights)
         kept = (packed.record for packed in self.inputs.tables.kept)
@@ -155,6 +161,24 @@ class Probe:
             light[part] = samples[:CAPACITY]
             probability[part] = rows[3, :CAPACITY]
         return light, probability
+
+    def left_over(
+        self, position: Any, normal: Any = UP
+    ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+        """Return light, number and what is left of it, if the sampler chooses by pair."""
+        assert self.choice.by_pair == 1
+        self._put(position, normal)
+        light, rest = np.zeros(NUMBERS, np.int32), np.zeros(NUMBERS)
+        number = (np.arange(NUMBERS) + 0.5) / NUMBERS
+        rows = self.work.numbers
+        for first in range(0, NUMBERS, CAPACITY):
+            part = slice(first, first + CAPACITY)
+            rows[:, :CAPACITY] = np.nan  # no other number is looked at
+            rows[0, :CAPACITY] = number[part]
+            samples = np.zeros(CAPACITY + 48, np.int32)
+            run_choose(self.lights, self.packed_points, CAPACITY, rows, samples)
+            light[part], rest[part] = samples[:CAPACITY], rows[0, :CAPACITY]
+        return light, number, rest
 
     def found(self, position: Any, prims: Any, normal: Any = UP) -> NDArray[np.float64]:
         """Return the probability that a path is told which finds primitives from there."""
@@ -203,21 +227,68 @@ def test_lights_are_chosen_as_often_as_is_said(which, place, request):
         assert counts.min() > 0 and said.sum() == pytest.approx(1.0, abs=2e-6)
 
 
+@pytest.fixture(scope="module", params=[15, 200])
+def paired(request) -> Probe:
+    """A sampler whose first number chooses, and what is left of it is used again.
+
+    Lights in a list alone, and in trees.
+    """
+    return Probe(scene_of(lamps(request.param)), "sobol")
+
+
+@pytest.mark.parametrize("place", [*PLACES, (0.0, 0.0, 9.0)])
+def test_what_is_left_of_the_number_is_even_whatever_was_chosen(paired, place):
+    """It chooses a point of the lamp: uneven, or tied to the choice, it is a bias.
+
+    For each light, chosen by chance or by what it gives, what is left of evenly spread
+    numbers fills [0, 1) evenly: no fraction of it is off by more than two of the numbers,
+    and by what is lost to rounding. Above all lamps only the sky is known to give anything.
+    """
+    light, number, rest = paired.left_over(place)
+    assert rest.min() >= 0.0 and rest.max() < 1.0
+    seen = []
+    for by_chance in (True, False):
+        chosen = (number < UNIFORM) == by_chance
+        for k in np.unique(light[chosen]):
+            left = np.sort(rest[chosen & (light == k)])
+            even = (np.arange(left.size) + 0.5) / left.size
+            off = np.abs(left - even).max()
+            assert off < 2.0 / left.size + 1e-3, (
+                f"light {k}, by chance {by_chance}: {left.size} numbers, off by {off:.3f}"
+            )
+            seen.append(left.size)
+    assert len(seen) >= paired.choice.count, "each light is chosen by chance at least"
+    assert max(seen) > 100
+
+
+def test_where_nothing_is_known_the_rest_is_even_too():
+    """All light comes from behind: every choice is by chance."""
+    lights = {f"l{k}": point((k, 0, -2)) for k in range(3)}
+    light, _, rest = Probe(scene_of(lights), "sobol").left_over((0.0, 0.0, 0.0))
+    for k in range(3):
+        left = np.sort(rest[light == k])
+        even = (np.arange(left.size) + 0.5) / left.size
+        np.testing.assert_allclose(left, even, atol=2.0 / left.size)
+
+
+def bounds_of_node(nodes: LightNodes, node: int, *, far: bool = False) -> Bounds:
+    """Return the bounds of one light, or of all below a node, for the slow formula."""
+    return Bounds(
+        float(nodes.strength[node]),
+        nodes.center[:, node].astype(float),
+        float(nodes.radius2[node]) ** 0.5,
+        nodes.axis[:, node].astype(float),
+        math.atan2(nodes.sin_spread[node], nodes.cos_spread[node]),
+        math.acos(nodes.cos_reach[node]),
+        far,
+    )
+
+
 def walked(choice: LightChoice, position: Any, normal: Any) -> NDArray[np.float64]:
     """Return the probabilities of all lights in float64, by going through all nodes."""
-    nodes = choice.nodes
 
     def given(node: int, far: bool) -> float:
-        spread = math.atan2(nodes.sin_spread[node], nodes.cos_spread[node])
-        bounds = Bounds(
-            float(nodes.strength[node]),
-            nodes.center[:, node].astype(float),
-            float(nodes.radius2[node]) ** 0.5,
-            nodes.axis[:, node].astype(float),
-            spread,
-            math.acos(nodes.cos_reach[node]),
-            far,
-        )
+        bounds = bounds_of_node(choice.nodes, node, far=far)
         return importance(bounds, np.asarray(position, float), np.asarray(normal, float))
 
     found = np.zeros(choice.count)
@@ -262,6 +333,38 @@ def test_the_trees_hold_every_light_once(many):
     below = choice.children[choice.entries].max()
     inner = np.flatnonzero(choice.children)
     assert below > 0 and set(inner) - set(choice.entries)
+
+
+def test_a_node_gives_at_least_something_where_a_light_below_does(many):
+    """A tree that forgets a part of its lights would never go down to them.
+
+    Bounds of all lights by themselves, and of the nodes above, at random places.
+    """
+    choice, nodes = many.choice, many.choice.nodes
+    rng = np.random.default_rng(8)
+    places = rng.uniform((-6, -6, 0), (6, 6, 3), (60, 3))
+    normals = rng.normal(size=(60, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+
+    def below(node: int) -> list[int]:
+        first, count = int(choice.child[node]), int(choice.children[node])
+        if count == 0:
+            return [node]
+        return [leaf for child in range(first, first + count) for leaf in below(child)]
+
+    inner = np.flatnonzero(choice.children)
+    assert len(inner) > 64
+    for node in rng.choice(inner, 40, replace=False):
+        leaves = below(int(node))
+        of_leaves = [bounds_of_node(nodes, leaf) for leaf in leaves]
+        strength = sum(bounds.strength for bounds in of_leaves)
+        assert nodes.strength[node] == pytest.approx(strength, rel=1e-4)
+        mine = bounds_of_node(nodes, int(node))
+        for place, normal in zip(places, normals, strict=True):
+            given = max(importance(bounds, place, normal) for bounds in of_leaves)
+            if given > 1e-6 * strength:
+                found = importance(mine, place, normal)
+                assert found > 0.0, f"node {node} of {len(leaves)} lights at {place}"
 
 
 def test_the_simple_path_tracer_chooses_alike(few):

@@ -102,7 +102,7 @@ class Setup(LightProbe):
     def irradiance_z(self, name, position, normal, expected):
         """Sigma between the estimate of E / L and the expected value."""
         wi, radiance, _, _ = self.sample(name, position)
-        assert np.isfinite(radiance).all()
+        assert np.isfinite(radiance).all(), f"{name} gives radiance that is not finite"
         contribution = radiance * np.maximum(wi @ unit(normal), 0)[:, None]
         np.testing.assert_allclose(contribution[:, 0], 2 * contribution[:, 1], rtol=1e-6)
         per_l = contribution[:, 1]
@@ -353,7 +353,7 @@ def test_a_light_seen_from_behind_gives_nothing(setup, name, where):
     """Behind flat ones, inside closed ones, outside of the lamp."""
     _, radiance, _, pdf = setup.sample(name, center(name) + where)
     np.testing.assert_array_equal(radiance, 0)
-    assert not np.isnan(pdf).any()
+    assert not np.isnan(pdf).any(), f"{np.isnan(pdf).sum()} densities are NaN"
 
 
 @pytest.mark.parametrize(
@@ -373,7 +373,8 @@ def test_points_of_the_light_itself_stay_finite(setup, name, where):
     wi, radiance, _, _ = setup.sample(name, center(name) + where)
     normal = np.ones(3) / np.sqrt(3)
     usable = (wi @ normal > 0) & (radiance.sum(axis=1) > 0)
-    assert np.isfinite(radiance[usable]).all()
+    finite = np.isfinite(radiance[usable])
+    assert finite.all(), f"{(~finite).sum()} of {finite.size} values are not finite"
 
 
 # -------------------------------------------------------------------------- densities
@@ -520,7 +521,7 @@ def test_alias_tables_have_the_weights_as_probabilities(seed):
     weights[rng.random(len(weights)) < 0.1] = 0
     weights[0] = 1.0
     keep, alias = alias_table(weights)
-    assert (keep >= 0).all() and (keep <= 1 + 1e-12).all()
+    assert 0.0 <= keep.min() and keep.max() <= 1.0 + 1e-12, "probabilities to stay"
     chance = np.zeros(len(weights))
     np.add.at(chance, np.arange(len(weights)), keep)
     np.add.at(chance, alias, 1 - keep)

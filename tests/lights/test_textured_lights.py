@@ -29,9 +29,19 @@ def place(*, mirrored=False):
     return spin.scale([-1.7 if mirrored else 1.7, 1.7, 1.7])
 
 
+def uv_map(*rows):
+    """Return a map of uv for both renderers."""
+    matrix = np.eye(4)
+    matrix[:2, :2], matrix[:2, 3] = [row[:2] for row in rows], [row[2] for row in rows]
+    return mi.ScalarTransform4f(matrix)
+
+
+# They turn, slant and move: no number of them can stand in the place of another.
+TURNED = uv_map((1.3, -0.6, 0.3), (0.4, 0.9, -0.7))
+SLANTED = uv_map((0.7, 0.5, -0.4), (-0.2, 1.4, 0.6))
 BOARD = {
     "type": "checkerboard",
-    "to_uv": mi.ScalarTransform3f().scale([2, 3]),
+    "to_uv": uv_map((2.0, -0.7, 0.3), (0.9, 3.0, -0.2)),
     "color0": {"type": "rgb", "value": [0.9, 0.3, 0.1]},
 }
 SHAPES = {
@@ -46,6 +56,10 @@ SHAPES = {
     "flipped disk": lamp("disk", BOARD, to_world=place(), flip_normals=True),
     "sphere": lamp("sphere", bitmap(wrap_mode="clamp"), to_world=place()),
     "mesh": lamp("obj", bitmap(), filename=str(PLUGINS / "lamp.obj")),
+    "turned rectangle": lamp("rectangle", bitmap(to_uv=TURNED), to_world=place()),
+    "turned disk": lamp("disk", bitmap(to_uv=SLANTED), to_world=place()),
+    "turned sphere": lamp("sphere", bitmap(to_uv=SLANTED), to_world=place()),
+    "turned mesh": lamp("obj", bitmap(to_uv=TURNED), filename=str(PLUGINS / "lamp.obj")),
 }
 OTHERS = {
     "spot": {
@@ -69,6 +83,18 @@ OTHERS = {
         "fov": 60.0,
     },
     "plain projector": {"type": "projector", "fov": 50.0, "fov_axis": "y"},
+    "turned spot": {
+        "type": "spot",
+        "to_world": place().translate([0, 0, -3]),
+        "cutoff_angle": 40.0,
+        "texture": bitmap("slide.png", to_uv=TURNED),
+    },
+    "turned projector": {
+        "type": "projector",
+        "to_world": place().scale([1 / 1.7] * 3).translate([0, 0, -3]),
+        "irradiance": bitmap("slide.png", to_uv=SLANTED),
+        "fov": 60.0,
+    },
 }
 
 

@@ -26,9 +26,9 @@ def test_no_false_alarm_in_two_hundred_equal_pictures(noise):
     for _ in range(200):
         pictures = [noise(rng) for _ in range(5)]
         tests = bias_tests(pictures[0], pictures[1:])
-        assert tests.mean.passed
-        assert tests.tiles.passed
-        assert tests.worst_tile.passed
+        assert tests.mean.passed, f"expected a mean within its limit: {tests.mean}"
+        assert tests.tiles.passed, f"expected tiles within their limit: {tests.tiles}"
+        assert tests.worst_tile.passed, f"expected less than 7: {tests.worst_tile}"
 
 
 def test_standard_error_is_that_of_the_mean_difference():
@@ -53,6 +53,50 @@ def test_scale_error_of_six_standard_errors_is_found():
     references = [gaussian(rng) for _ in range(4)]
     shift = (MEAN_LIMIT + 2.0) * 0.3 * np.sqrt(1.25 / 1280)
     assert not bias_tests(gaussian(rng) * (1.0 + shift), references).mean.passed
+
+
+# Mean and noise of three channels that have nothing in common: relative to the mean, the
+# noise of one picture is 0.004, 0.3 and 10.
+MEANS = np.array([5.0, 1.0, 0.2])
+SIGMAS = np.array([0.02, 0.3, 2.0])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+@pytest.mark.parametrize("biased", [0, 1, 2])
+def test_the_biased_channel_decides(biased, order, sign):
+    """Each channel is judged by its own value, noise and limit.
+
+    A test that takes the channel with the largest value instead always takes the noisiest
+    one, and a bias of the quiet channel passes.
+    """
+    rng = np.random.default_rng(7)
+    means, sigmas = MEANS[list(order)], SIGMAS[list(order)]
+    ours, *references = (means + sigmas * rng.standard_normal(SHAPE) for _ in range(5))
+
+    def tests_of(bias):
+        """Test our picture with a bias (H, W) of one channel, in sigmas of one pixel."""
+        wrong = ours.copy()
+        wrong[..., biased] += sign * sigmas[biased] * bias
+        return bias_tests(wrong, references)
+
+    right = tests_of(0.0)
+    assert right.mean.passed and right.tiles.passed and right.worst_tile.passed, right
+
+    error = np.sqrt(1.25 / 1280)  # of the difference of means, in sigmas of one pixel
+    shifted = tests_of((MEAN_LIMIT + 5.0) * error)
+    relative = error * sigmas[biased] / means[biased]
+    assert not shifted.mean.passed, f"channel {biased}: {shifted.mean}"
+    assert shifted.mean.value == pytest.approx((MEAN_LIMIT + 5.0) * relative, rel=0.3)
+    assert shifted.mean.floor == pytest.approx(relative, rel=0.15)
+
+    halves = tests_of(np.where(np.arange(40) < 20, 0.5, -0.5))
+    assert halves.mean.passed, f"the halves cancel in the mean: {halves.mean}"
+    assert not halves.tiles.passed, f"channel {biased}: {halves.tiles}"
+
+    spot = np.zeros(SHAPE[:2])
+    spot[8:16, 16:24] = 1.5
+    assert not tests_of(spot).worst_tile.passed, f"channel {biased}: {tests_of(spot)}"
 
 
 def test_bias_that_cancels_is_found_by_the_tiles_alone():

@@ -31,6 +31,7 @@ from mitsuba_ref.replay import beyond_limits, replay_scene
 from mitsuba_ref.replay.beyond_limits import (
     excluded_share,
     look_at_causes,
+    pixels_beyond,
     spread_evenly,
 )
 from mitsuba_ref.replay.paths.led_path import EXACT, STEPS, LedPath
@@ -66,6 +67,29 @@ def test_each_pixel_is_as_likely_as_another(monkeypatch):
     # a pixel on the border of two strata may be drawn by both, and counts once
     assert counts.min() > 0.85 * 1600
     assert counts.max() < 1.1 * 1600
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["brighter", "darker"])
+def test_pixels_beyond_a_limit_are_found_whichever_way_they_are_off(sign):
+    """By hand: three pixels that diverge, and two that alone make the RMSE too large."""
+    reference = np.tile(np.array([0.2, 0.6, 0.4], np.float32), (50, 40, 1))
+    ours = reference.astype(np.float64)
+    diverged = [(3, 7), (20, 1), (49, 39)]
+    for channel, (row, column) in enumerate(diverged):
+        ours[row, column, channel] += sign * 1e-3
+    others = [(0, 5), (31, 2)]
+    for channel, (row, column) in enumerate(others):
+        ours[row, column, channel] += sign * 1e-4
+    ours = ours.astype(np.float32)
+    limits = msgspec.structs.replace(USUAL_LIMITS, rmse=1e-6)
+    result = compare_replay(ours, reference, limits)
+    found = list(pixels_beyond(result, ours, reference, limits))
+    assert [beyond.places.tolist() for beyond in found] == [
+        [list(place) for place in sorted(diverged)],
+        [list(place) for place in sorted(others)],
+    ]
+    np.testing.assert_allclose(found[0].scale, 0.6, rtol=1e-6)  # the brightest channel
+    np.testing.assert_allclose(found[1].scale, 0.4, rtol=1e-6)  # the mean
 
 
 # ---------------------------------------------------------------------- single steps

@@ -36,18 +36,52 @@ def test_a_divergent_pixel_is_named_and_left_out_of_the_rmse():
     assert (pixel.x, pixel.y, pixel.relative) == (31, 7, 0.5)
 
 
-def test_three_divergent_pixels_of_two_thousand_fail():
-    """0.15 % is more than 0.1 %."""
+SIGNS = pytest.mark.parametrize("sign", [1, -1], ids=["brighter", "darker"])
+
+
+@SIGNS
+def test_three_divergent_pixels_of_two_thousand_fail(sign):
+    """0.15 % is more than 0.1 %; two pixels are just that."""
     ours = grey()
-    ours[0, :3] *= 1.01
-    assert not compare_replay(ours, grey()).passed
+    ours[0, :2] *= 1 + sign * 0.01
+    assert compare_replay(ours, grey()).passed
+    ours[0, 2] *= 1 + sign * 0.01
+    result = compare_replay(ours, grey())
+    assert (result.passed, result.divergent) == (False, 3)
 
 
-def test_a_small_difference_everywhere_fails():
-    """2e-5 of every pixel is below the tolerance of each, and twice the RMSE allowed."""
-    result = compare_replay(grey(value=0.5 * (1 + 2e-5)), grey())
+@SIGNS
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_a_pixel_diverges_from_three_parts_in_ten_thousand_on(channel, sign):
+    """Of its brightest channel, whichever channel differs, and in which direction."""
+    for brightest in range(3):
+        reference = np.tile(np.roll([0.8, 0.4, 0.2], brightest), (50, 40, 1))
+        for difference, divergent in ((2.8e-4, 0), (3.2e-4, 1)):
+            ours = reference.copy()
+            ours[7, 31, channel] += sign * difference * 0.8
+            result = compare_replay(ours.astype(np.float32), reference.astype(np.float32))
+            assert result.divergent == divergent, f"{difference}, brightest {brightest}"
+            seen = result.listed[0].relative if divergent else result.largest
+            assert seen == pytest.approx(difference, rel=1e-3)
+
+
+@SIGNS
+@pytest.mark.parametrize("channel", [0, 1, 2])
+def test_a_small_difference_everywhere_fails(channel, sign):
+    """2e-5 of every pixel is below the tolerance of each, and twice the RMSE allowed.
+
+    In one channel alone sqrt(3) times as much makes the same RMSE.
+    """
+    result = compare_replay(grey(value=0.5 * (1 + sign * 2e-5)), grey())
     assert (result.passed, result.divergent) == (False, 0)
     assert result.rmse == pytest.approx(2 * USUAL_LIMITS.rmse, rel=0.01)
+    ours = grey()
+    ours[..., channel] *= 1 + sign * 2e-5 * np.sqrt(3)
+    result = compare_replay(ours, grey())
+    assert (result.passed, result.divergent) == (False, 0)
+    assert result.rmse == pytest.approx(2 * USUAL_LIMITS.rmse, rel=0.01)
+    half = compare_replay(grey(value=0.5 * (1 + sign * 0.5e-5)), grey())
+    assert half.passed, half.sentence
 
 
 def test_a_scene_may_have_wider_limits():
@@ -58,12 +92,14 @@ def test_a_scene_may_have_wider_limits():
 
 
 def test_differences_in_the_dark_are_relative_to_the_mean():
-    """Of 1e-6 in a black pixel nothing follows; of 1e-4 beside a mean of 0.5 neither."""
-    reference = grey()
-    reference[0, 0] = 0.0
-    ours = reference.copy()
-    ours[0, 0] = 4e-6
-    assert relative_difference(ours, reference)[0, 0] == pytest.approx(8e-4, rel=1e-3)
+    """A black pixel: 4e-6 are 8e-4 of a hundredth of the mean 0.5, with either sign."""
+    for sign in (1, -1):
+        reference = grey()
+        reference[0, 0] = 0.0
+        ours = reference.copy()
+        ours[0, 0, 1] = sign * 4e-6
+        assert relative_difference(ours, reference)[0, 0] == pytest.approx(8e-4, rel=1e-3)
+        assert compare_replay(ours, reference).divergent == 1
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
@@ -90,7 +126,13 @@ def test_the_list_holds_the_worst():
     ours = grey() * np.linspace(1.01, 2.0, 2000, dtype=np.float32).reshape(50, 40, 1)
     result = compare_replay(ours, grey())
     assert len(result.listed) == LISTED
+    # from the last pixel backwards
+    assert [(pixel.x, pixel.y) for pixel in result.listed] == [
+        (39 - k, 49) for k in range(LISTED)
+    ]
     assert result.listed[0].relative == pytest.approx(1.0)
+    np.testing.assert_allclose(result.listed[0].ours, 1.0)
+    np.testing.assert_allclose(result.listed[0].reference, 0.5)
 
 
 def with_a_lamp(error, times=1e4):
@@ -102,17 +144,19 @@ def with_a_lamp(error, times=1e4):
     return ours.astype(np.float32), reference
 
 
-def test_a_few_roundings_of_a_lamp_seen_are_within_the_limit():
+@SIGNS
+def test_a_few_roundings_of_a_lamp_seen_are_within_the_limit(sign):
     """3e-7 of 1e4 times the grey is 3e-3 of it, as RMSE of 2000 pixels 1e-5 of the mean."""
-    ours, reference = with_a_lamp(3e-7)
+    ours, reference = with_a_lamp(sign * 3e-7)
     old = np.sqrt(np.mean((ours.astype(np.float64) - reference) ** 2)) / reference.mean()
     assert old > USUAL_LIMITS.rmse
     assert compare_replay(ours, reference).passed
 
 
-def test_a_lamp_that_is_off_by_more_than_roundings_fails():
+@SIGNS
+def test_a_lamp_that_is_off_by_more_than_roundings_fails(sign):
     """2e-5 of it: no pixel diverges, and sixty roundings are none."""
-    result = compare_replay(*with_a_lamp(2e-5))
+    result = compare_replay(*with_a_lamp(sign * 2e-5))
     assert (result.passed, result.divergent) == (False, 0)
 
 

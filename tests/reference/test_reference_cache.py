@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,30 @@ def test_another_request_is_another_entry(scene, cache, renderer, other):
     cache.get(RenderRequest(str(scene)), [])
     cache.get(RenderRequest(str(scene), **other), [])
     assert len(renderer.requests) == 2
+
+
+CHANGED = {"kind": "aovs", "parameters": {"width": "4"}}
+CHANGED |= {"camera": tuple(range(16))}
+NO_MATTER = {"threads": 4, "allow_outside": ("elsewhere",)}
+
+
+@pytest.mark.parametrize("field", fields(RenderRequest), ids=lambda field: field.name)
+def test_each_field_of_a_request_names_another_entry(scene, field):
+    """All that there are, now or later; but threads, and where files may lie."""
+    (scene.parent / "other.xml").write_text("<scene/>")
+    (scene.parent / "plugin.py").write_text("")
+    usual = RenderRequest(str(scene))
+    value = getattr(usual, field.name)
+    if field.name == "plugins":
+        changed = str(scene.parent / "plugin.py")
+    elif field.name == "path":
+        changed = str(scene.parent / "other.xml")
+    elif field.name in CHANGED | NO_MATTER:
+        changed = (CHANGED | NO_MATTER)[field.name]
+    else:
+        changed = not value if isinstance(value, bool) else (value or 0) + 1
+    same = entry_name(replace(usual, **{field.name: changed}), []) == entry_name(usual, [])
+    assert same == (field.name in NO_MATTER), f"{field.name}: {value} and {changed}"
 
 
 def test_threads_change_no_picture(scene, cache, renderer):

@@ -90,7 +90,7 @@ def test_a_box_has_rectangles_and_nothing_else():
     kernels = inputs.record
     assert rows(kernels.groups) == [columns(CLOSEST_COHERENT, CLOSEST)]
     assert rows(kernels.shadow_groups) == []  # walls around a lamp never block it
-    assert np.array_equal(kernels.camera_groups, kernels.groups)
+    np.testing.assert_array_equal(kernels.camera_groups, kernels.groups)
     assert list(inputs.tables.surfaces) == ["rectangles"]
     assert rows(kernels.surfaces) == [columns(LOCATE)]
     assert kernels.placements.group.size == 0
@@ -209,7 +209,7 @@ def test_kinds_that_no_ray_meets_change_no_bit():
     """
     lean = picture()
     assert lean.min() > 0
-    assert np.array_equal(lean, picture(*unseen()))
+    np.testing.assert_array_equal(lean, picture(*unseen()))
     assert not np.array_equal(lean, picture(*unseen(), sphere(glass(), radius=0.1)))
 
 
@@ -220,5 +220,5 @@ def test_every_other_kind_of_shape_and_bsdf_changes_no_bit():
     The same shapes in the room change the picture, so they do work.
     """
     lean = picture()
-    assert np.array_equal(lean, picture(*one_of_each(-9.0)))
+    np.testing.assert_array_equal(lean, picture(*one_of_each(-9.0)))
     assert not np.array_equal(lean, picture(*one_of_each(0.3)))

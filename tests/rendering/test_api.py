@@ -67,8 +67,8 @@ def test_file_string_and_dictionary_give_the_same_picture(tmp_path):
     content["sensor"]["near_clip"] = 0.01
     from_dict = renderer.render(renderer.load_dict(content))
     assert from_file.pixels.max() > 0
-    assert np.array_equal(from_file, from_string)
-    assert np.array_equal(from_file, from_dict)
+    np.testing.assert_array_equal(from_file, from_string)
+    np.testing.assert_array_equal(from_file, from_dict)
 
 
 def test_parameters_replace_the_defaults_of_a_file(tmp_path):
@@ -111,7 +111,7 @@ def test_an_image_is_what_the_documentation_says():
     assert isinstance(image, Image)
     assert image.pixels.shape == (5, 7, 3)
     assert image.pixels.dtype == np.float32
-    assert np.array_equal(np.asarray(image), image.pixels)
+    np.testing.assert_array_equal(np.asarray(image), image.pixels)
     assert (image.width, image.height, image.spp, image.threads) == (7, 5, 4, 2)
     assert (image.integrator, image.complete, dict(image.aovs)) == ("direct", True, {})
     assert image.seconds > 0

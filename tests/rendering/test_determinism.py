@@ -40,7 +40,7 @@ def one_thread():
 
 @pytest.mark.parametrize("threads", [2, 5])
 def test_threads_do_not_change_a_bit(one_thread, threads):
-    assert np.array_equal(one_thread, pixels(noisy_box(), threads=threads))
+    np.testing.assert_array_equal(one_thread, pixels(noisy_box(), threads=threads))
 
 
 def test_a_wide_filter_sums_in_a_fixed_order():
@@ -48,11 +48,11 @@ def test_a_wide_filter_sums_in_a_fixed_order():
     content = noisy_box(rfilter="gaussian", spp=4)
     first = pixels(content, threads=1)
     for threads in (2, 5):
-        assert np.array_equal(first, pixels(content, threads=threads))
+        np.testing.assert_array_equal(first, pixels(content, threads=threads))
 
 
 def test_the_seed_decides(one_thread):
-    assert np.array_equal(one_thread, pixels(noisy_box(), seed=0))
+    np.testing.assert_array_equal(one_thread, pixels(noisy_box(), seed=0))
     other = pixels(noisy_box(), seed=1)
     assert not np.array_equal(one_thread, other)
     assert (one_thread != other).mean() > 0.9  # everywhere, not here and there
@@ -69,7 +69,7 @@ def test_a_crop_window_is_a_part_of_the_picture(one_thread, window):
     x, y, width, height = window
     part = pixels(noisy_box(crop=window))
     assert part.shape == (height, width, 3)
-    assert np.array_equal(part, one_thread[y : y + height, x : x + width])
+    np.testing.assert_array_equal(part, one_thread[y : y + height, x : x + width])
 
 
 def test_two_processes_give_the_same_bytes(one_thread):

@@ -61,7 +61,7 @@ def test_another_seed_or_number_of_samples_finds_the_tables_made(made):
         for spp, seed in ((1, 0), (1, 1), (4, 1), (1, 0))
     ]
     assert len(made) == 1
-    assert np.array_equal(pictures[0], pictures[3])  # whatever came between
+    np.testing.assert_array_equal(pictures[0], pictures[3])  # whatever came between
     assert not np.array_equal(pictures[0], pictures[1])
 
 
@@ -94,7 +94,7 @@ def test_a_copy_of_a_scene_has_tables_of_its_own(copied, made):
     scene = room()
     expected = np.asarray(renderer.render(scene, 1))
     other = copied(scene)
-    assert np.array_equal(np.asarray(renderer.render(other, 1)), expected)
+    np.testing.assert_array_equal(np.asarray(renderer.render(other, 1)), expected)
     assert len(made) == 2
 
 
@@ -110,7 +110,7 @@ def test_copies_of_tables_of_one_column_or_none(copied, tmp_path):
     )
     scene = renderer.load_file(tmp_path / "scene.xml")
     expected = np.asarray(renderer.render(scene, 1))
-    assert np.array_equal(np.asarray(renderer.render(copied(scene), 1)), expected)
+    np.testing.assert_array_equal(np.asarray(renderer.render(copied(scene), 1)), expected)
     assert not np.array_equal(expected, np.asarray(renderer.render(room(), 1)))
 
 
@@ -135,5 +135,5 @@ def test_another_record_is_looked_at_anew():
     plan = dataclasses.replace(rendering.plan, max_depth=1)
     expected = Rendering(scene, plan, accel="auto", seed=0, threads=1)
     assert Sitting(expected).run()
-    assert np.array_equal(rendering.develop(), expected.develop())
+    np.testing.assert_array_equal(rendering.develop(), expected.develop())
     assert not np.array_equal(rendering.develop(), np.asarray(renderer.render(scene, 1)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from pathlib import Path
 
@@ -307,6 +308,80 @@ def test_negative_indices_and_continued_lines(tmp_path: Path, faces: str):
     np.testing.assert_array_equal(ours.vertices, expected.vertices)
     np.testing.assert_array_equal(ours.uvs, expected.uvs)
     np.testing.assert_array_equal(ours.faces, expected.faces)
+
+
+@pytest.mark.parametrize("negative", list(itertools.product((False, True), repeat=3)))
+@pytest.mark.parametrize("counts", [(5, 4, 3), (3, 4, 5), (4, 3, 5), (3, 5, 4)])
+def test_a_negative_index_counts_back_from_the_newest_of_its_kind(
+    tmp_path: Path, counts: tuple[int, int, int], negative: tuple[bool, bool, bool]
+):
+    """There are unequally many `v`, `vt` and `vn`, and more of each behind the first face.
+
+    No two corners of a face share an index of any kind, and none has two equal indices
+    throughout, so that an index that is counted from another list shows.
+    """
+    rng = np.random.default_rng(2)
+    values = [
+        rng.uniform(0.1, 1.0, (2 * count, width)).round(3)
+        for count, width in zip(counts, (3, 2, 3), strict=True)
+    ]
+    faces, text = [], ""
+    for block in range(2):
+        for word, rows, count in zip(("v", "vt", "vn"), values, counts, strict=True):
+            for row in rows[block * count : (block + 1) * count]:
+                text += f"{word} {' '.join(map(str, row))}\n"
+        there = [count * (block + 1) for count in counts]
+        # from the front, from the back, and from the second on
+        face = [(i, there[1] - 1 - i, (i + 1) % there[2]) for i in range(3)]
+        faces.append(face)
+        text += "f"
+        for corner in face:
+            shown = (
+                index - count if is_negative else index + 1
+                for index, count, is_negative in zip(corner, there, negative, strict=True)
+            )
+            text += " " + "/".join(map(str, shown))
+        text += "\n"
+    path = tmp_path / "mesh.obj"
+    path.write_text(text)
+    mesh = build(read_obj(path, flip_tex_coords=False))
+    found = [
+        table[mesh.faces].reshape(6, -1)
+        for table in (mesh.vertices, mesh.uvs, mesh.normals)
+    ]
+    values[2] /= np.linalg.norm(values[2], axis=1, keepdims=True)
+    for kind, (table, expected) in enumerate(zip(found, values, strict=True)):
+        indices = [corner[kind] for face in faces for corner in face]
+        np.testing.assert_allclose(
+            table,
+            expected[indices],
+            rtol=1e-6,
+            err_msg=f"{('v', 'vt', 'vn')[kind]}\n{text}",
+        )
+
+
+@pytest.mark.parametrize("is_negative", [False, True])
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_an_index_beyond_its_own_list_is_refused(
+    tmp_path: Path, kind: int, is_negative: bool
+):
+    """Even if the two other lists are long enough for it."""
+    words, names = ("v", "vt", "vn"), ("vertex", "texture coordinate", "normal")
+    text = ""
+    for place, word in enumerate(words):
+        text += f"{word} 0.5 1 2\n{word} 1 0.5 3\n{word} 1 2 0.5\n"
+        text += f"{word} 4 5 6\n" * (0 if place == kind else 2)
+    corner = ["1", "1", "1"]
+    corner[kind] = "-4" if is_negative else "4"
+    path = tmp_path / "mesh.obj"
+    path.write_text(f"{text}f {'/'.join(corner)} 2/2/2 3/3/3\n")
+    with pytest.raises(SceneError) as caught:
+        read_obj(path)
+    there = "3 come before it" if is_negative else "the file has 3"
+    assert str(caught.value) == (
+        f"{path}:14: face corner `{'/'.join(corner)}`: {names[kind]} {corner[kind]} does "
+        f"not exist, {there}"
+    )
 
 
 def test_corners_without_normal_or_uv_get_defined_values(tmp_path: Path):

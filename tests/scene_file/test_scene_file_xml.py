@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import mitsuba as mi
@@ -471,6 +472,35 @@ def test_version_below_2_has_other_names(tmp_path: Path) -> None:
     assert scene.shapes[1].bsdf.eta == pytest.approx(eta, rel=1e-6)
     assert 'no property "diffuseReflectance"' in error_of(content, version="2.0.0")
     assert mitsuba_refuses(content, version="2.0.0")
+
+
+OLD_UV = {"uscale": 4.0, "vscale": -0.5, "uoffset": 0.25, "voffset": 0.75}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [c for n in range(1, 5) for c in itertools.combinations(OLD_UV, n)]
+    + [("voffset", "uscale", "uoffset", "vscale")],  # their order in the file means nothing
+    ids=" ".join,
+)
+def test_old_uv_numbers_are_mitsubas_transform(names: tuple[str, ...]) -> None:
+    """All subsets of four numbers that differ: scale and shift do not commute, nor u and v.
+
+    The shift comes first: u is scale (u + offset).
+    """
+    numbers = "".join(f'<float name="{name}" value="{OLD_UV[name]}"/>' for name in names)
+    content = (
+        '<shape type="rectangle"><bsdf type="diffuse"><texture type="checkerboard" '
+        f'name="reflectance">{numbers}</texture></bsdf></shape>'
+    )
+    board = mi.traverse(theirs(content, version="0.6.0").shapes()[0].bsdf())
+    to_uv = ours(content, version="0.6.0").shapes[0].bsdf.reflectance.to_uv
+    np.testing.assert_allclose(to_uv, np.array(board["reflectance.to_uv"].matrix))
+    given = {name: OLD_UV[name] for name in names}
+    for axis, letter in enumerate("uv"):
+        factor, offset = given.get(f"{letter}scale", 1.0), given.get(f"{letter}offset", 0.0)
+        assert to_uv[axis, axis] == factor, f"{letter}: {to_uv}"
+        assert to_uv[axis, 2] == factor * offset, f"{letter}: {to_uv}"
 
 
 def test_version_below_2_refuses_uv_numbers_of_another_type() -> None:

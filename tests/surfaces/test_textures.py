@@ -17,15 +17,20 @@ from renderer.integrators.stages.materials import look_up_textures
 from renderer.integrators.stages.surface.shading_frame import load_constants
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
+from renderer.kinds.bsdfs.registry import kind_of
 from renderer.kinds.textures.registry import mean_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.materials import MaterialTables
 from renderer.scene_file.description import (
     BitmapTexture,
+    Blend,
+    BumpMap,
     CheckerboardTexture,
     ConstantTexture,
     Dielectric,
     Diffuse,
+    Mask,
+    NormalMap,
 )
 from renderer.simple.surfaces.textures import eval_texture
 
@@ -66,6 +71,19 @@ def evaluate(textures, texture_of, material, uv, constant=0.25, bsdf=Diffuse):
     return points.parameters[:3, :n].T
 
 
+def rows_of(bsdf, material, uv):
+    """Return the parameters by name, (rows, n), of BSDFs of one kind at uv (n, 2)."""
+    n = len(material)
+    scene = dataclasses.replace(renderer.load_dict(PLATE), materials=MaterialTables(bsdf))
+    inputs = Inputs(scene, make_plan(scene, integrator="path"))
+    points = inputs.workspace(n).points
+    points.bsdf[:n] = material
+    points.uv[:, :n] = np.asarray(uv, np.float32).T
+    run_parameters(pack(inputs.record.bsdfs), pack(points), n)
+    layout = kind_of(bsdf[0]).layout()
+    return {name: points.parameters[at : at + count, :n] for name, at, count in layout}
+
+
 def rgb(*components):
     return ConstantTexture(components)
 
@@ -85,6 +103,8 @@ TO_UV = {
     "scaled": affine((3, 0, 0), (0, -2, 0)),
     "moved and turned": affine((0.6, -0.8, 0.25), (0.8, 0.6, -1.5)),
     "slanted": affine((1.5, 0.5, 0), (0, 0.7, 0.1)),
+    # four numbers that differ, so that none can stand in the place of another
+    "turned, slanted and moved": affine((1.3, -0.6, 0.3), (0.4, 0.9, -0.7)),
 }
 FILTERS, WRAPS, SIZES = (
     ("nearest", "bilinear"),
@@ -168,6 +188,88 @@ def test_against_mitsuba(picture, tmp_path, k):
         expected.append([*texture.eval(si), texture.eval_1(si)])
     difference = np.abs(got[k] - np.array(expected)).max(axis=1)
     assert np.mean(difference > 2e-4) <= 0.01, np.sort(difference)[::-1][:8]
+
+
+def test_slopes_are_those_of_mitsuba(tmp_path):
+    """Of bump maps: all filters, wraps, sizes and maps of uv, at points all around.
+
+    By both u and v, which a map that turns mixes: a slope by the wrong one shows.
+    """
+    rng = np.random.default_rng(4)
+    n = 60
+    uv = rng.uniform(-1, 2, (n, 2)).astype(np.float32)
+    bumps = [BumpMap(texture, 1.0, True, True, Diffuse()) for _, texture in BITMAPS]
+    material = np.repeat(np.arange(len(bumps)), n)
+    got = rows_of(bumps, material, np.tile(uv, (len(bumps), 1)))["height"]
+    got = got.reshape(2, len(bumps), n)
+    si = mi.SurfaceInteraction3f()
+    for k, (_, texture) in enumerate(BITMAPS):
+        reference, expected = in_mitsuba(texture, tmp_path), []
+        for u, v in uv.tolist():
+            si.uv = (u, v)
+            expected.append(np.array(reference.eval_1_grad(si)).ravel())
+        difference = np.abs(got[:, k].T - expected).max(axis=1)
+        # a slope jumps at the texels' centres
+        off = np.mean(difference > 1e-3)
+        assert off <= 0.02, f"{label(k)}: {off:.0%}, {np.sort(difference)[::-1][:4]}"
+        if texture.filter_type == "bilinear" and texture.pixels.size > 3:
+            assert np.abs(expected).max(axis=0).min() > 0.1, "a slope by u and one by v"
+
+
+A, B, C = (
+    BitmapTexture(colors(*size), "bilinear", wrap, TO_UV[name])
+    for size, wrap, name in (
+        ((5, 3), "repeat", "turned, slanted and moved"),
+        ((4, 6), "mirror", "moved and turned"),
+        ((3, 7), "clamp", "slanted"),
+    )
+)
+BOARD_OF_ALL = CheckerboardTexture(
+    rgb(0.1, 0.2, 0.3), rgb(0.9, 0.7, 0.4), TO_UV["turned, slanted and moved"]
+)
+WRAPPERS = {
+    "mask": (Mask(A, Diffuse(B)), {"opacity": A, "nested.reflectance": B}),
+    "mask of a board": (
+        Mask(BOARD_OF_ALL, Diffuse(B)),
+        {"opacity": BOARD_OF_ALL, "nested.reflectance": B},
+    ),
+    "blendbsdf": (
+        Blend(A, Diffuse(B), Diffuse(C)),
+        {"weight": A, "first.reflectance": B, "second.reflectance": C},
+    ),
+    "normalmap": (
+        NormalMap(A, True, True, Diffuse(B)),
+        {"normalmap": A, "nested.reflectance": B},
+    ),
+    "bumpmap": (
+        BumpMap(A, 1.0, True, True, Diffuse(B)),
+        {"height": A, "nested.reflectance": B},
+    ),
+    "two deep": (
+        Mask(A, NormalMap(C, True, True, Diffuse(BOARD_OF_ALL))),
+        {"opacity": A, "nested.normalmap": C, "nested.nested.reflectance": BOARD_OF_ALL},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_each_texture_of_a_wrapper_has_its_own_map_of_uv(tmp_path, name):
+    """Its own, and those of what is inside: all different, and none along u and v."""
+    bsdf, textures = WRAPPERS[name]
+    uv = np.random.default_rng(12).uniform(-1, 2, (200, 2)).astype(np.float32)
+    rows = rows_of([bsdf], np.zeros(200, np.int32), uv)
+    si = mi.SurfaceInteraction3f()
+    for parameter, texture in textures.items():
+        reference, expected = in_mitsuba(texture, tmp_path), []
+        got = rows[parameter]
+        for u, v in uv.tolist():
+            si.uv = (u, v)
+            by_rows = {1: reference.eval_1, 3: reference.eval}
+            value = (by_rows.get(len(got)) or reference.eval_1_grad)(si)
+            expected.append(np.array(value, float).ravel())
+        difference = np.abs(got.T - expected).max(axis=1)
+        off = np.mean(difference > 1e-3)
+        assert off <= 0.02, f"{parameter}: {off:.0%}, {np.sort(difference)[::-1][:4]}"
 
 
 def test_the_comparison_sees_every_texel(picture):

@@ -86,9 +86,15 @@ def _merged(mesh: Mesh, places: Sequence[Matrix]) -> Mesh:
     ids = np.arange(len(mesh.faces)) if mesh.face_ids is None else mesh.face_ids
     normals = mesh.normals
     if normals is not None:
+        # Of each copy their lengths relative to each other stay: an instance interpolates
+        # between the group's unit normals, and goes to the world after that.
         turned = [normals @ np.linalg.inv(place[:3, :3]) for place in places]
-        long = np.concatenate(turned)
-        normals = _float32(long / np.linalg.norm(long, axis=1, keepdims=True))
+        longest = [np.linalg.norm(copy, axis=1).max() for copy in turned]
+        normals = _float32(
+            np.concatenate(
+                [copy / most for copy, most in zip(turned, longest, strict=True)]
+            )
+        )
     return dataclasses.replace(
         mesh,
         vertices=_float32(np.concatenate(points)),

@@ -24,7 +24,7 @@ class LightBounds(NamedTuple):
     strength: float  # [W/sr], mean of RGB; at infinity the irradiance [W/m^2]
     axis: Any  # (3,) unit: of the cone; at infinity towards the light
     # [rad] Half angles. Within `spread` of the axis it shines in full, then as the cosine
-    # of the angle from there, and not at all `reach` farther on.
+    # of the angle from there, and not at all `reach` farther on, at most pi / 2.
     spread: float
     reach: float
     at_infinity: bool = False
@@ -38,8 +38,13 @@ def all_around(center: Any, intensity: float) -> LightBounds:
 def in_cone(
     center: Any, intensity: float, axis: Any, spread: float, reach: float
 ) -> LightBounds:
-    """Return the bounds of a point that shines into a cone around an axis of any length."""
-    return LightBounds(center, 0.0, intensity, _unit(axis), spread, reach)
+    """Return the bounds of a point that shines into a cone around an axis of any length.
+
+    From 90 degrees beyond `spread` on the cosine is negative, and so would be the
+    probability of the light: where `reach` is more, `spread` takes the rest.
+    """
+    rest = max(reach - 0.5 * math.pi, 0.0)
+    return LightBounds(center, 0.0, intensity, _unit(axis), spread + rest, reach - rest)
 
 
 def from_direction(irradiance: float, to_light: Any) -> LightBounds:

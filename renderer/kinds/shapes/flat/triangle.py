@@ -113,7 +113,7 @@ class TriangleSurfaces(NamedTuple):
     end: int
     places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
     # each of the following has no column where no mesh has it or nobody asks for it
-    normals: NDArray[np.float32] = empty_rows(9)  # (9, n) unit, of the vertices in turn
+    normals: NDArray[np.float32] = empty_rows(9)  # (9, n) of the vertices, any length
     uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
     tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
 
