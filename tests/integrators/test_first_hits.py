@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import io
+
 import mitsuba as mi
 import numpy as np
 import pytest
 from small_scenes import diffuse, mirror, point_light, rectangle, scene, sensor, sky
 
 import renderer
+from renderer.rendering.picture.image_files import encode_png
 
 # ---------------------------------------------------------------------- hidden lights
 
@@ -106,7 +109,49 @@ def test_aovs_have_the_names_of_the_file():
     assert (image.aovs["at"][hit][:, 2] == 0).all()
     for values in image.aovs.values():
         assert (values[~hit] == 0).all()
-    assert not image.pixels.any()  # no integrator inside, no colours
+
+
+@pytest.mark.parametrize("first", ["dd:depth", "st:uv", "at:position", "ss:shape_index"])
+def test_without_an_integrator_inside_the_first_aov_is_the_picture(first, tmp_path):
+    """Mitsuba's picture are all AOVs; one number shows as grey, of two the third is 0."""
+    content = first_hits("aov", aovs=f"{first}, colour:albedo")
+    image = renderer.render(renderer.load_dict(content))
+    theirs = mitsuba_picture(content)
+    assert list(image.aovs) == [first[:2], "colour"]
+    both = np.concatenate(list(image.aovs.values()), axis=2)
+    np.testing.assert_allclose(both, theirs, rtol=1e-5, atol=1e-6)
+    values = image.aovs[first[:2]]
+    shown = {1: values[..., [0, 0, 0]], 3: values}.get(values.shape[2])
+    if shown is None:
+        shown = np.dstack([values, np.zeros((4, 6), np.float32)])
+    np.testing.assert_array_equal(image.pixels, shown)
+    assert image.pixels.any()
+    image.save(tmp_path / "a.npy")
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), shown)
+    image.save(tmp_path / "a.exr")
+    stored = np.array(mi.Bitmap(str(tmp_path / "a.exr")).split()[0][1])
+    np.testing.assert_array_equal(stored, shown)
+    assert f'the first AOV, "{first[:2]}"' in image.explain
+    assert image._repr_png_() == encoded(shown)
+
+
+def encoded(pixels):
+    buffer = io.BytesIO()
+    encode_png(pixels).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+def test_moments_of_aovs_alone_have_a_black_picture_as_in_mitsuba():
+    inside = {"type": "aov", "aovs": "dd:depth, at:position"}
+    content = first_hits({"type": "moment", "inside": inside})
+    image = renderer.render(renderer.load_dict(content))
+    theirs = mitsuba_picture(content)
+    assert not image.pixels.any()
+    assert not theirs[..., :3].any()
+    values = np.concatenate(list(image.aovs.values()), axis=2)
+    black = [4, 5, 6, 11, 12, 13]  # X, Y and Z of no colours, and their moments
+    rest = np.delete(theirs[..., 3:], black, axis=2)
+    np.testing.assert_allclose(values, rest, rtol=1e-5, atol=1e-6)
 
 
 def test_aovs_can_be_had_of_any_scene():

@@ -144,7 +144,7 @@ def with_bright_poles(height, width):
 
 
 @pytest.mark.parametrize("compensated", [False, True], ids=["as it is", "compensated"])
-@pytest.mark.parametrize("size", [(8, 16), (9, 17), (5, 6), (32, 64)])
+@pytest.mark.parametrize("size", [(8, 16), (9, 17), (8, 6), (32, 64)])
 def test_samples_of_maps_with_bright_poles_are_mitsubas(size, compensated, tmp_path):
     """The sine of its last row is negative in Mitsuba, -8.7e-8, and moves samples by 0.4.
 

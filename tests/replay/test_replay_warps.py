@@ -340,6 +340,7 @@ VALUES = ("intensity.value", "irradiance.value", "radiance.value")
 def colour(inputs: Inputs, i: int) -> np.ndarray:
     """What light i sends out, from the table that it is in."""
     table = tables(inputs)[inputs.record.lights.kind[i]]
+    table = getattr(table, "own", table)  # what a replay rounds
     names = ("intensity", "irradiance", "radiance")
     (row,) = [getattr(table, name) for name in names if name in table._fields]
     return row[:3, i if row.shape[1] > 1 else 0]  # a sky's table has it alone
