@@ -111,7 +111,7 @@ def test_commands_say_something_before_their_imports() -> None:
         "import sys\n"
         "import reports.starting\n"
         "import reports.cli, reports.proof, reports.benchmark, reports.accelerators\n"
-        "heavy = {'numpy', 'numba', 'mitsuba_ref', 'renderer', 'jinja2', 'plotly'}\n"
+        "heavy = {'numpy', 'numba', 'rich', 'msgspec', 'renderer', 'jinja2', 'plotly'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
         "sys.argv[1:] = ['--no-such-option']\n"
         "reports.starting.run('reports.commands.report')\n"
