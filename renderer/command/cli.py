@@ -90,7 +90,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if options.compare is not None:
         from renderer.command.compare_pictures import compare
 
-        return compare(*options.compare, quiet=options.quiet)
+        return compare(*options.compare, quiet=options.quiet) or int(output_is_lost())
     with interrupts.put_off():  # they are there when the functions below import them
         for module in _WITH_C_CODE:
             importlib.import_module(module)

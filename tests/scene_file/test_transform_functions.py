@@ -9,7 +9,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import renderer
@@ -48,7 +48,7 @@ def test_the_matrix_is_that_of_mitsuba(name: str, arguments: tuple[Any, ...]) ->
     np.testing.assert_allclose(ours, mitsubas(name, *arguments), atol=2e-6, rtol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(vectors, vectors, vectors, numbers)
 def test_any_product_is_that_of_mitsuba(v, axis, factors, angle) -> None:
     """Mitsuba's transforms multiply by `@` too, and the right one acts first."""
