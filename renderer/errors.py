@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class SceneError(ValueError):
     """A scene, or a file it names, cannot be rendered.
@@ -15,6 +18,22 @@ class SceneError(ValueError):
         super().__init__(
             "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in message)
         )
+
+
+class PluginError(SceneError):
+    """A user's file of plugins cannot be used; the message says where, and what helps.
+
+    Parameters
+    ----------
+    message
+        What is wrong, and what is possible.
+    place
+        "FILE:LINE" in the user's file; empty where it is not known.
+    """
+
+    def __init__(self, message: str, place: str = "") -> None:
+        self.place = place
+        super().__init__(f"{place}: {message}" if place else message)
 
 
 class CheckpointWarning(RuntimeWarning):
@@ -37,3 +56,9 @@ class ClusterError(RuntimeError):
 
     What was rendered before is not lost: `render` returns it as after an interrupt.
     """
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean NAME?" for a known name that is like this one, or nothing."""
+    found = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {found[0]}?" if found else ""

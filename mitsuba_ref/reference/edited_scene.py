@@ -18,7 +18,7 @@ from mitsuba_ref.reference.plugins.known_faults import (
     divide_lights_without_extent,
     give_spectra_colours,
 )
-from mitsuba_ref.reference.user_plugins import register_user_plugins
+from mitsuba_ref.reference.user_plugins import register_user_plugins, twins_explained
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.errors import SceneError
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
@@ -88,7 +88,7 @@ def load_edited_scene(
         config.merge_meshes = False
         config.merge_equivalent = False
         changes.append("shapes not merged")
-    with files_beside(mi, path):
+    with files_beside(mi, path), twins_explained(plugins):
         state = mi.parser.parse_file(
             config, str(path), **{name: str(value) for name, value in parameters.items()}
         )
