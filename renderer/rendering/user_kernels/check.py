@@ -57,9 +57,32 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: An
     """
     for kind in kinds:
         rounded = along_u(arithmetic) if kind.oriented else arithmetic
-        for leaf in leaves_of(kind):
-            if leaf.source:
-                check_kernels_of(leaf, rounded)
+        for leaf in _users(kind):
+            check_kernels_of(leaf, rounded)
+
+
+def blame_users(error: Exception, kinds: Iterable[BsdfKind | Structure]) -> None:
+    """Say which BSDFs of users a render has that ended with an exception in a kernel.
+
+    The renderer's own kernels raise nothing. A user's do where a tuple is indexed beyond
+    its end; compiled code does not say in which line.
+
+    Raises
+    ------
+    PluginError
+        If there are such BSDFs.
+    """
+    users = {leaf.name: leaf for kind in kinds for leaf in _users(kind)}
+    if users:
+        said = f"a kernel of BSDF {' or '.join(map(repr, users))} raised"
+        first = next(iter(users.values())).sample
+        what = f"{said} {type(error).__name__}: {error}"
+        raise PluginError(what, definition_of(first)) from error
+
+
+def _users(kind: BsdfKind | Structure) -> list[BsdfKind]:
+    """Return the kinds, of those in a structure, that are not the renderer's own."""
+    return [leaf for leaf in leaves_of(kind) if leaf.source]
 
 
 def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
@@ -113,9 +136,9 @@ def what_is_wrong(found: Any, cls: type, fields: dict[str, Any]) -> tuple[int, s
         what = _unlike(found, VECTOR)
         return (-1, f"returns {what}") if what else None
     named = getattr(found, "instance_class", tuple)
-    if not isinstance(found, types.BaseTuple) or named is not cls:
+    parts = getattr(found, "types", None) if named is cls else None
+    if parts is None or not isinstance(found, types.BaseTuple):
         return -1, f"returns {_short(found)}; {needed} is needed"
-    parts = found.types
     if len(parts) != len(fields):
         return -1, f"returns {len(parts)} values; {needed} is needed"
     for k, (name, expected) in enumerate(fields.items()):
@@ -152,6 +175,8 @@ def _unlike(found: Any, expected: Any) -> str:
             remedy = _converted(found.element)
         elif found == LANES:
             remedy = "use vec3(x, x, x) for a grey"
+        elif isinstance(found, types.BaseTuple):
+            remedy = "use vec3(x, y, z)"
         elif scalar:
             remedy = "use vec3(splat_f32(x), splat_f32(x), splat_f32(x)) for a grey"
         else:

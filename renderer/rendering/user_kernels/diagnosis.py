@@ -103,6 +103,8 @@ def _call(found: Mistake) -> str:
     )
     if is_operator and not _is_called(found, name):
         return _operator(name, str(symbol), arguments, found)
+    if said := re.search(r"TypingError: (\w+ exists for .+?, not for )(.+)", found.text):
+        return f"{said[1]}{joined_words(said[2])}"
     if name == "vec3" and "vec3" in function:
         return f"vec3 takes three numbers or lanes, not {words}"
     remedy = instead_of(name)
@@ -141,10 +143,15 @@ def _operator(name: str, symbol: str, arguments: str, found: Mistake) -> str:
     said = f"`{symbol}` of {joined_words(arguments)}"
     sides = arguments_of(arguments)
     if symbol in ("[]", "[] ="):
-        if "Vec3(" in sides[0]:
+        if sides[0].startswith("Vec3("):
             return f"{said}: a vector has the components .x, .y and .z"
-        if "Lanes(" in sides[0] and not sides[0].startswith(("Tuple", "UniTuple")):
+        if sides[0].startswith("Lanes("):
             return f"{said}: lanes are computed on together, and have no index"
+        if "array(" in sides[0] and "Lanes(" in arguments:
+            return f"{said}: use gather_row (renderer.kernels.lanes.memory)"
+        cls = _class_called(sides[0].partition("(")[0], found)
+        if cls is not None:
+            return f"{said}: its fields are .{', .'.join(cls._fields)}"
         return f"{said}: it has no meaning in a kernel"
     if "Mask(" in arguments:
         if symbol in ("&", "|", "^"):
@@ -180,10 +187,9 @@ def _field(found: Mistake) -> str:
     if match is None:
         return ""
     name, numba_type = match[1], match[2].strip()
-    inside = re.search(r"resolving callee type: (type\(CPUD.+\))", found.text)
-    if inside and not any(name == node.attr for node in found.has(ast.Attribute)):
-        words = in_words(numba_type)
-        return f"{in_words(inside[1])} is given {words}, which has no .{name}"
+    called = found.called_kernel()
+    if called and not any(name == node.attr for node in found.has(ast.Attribute)):
+        return f"{called} is given {in_words(numba_type)}, which has no .{name}"
     if numba_type.startswith("Vec3("):
         remedy = {"r": "x", "g": "y", "b": "z"}.get(name, "")
         known = _names_in_lanes()
@@ -204,7 +210,10 @@ def _field(found: Mistake) -> str:
             f"{cls.__name__} has no field {name!r}; it has {', '.join(fields)}"
             f"{did_you_mean(name, fields)}"
         )
-    return f"{in_words(numba_type)} cannot be asked for .{name}"
+    remedy = instead_of(name)
+    return f"{in_words(numba_type)} cannot be asked for .{name}" + (
+        f"; {remedy}" if remedy else ""
+    )
 
 
 def _class_called(name: str, found: Mistake) -> Any:
@@ -247,6 +256,8 @@ def _outer_name(found: Mistake) -> str:
         name, kind = match[2], "list"
     else:
         name, kind = match[1], match[2]
+    if kind.startswith("builtin_"):
+        return f"{name}(): {instead_of(name) or 'it has no meaning in a kernel'}"
     if kind == "function":
         return f"{name} is no kernel; decorate it with renderer.kernel"
     return f"{name} is a {kind}; a kernel can use numbers, tuples, arrays and other kernels"
@@ -350,8 +361,13 @@ def _others(found: Mistake) -> str:
     if "NRT required" in text:
         return "a kernel makes no lists, sets, dictionaries or arrays; use tuples"
     match = re.search(r"Invalid use of (.+?) with parameters", text)
+    if match is not None and match[1] == "getiter":
+        return "a kernel loops over range(n), n a whole number that all lanes share"
     if match is not None:
         return f"{in_words(match[1])} cannot be called; a product is written a * b"
+    match = re.search(r"unsupported opcode \((\w+)\)", text)
+    if match is not None:
+        return f"a kernel cannot have this statement of Python's ({match[1]})"
     return ""
 
 

@@ -122,6 +122,12 @@ class Mistake:
             name = match[1]
         return match[1], name.strip(), arguments.rstrip().removesuffix(")")
 
+    def called_kernel(self) -> str:
+        """Return which kernel the named line calls, if the mistake shows inside of it."""
+        before = self.text[: self._at]
+        names = re.findall(r"callee type: type\(CPUDispatcher\(<function (\w+)", before)
+        return f"the kernel {names[-1]}" if names else ""
+
     def _depth(self, at: int) -> int:
         """Return how far the line at a position of the message is indented."""
         line = self.text[self.text.rfind("\n", 0, at) + 1 :]

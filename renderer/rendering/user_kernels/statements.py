@@ -52,6 +52,17 @@ _STATEMENTS: dict[type[ast.AST], str] = {
     ast.Match: "a kernel has no `match`; use select(mask, yes, no)",
     ast.AsyncFunctionDef: "a kernel has no `async`",
 }
+_CALLS: dict[Any, str] = {
+    print: "a kernel cannot print; return the value, and look at the picture",
+    open: "a kernel cannot read files; do it outside, at the top of the file",
+    map: "a kernel has no map(); write each value by itself",
+    filter: "a kernel has no filter(); use select(mask, yes, no)",
+    str: "a kernel has no texts",
+    repr: "a kernel has no texts",
+    list: _ALLOCATES.format("lists"),
+    set: _ALLOCATES.format("sets"),
+    dict: _ALLOCATES.format("dictionaries"),
+}
 _RANDOM = (
     "random numbers of {} have no seed of the render's; use numbers.x, numbers.y and "
     "numbers.choice"
@@ -91,9 +102,9 @@ def _called_in_vain(node: ast.AST, function: Any) -> str:
     """Return what is wrong with a call of Python's that compiles to something else."""
     if not isinstance(node, ast.Call):
         return ""
-    if isinstance(node.func, ast.Name) and node.func.id == "print":
-        return "a kernel cannot print; return the value, and look at the picture"
     called = resolve(node.func, function)
+    if any(called is one for one in _CALLS):
+        return _CALLS[called]
     module = getattr(called, "__module__", None) or ""
     owner = getattr(called, "__self__", None)
     if isinstance(owner, random.Random) or module == "random":

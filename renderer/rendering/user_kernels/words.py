@@ -8,6 +8,9 @@ from typing import Any
 _NUMBER = r"(?:float|u?int)(?:8|16|32|64)"
 # in this order: the inner types of a vector or tuple before these
 _WORDS = (
+    (r"Record\.(\w+)\.\w+", r"\1"),
+    (r"Function\(<class '(\w+)'>\)", r"\1"),
+    (r"(?:readonly )?array\(([^()]*)\)", "an array"),
     (r"Literal\[str\]\((.*?)\)", r"the text '\1'"),
     (r"Literal\[bool\]\((\w+)\)", r"\1"),
     (r"Literal\[int\]\((-?\d+)\)", r"the number \1"),
@@ -49,9 +52,13 @@ def arguments_of(text: str) -> list[str]:
     return [part.strip() for part in parts if part.strip()]
 
 
+_OURS = "Lanes|Vec3|Mask|Literal|UniTuple|Tuple|Optional|OptionalType|Function|Record"
+_CLASS = re.compile(rf"^(?!(?:{_OURS})\b)([A-Z]\w*)\(.*\)$")  # a NamedTuple's fields
+
+
 def joined_words(text: str) -> str:
     """Return the types of some arguments in plain words, the last after "and"."""
-    words = [in_words(part) for part in arguments_of(text)]
+    words = [in_words(_CLASS.sub(r"\1", part)) for part in arguments_of(text)]
     if len(words) < 2:
         return "".join(words) or "nothing"
     return f"{', '.join(words[:-1])} and {words[-1]}"
