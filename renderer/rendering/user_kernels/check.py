@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterable
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from numba.core import types
 
@@ -26,7 +27,7 @@ from renderer.kinds.sampling.arithmetic import along_u
 from renderer.process.source_places import definition_of, shown_place
 from renderer.rendering.user_kernels.diagnosis import explain
 from renderer.rendering.user_kernels.statements import check_statements, tree_of
-from renderer.rendering.user_kernels.words import in_words
+from renderer.rendering.user_kernels.words import core_of, in_words
 
 LANES, VECTOR = f32x16, Vec3Type(f32x16)
 _BRANCH = (Branch, {"weight": VECTOR, "share": LANES, "cos_t": LANES, "eta": LANES})
@@ -38,6 +39,9 @@ _RETURNS: dict[str, tuple[type, dict[str, Any]]] = {
     "transmission": _BRANCH,
     "albedo": (Vec3Type, {}),
 }
+
+# kind -> the types of arithmetic that its kernels have been checked with
+_PASSED: WeakKeyDictionary[BsdfKind, set[Any]] = WeakKeyDictionary()
 
 
 def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: Any) -> None:
@@ -58,11 +62,14 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: An
     for kind in kinds:
         rounded = along_u(arithmetic) if kind.oriented else arithmetic
         for leaf in _users(kind):
-            check_kernels_of(leaf, rounded)
+            passed = _PASSED.setdefault(leaf, set())
+            if record_type(rounded) not in passed:
+                check_kernels_of(leaf, rounded)
+                passed.add(record_type(rounded))
 
 
 def blame_users(error: Exception, kinds: Iterable[BsdfKind | Structure]) -> None:
-    """Say which BSDFs of users a render has that ended with an exception in a kernel.
+    """Say which BSDFs of users a scene has whose kernels raised, or cannot be compiled.
 
     The renderer's own kernels raise nothing. A user's do where a tuple is indexed beyond
     its end; compiled code does not say in which line.
@@ -74,9 +81,9 @@ def blame_users(error: Exception, kinds: Iterable[BsdfKind | Structure]) -> None
     """
     users = {leaf.name: leaf for kind in kinds for leaf in _users(kind)}
     if users:
-        said = f"a kernel of BSDF {' or '.join(map(repr, users))} raised"
+        said = f"a kernel of BSDF {' or '.join(map(repr, users))} failed:"
         first = next(iter(users.values())).sample
-        what = f"{said} {type(error).__name__}: {error}"
+        what = f"{said} {type(error).__name__}: {core_of(str(error))}"
         raise PluginError(what, definition_of(first)) from error
 
 
