@@ -88,7 +88,7 @@ def load_edited_scene(
         config.merge_meshes = False
         config.merge_equivalent = False
         changes.append("shapes not merged")
-    with files_beside(mi, path), twins_explained(plugins):
+    with files_beside(mi, path):
         state = mi.parser.parse_file(
             config, str(path), **{name: str(value) for name, value in parameters.items()}
         )
@@ -120,7 +120,8 @@ def load_edited_scene(
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")
         mi.parser.transform_all(config, state)
-        scene = mi.parser.instantiate(config, state)
+        with twins_explained(plugins):
+            scene = mi.parser.instantiate(config, state)
     if divided := divide_lights_without_extent(mi, scene):
         changes.append(divided)
     bump_maps = any(node.props.plugin_name() == "bumpmap" for node in state.nodes)

@@ -10,7 +10,12 @@ from contextlib import contextmanager
 
 from mitsuba_ref.reference.variant import load_mitsuba
 from renderer.errors import PluginError
-from renderer.process.source_places import definition_of
+from renderer.process.source_places import (
+    definition_of,
+    is_users_file,
+    place_of_error,
+    shown_place,
+)
 from renderer.scene_file.plugin_file import (
     import_plugin_file,
     neighbours_importable,
@@ -44,7 +49,7 @@ def register_user_plugins(path: str) -> None:
 
 @contextmanager
 def twins_explained(path: str | None) -> Iterator[None]:
-    """Say why Mitsuba does not know a BSDF that a plugin file registers with us.
+    """Say what is wrong with a user's BSDF in Mitsuba, where the scene is not to blame.
 
     Parameters
     ----------
@@ -54,29 +59,65 @@ def twins_explained(path: str | None) -> Iterator[None]:
     Raises
     ------
     PluginError
-        In the place of Mitsuba's own refusal.
+        If Mitsuba does not know a BSDF that the file registers with us, or the user's own
+        code has raised, in the place of what Mitsuba says.
     """
     try:
         yield
-    except RuntimeError as error:
-        unknown = re.search(r'Plugin "(.+?)" not found', str(error))
-        if path is None or unknown is None:
+    except PluginError:
+        raise
+    except Exception as error:
+        if path is None:
             raise
-        name = unknown[1]
-        if not getattr(registered_kinds("bsdf").get(name), "source", ""):
-            raise  # no BSDF of a user's
-        module = import_plugin_file(path)
-        register = getattr(module, REGISTER, None)
-        if register is None:
-            similar = difflib.get_close_matches(REGISTER, list(vars(module)), n=1)
-            raise PluginError(
-                f"it has no {REGISTER}(), so that Mitsuba does not know BSDF {name!r}"
-                + (f" (its {similar[0]} is not called)" if similar else "")
-                + f"; {HOW}",
-                path,
-            ) from error
-        raise PluginError(
+        unknown = re.search(r'Plugin "(.+?)" not found', str(error))
+        if unknown is not None and _is_users_bsdf(unknown[1]):
+            raise _missing_twin(path, unknown[1]) from error
+        unread = re.search(
+            r'unreferenced propert\w+ in bsdf plugin of type "(.+?)".*? "(\w+)":',
+            str(error),
+            re.DOTALL,
+        )
+        if unread is not None and _is_users_bsdf(unread[1]):
+            raise _unread_property(path, *unread.groups()) from error
+        place, said = place_of_error(error), f"{type(error).__name__}: {error}"
+        quoted = re.findall(r'File "(.+?)", line (\d+)', str(error))
+        # Mitsuba quotes Python's whole traceback in its own message
+        for file, line in quoted:
+            if is_users_file(file):
+                place, said = shown_place(file, int(line)), str(error).splitlines()[-1]
+        if not place:
+            raise
+        raise PluginError(f"in Mitsuba: {said}", place) from error
+
+
+def _is_users_bsdf(name: str) -> bool:
+    return bool(getattr(registered_kinds("bsdf").get(name), "source", ""))
+
+
+def _unread_property(path: str, name: str, key: str) -> PluginError:
+    """Return that a BSDF in Mitsuba leaves out a parameter that a scene gives."""
+    register = getattr(import_plugin_file(path), REGISTER, None)
+    return PluginError(
+        f"in Mitsuba, BSDF {name!r} does not read its parameter {key!r}, as "
+        f"props.get_texture({key!r}, default) does; {HOW}",
+        definition_of(register) or path,
+    )
+
+
+def _missing_twin(path: str, name: str) -> PluginError:
+    """Return why Mitsuba does not know a BSDF that a plugin file registers with us."""
+    module = import_plugin_file(path)
+    register = getattr(module, REGISTER, None)
+    if register is not None:
+        return PluginError(
             f"{REGISTER}() registers no BSDF {name!r} with Mitsuba, as "
             f"mitsuba.register_bsdf({name!r}, ...) does; {HOW}",
             definition_of(register) or path,
-        ) from error
+        )
+    similar = difflib.get_close_matches(REGISTER, list(vars(module)), n=1)
+    return PluginError(
+        f"it has no {REGISTER}(), so that Mitsuba does not know BSDF {name!r}"
+        + (f" (its {similar[0]} is not called)" if similar else "")
+        + f"; {HOW}",
+        path,
+    )

@@ -16,10 +16,11 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 @functools.cache
 def _installed() -> tuple[Path, ...]:
-    """Return the folders of the renderer, of Python and of installed packages."""
-    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    """Return the folders of the renderer, its harness, Python and installed packages."""
+    ours = [_PACKAGE, *(_PACKAGE.parent / name for name in ("mitsuba_ref", "reports"))]
     paths = sysconfig.get_paths()
-    return (_PACKAGE, *(Path(paths[name]).resolve() for name in names))
+    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    return (*ours, *(Path(paths[name]).resolve() for name in names))
 
 
 @functools.cache
@@ -46,7 +47,7 @@ def definition_of(function: Any) -> str:
     if code is None:
         return ""
     first = code.co_firstlineno
-    for line in range(first, first + 20):
+    for line in range(first, first + (1 if code.co_name == "<lambda>" else 20)):
         if linecache.getline(code.co_filename, line).lstrip().startswith("def "):
             return shown_place(code.co_filename, line)
     return shown_place(code.co_filename, first)

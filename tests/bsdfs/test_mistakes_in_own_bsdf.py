@@ -506,31 +506,60 @@ def test_the_harness_says_it_before_mitsuba_is_asked(tmp_path, capsys, case):
 
 # -------------------------------------------------------------- Mitsuba's own side
 
-NO_TWIN = RIGHT.replace("def register_mitsuba", "def mitsuba_twin")
-OTHER_TWIN = RIGHT[: RIGHT.index("    import mitsuba")] + "    import mitsuba\n"
+WITHOUT_TWIN = RIGHT[: RIGHT.index(TWIN)]
+RAISING_TWIN = """\
+def register_mitsuba():
+    import mitsuba as mi
+
+    class Twin(mi.BSDF):
+        def __init__(self, props):
+            super().__init__(props)
+            self.m_flags = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide
+            self.m_components = [self.m_flags]
+            self.albedo = props.get_texture("albedo", 0.3)
+            first()
+
+        def eval(self, ctx, si, wo, active=True):
+            return second()
+
+    mi.register_bsdf("lunar", Twin)
+"""
+# in this order: Mitsuba's process keeps what is registered
+TWINS = {
+    "none": (RIGHT.replace(TWIN, "def mitsuba_twin():"), "",
+             "no register_mitsuba(), so that Mitsuba does not know BSDF 'lunar'"),
+    "raises at once": (f"{WITHOUT_TWIN}{TWIN}\n    first()\n", "    first()",
+                       "register_mitsuba(): NameError: name 'first' is not defined"),
+    "another name": (f"{WITHOUT_TWIN}{TWIN}\n    import mitsuba\n", TWIN,
+                     "register_mitsuba() registers no BSDF 'lunar'"),
+    "raises when it is made": (WITHOUT_TWIN + RAISING_TWIN, "    first()",
+                               "in Mitsuba: NameError: name 'first' is not defined"),
+    "no parameter": (WITHOUT_TWIN + RAISING_TWIN.replace("self.albedo = props", "props")
+                     .replace(".get_texture(", ".__class__; (").replace("first()", ""),
+                     TWIN, "does not read its parameter 'albedo'"),
+    "raises when it is rendered": (
+        WITHOUT_TWIN + RAISING_TWIN.replace("            first()\n", ""),
+        "    return second()", "in Mitsuba: NameError: name 'second'"),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("text", "place", "said"),
-    [
-        (NO_TWIN, "mine.py: ", "no register_mitsuba(), so that Mitsuba does not know BSDF"),
-        (OTHER_TWIN, "mine.py:50: ", "register_mitsuba() registers no BSDF 'lunar'"),
-    ],
-    ids=["none", "another"],
-)
-def test_a_plugin_without_a_twin_is_told_so(tmp_path, text, place, said):
-    """In the words of the walk-through, and not as a scene that Mitsuba refuses."""
-    path = tmp_path / "mine.py"
-    path.write_text(text)
-    request = scene_request(SCENE, NO_PROOF, Options(plugins=path, threads=2, spp=1))
+def test_a_plugin_is_told_what_is_wrong_with_its_twin(tmp_path):
+    """Its own line, and not as a scene that Mitsuba refuses, nor as a bug of ours."""
     with MitsubaWorker(120.0) as worker:
         references = ReferenceCache(worker.render, tmp_path / "references")
-        with pytest.raises(PluginError) as caught:
-            references.get(request, [])
-    line = one_line(str(caught.value))
-    assert place in line and said in line and "docs/adding-a-bsdf.md" in line
-    stopped = stopped_by(caught.value, "Mitsuba, seed 1")
-    assert stopped.verdict == "bad-request" and "Mitsuba's format" not in stopped.reasons[0]
+        for name, (text, at, said) in TWINS.items():
+            path = tmp_path / f"{name.replace(' ', '_')}.py"
+            path.write_text(text)
+            options = Options(plugins=path, threads=2, spp=1)
+            with pytest.raises(PluginError) as caught:
+                references.get(scene_request(SCENE, NO_PROOF, options), [])
+            line = one_line(str(caught.value))
+            place = f"{path}:{line_of(text, at)}" if at else str(path)
+            assert line.startswith(f"{place}: ") and said in line
+            assert "Mitsuba does not know" not in line or "adding-a-bsdf.md" in line
+            stopped = stopped_by(caught.value, "Mitsuba, seed 1")
+            assert stopped.verdict == "bad-request"
+            assert not re.search("Mitsuba's format|report it", stopped.reasons[0])
 
 
 # ------------------------------------------------------------------ what is right

@@ -56,8 +56,9 @@ def check_kernels(name: str, kernels: Mapping[str, Any], transmits: bool) -> Non
     for key, kernel in given.items():
         if not hasattr(kernel, "py_func"):
             raise PluginError(
-                f"BSDF {name!r}: {key}: {getattr(kernel, '__name__', kernel)!r} is no "
-                "kernel; decorate it with renderer.kernel",
+                f"BSDF {name!r}: {key}: "
+                f"{getattr(kernel, '__name__', type(kernel).__name__)!r} is no kernel; "
+                "decorate it with renderer.kernel",
                 definition_of(kernel),
             )
     if "transmission" in given and ("reflection" not in given or not transmits):

@@ -92,13 +92,17 @@ class Mistake:
         """Find the function that a line is in, and the nodes of its syntax tree there."""
         tree: ast.AST | None = tree_of(self.function)
         if not _is_in(self.function, filename, line):
-            outer = names_in(self.function).values()
-            for value in [*vars(_module_of(filename)).values(), *outer]:
-                function = getattr(value, "py_func", value)
-                if inspect.isfunction(function) and _is_in(function, filename, line):
-                    self.function, tree = function, tree_of(function)
-                    self.name = function.__name__
-                    break
+            outer = [
+                *vars(_module_of(filename)).values(),
+                *names_in(self.function).values(),
+            ]
+            known = [getattr(value, "py_func", value) for value in outer]
+            inside = [
+                f for f in known if inspect.isfunction(f) and _is_in(f, filename, line)
+            ]
+            if inside:  # the innermost one
+                self.function = max(inside, key=lambda f: f.__code__.co_firstlineno)
+                self.name, tree = self.function.__name__, tree_of(self.function)
         if tree is not None:
             within: list[Any] = [n for n in ast.walk(tree) if hasattr(n, "end_lineno")]
             self.nodes = [n for n in within if n.lineno <= line <= (n.end_lineno or 0)]
