@@ -29,6 +29,7 @@ from renderer.kinds.bsdfs.registry import BSDFS
 from renderer.kinds.sampling.arithmetic import Plain, along_u
 from renderer.rendering.user_kernels import check
 from renderer.rendering.user_kernels.check import check_kernels_of, check_kernels_of_users
+from renderer.rendering.user_kernels.diagnosis import explain
 from renderer.rendering.user_kernels.remedies import INSTEAD
 from renderer.scene_file import plugin_file
 
@@ -56,6 +57,7 @@ MORE = """\
 import math
 from renderer.kernels.lanes import functions
 from renderer.kernels.lanes.functions import *
+from renderer.kernels.lanes.mathematics.exponentials import power
 from renderer.kernels.lanes.mathematics.mathematics import sincos
 from renderer.kernels.lanes.vectors import dot, vec3
 from renderer.kinds.bsdfs.kind import Float
@@ -148,7 +150,7 @@ IN_KERNELS = {
     "round": each_lane("round(wi.z)", ("floor(x + 0.5)",)),
     "float": each_lane("float(wi.z)", ("float() of 16 lanes", "to_f32")),
     "int": each_lane("int(wi.z)", ("to_i32(x)",)),
-    "pow": each_lane("pow(wi.z, 2.0)", ("power(x, y)", "exponentials")),
+    "pow": each_lane("pow(wi.z, 2.0)", ("power(x, splat_f32(2.0))", "exponentials")),
     "**": each_lane("wi.z ** 2", ("`**` of 16 lanes", "x * x")),
     "%": each_lane("wi.z % 2.0", ("floor(x / y)",)),
     "//": each_lane("wi.z // 2.0", ("floor(x / y)",)),
@@ -192,10 +194,12 @@ IN_KERNELS = {
     "too few fields": (SAMPLED, "    return BsdfSample(wi, weight, wi.z)\n", RETURNED,
                        ("BsdfSample(wi, weight, pdf, eta)", "'eta'")),
     "number for a vector": each_lane("dot(wi, 1.0)", ("dot is given one number", ".x")),
+    "number for lanes": each_lane("power(wi.z, 2.0)", ("the kernel power", "splat_f32(x)")),
     "vector for a number": each_lane("maximum(wi, 0.0).z", ("a vector", "components")),
     "select of vectors": each_lane("select(wi.z > 0.0, wi, wo).z", ("select3",)),
     "vec3": each_lane("vec3(wi, 0.0, 0.0).z", ("vec3 takes three",)),
     "whole number": each_lane("sqrt(2) * wi.z", ("sqrt needs floats", "2.0")),
+    "splat of lanes": each_lane("splat_f32(wi.z)", ("it is lanes already",)),
     "a call of lanes": each_lane("wi.z(wo.z)", ("16 lanes cannot be called",)),
     # types that do not go together
     "mask times lanes": each_lane("(wi.z > 0.0) * wi.z", ("no number", "select(mask, x")),
@@ -284,13 +288,25 @@ def test_a_mistake_in_a_kernel_is_one_line_with_its_place(tmp_path, mistake):
     assert len(line.removeprefix(str(path))) < 300
 
 
-def test_what_is_to_be_written_exists():
-    """Each name in a remedy can be imported from the module that the remedy names."""
-    for write, module in INSTEAD.values():
-        found = importlib.import_module(module) if module else None
-        names = re.findall(r"([a-z_]\w*)\(", write) if module else []
-        assert all(hasattr(found, name) or name == "splat_f32" for name in names), write
-        assert not module or any(hasattr(found, name) for name in names), write
+@pytest.mark.parametrize("module", sorted({module for _, module in INSTEAD.values()}))
+def test_what_is_to_be_written_can_be_compiled(tmp_path, module):
+    """Each remedy as it stands, with the names of the module that it says."""
+    given = [write for write, of in INSTEAD.values() if of == module]
+    code = [re.split(", or |, then ", write)[0] for write in given]
+    body = "".join(f"    r{k} = {one}\n" for k, one in enumerate(code) if one != "x itself")
+    imports = "from renderer.kernels.lanes.functions import splat_f32\n"
+    if module:
+        imports += f"from {module} import *\n"
+        found = vars(importlib.import_module(module))
+        assert all(set(re.findall(r"(\w+)\(", write)) & set(found) for write in given)
+    a_and_b = "wi, wi" if module.endswith("vectors") else "wi.x, wi.y"
+    path = tmp_path / "remedies.py"
+    path.write_text(
+        f"import math\nimport renderer\n{imports}\n\n@renderer.kernel\ndef remedies(wi):\n"
+        f"    x, y, c = wi.x, wi.y, wi.z\n    a, b = {a_and_b}\n"
+        f"    low, high, yes, no, mask = x, y, x, y, x > y\n{body}    return x\n"
+    )
+    plugin_file.import_plugin_file(str(path)).remedies.compile((check.VECTOR,))
 
 
 # ------------------------------------------------------- before a kernel is compiled
@@ -468,6 +484,42 @@ def test_branches_of_delta_lobes_are_checked_too(tmp_path):
     line = said_of(path)
     assert line.startswith(f"{path}:{line_of(text, 'return Branch(')}: reflection of BSDF")
     assert "returns as share one number" in line and "splat_f32(x)" in line
+
+
+class Strange:
+    def __str__(self):
+        return "first line\nsecond at 0x7f0123456789"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (AssertionError(), "eval_pdf: AssertionError"),
+        (KeyError("x"), "eval_pdf: 'x'"),
+        (ValueError(Strange()), "eval_pdf: first line"),
+        (TypeError("No implementation of function"), "eval_pdf: No implementation"),
+    ],
+)
+def test_what_no_rule_knows_is_one_line_at_the_kernel(tmp_path, error, said):
+    path = tmp_path / "mine.py"
+    path.write_text(RIGHT)
+    kernel = plugin_file.import_plugin_file(str(path)).eval_pdf
+    line = one_line(str(explain(error, kernel)))
+    assert line.startswith(f"{path}:{line_of(RIGHT, 'def eval_pdf')}: {said}")
+
+
+def test_a_kernel_that_raises_while_it_renders_is_named(tmp_path):
+    """A tuple that is indexed beyond its end is known when it happens."""
+    error = IndexError("tuple index out of range")
+    path = tmp_path / "mine.py"
+    path.write_text(RIGHT)
+    plugin_file.import_plugin_file(str(path))
+    with pytest.raises(
+        PluginError, match="BSDF 'lunar' failed: IndexError: tuple"
+    ) as found:
+        check.blame_users(error, [BSDFS["diffuse"], BSDFS["lunar"]])
+    assert str(found.value).startswith(f"{path}:{line_of(RIGHT, 'def sample')}: ")
+    check.blame_users(error, [BSDFS["diffuse"]])  # nobody's but ours: it stays as it is
 
 
 # ------------------------------------------------------------------ commands and API

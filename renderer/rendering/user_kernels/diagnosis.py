@@ -14,22 +14,12 @@ import sys
 from typing import Any
 
 from renderer.errors import PluginError, did_you_mean
-from renderer.kinds.bsdfs.kind import Branch, BsdfSample, Numbers
+from renderer.process.source_places import definition_of
+from renderer.rendering.user_kernels.calls import without_meaning, without_truth
 from renderer.rendering.user_kernels.mistake import Mistake
-from renderer.rendering.user_kernels.remedies import (
-    COMPARISONS,
-    MODULES,
-    SYMBOLS,
-    VECTORS,
-    instead_of,
-)
-from renderer.rendering.user_kernels.statements import names_in, resolve
-from renderer.rendering.user_kernels.words import (
-    arguments_of,
-    core_of,
-    in_words,
-    joined_words,
-)
+from renderer.rendering.user_kernels.remedies import MODULES, VECTORS, instead_of
+from renderer.rendering.user_kernels.statements import resolve
+from renderer.rendering.user_kernels.words import core_of, in_words
 
 _FIELD = re.compile(r"Unknown attribute '(\w+)' of type (.+)")
 
@@ -46,140 +36,13 @@ def explain(error: BaseException, kernel: Any) -> PluginError:
     """
     if isinstance(error, PluginError):
         return error
-    found = Mistake(error, kernel)
-    for rule in _RULES:
-        if what := rule(found):
-            break
-    else:
-        what = core_of(found.text) or type(error).__name__
-    return PluginError(f"{found.name}: {what}", found.place)
-
-
-# ------------------------------------------------------------------------------- rules
-
-
-def _condition(found: Mistake) -> str:
-    """Look for `if`, `and`, `not`, ...: they ask for one truth value of sixteen."""
-    _, name, arguments = found.call_without_meaning()
-    lanes = "Mask(" in arguments or "Lanes(" in arguments
-    if name not in ("bool", "truth", "not_") or not lanes:
-        return ""
-    said = []
-    for node in found.has(ast.BoolOp):
-        word, symbol = ("and", "&") if isinstance(node.op, ast.And) else ("or", "|")
-        said.append(f"`{word}` of 16 lanes: use (a) {symbol} (b), in parentheses")
-    if any(isinstance(node.op, ast.Not) for node in found.has(ast.UnaryOp)):
-        said.append("`not` of 16 lanes: use ~(a)")
-    if any(len(node.ops) > 1 for node in found.has(ast.Compare)):
-        said.append("`a < x < b` of 16 lanes: use (a < x) & (x < b)")
-    if not said:
-        loop = any(_in_test(found, node) for node in found.has(ast.While))
-        word = "while" if loop else "if"
-        said.append(
-            f"`{word}` on 16 lanes: use select(mask, yes, no), which takes both sides"
-            + (", in a loop of a fixed length" if loop else "")
-        )
-    return "; ".join(dict.fromkeys(said))
-
-
-def _in_test(found: Mistake, node: Any) -> bool:
-    line = int(found.place.rpartition(":")[2])
-    return bool(node.test.lineno <= line <= node.test.end_lineno)
-
-
-def _call(found: Mistake) -> str:
-    """Look for functions of Python, `math` or NumPy, and operators, that lanes lack."""
-    function, name, arguments = found.call_without_meaning()
-    if not name:
-        return ""
-    if function.startswith("<intrinsic"):
-        return _of_the_lanes(found, arguments)
-    if name.startswith(("float", "int", "uint")) and "Lanes(" in arguments:
-        return f"{name}() of {joined_words(arguments)}: {instead_of(name)}"
-    words = joined_words(arguments)
-    symbol = SYMBOLS.get(name)
-    is_operator = symbol is not None and "builtin" in function.replace(
-        "built-in", "builtin"
-    )
-    if is_operator and not _is_called(found, name):
-        return _operator(name, str(symbol), arguments, found)
-    if said := re.search(r"TypingError: (\w+ exists for .+?, not for )(.+)", found.text):
-        return f"{said[1]}{joined_words(said[2])}"
-    if name == "vec3" and "vec3" in function:
-        return f"vec3 takes three numbers or lanes, not {words}"
-    remedy = instead_of(name)
-    return f"{name}() of {words}: {remedy or 'it has no meaning in a kernel'}"
-
-
-def _is_called(found: Mistake, name: str) -> bool:
-    """Return whether the line has a call by this name, as `pow(x, 2)` and not `x ** 2`."""
-    names = (
-        getattr(c.func, "id", getattr(c.func, "attr", "")) for c in found.has(ast.Call)
-    )
-    return name in names
-
-
-def _of_the_lanes(found: Mistake, arguments: str) -> str:
-    """Quote a function of `lanes.functions`, which says what it cannot do."""
-    after = found.text[found.text.index("No implementation of function") :]
-    said = re.search(r"TypingError: (.+)", after)
-    what = in_words(said[1]) if said else f"it does not take {joined_words(arguments)}"
-    if "Vec3(" in arguments and "select" in what:
-        return f"{what}; of vectors use select3(mask, a, b) ({VECTORS})"
-    if "Vec3(" in arguments:
-        return f"{what}; take the components, such as v.x"
-    if "select cannot mix" in what and "Mask(" in arguments.partition(",")[2]:
-        return f"{what}; use masks for both, or & and |"
-    if "under one truth value" in what:
-        return f"{what}; the condition must be a mask, as of comparing lanes"
-    if "select needs a mask" in what:
-        return f"{what}; compare, as in select(x > 0.0, yes, no)"
-    if "needs floats" in what or "splat" in what:
-        return f"{what}; write 2.0 in the place of 2, or to_f32(x) of lanes"
-    return what
-
-
-def _operator(name: str, symbol: str, arguments: str, found: Mistake) -> str:
-    said = f"`{symbol}` of {joined_words(arguments)}"
-    sides = arguments_of(arguments)
-    if symbol in ("[]", "[] ="):
-        if sides[0].startswith("Vec3("):
-            return f"{said}: a vector has the components .x, .y and .z"
-        if sides[0].startswith("Lanes("):
-            return f"{said}: lanes are computed on together, and have no index"
-        if "array(" in sides[0] and "Lanes(" in arguments:
-            return f"{said}: use gather_row (renderer.kernels.lanes.memory)"
-        cls = _class_called(sides[0].partition("(")[0], found)
-        if cls is not None:
-            return f"{said}: its fields are .{', .'.join(cls._fields)}"
-        return f"{said}: it has no meaning in a kernel"
-    if "Mask(" in arguments:
-        if symbol in ("&", "|", "^"):
-            return f"{said}: both sides must be masks; splat_mask(True) makes one"
-        if arguments.count("Mask(") > 1:
-            return f"{said}: masks are joined by &, | and ~"
-        return f"{said}: a mask is no number; use select(mask, x, 0.0)"
-    if symbol in ("&", "|"):
-        return (
-            f"{said}: both sides must be masks; comparisons beside {symbol} need "
-            "parentheses, as in (a > 0.0) & (b > 0.0)"
-        )
-    if "Tuple(" in arguments:
-        return f"{said}: take the parts, as in sine, cosine = sincos(x)"
-    if "none" in arguments:
-        return f"{said}: None is no number"
-    if "str]" in arguments or "unicode" in arguments:
-        return f"{said}: a text is no number"
-    if "Vec3(" in arguments and symbol in COMPARISONS:
-        return f"{said}: compare components, such as v.z > 0.0"
-    if name.startswith("i") and symbol.endswith("=") and "Vec3(" in arguments:
-        return f"{said}: write a = a {symbol[:-1]} b"
-    if "float64 x" in arguments:
-        return f"{said}: of two precisions; convert by to_single(x) or to_double(x)"
-    if re.search(r"Lanes\(u?int", arguments):
-        return f"{said}: convert whole numbers by to_f32(x), or compute with whole ones"
-    remedy = instead_of(name)
-    return f"{said}: {remedy or 'it has no meaning in a kernel'}"
+    said = core_of(str(error)) or type(error).__name__
+    try:
+        found = Mistake(error, kernel)
+        said = next((what for rule in _RULES if (what := rule(found))), said)
+    except Exception:  # messages of another version of Numba must not hide the error
+        return PluginError(f"{kernel.__name__}: {said}", definition_of(kernel))
+    return PluginError(f"{found.name}: {said}", found.place)
 
 
 def _field(found: Mistake) -> str:
@@ -203,7 +66,7 @@ def _field(found: Mistake) -> str:
         known_names = dir(sys.modules.get(module[1])) if module else []
         owner = module[1] if module else numba_type
         return f"{owner} has no {name}{did_you_mean(name, known_names)}"
-    cls = _class_called(numba_type.partition("(")[0], found)
+    cls = found.class_called(numba_type.partition("(")[0])
     if cls is not None:
         fields = cls._fields
         return (
@@ -216,14 +79,15 @@ def _field(found: Mistake) -> str:
     )
 
 
-def _class_called(name: str, found: Mistake) -> Any:
-    """Return the NamedTuple class of a name, ours or the user's."""
-    known = [Numbers, BsdfSample, Branch, *names_in(found.kernel.py_func).values()]
-    known += names_in(found.function).values()
-    for cls in known:
-        if getattr(cls, "__name__", "") == name and hasattr(cls, "_fields"):
-            return cls
-    return None
+def _inside(found: Mistake) -> str:
+    """Look for a kernel of the renderer's that cannot be compiled for its arguments."""
+    called = found.called_kernel()
+    if not called:
+        return ""
+    return (
+        f"{called} does not take these arguments; it takes lanes, or vectors of them: "
+        "splat_f32(x) makes lanes of a number"
+    )
 
 
 def _unknown_name(found: Mistake) -> str:
@@ -300,12 +164,13 @@ def _signature_of(called: Any) -> inspect.Signature:
     ValueError
         If they are not known.
     """
-    if hasattr(called, "_defn"):  # of an intrinsic; the first is Numba's own
-        signature = inspect.signature(called._defn)
-        return signature.replace(parameters=list(signature.parameters.values())[1:])
     if called is None:
         raise ValueError
-    return inspect.signature(getattr(called, "py_func", called))
+    signature = inspect.signature(getattr(called, "py_func", called))
+    parameters = list(signature.parameters.values())
+    if parameters and parameters[0].name == "typingctx":  # Numba's own, of an intrinsic
+        return signature.replace(parameters=parameters[1:])
+    return signature
 
 
 def _parameters_of(called: Any) -> str:
@@ -372,13 +237,14 @@ def _others(found: Mistake) -> str:
 
 
 _RULES = (
-    _condition,
     _field,
     _unknown_name,
     _outer_name,
-    _call,
-    _branches,
     _arguments,
+    _inside,
+    without_truth,
+    without_meaning,
+    _branches,
     _unpacking,
     _others,
 )

@@ -19,6 +19,7 @@ from typing import Any
 
 from numba.core.ir import Loc
 
+from renderer.kinds.bsdfs.kind import Branch, BsdfSample, Numbers
 from renderer.process.source_places import definition_of, is_users_file, shown_place
 from renderer.rendering.user_kernels.statements import names_in, tree_of
 
@@ -125,6 +126,15 @@ class Mistake:
         if name.startswith("<unknown"):
             name = match[1]
         return match[1], name.strip(), arguments.rstrip().removesuffix(")")
+
+    def class_called(self, name: str) -> Any:
+        """Return the NamedTuple class of a name, ours or the user's; None if unknown."""
+        known = [Numbers, BsdfSample, Branch, *names_in(self.kernel.py_func).values()]
+        known += names_in(self.function).values()
+        for cls in known:
+            if getattr(cls, "__name__", "") == name and hasattr(cls, "_fields"):
+                return cls
+        return None
 
     def called_kernel(self) -> str:
         """Return which kernel the named line calls, if the mistake shows inside of it."""

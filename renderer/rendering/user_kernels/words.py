@@ -74,6 +74,6 @@ def core_of(text: str, most: int = 240) -> str:
     """Return the first line of a message that says what is wrong, in plain words."""
     lines = (line.strip() for line in text.splitlines())
     said = next((line for line in lines if line and not _NOISE.match(line)), "")
-    said = re.sub(r"\. Raised from .*$", "", said)
+    said = re.sub(r"\. Raised from .*$| at 0x[0-9a-f]+", "", said)
     said = " ".join(in_words(said).split()).rstrip(". ")
     return said if len(said) <= most else said[: most - 3] + "..."
