@@ -35,10 +35,10 @@ def is_users_file(filename: str) -> bool:
 def shown_place(filename: str, line: int) -> str:
     """Return "FILE:LINE"; the file relative to the working directory if it is below it."""
     try:
-        beside = os.path.relpath(filename)
+        relative = os.path.relpath(filename)
     except (OSError, ValueError):  # the folder was deleted; another drive
-        beside = os.pardir
-    return f"{filename if beside.startswith(os.pardir) else beside}:{line}"
+        relative = os.pardir
+    return f"{filename if relative.startswith(os.pardir) else relative}:{line}"
 
 
 def definition_of(function: Any) -> str:

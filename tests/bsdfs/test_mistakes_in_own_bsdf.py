@@ -519,7 +519,7 @@ def test_a_kernel_that_raises_while_it_renders_is_named(tmp_path):
     ) as found:
         check.blame_users(error, [BSDFS["diffuse"], BSDFS["lunar"]])
     assert str(found.value).startswith(f"{path}:{line_of(RIGHT, 'def sample')}: ")
-    check.blame_users(error, [BSDFS["diffuse"]])  # nobody's but ours: it stays as it is
+    check.blame_users(error, [BSDFS["diffuse"]])  # it stays as it is
 
 
 # ------------------------------------------------------------------ commands and API
@@ -543,7 +543,7 @@ def test_the_command_says_it_in_one_line(tmp_path, capsys, case):
 
 
 @pytest.mark.parametrize("case", ["if", "pdf a number"])
-def test_the_harness_says_it_before_mitsuba_is_asked(tmp_path, capsys, case):
+def test_the_harness_says_it_before_mitsuba_renders(tmp_path, capsys, case):
     """Not a bug of ours, nor a scene that one side refuses: the request is wrong."""
     old, new, at, said = IN_KERNELS[case]
     path, text = written(tmp_path, old, new)
@@ -617,7 +617,7 @@ def test_a_plugin_is_told_what_is_wrong_with_its_twin(tmp_path):
 # ------------------------------------------------------------------ what is right
 
 
-def test_the_renderers_own_kinds_return_what_is_asked_of_a_users():
+def test_the_renderers_own_kinds_pass_the_check():
     """Otherwise the check would refuse what is right."""
     for name in ("diffuse", "conductor", "dielectric", "plastic", "thindielectric", "null"):
         kind = BSDFS[name]

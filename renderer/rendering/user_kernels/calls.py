@@ -117,7 +117,7 @@ def _operator(name: str, symbol: str, arguments: str, found: Mistake) -> str:
         return f"{said}: a mask is no number; use select(mask, x, 0.0)"
     if symbol in ("&", "|"):
         return (
-            f"{said}: both sides must be masks; comparisons beside {symbol} need "
+            f"{said}: both sides must be masks; comparisons next to {symbol} need "
             "parentheses, as in (a > 0.0) & (b > 0.0)"
         )
     if "Tuple(" in arguments:

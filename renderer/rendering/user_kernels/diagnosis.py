@@ -74,7 +74,7 @@ def _field(found: Mistake) -> str:
             f"{did_you_mean(name, fields)}"
         )
     remedy = instead_of(name)
-    return f"{in_words(numba_type)} cannot be asked for .{name}" + (
+    return f"there is no .{name} of {in_words(numba_type)}" + (
         f"; {remedy}" if remedy else ""
     )
 

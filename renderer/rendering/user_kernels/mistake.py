@@ -120,8 +120,8 @@ class Mistake:
         # what is quoted within a message, as that of an overload, is indented
         depth = self._depth(self._at)
         before = [m for m in matches if m.start() < self._at]
-        beside = [m for m in before if self._depth(m.start()) == depth]
-        match = (beside or matches[:1])[-1]
+        level = [m for m in before if self._depth(m.start()) == depth]
+        match = (level or matches[:1])[-1]
         name, _, arguments = match[2].partition("(")
         if name.startswith("<unknown"):
             name = match[1]

@@ -1,8 +1,8 @@
 """What Python has and kernels have not, found in the text of a user's kernels.
 
 Numba compiles some of it silently, to something else than Python means: `print` of lanes
-prints nothing, `raise` ends the render with Python's traceback, NumPy's random numbers have
-no seed. Of the rest it speaks without a line, or of its own byte code.
+hangs, `raise` ends the render without a line of the file, NumPy's random numbers have no
+seed of the render's. Of the rest its errors name no line, or its own byte code.
 """
 
 from __future__ import annotations
