@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 def printable(text: str) -> str:
     """Return text on one line that commands no terminal and can be encoded.
@@ -19,6 +22,22 @@ class SceneError(ValueError):
 
     def __init__(self, message: str) -> None:
         super().__init__(printable(message))
+
+
+class PluginError(SceneError):
+    """A user's file of plugins cannot be used; the message says where, and what helps.
+
+    Parameters
+    ----------
+    message
+        What is wrong, and what is possible.
+    place
+        "FILE:LINE" in the user's file; empty where it is not known.
+    """
+
+    def __init__(self, message: str, place: str = "") -> None:
+        self.place = place
+        super().__init__(f"{place}: {message}" if place else message)
 
 
 class CheckpointWarning(RuntimeWarning):
@@ -45,3 +64,9 @@ class ClusterError(RuntimeError):
 
     What was rendered before is not lost: `render` returns it as after an interrupt.
     """
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean NAME?" for a known name that is like this one, or nothing."""
+    found = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {found[0]}?" if found else ""

@@ -19,10 +19,11 @@ from mitsuba_ref.reference.errors import (
     MitsubaRefused,
     MitsubaTimeout,
 )
-from renderer.errors import SceneError
+from renderer.errors import PluginError, SceneError
 from renderer.scene_file.document.named_files import check_named_files
 
 VERDICT_OF: tuple[tuple[type[Exception], Verdict], ...] = (
+    (PluginError, "bad-request"),
     (MitsubaRefused, "refused-by-mitsuba"),
     (MitsubaCrashed, "mitsuba-crashed"),
     (MitsubaTimeout, "mitsuba-timeout"),

@@ -80,8 +80,8 @@ VERDICTS: dict[Verdict, VerdictFacts] = {
     ),
     "bad-request": VerdictFacts(
         11,
-        "neither was asked: proof.toml or -D cannot be obeyed",
-        "correct proof.toml or -D",
+        "not compared: proof.toml, -D or the file of --plugins cannot be used",
+        "correct proof.toml, -D or the file of --plugins",
     ),
     "error": VerdictFacts(
         1,

@@ -20,7 +20,7 @@ from mitsuba_ref.reference.plugins.known_faults import (
     give_spectra_colours,
     leave_lamps_to_bsdfs,
 )
-from mitsuba_ref.reference.user_plugins import register_user_plugins
+from mitsuba_ref.reference.user_plugins import register_user_plugins, twins_explained
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.errors import SceneError
 from renderer.replay.numbers.pixel_seeds import BLOCK_SIZE
@@ -129,7 +129,8 @@ def load_edited_scene(
             nodes.set_block_size(BLOCK_SIZE)
             changes.append(f"film in blocks of {BLOCK_SIZE}")
         mi.parser.transform_all(config, state)
-        scene = mi.parser.instantiate(config, state)
+        with twins_explained(plugins):
+            scene = mi.parser.instantiate(config, state)
     if divided := divide_lights_without_extent(mi, scene):
         changes.append(divided)
     bump_maps = any(node.props.plugin_name() == "bumpmap" for node in state.nodes)

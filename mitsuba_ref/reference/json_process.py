@@ -28,6 +28,7 @@ from mitsuba_ref.reference.errors import (
     MitsubaRefused,
     MitsubaTimeout,
 )
+from renderer.errors import PluginError
 
 LONGEST_MESSAGE = 1000  # characters; Mitsuba may list every property of a scene
 
@@ -74,7 +75,9 @@ class JsonProcess:
         refusals: Mapping[str, type[Exception]] | None = None,
     ) -> None:
         self.name = name
-        self.refusals = refusals or {}
+        # a user's plugin file is imported there too, and refused in words of its own
+        self.refusals: dict[str, type[Exception]] = {PluginError.__name__: PluginError}
+        self.refusals |= refusals or {}
         self.time_limit = time_limit
         root = str(Path(__file__).parents[2])
         paths = [root, *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -119,6 +122,8 @@ class JsonProcess:
             last two the process is of no more use.
         MitsubaError
             When our own code in the process failed.
+        PluginError
+            When a user's file of plugins did.
         """
         assert self._process.stdin is not None
         self._words_before = self._errors.seek(0, os.SEEK_END)

@@ -15,6 +15,7 @@ from mitsuba_ref.reference.cache import write_entry
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.json_process import Answerer, JsonProcess, answer_requests
 from mitsuba_ref.reference.render import render_reference
+from renderer.errors import PluginError
 
 MODULE = "mitsuba_ref.reference.picture_process"
 """What the process runs: a name, so that a test can put a broken Mitsuba there."""
@@ -49,6 +50,8 @@ class MitsubaWorker:
             When Mitsuba refuses the scene, dies, or is silent for `time_limit` seconds.
         MitsubaError
             When our own code beside Mitsuba failed.
+        PluginError
+            When the request's file of plugins did, or does not register what it should.
         """
         if self._process is None:
             self._process = JsonProcess(
@@ -57,7 +60,7 @@ class MitsubaWorker:
         self._process.time_limit = self.time_limit
         try:
             self._process.ask({"request": asdict(request), "path": str(path)})
-        except MitsubaRefused:
+        except (MitsubaRefused, PluginError):
             raise  # the process has answered, and renders the next scene
         except BaseException:
             self.stop()  # Ctrl-C too: a late answer must not meet a later request

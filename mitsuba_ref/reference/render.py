@@ -15,6 +15,7 @@ from mitsuba_ref.records.request import OF_FILE, RenderRequest
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.errors import MitsubaRefused
 from mitsuba_ref.reference.plugins.known_faults import TURNED, turn_normals_of_bump_maps
+from mitsuba_ref.reference.user_plugins import twins_explained
 from mitsuba_ref.reference.variant import load_mitsuba, set_threads
 from renderer.integrators.kind import as_picture
 from renderer.scene_file.description import AOV_KINDS
@@ -75,9 +76,10 @@ def render_reference(request: RenderRequest) -> Reference:
         sensor = scene.sensors()[0]
         spp = 1 if wants_aovs else request.spp or sensor.sampler().sample_count()
         start = time.perf_counter()
-        image = mi.render(
-            scene, sensor=sensor, integrator=integrator, spp=spp, seed=request.seed
-        )
+        with twins_explained(request.plugins):
+            image = mi.render(
+                scene, sensor=sensor, integrator=integrator, spp=spp, seed=request.seed
+            )
         seconds = time.perf_counter() - start
     except (RuntimeError, MemoryError) as error:
         raise MitsubaRefused(_one_line(str(error))) from None

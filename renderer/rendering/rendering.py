@@ -32,6 +32,7 @@ from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.variant import way_of
+from renderer.rendering.user_kernels.check import blame_users
 from renderer.scene.scene import Scene
 
 # One job of a thread: so many samples of a tile, or of some together, that it takes
@@ -193,11 +194,15 @@ class Rendering:
             sums,
             self.border,
         )
-        if self._compiled is None:
-            render_tiles(*arguments)
-            self._compiled = compiled_for(render_tiles, *arguments)
-        else:
-            self._compiled(*arguments)
+        try:
+            if self._compiled is None:
+                render_tiles(*arguments)
+                self._compiled = compiled_for(render_tiles, *arguments)
+            else:
+                self._compiled(*arguments)
+        except Exception as error:
+            blame_users(error, self.scene.materials.kinds)
+            raise
 
     @property
     def methods_seconds(self) -> float:

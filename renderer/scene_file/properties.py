@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError, UnsupportedPlugin
 from renderer.scene_file import transforms
 from renderer.scene_file.numbers import quoted
+from renderer.scene_file.plugin_file import registered_by
 from renderer.scene_file.plugins import UNSUPPORTED_TAGS, supported_plugins, supported_tags
 from renderer.scene_file.reading import Reading
 from renderer.scene_file.tree import UNNAMED, Element, Property, Vector
@@ -42,7 +43,7 @@ class Properties:
         if element.plugin not in supported:
             raise UnsupportedPlugin(
                 f"{self.location}: {element} is not supported; supported {element.tag} "
-                f"plugins: {', '.join(supported)}"
+                f"plugins: {', '.join(supported)}{_of_plugin_files(element)}"
             )
 
     # ------------------------------------------------------------- plain values
@@ -283,3 +284,15 @@ class Properties:
             or (at_most is not None and value > at_most)
         ):
             self.fail(property_.name, f"{value:g}", " and ".join(expected))
+
+
+def _of_plugin_files(element: Element) -> str:
+    """Return which names a user's plugin files have registered, for a name that is none."""
+    if element.tag != "bsdf":
+        return ""
+    files = [
+        f"; {Path(path).name} registers {', '.join(map(repr, names)) or 'no BSDF'}"
+        + ("" if names else ", as it does not call renderer.register_bsdf")
+        for path, names in registered_by.items()
+    ]
+    return "".join(files)

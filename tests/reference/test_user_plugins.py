@@ -18,9 +18,9 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import NO_PROOF
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.cache import ReferenceCache, entry_name
-from mitsuba_ref.reference.errors import MitsubaError, MitsubaRefused
+from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.picture_process import MitsubaWorker
-from renderer.errors import SceneError
+from renderer.errors import PluginError, SceneError
 from renderer.scene_file.plugin_file import import_plugin_file
 
 SCENE = """<scene version="3.0.0">
@@ -130,16 +130,16 @@ def test_a_mistake_in_the_file_is_named_with_the_file(tmp_path, plugins, text, s
     plugins.write_text(text)
     with MitsubaWorker(120.0) as worker:
         references = ReferenceCache(worker.render, tmp_path / "references")
-        with pytest.raises(MitsubaRefused, match=said) as caught:
+        with pytest.raises(PluginError, match=said) as caught:
             references.get(request_of(tmp_path, "diffuse", plugins), [])
-    assert "plain_diffuse.py: " in str(caught.value)
+    assert f"{plugins}:1: " in str(caught.value)
 
 
 def test_our_side_imports_the_file_before_it_reads_the_scene(tmp_path):
     """What it registers at import is known to the reader; Mitsuba is not imported."""
     path = tmp_path / "ours.py"
     path.write_text("raise ValueError('I was imported')")
-    with pytest.raises(SceneError, match=r"ours.py: ValueError: I was imported"):
+    with pytest.raises(SceneError, match=r"ours.py:1: ValueError: I was imported"):
         read_scene(request_of(tmp_path, "diffuse", path))
 
 

@@ -24,6 +24,7 @@ from mitsuba_ref.our_renderer.traced_path import (
 )
 from mitsuba_ref.reference.edited_scene import load_edited_scene
 from mitsuba_ref.reference.render import camera_entries
+from mitsuba_ref.reference.user_plugins import twins_explained
 from mitsuba_ref.reference.variant import load_mitsuba
 from mitsuba_ref.reference.variant_process import Answerer, answer_requests
 from mitsuba_ref.replay.integrator_method import read_method
@@ -260,9 +261,10 @@ def start(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
     def answer(wanted: dict[str, Any]) -> dict[str, Any]:
         x, y = wanted["pixel"]
         seed = int(seeds[y, x])
-        if wanted["sample"] is None:
-            return {"paths": [asdict(path) for path in tracer.trace_all((x, y), seed)]}
-        return asdict(tracer.trace((x, y), seed, wanted["sample"]))
+        with twins_explained(job["plugins"]):
+            if wanted["sample"] is None:
+                return {"paths": [asdict(path) for path in tracer.trace_all((x, y), seed)]}
+            return asdict(tracer.trace((x, y), seed, wanted["sample"]))
 
     entries = camera_entries(load_mitsuba(), sensor)
     return {"camera": [float(entry) for entry in entries]}, answer

@@ -12,10 +12,17 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.kernels.jit.cache import file_digest
-from renderer.kinds.bsdfs.kind import BsdfKind, Color, Float, make_known
+from renderer.kinds.bsdfs.kind import BsdfKind, Color, make_known
 from renderer.kinds.bsdfs.merl import MERL
 from renderer.kinds.bsdfs.nesting import Wrapper, make_nestable, make_wrapper_known
 from renderer.kinds.bsdfs.parameters import Nested, hints_of
+from renderer.kinds.bsdfs.registration import (
+    check_kernels,
+    check_name,
+    check_new,
+    check_parameters,
+    checked_reader,
+)
 from renderer.kinds.bsdfs.rough.principled import PRINCIPLED
 from renderer.kinds.bsdfs.rough.principledthin import PRINCIPLEDTHIN
 from renderer.kinds.bsdfs.rough.roughconductor import ROUGHCONDUCTOR
@@ -92,7 +99,6 @@ for _kind in (
 for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):
     _register_wrapper(_wrapper)
 _OURS = tuple(PLUGINS)
-_KERNELS = ("sample", "eval_pdf", "reflection", "transmission", "albedo")
 
 
 def register_bsdf(
@@ -139,35 +145,26 @@ def register_bsdf(
 
     Raises
     ------
-    ValueError
-        If the name is one of the renderer's own, nothing scatters, a function is no kernel,
-        `transmission` comes without `reflection` or `transmits`, or the parameters are no
-        NamedTuple class of `Color` and `Float`, or that of another kind.
+    PluginError
+        If the name is one of the renderer's own or given twice in one file, nothing
+        scatters, a function is no kernel or takes other arguments, `transmission` comes
+        without `reflection` or `transmits`, or the parameters are no NamedTuple class of
+        `Color` and `Float` with numbers as defaults, or that of another kind. What the
+        kernels compute and return is checked when a scene is rendered.
     """
-    if name in _OURS:
-        raise ValueError(f"BSDF {name!r} is the renderer's own; choose another name")
-    if eval_pdf is None and reflection is None and transmission is None:
-        raise ValueError(f"BSDF {name!r} has neither eval_pdf nor a delta lobe")
-    kernels = (sample, eval_pdf, reflection, transmission, albedo)
-    for function in kernels:
-        if function is not None and not hasattr(function, "py_func"):
-            raise ValueError(
-                f"BSDF {name!r}: {getattr(function, '__name__', function)!r} is no kernel; "
-                "decorate it with renderer.kernel"
-            )
-    if transmission is not None and (reflection is None or not transmits):
-        raise ValueError(
-            f"BSDF {name!r}: transmission needs transmits=True, and reflection beside it"
-        )
-    hints = _checked_parameters(name, parameters)
-    for other in BSDFS.values():
-        # the stages find a kind's kernels by the class of its parameters
-        same = (other.name, *(getattr(other, key) for key in _KERNELS)) == (name, *kernels)
-        if other.parameters is parameters and not same:
-            raise ValueError(
-                f"BSDF {name!r}: {parameters.__name__} belongs to {other.name!r} already; "
-                "make a class for each kind"
-            )
+    kernels = {
+        "sample": sample,
+        "eval_pdf": eval_pdf,
+        "reflection": reflection,
+        "transmission": transmission,
+        "albedo": albedo,
+    }
+    check_name(name, _OURS)
+    check_kernels(name, kernels, transmits)
+    hints = check_parameters(name, parameters)
+    check_new(name, parameters, kernels, BSDFS)
+    if read is not None:
+        read = checked_reader(name, parameters, read, PLUGINS)
     defaults: dict[str, float] = getattr(parameters, "_field_defaults", {})
 
     def read_by_name(properties: Any) -> OtherBsdf:
@@ -194,7 +191,7 @@ def register_bsdf(
             albedo,
             transmits,
             # compiled kernels name the module that they come from, and are found by it
-            source=_source_of([f.py_func for f in kernels if f is not None]),
+            source=_source_of([f.py_func for f in kernels.values() if f is not None]),
         )
     )
 
@@ -245,14 +242,3 @@ def _source_of(functions: list[Any]) -> str:
         for module, file in sorted(found.items())
     ]
     return " ".join(digests)
-
-
-def _checked_parameters(name: str, parameters: type) -> dict[str, type]:
-    """Return the annotations of the parameters, in their order."""
-    if not (isinstance(parameters, type) and hasattr(parameters, "_fields")):
-        raise ValueError(f"BSDF {name!r}: the parameters are no NamedTuple class")
-    hints = hints_of(parameters)
-    for key, kind in hints.items():
-        if kind not in (Color, Float):
-            raise ValueError(f"BSDF {name!r}: {key} is annotated neither Color nor Float")
-    return hints

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from renderer.integrators.stages.direct_light import reflect_light
@@ -37,6 +38,7 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
+from renderer.rendering.user_kernels.check import blame_users
 from renderer.scene.materials import Kind, MaterialTables, kind_of, leaves, table_of
 from renderer.scene.scene import Scene
 
@@ -68,9 +70,12 @@ def bsdf_tables(
     ends = [list(leaves(texture)) for texture in textures]  # of a nested one: others
     looked_up = {id(leaf): table_of(leaf) for end in ends for leaf in end}
     texture_tables = list(dict.fromkeys(looked_up.values()))
-    methods = tables.table(
-        [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds], 6
-    )
+    rows = [_row(tables, materials, k, plan, settings, arithmetic, lit) for k in kinds]
+    try:
+        methods = tables.table(rows, 6)
+    except NumbaError as error:  # what no check of a user's kernel has foreseen
+        blame_users(error, kinds)
+        raise
     needed = [kind if methods[k, 0] else None for k, kind in enumerate(kinds)]
     place = {kind.name: k for k, kind in enumerate(kinds)}
     derived = [
@@ -104,12 +109,12 @@ def bsdf_tables(
     to_uv = np.ascontiguousarray(to_uv.reshape(-1, 6).T)
     nested = nested_boards(textures)
     look_up = (record_type(bsdfs), INT, INT, work_types().points, INT, INT)
-    rows = []
+    of_textures = []
     for k, (kind, _) in enumerate(texture_tables):
         mine = [t if bsdfs.texture_kind[i] == k else None for i, t in enumerate(textures)]
         record = tables.pack(TextureMethods(kind.table(mine, scene), to_uv, nested))
         asked = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
-        rows.append(
+        of_textures.append(
             (
                 record,
                 [
@@ -118,7 +123,7 @@ def bsdf_tables(
                 ],
             )
         )
-    return bsdfs._replace(texture_methods=tables.table(rows, len(_LOOK_UPS)))
+    return bsdfs._replace(texture_methods=tables.table(of_textures, len(_LOOK_UPS)))
 
 
 def _row(

@@ -53,6 +53,7 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.variant import Variant
+from renderer.rendering.user_kernels.check import check_kernels_of_users
 from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (
     asked_lights,
@@ -135,6 +136,7 @@ class _SceneTables:
         self, scene: Scene, plan: Plan, accel: str, variant: Variant, by_pair: bool
     ) -> None:
         self.methods = tables = MethodTables()
+        tables.prepare(check_kernels_of_users, scene.materials.kinds, variant.arithmetic)
         settings = _settings(scene, plan, variant)
         self.surfaces = surfaces = _surfaces(scene, settings, variant)
         placements = scene.placements or _NO_PLACEMENTS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -63,6 +63,12 @@ class MethodTables:
         packed = pack(record, source)
         self.kept.append(packed)
         return packed
+
+    def prepare(self, compiles: Callable[..., None], *arguments: Any) -> None:
+        """Call what compiles kernels that methods need, and count its time."""
+        started = time.perf_counter()
+        compiles(*arguments)
+        self.compile_seconds += time.perf_counter() - started
 
     def table(
         self,

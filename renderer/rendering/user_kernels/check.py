@@ -1,0 +1,222 @@
+"""Compile each kernel of a user's BSDF by itself, and check what it returns.
+
+It is done before the large kernels that call them are compiled, with the very types that
+these give them. So nothing is compiled twice, and a mistake is told from the user's file
+alone. The renderer's own kinds are not looked at.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from numba.core import types
+
+from renderer.errors import PluginError
+from renderer.kernels.jit import record_type
+from renderer.kernels.jit.decorators import rare_collections
+from renderer.kernels.lanes.types import Lanes, Mask, f32x16
+from renderer.kernels.lanes.vectors import Vec3Type
+from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Numbers
+from renderer.kinds.bsdfs.parameters import hints_of
+from renderer.kinds.bsdfs.registration import CALLED_WITH
+from renderer.kinds.bsdfs.structures import Structure, leaves_of
+from renderer.kinds.sampling.arithmetic import along_u
+from renderer.process.source_places import definition_of, shown_place
+from renderer.rendering.user_kernels.diagnosis import explain
+from renderer.rendering.user_kernels.statements import check_statements, tree_of
+from renderer.rendering.user_kernels.words import core_of, in_words
+
+LANES, VECTOR = f32x16, Vec3Type(f32x16)
+_BRANCH = (Branch, {"weight": VECTOR, "share": LANES, "cos_t": LANES, "eta": LANES})
+# of each kernel: the class of what it returns, and the types of its fields
+_RETURNS: dict[str, tuple[type, dict[str, Any]]] = {
+    "sample": (BsdfSample, {"wi": VECTOR, "weight": VECTOR, "pdf": LANES, "eta": LANES}),
+    "eval_pdf": (tuple, {"f |cos|": VECTOR, "the density": LANES}),
+    "reflection": _BRANCH,
+    "transmission": _BRANCH,
+    "albedo": (Vec3Type, {}),
+}
+
+# kind -> the types of arithmetic that its kernels have been checked with
+_PASSED: WeakKeyDictionary[BsdfKind, set[Any]] = WeakKeyDictionary()
+
+
+def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: Any) -> None:
+    """Check the kernels of all kinds that are not the renderer's own.
+
+    Parameters
+    ----------
+    kinds
+        Of a scene, with what is inside of them.
+    arithmetic
+        The record that they are given, see `renderer.kinds.sampling.arithmetic`.
+
+    Raises
+    ------
+    PluginError
+        For the first mistake: file, line, what is wrong, and what to write instead.
+    """
+    for kind in kinds:
+        rounded = along_u(arithmetic) if kind.oriented else arithmetic
+        for leaf in _users(kind):
+            passed = _PASSED.setdefault(leaf, set())
+            if record_type(rounded) not in passed:
+                check_kernels_of(leaf, rounded)
+                passed.add(record_type(rounded))
+
+
+def blame_users(error: Exception, kinds: Iterable[BsdfKind | Structure]) -> None:
+    """Say which BSDFs of users a scene has whose kernels raised, or cannot be compiled.
+
+    The renderer's own kernels raise nothing. A user's do where a tuple is indexed beyond
+    its end; compiled code does not say in which line.
+
+    Raises
+    ------
+    PluginError
+        If there are such BSDFs.
+    """
+    users = {leaf.name: leaf for kind in kinds for leaf in _users(kind)}
+    if users:
+        said = f"a kernel of BSDF {' or '.join(map(repr, users))} failed:"
+        first = next(iter(users.values())).sample
+        what = f"{said} {type(error).__name__}: {core_of(str(error))}"
+        raise PluginError(what, definition_of(first)) from error
+
+
+def _users(kind: BsdfKind | Structure) -> list[BsdfKind]:
+    """Return the kinds, of those in a structure, that are not the renderer's own."""
+    return [leaf for leaf in leaves_of(kind) if leaf.source]
+
+
+def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
+    """Check the kernels of one kind; see `check_kernels_of_users`."""
+    hints = hints_of(kind.parameters).values()
+    fields = [VECTOR if hint is Color else LANES for hint in hints]
+    numbers = [LANES, LANES, LANES, record_type(arithmetic)]
+    given = {
+        "parameters": types.BaseTuple.from_types(fields, kind.parameters),
+        "numbers": types.BaseTuple.from_types(numbers, Numbers),
+        "wo": VECTOR,
+        "wi": VECTOR,
+    }
+    for name, words in CALLED_WITH.items():
+        kernel = getattr(kind, name)
+        if kernel is None:
+            continue
+        if name == "albedo" and not kind.seen_albedo:
+            words = words[:1]
+        check_statements(kernel)
+        returned = _compiled(kernel, tuple(given[word] for word in words))
+        what = what_is_wrong(returned, *_RETURNS[name])
+        if what:
+            said = f"{name} of BSDF {kind.name!r} {what[1]}"
+            raise PluginError(said, _place_of_return(kernel, what[0]))
+
+
+def _compiled(kernel: Any, signature: tuple[Any, ...]) -> Any:
+    """Compile a kernel, or load it from the cache; return the type that it returns."""
+    try:
+        with rare_collections():
+            kernel.compile(signature)
+        return kernel.overloads[signature].signature.return_type
+    except Exception as error:  # Numba raises errors of many classes, Python's as well
+        raise explain(error, kernel) from error
+
+
+# ---------------------------------------------------------------- what a kernel returns
+
+
+def what_is_wrong(found: Any, cls: type, fields: dict[str, Any]) -> tuple[int, str] | None:
+    """Return the number of the field that is wrong (-1: all) and in what way; or None."""
+    needed = f"({', '.join(fields)})"
+    if cls is not tuple:
+        needed = cls.__name__ + needed if fields else "a vector (RGB) of 16 lanes"
+    if found == types.none:
+        return -1, f"returns nothing; {needed} is needed: is there a `return`?"
+    if isinstance(found, types.Optional):
+        return -1, f"does not return anything on one of its ways; {needed} is needed"
+    if not fields:
+        what = _unlike(found, VECTOR)
+        return (-1, f"returns {what}") if what else None
+    named = getattr(found, "instance_class", tuple)
+    parts = getattr(found, "types", None) if named is cls else None
+    if parts is None or not isinstance(found, types.BaseTuple):
+        return -1, f"returns {_short(found)}; {needed} is needed"
+    if len(parts) != len(fields):
+        return -1, f"returns {len(parts)} values; {needed} is needed"
+    for k, (name, expected) in enumerate(fields.items()):
+        what = _unlike(parts[k], expected)
+        if what:
+            return k, f"returns as {name} {what}"
+    return None
+
+
+def _unlike(found: Any, expected: Any) -> str:
+    """Return in what a type is not the one that is expected, and the remedy; "" if it is.
+
+    Parameters
+    ----------
+    expected
+        `LANES` or `VECTOR`.
+    """
+    if found == expected:
+        return ""
+    scalar = isinstance(found, types.Number | types.Boolean)
+    if expected is LANES:
+        needed = "16 lanes are needed"
+        if isinstance(found, Vec3Type):
+            remedy = "take one component, such as v.z, or dot(a, b)"
+        elif scalar:
+            remedy = "use splat_f32(x)"
+        else:
+            remedy = _converted(found)
+    else:
+        needed = "a vector of 16 lanes is needed"
+        if isinstance(found, Vec3Type) and isinstance(found.element, types.Number):
+            remedy = "use vec3(splat_f32(x), splat_f32(y), splat_f32(z))"
+        elif isinstance(found, Vec3Type):
+            remedy = _converted(found.element)
+        elif found == LANES:
+            remedy = "use vec3(x, x, x) for a grey"
+        elif isinstance(found, types.BaseTuple):
+            remedy = "use vec3(x, y, z)"
+        elif scalar:
+            remedy = "use vec3(splat_f32(x), splat_f32(x), splat_f32(x)) for a grey"
+        else:
+            remedy = _converted(found)
+    return f"{_short(found)}, but {needed}" + (f": {remedy}" if remedy else "")
+
+
+def _converted(found: Any) -> str:
+    if isinstance(found, Mask):
+        return "use select(mask, splat_f32(1.0), splat_f32(0.0))"
+    if isinstance(found, Lanes) and isinstance(found.element, types.Integer):
+        return "use to_f32(x)"
+    if isinstance(found, Lanes) and found.element == types.float64:
+        return "use to_single(x)"
+    return ""
+
+
+def _short(found: Any) -> str:
+    named = getattr(found, "instance_class", None)
+    if named is not None:
+        return f"{named.__name__}({', '.join(named._fields)})"
+    return in_words(found)
+
+
+def _place_of_return(kernel: Any, number: int) -> str:
+    """Return the line of the last `return`, or of the part of it with this number."""
+    function = kernel.py_func
+    tree = tree_of(function)
+    returns = [n for n in ast.walk(tree) if isinstance(n, ast.Return)] if tree else []
+    values = [node.value for node in returns if node.value is not None]
+    if not values:
+        return definition_of(kernel)
+    value: Any = max(values, key=lambda node: node.lineno)
+    parts = value.elts if isinstance(value, ast.Tuple) else getattr(value, "args", [])
+    line = parts[number].lineno if 0 <= number < len(parts) else value.lineno
+    return shown_place(function.__code__.co_filename, line)

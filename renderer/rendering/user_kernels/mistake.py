@@ -1,0 +1,166 @@
+"""A mistake in a user's kernel: its place, and what stands there.
+
+Numba's message quotes what it was compiling, from the inside out. The first place in it
+that lies in a file of the user's is the mistake: what is further in is ours or Numba's and
+was called with something wrong. Some errors have no place: theirs is in the traceback, in
+the statement that the compiler was working on.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import operator
+import os
+import re
+import sys
+import traceback
+from typing import Any
+
+from numba.core.ir import Loc
+
+from renderer.kinds.bsdfs.kind import Branch, BsdfSample, Numbers
+from renderer.process.source_places import definition_of, is_users_file, shown_place
+from renderer.rendering.user_kernels.statements import names_in, tree_of
+
+_PLACES = re.compile(
+    r"\b(?:at|from) (\S.*?\.py|<[^>]+>) \((\d+)\)|File \"(.+?)\", line (\d+):"
+)
+_NO_MEANING = re.compile(
+    r"No implementation of function Function\((.*)\) found for signature:\s+>>> (.+?)\n"
+)
+
+
+class Mistake:
+    """An error of a compilation with its place in the user's file.
+
+    Parameters
+    ----------
+    error
+        Numba's, or whatever else was raised while it compiled.
+    kernel
+        What was compiled; the mistake may be in another one that it calls.
+
+    Attributes
+    ----------
+    text : str
+        The message.
+    place : str
+        "FILE:LINE" of the user's.
+    function, name
+        The function with the mistake; the kernel that was compiled, if it is not known.
+    nodes : list
+        The nodes of its syntax tree that are in the line.
+    """
+
+    def __init__(self, error: BaseException, kernel: Any) -> None:
+        self.error, self.kernel = error, kernel
+        self.nodes: list[ast.AST] = []
+        self._at = 0  # where the message names the place
+        self.text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))  # Numba may colour it
+        self.function = kernel.py_func
+        self.name = self.function.__name__
+        filename, line = self._find_place()
+        if not filename:
+            self.place = definition_of(kernel)
+            return
+        self.place = shown_place(filename, line)
+        self._look_around(filename, line)
+
+    def _find_place(self) -> tuple[str, int]:
+        places = [
+            (match[1] or os.path.abspath(match[3]), int(match[2] or match[4]), match)
+            for match in _PLACES.finditer(self.text)
+        ]
+        if "Can't unify return type" in self.text:  # in no order: it is from a set
+            places.sort(key=operator.itemgetter(1))
+        for filename, line, match in places:
+            if self._is_ours_to_name(filename):
+                self._at = match.start()
+                return filename, line
+        inner = [getattr(self.error, "loc", None)]
+        for frame, _ in traceback.walk_tb(self.error.__traceback__):
+            inner.append(getattr(frame.f_locals.get("self"), "loc", None))
+        for loc in reversed(inner):
+            if isinstance(loc, Loc) and self._is_ours_to_name(loc.filename):
+                return loc.filename, int(loc.line)
+        return "", 0
+
+    def _is_ours_to_name(self, filename: str) -> bool:
+        return filename == self.function.__code__.co_filename or is_users_file(filename)
+
+    def _look_around(self, filename: str, line: int) -> None:
+        """Find the function that a line is in, and the nodes of its syntax tree there."""
+        tree: ast.AST | None = tree_of(self.function)
+        if not _is_in(self.function, filename, line):
+            outer = [
+                *vars(_module_of(filename)).values(),
+                *names_in(self.function).values(),
+            ]
+            known = [getattr(value, "py_func", value) for value in outer]
+            inside = [
+                f for f in known if inspect.isfunction(f) and _is_in(f, filename, line)
+            ]
+            if inside:  # the innermost one
+                self.function = max(inside, key=lambda f: f.__code__.co_firstlineno)
+                self.name, tree = self.function.__name__, tree_of(self.function)
+        if tree is not None:
+            within: list[Any] = [n for n in ast.walk(tree) if hasattr(n, "end_lineno")]
+            self.nodes = [n for n in within if n.lineno <= line <= (n.end_lineno or 0)]
+
+    def has(self, *kinds: type[ast.AST]) -> list[Any]:
+        """Return the nodes of some kinds."""
+        return [node for node in self.nodes if isinstance(node, kinds)]
+
+    def call_without_meaning(self) -> tuple[str, str, str]:
+        """Return (function, name, arguments) of the call that Numba found no meaning of."""
+        matches = list(_NO_MEANING.finditer(self.text))
+        if not matches:
+            return "", "", ""
+        # what is quoted within a message, as that of an overload, is indented
+        depth = self._depth(self._at)
+        before = [m for m in matches if m.start() < self._at]
+        level = [m for m in before if self._depth(m.start()) == depth]
+        match = (level or matches[:1])[-1]
+        name, _, arguments = match[2].partition("(")
+        if name.startswith("<unknown"):
+            name = match[1]
+        return match[1], name.strip(), arguments.rstrip().removesuffix(")")
+
+    def class_called(self, name: str) -> Any:
+        """Return the NamedTuple class of a name, ours or the user's; None if unknown."""
+        known = [Numbers, BsdfSample, Branch, *names_in(self.kernel.py_func).values()]
+        known += names_in(self.function).values()
+        for cls in known:
+            if getattr(cls, "__name__", "") == name and hasattr(cls, "_fields"):
+                return cls
+        return None
+
+    def called_kernel(self) -> str:
+        """Return which kernel the named line calls, if the mistake shows inside of it."""
+        before = self.text[: self._at]
+        names = re.findall(r"callee type: type\(CPUDispatcher\(<function (\w+)", before)
+        return f"the kernel {names[-1]}" if names else ""
+
+    def _depth(self, at: int) -> int:
+        """Return how far the line at a position of the message is indented."""
+        line = self.text[self.text.rfind("\n", 0, at) + 1 :]
+        return len(line) - len(line.lstrip(" "))
+
+
+def _is_in(function: Any, filename: str, line: int) -> bool:
+    code = function.__code__
+    if code.co_filename != filename:
+        return False
+    try:
+        lines, first = inspect.getsourcelines(function)
+    except (OSError, TypeError):
+        return False
+    return first <= line < first + len(lines)
+
+
+def _module_of(filename: str) -> Any:
+    for module in list(sys.modules.values()):
+        if getattr(module, "__file__", None) == filename:
+            return module
+    return ast  # none of whose functions is the user's
