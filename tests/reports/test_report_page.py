@@ -77,6 +77,51 @@ def test_failures_and_stops_come_before_passes(tmp_path: Path) -> None:
     assert "2 of 4 scenes do not pass, 1 of them could not be compared" in page
 
 
+LONG = "replay at 1 samples per pixel: " + "a sentence of seven hundred characters; " * 18
+
+
+def test_a_failure_is_named_in_the_summary_and_a_table_with_its_limit(tmp_path: Path):
+    """RMSE, SSIM and FLIP within their limits told nothing of why it failed."""
+    replay = {
+        "spp": 1, "pixels": 192, "divergent": 9, "divergent_allowed": 0, "rmse": 2e-4,
+        "rmse_limit": 1e-5, "passed": False, "verdict": "fail", "sentence": LONG,
+        "partings": [
+            {
+                "x": 7, "y": 9, "sample": 2, "place": "bounce 0", "quantity": "BSDF pdf",
+                "ours": "0.60597", "reference": "0.30298", "error": 0.5, "limit": 1e-5,
+                "within_rounding": False, "likely": "a value",
+            }
+        ],
+    }  # fmt: skip
+    entry = scene("one", "pass") | {"verdict": "fail", "reasons": [LONG]}
+    page = draw(tmp_path, entry | {"replay": [replay]})
+    summary, _, section = page.partition('<section class="scene fail"')
+    named = "replay at 1 spp: diverged; replay at 1 spp: RMSE"
+    assert f'<div class="small outside">{named}</div>' in summary
+    for shown in (
+        '✗ replay at 1 spp: diverged</th><td class="num outside">9</td>',
+        '✗ replay at 1 spp: RMSE</th><td class="num outside">0.0002</td>',
+        '<td class="num">1e-5</td>',
+        "BSDF pdf, bounce 0 of sample 2",
+        '<td class="num">0.60597</td><td class="num">0.30298</td>',
+    ):
+        assert shown in section
+    # the sentence is there for who opens it, and nowhere else
+    assert (
+        page.count(LONG) == section.partition("The same in sentences")[2].count(LONG) == 1
+    )
+
+
+def test_what_is_not_judged_is_not_shown_as_if_it_were(tmp_path: Path) -> None:
+    """In brackets in the summary, folded and without a judgement at the scene."""
+    page = draw(tmp_path, scene("one", "pass"))
+    assert ">(SSIM)</th>" in page and ">(FLIP)</th>" in page
+    judged, _, folded = page.partition("2 more, shown and not judged</summary>")
+    assert "✓ within" in judged and '<th scope="row">SSIM</th>' not in judged
+    table = folded.partition("</table>")[0]
+    assert '<th scope="row">SSIM</th>' in table and "Tolerance" not in table
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_verdict_has_its_place_on_the_page(tmp_path: Path, verdict: Verdict) -> None:
     """Stopped scenes come without pictures; "error" is what older versions wrote."""
