@@ -38,7 +38,7 @@ from renderer.kinds.lights.choice.importance import (
 from renderer.kinds.lights.choice.tree import LISTED, WIDTH
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.variant import way_of
-from renderer.scene.light_bounds import lit_sides
+from renderer.scene.light_bounds import light_bounds, lit_sides
 from renderer.scene.materials import kind_of
 from renderer.simple.light_choice import Bounds, importance
 from renderer.simple.light_choice import LightChoice as SlowChoice
@@ -352,6 +352,7 @@ def test_a_node_gives_at_least_something_where_a_light_below_does(many):
             return [node]
         return [leaf for child in range(first, first + count) for leaf in below(child)]
 
+    lights = light_bounds(many.scene)
     inner = np.flatnonzero(choice.children)
     assert len(inner) > 64
     for node in rng.choice(inner, 40, replace=False):
@@ -360,6 +361,10 @@ def test_a_node_gives_at_least_something_where_a_light_below_does(many):
         strength = sum(bounds.strength for bounds in of_leaves)
         assert nodes.strength[node] == pytest.approx(strength, rel=1e-4)
         mine = bounds_of_node(nodes, int(node))
+        for leaf in leaves:
+            light = lights[choice.child[leaf]]
+            beyond = np.linalg.norm(light.center - mine.center) + light.radius
+            assert beyond < mine.radius + 1e-3, f"a light {beyond} from node {node}"
         for place, normal in zip(places, normals, strict=True):
             given = max(importance(bounds, place, normal) for bounds in of_leaves)
             if given > 1e-6 * strength:
