@@ -343,11 +343,12 @@ class PointLight:
 class SpotLight:
     """Shines along local +z; full up to `beam_width`, linear in angle to `cutoff_angle`."""
 
-    to_world: NDArray[np.float64]  # (4, 4)
+    to_world: NDArray[np.float64]  # (4, 4) without scale
     intensity: Rgb
     cutoff_angle: float = 20.0  # [deg], half angle
     beam_width: float = 15.0  # [deg], half angle; Mitsuba's default is 3/4 of the cutoff
     texture: Texture | None = None  # over the square around the cone, times the intensity
+    scale: float = 1.0  # of the file's transform; it means nothing but rounding
 
 
 @dataclass(frozen=True)

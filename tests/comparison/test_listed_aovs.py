@@ -52,7 +52,7 @@ def result_of(path, references, render=render_ours):
 CASES = {
     "alone": (AOV.format(BOTH, ""), ["pos", "dd"]),
     "one number": (AOV.format("dd:depth", ""), ["dd"]),
-    "two numbers": (AOV.format("st:uv,a:albedo,i:shape_index", ""), ["st", "a", "i"]),
+    "two numbers": (AOV.format("st:uv,a:albedo,i:shape_index", ""), ["st", "a"]),
     "around path": (AOV.format(BOTH, PATH), ["pos", "dd"]),
     "moments": (AROUND.format(AOV.format("dd:depth", "")), ["_arg_0.dd", "m2__arg_0.dd"]),
     "around moments": (AOV.format("dd:depth", AROUND.format(PATH)), ["dd"]),

@@ -20,6 +20,7 @@ SPOTS = {
     "wide": (TILTED, {"cutoff_angle": 70.0}),
     "more than a half space": (TILTED, {"cutoff_angle": 120.0, "beam_width": 80.0}),
     "fading from the axis": (TILTED, {"cutoff_angle": 20.0, "beam_width": 0.0}),
+    "scaled": (TILTED @ np.diag([3.0, 3.0, 3.0, 1.0]), {"cutoff_angle": 10.0}),
     "a thin rim": (TILTED, {"cutoff_angle": 20.0, "beam_width": 19.9}),
 }
 
@@ -30,7 +31,8 @@ def points(to_world, cutoff):
     angle = np.radians(min(1.05 * cutoff, 175.0)) * np.sqrt(rng.random(N))
     around, away = 2 * np.pi * rng.random(N), rng.uniform(1, 3, N)
     local = np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), np.cos(angle)
-    return np.float32(to_world[:3, 3] + (away * local).T @ to_world[:3, :3].T)
+    axes = to_world[:3, :3] / np.linalg.norm(to_world[:3, 0])
+    return np.float32(to_world[:3, 3] + (away * local).T @ axes.T)
 
 
 def pair(to_world, settings):

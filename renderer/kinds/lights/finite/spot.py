@@ -69,7 +69,7 @@ def read(properties: Any) -> SpotLight:
         refuse_nested(properties, "texture", texture)
         if cutoff >= 90.0:
             properties.fail("cutoff_angle", f"{cutoff:g} with a texture", "less than 90")
-    return SpotLight(to_world, intensity, cutoff, beam, texture)
+    return SpotLight(to_world, intensity, cutoff, beam, texture, float(lengths.max()))
 
 
 def table(
