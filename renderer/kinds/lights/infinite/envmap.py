@@ -134,7 +134,6 @@ def importance(
         if mean - luminance.min() > np.float32(0.01) * mean:  # else there is nothing above
             luminance = luminance - mean
     luminance = np.maximum(luminance, np.float32(0.0))  # negative light is not sampled
-    sine = np.maximum(sine, np.float32(0.0))
     return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
 
 
