@@ -81,13 +81,13 @@ class ReferenceCache:
             path.parent.mkdir(parents=True, exist_ok=True)
         if why_not_writable(path) is not None:
             return self.render_uncached(request)
-        self._render(request, path)
-        rendered = read_entry(path)
-        if rendered is None:
-            raise MitsubaError(
-                f"Mitsuba rendered {request.path}, but {path} is not readable"
-            )
-        return rendered
+        try:
+            self._render(request, path)
+        except MitsubaError as error:
+            if "Error: [Errno" not in str(error):  # a full disk: of the cache, mostly
+                raise
+            return self.render_uncached(request)
+        return read_entry(path) or self.render_uncached(request)
 
     def render_uncached(self, request: RenderRequest) -> Reference:
         """Render now and keep nothing: to measure time, or where nothing can be kept."""

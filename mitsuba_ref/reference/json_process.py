@@ -155,8 +155,9 @@ class JsonProcess:
         if error is None:
             return answer
         kind, refused = answer.get("kind", ""), bool(answer.get("refused"))
-        if kind in self.refusals:
-            raise self.refusals[kind](error)
+        for base in answer.get("bases", ()):
+            if base in self.refusals:
+                raise self.refusals[base](error)
         if lacks := answer.get("lacks"):
             raise ImportError(error, name=lacks)
         what = f"{kind}: {error}" if kind and not (refused and error) else error
@@ -244,6 +245,7 @@ def _failure(error: Exception) -> dict[str, Any]:
     return {
         "error": " ".join(str(error).split())[:LONGEST_MESSAGE],
         "kind": type(error).__name__,
+        "bases": [base.__name__ for base in type(error).__mro__],
         "refused": isinstance(error, (RuntimeError, MemoryError)),
         "lacks": failed_package(error),
     }

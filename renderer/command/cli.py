@@ -28,6 +28,7 @@ from renderer.command.outputs import (
     write_all,
 )
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
+from renderer.process.cache_folder import cache_root, clear_caches
 from renderer.process.memory import limited_to
 from renderer.process.standard_streams import output_is_lost
 from renderer.process.working_folder import leave_deleted_folder
@@ -91,6 +92,8 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         from renderer.command.compare_pictures import compare
 
         return compare(*options.compare, quiet=options.quiet) or int(output_is_lost())
+    if options.clear_cache:
+        return _clear_caches()
     with interrupts.put_off():  # they are there when the functions below import them
         for module in _WITH_C_CODE:
             importlib.import_module(module)
@@ -120,6 +123,19 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     with _cluster(options, interrupts) as team:
         image = _render(scene, options, interrupts, team)
     return deliver(image, options, interrupts, written)
+
+
+def _clear_caches() -> int:
+    """Remove the caches and say what was in them; return the exit status."""
+    try:
+        removed = clear_caches()
+    except OSError as error:
+        raise SceneError(f"{cache_root()}: {error.strerror}: {error.filename}") from None
+    for name, files, size in removed:
+        sys.stdout.write(f"removed {name}: {files} files, {size / 1e6:.1f} MB\n")
+    if not removed:
+        sys.stdout.write(f"nothing is kept in {cache_root()}\n")
+    return int(output_is_lost())
 
 
 def scene_file(given: Path) -> Path:

@@ -6,11 +6,7 @@ A checksum of the files cannot tell: the header of an EXR file holds the command
 
 from __future__ import annotations
 
-import io
-import os
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.scene_file.images.exr_image import without_lines_of_openexr
 
 EQUAL = "equal: every pixel and AOV, bit for bit"
 Planes = dict[str, NDArray[Any]]  # channel -> (H, W)
@@ -73,7 +70,7 @@ def _largest(plane: NDArray[Any], other: NDArray[Any], differing: NDArray[np.boo
     by[differing & ~np.isfinite(by)] = np.inf
     by[~differing] = -1.0
     row, column = np.unravel_index(int(by.argmax()), by.shape)
-    values = f"{plane[row, column]!s} and {other[row, column]!s}"
+    values = f"{_shown(plane[row, column])} and {_shown(other[row, column])}"
     place = f"column {column}, row {row}: {values}"
     number = int(differing.sum())
     count = f"{number} pixel{'s' if number > 1 else ''}"
@@ -81,6 +78,15 @@ def _largest(plane: NDArray[Any], other: NDArray[Any], differing: NDArray[np.boo
         return f"{count}, in bits that do not change the value, such as at {place}"
     at_most = f", by at most {by.max():.6g}" if np.isfinite(by.max()) else ", such as"
     return f"{count}{at_most} at {place}"
+
+
+def _shown(value: Any) -> str:
+    """Return a number with as many digits as tell it from others of its type."""
+    if value.dtype.kind != "f" or not np.isfinite(value):
+        return str(value.item())
+    if value == 0.0 or 1e-4 <= abs(value) < 1e9:
+        return np.format_float_positional(value, trim="0")
+    return np.format_float_scientific(value, trim="0")
 
 
 def _bits(plane: NDArray[Any]) -> NDArray[Any]:
@@ -130,10 +136,10 @@ def read_planes(path: Path) -> Planes:
         raise SceneError(f"{path}: no such picture")
     try:
         planes = reader(path)
-    except SceneError:
+    except (SceneError, MemoryError):
         raise
-    except (OSError, RuntimeError, ValueError, TypeError, SyntaxError, EOFError) as error:
-        reason = (str(error).splitlines() or ["unknown reason"])[0]
+    except Exception as error:  # libraries raise what they like for a damaged file
+        reason = (str(error).splitlines() or ["unknown reason"])[0][:200]
         raise SceneError(f"{path}: cannot be read: {reason}") from None
     if not planes or not next(iter(planes.values())).size:
         raise SceneError(f"{path}: there are no pixels in it")
@@ -144,7 +150,7 @@ def _read_exr(path: Path) -> Planes:
     import OpenEXR
 
     planes: Planes = {}
-    with _without_lines_of_openexr(), OpenEXR.File(str(path), True) as file:
+    with without_lines_of_openexr(), OpenEXR.File(str(path), True) as file:
         if not file.parts:
             raise SceneError(f"{path}: cannot be read: its pixels are damaged")
         for number, part in enumerate(file.parts):
@@ -157,21 +163,6 @@ def _read_exr(path: Path) -> Planes:
             f"{path}: its channels have sizes {sorted(shapes)}; equal ones are needed"
         )
     return planes
-
-
-@contextmanager
-def _without_lines_of_openexr() -> Iterator[None]:
-    """Keep away what OpenEXR says of a damaged file; the error here is one line."""
-    with ExitStack() as stack:
-        stack.enter_context(redirect_stdout(io.StringIO()))
-        with suppress(OSError):  # its C code writes to a stream that may be closed
-            kept = os.dup(2)
-            stack.callback(os.close, kept)
-            stack.callback(os.dup2, kept, 2)
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            stack.callback(os.close, nowhere)
-            os.dup2(nowhere, 2)
-        yield
 
 
 def _read_npy(path: Path) -> Planes:

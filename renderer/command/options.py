@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 import renderer
 from renderer.errors import SceneError
-from renderer.process.cache_folder import cache_root, clear_caches
+from renderer.process.cache_folder import cache_root
 from renderer.process.memory import parse_size
 from renderer.process.names import (
     ACCELERATORS,
@@ -44,23 +43,6 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: error: {message}; --help lists the options\n")
 
 
-class _ClearCache(argparse.Action):
-    def __init__(self, **parts: Any) -> None:
-        super().__init__(nargs=0, **parts)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        """Remove the caches, say what was in them, and end the program."""
-        try:
-            removed = clear_caches()
-        except OSError as error:
-            parser.exit(1, f"error: {error.filename}: {error.strerror}\n")
-        for name, files, size in removed:
-            sys.stdout.write(f"removed {name}: {files} files, {size / 1e6:.1f} MB\n")
-        if not removed:
-            sys.stdout.write(f"nothing is kept in {cache_root()}\n")
-        parser.exit()
-
-
 def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Return what the words of a command line ask for; None: those of the process.
 
@@ -75,6 +57,10 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
         alone = {"compare": options.compare, "quiet": options.quiet}
         if vars(options) != vars(parser.parse_args([])) | alone:
             parser.error("--compare takes two pictures, and no scene or other option")
+    elif options.clear_cache:
+        alone = {"clear_cache": True, "quiet": options.quiet}
+        if vars(options) != vars(parser.parse_args([])) | alone:
+            parser.error("--clear-cache takes no scene and no other option")
     elif options.scene is None:
         parser.error("the following arguments are required: SCENE.xml")
     if options.frames is not None:
@@ -275,7 +261,7 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         "files differs with the command in their headers",
     )
     add("--quiet", action="store_true", help="print warnings and errors only")
-    add("--clear-cache", action=_ClearCache, help="remove what is kept between runs")
+    add("--clear-cache", action="store_true", help="remove what is kept between runs")
     add("--version", action="version", version=f"%(prog)s {renderer.__version__}")
     return parser
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from renderer.command.options import make_parser
 from renderer.errors import SceneError
+from renderer.process.whole_file import target_of
 from renderer.rendering.progress_display import shown_rate
 
 if TYPE_CHECKING:  # needs Numba
@@ -36,7 +37,8 @@ def check_outputs(options: argparse.Namespace) -> None:
 
     for output in options.output:
         check_output_path(output)
-        if output == options.checkpoint:
+        kept = options.checkpoint
+        if kept is not None and target_of(output).absolute() == target_of(kept).absolute():
             raise SceneError(f"{output}: is named as the picture and as the checkpoint")
 
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 MOST_FRAMES = 1_000_000
 _FIELD = re.compile(r"\{([^{}]*)\}")
+_NUMBER = re.compile(r"\{frame(?::(0?\d{0,3}))?\}")
+_POSSIBLE = "possible are numbers, frame, + - * / // % and ()"
 _HASHES = re.compile(r"#+")
 _OPERATORS: dict[type[ast.AST], Callable[..., float]] = {
     ast.Add: operator.add,
@@ -66,13 +68,13 @@ def value_of_frame(text: str, frame: int) -> str:
     SceneError
         For what is no arithmetic on numbers and `frame`.
     """
-    return _FIELD.sub(lambda field: _shown(_computed(field[1], frame)), text)
+    return _FIELD.sub(lambda field: _computed(field[1], frame), text)
 
 
 def path_of_frame(path: Path, frame: int) -> Path:
     """Return a file's name with the number in the place of `####` or `{frame}`.
 
-    As many digits as there are `#`, at least; `{frame:04}` as in Python's formats.
+    As many digits as there are `#`, at least; `{frame:04}` has four.
 
     Raises
     ------
@@ -80,10 +82,11 @@ def path_of_frame(path: Path, frame: int) -> Path:
         If the name has no such place, so that pictures would overwrite each other.
     """
     name = _HASHES.sub(lambda hashes: f"{frame:0{len(hashes[0])}}", path.name)
-    try:
-        name = name.format(frame=frame)
-    except (KeyError, IndexError, ValueError, AttributeError) as error:
-        raise SceneError(f"{path}: the name of a frame: {error}") from None
+    name = _NUMBER.sub(lambda place: f"{frame:{place[1] or ''}}", name)
+    if "{" in name or "}" in name:
+        raise SceneError(
+            f"{path}: possible places for a number are ####, {{frame}} and {{frame:04}}"
+        )
     if name == path.name:
         raise SceneError(
             f"{path}: all frames would have one name; possible is "
@@ -92,13 +95,15 @@ def path_of_frame(path: Path, frame: int) -> Path:
     return path.with_name(name)
 
 
-def _computed(formula: str, frame: int) -> float:
+def _computed(formula: str, frame: int) -> str:
     try:
-        value = _evaluate(ast.parse(formula.strip(), mode="eval").body, frame)
-    except (SyntaxError, ValueError, ZeroDivisionError, OverflowError) as error:
-        raise SceneError(
-            f"{{{formula}}}: {error}; possible are numbers, frame, + - * / // % and ()"
-        ) from None
+        value = _shown(_evaluate(ast.parse(formula.strip(), mode="eval").body, frame))
+    except SyntaxError:
+        raise SceneError(f"{{{formula}}}: is no formula; {_POSSIBLE}") from None
+    except (RecursionError, MemoryError):  # of the parser, or of ours
+        raise SceneError(f"a formula of {len(formula)} characters; {_POSSIBLE}") from None
+    except (ValueError, ZeroDivisionError, OverflowError) as error:
+        raise SceneError(f"{{{formula}}}: {error}; {_POSSIBLE}") from None
     return value
 
 

@@ -16,6 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from renderer.process.whole_file import write_whole
+
 # "Cache Directory Tagging Specification": backup programs leave out a folder with this
 # file, and `clear_caches` removes nothing without it.
 _TAG = "CACHEDIR.TAG"
@@ -23,6 +25,9 @@ _SIGNATURE = (
     "Signature: 8a477f597d28d172789f06886806bc55\n"
     "# lightproof makes the content of this folder again when it is missing.\n"
 )
+
+
+_REMOVED = ".removed-"  # in the name of a folder that is being cleared
 
 
 class Removed(NamedTuple):
@@ -55,36 +60,47 @@ def cache_root() -> Path:
 def cache_folder(name: str) -> Path:
     """Return the folder of one kind of content, made and tagged if that is possible.
 
-    If it is not possible, the first write to it will say why.
+    A folder with other content that lies in a place of the user's choice may be his own: it
+    gets no tag, and is never cleared. If none can be made, the first write will say why.
     """
-    folder = cache_root() / name
+    root = cache_root()
+    folder = root / name
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
-        if not (folder / _TAG).exists():
-            (folder / _TAG).write_text(_SIGNATURE)
+        ours = root.name.startswith("lightproof") or not any(folder.iterdir())
+        if ours and not (folder / _TAG).exists():
+            write_whole(folder / _TAG, _SIGNATURE.encode())
     return folder
 
 
 def clear_caches() -> list[Removed]:
     """Remove every cache folder, and return what was in it.
 
+    A folder gets another name first: programs that run begin a new one meanwhile.
+
     Raises
     ------
     OSError
-        If one cannot be removed.
+        If one cannot be removed; the next call goes on with what is left of it.
     """
     removed = []
     root = cache_root()
     for folder in sorted(root.iterdir()) if root.is_dir() else []:
         if folder.is_symlink() or not _is_tagged(folder):
             continue
-        sizes = [
-            (Path(place) / name).lstat().st_size
-            for place, _, names in os.walk(folder)
-            for name in names
-        ]
-        shutil.rmtree(folder)
-        removed.append(Removed(folder.name, len(sizes), sum(sizes)))
+        name = folder.name.partition(_REMOVED)[0]
+        if name == folder.name:
+            folder = folder.rename(folder.with_name(f"{name}{_REMOVED}{os.getpid()}"))
+        contents = [path for path in folder.iterdir() if path.name != _TAG]
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        size = sum(path.lstat().st_size for path in files)
+        for path in contents:
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+        shutil.rmtree(folder)  # with the tag, which is the last to go
+        removed.append(Removed(name, len(files), size))
     return removed
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -63,19 +64,23 @@ def _open(path: Path, older: Path | None) -> Iterator[BinaryIO]:
                 shutil.copyfileobj(gathered, device)
         return
     target = target_of(path)
+    remove_parts(target)
     part = part_of(target, f"{os.getpid()}-{threading.get_ident()}")
-    part.unlink(missing_ok=True)  # of a killed process that had this number
+    file = part.open("xb")
     try:
-        with part.open("xb") as file:
-            if found is not None:
-                _copy_owner_and_mode(found, file.fileno())
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
+        if found is not None:
+            _copy_owner_and_mode(found, file.fileno())
+        yield file
+        file.flush()
+        os.fsync(file.fileno())
+        file.close()
         if older is not None:
             os.replace(target, older)
         os.replace(part, target)
     finally:
+        # On a full disk the rest of the buffer fails once more; one error is enough.
+        with contextlib.suppress(OSError):
+            file.close()
         part.unlink(missing_ok=True)  # also after Ctrl-C
     _sync_folder(target.parent)
 
@@ -105,6 +110,34 @@ def part_of(path: Path, writer: str) -> Path:
     return path.with_name(f".{name}.{writer}.part")
 
 
+def remove_parts(path: Path) -> None:
+    """Remove what processes that were killed have not written to the end of `path`."""
+    name = re.escape(part_of(path, "#").name).replace(r"\#", r"(\d+)(?:-(\d+))?")
+    for part in path.parent.glob(".*.part"):
+        match = re.fullmatch(name, part.name)
+        if match is not None and not _is_alive(int(match[1]), int(match[2] or 0)):
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+
+def _is_alive(process: int, thread: int) -> bool:
+    """Return whether another process, or another thread of this one, has a number now."""
+    if process == os.getpid():
+        return thread in {one.ident for one in threading.enumerate()} - {
+            threading.get_ident()
+        }
+    # elsewhere signal 0 is Ctrl-C, and what is open there cannot be removed
+    if os.name != "posix":
+        return False
+    try:
+        os.kill(process, 0)
+    except PermissionError:
+        return True
+    except (ProcessLookupError, OverflowError):
+        return False
+    return True
+
+
 def why_not_writable(path: Path) -> str | None:
     """Return why a file cannot be written, or None if nothing is known against it.
 
@@ -115,6 +148,8 @@ def why_not_writable(path: Path) -> str | None:
         folder = target_of(path).parent
     except OSError as error:
         return error.strerror or str(error)
+    except ValueError as error:  # a zero byte
+        return str(error)
     if found is None or stat.S_ISREG(found.st_mode):
         if not folder.is_dir():
             return f"there is no folder {str(folder)!r} to write to"
@@ -135,7 +170,7 @@ def is_stream(path: Path) -> bool:
     """Return whether a path is a device or a pipe, such as /dev/null."""
     try:
         found = _status(path)
-    except OSError:
+    except (OSError, ValueError):
         return False
     return found is not None and (
         stat.S_ISCHR(found.st_mode) or stat.S_ISFIFO(found.st_mode)

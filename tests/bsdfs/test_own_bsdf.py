@@ -439,14 +439,14 @@ def test_a_scene_does_not_mix_a_kind_with_its_successor():
     class Successor(NamedTuple):
         albedo: Color = 0.3
 
-    old = renderer.load_file(SCENE)
+    old, registered = renderer.load_file(SCENE), BSDFS["lunar"]
     try:
         kernels = {"sample": sample_polished, "reflection": polished_branch}
         renderer.register_bsdf("lunar", Successor, **kernels)
         with pytest.raises(renderer.SceneError, match="'lunar' was registered anew"):
             renderer.render(old, spp=1)
     finally:
-        BSDFS["lunar"] = LUNAR
+        BSDFS["lunar"] = registered
     assert renderer.render(old, spp=1).pixels.any()
 
 

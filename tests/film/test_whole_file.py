@@ -225,6 +225,42 @@ def test_an_error_in_the_block_keeps_the_file(tmp_path):
     assert os.listdir(tmp_path) == ["a"]
 
 
+def test_what_a_killed_process_left_goes_with_the_next_file(tmp_path):
+    """Its part is as large as a film; that of a process or a thread that runs stays."""
+    dead, other = threading.Thread(target=int), threading.Event()
+    dead.start()
+    dead.join()
+    alive = threading.Thread(target=other.wait)
+    alive.start()
+    left = [f".a.png.{2**22 + 1}-7.part", f".a.png.{os.getpid()}-{dead.ident}.part"]
+    kept = [f".a.png.{os.getppid()}-7.part", f".a.png.{os.getpid()}-{alive.ident}.part"]
+    for name in (*left, *kept):
+        (tmp_path / name).touch()
+    save(tmp_path / "a.png")
+    other.set()
+    alive.join()
+    assert sorted(os.listdir(tmp_path)) == sorted(["a.png", *kept])
+
+
+def test_an_error_while_the_disk_is_full_is_the_one_that_is_raised(tmp_path):
+    """What is left in the buffer fails once more when the file is closed."""
+    with largest_file(10), pytest.raises(KeyboardInterrupt):
+        with whole_file(tmp_path / "a") as file:
+            file.write(bytes(100))
+            raise KeyboardInterrupt
+    with largest_file(3000), pytest.raises(SceneError, match=r"rows\.exr: .*too large"):
+        with ExrRows(tmp_path / "rows.exr", 9, 320) as file:
+            for _ in range(10):
+                file.add(Image(PIXELS))
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["a\0.exr", "a\0"])
+def test_a_zero_byte_in_a_name_is_one_line(name):
+    with pytest.raises(SceneError):
+        save(Path(name))
+
+
 def test_a_checkpoint_needs_a_file(tmp_path):
     """From a device or a pipe nothing could be resumed."""
     os.mkfifo(tmp_path / "pipe")

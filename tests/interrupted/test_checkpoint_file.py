@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.rendering.checkpoints import file as checkpoint_file
+from renderer.process.whole_file import remove_parts
 from renderer.rendering.checkpoints.file import (
     LENGTH,
     MAGIC,
@@ -22,7 +22,6 @@ from renderer.rendering.checkpoints.file import (
     find_checkpoint,
     older,
     read_checkpoint,
-    remove_parts,
     write_checkpoint,
 )
 
@@ -174,7 +173,7 @@ def test_a_power_cut_between_any_two_steps(path, monkeypatch, step, left):
 
     with monkeypatch.context() as context:
         for name in ("fsync", "replace"):
-            context.setattr(checkpoint_file.os, name, cut_off(getattr(os, name)))
+            context.setattr(os, name, cut_off(getattr(os, name)))
         context.setattr(Path, "unlink", lambda self, missing_ok: None)
         with pytest.raises(PowerCut):
             write(path, 3)
@@ -200,7 +199,7 @@ def test_a_full_disk_leaves_what_was_there(path, monkeypatch):
     def full(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(checkpoint_file.os, "fsync", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         write(path, 3)
     assert value_in(find_checkpoint(path)[0]) == 2

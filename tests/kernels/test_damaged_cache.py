@@ -6,9 +6,11 @@ and gives the right number.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -143,24 +145,29 @@ def users(folder):
     return [tuple(user) for user in json.loads((folder / "used-by.json").read_text())]
 
 
+def folders_of(tmp_path, *names):
+    """Make folders with names that end in a hash, as those of kernels do."""
+    made = [tmp_path / f"{name}{'0' * (16 - len(name))}" for name in names]
+    for folder in made:
+        folder.mkdir(exist_ok=True)
+    return made
+
+
 def test_a_folder_goes_with_its_last_user(tmp_path):
     """Two checkouts of equal sources share one; an edit in both of them removes it."""
     first, second = (str(tmp_path / name) for name in ("first", "second"))
     for package in (first, second):
         Path(package).mkdir()
-    old, new, unknown = (tmp_path / name for name in ("old", "new", "unknown"))
-    for folder in (old, new, unknown):
-        folder.mkdir()
+    old, new, unknown = folders_of(tmp_path, "a", "b", "c")
 
     def use(folder, package):
+        folder.mkdir(exist_ok=True)
         use_folder(folder, (package,), [old, new, unknown, tmp_path / "missing"])
 
     use(old, first)
     assert not unknown.exists()  # of a version that noted no users
-    new.mkdir(exist_ok=True)
     use(old, second)
     assert users(old) == [(first,), (second,)]
-    new.mkdir(exist_ok=True)
     use(new, first)
     assert (users(old), users(new)) == ([(second,)], [(first,)])
     use(new, second)
@@ -169,12 +176,24 @@ def test_a_folder_goes_with_its_last_user(tmp_path):
 
 
 def test_a_checkout_that_was_deleted_is_no_user(tmp_path):
-    old, new = tmp_path / "old", tmp_path / "new"
-    for folder in (old, new, tmp_path / "package"):
-        folder.mkdir()
+    old, new = folders_of(tmp_path, "a", "b")
+    (tmp_path / "package").mkdir()
     use_folder(old, (str(tmp_path / "deleted"),), [])
     use_folder(new, (str(tmp_path / "package"),), [old])
     assert not old.exists()
+
+
+def test_what_may_be_another_ones_is_not_removed(tmp_path):
+    """A folder of another kind of name, a link, and one whose note was cut off."""
+    torn, new, target = folders_of(tmp_path, "a", "b", "c")
+    (tmp_path / "package").mkdir()
+    (torn / "used-by.json").write_text('[["/som')
+    (tmp_path / "linux-6.1").mkdir()
+    link = tmp_path / ("d" * 16)
+    link.symlink_to(target)
+    others = [torn, tmp_path / "linux-6.1", link]
+    use_folder(new, (str(tmp_path / "package"),), others)
+    assert all(path.exists() for path in (*others, target))
 
 
 def test_kernels_of_a_users_file_go_when_it_is_edited(tmp_path):
@@ -260,14 +279,48 @@ def test_clearing_removes_what_lightproof_made_and_nothing_else(
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "one.png").write_bytes(b"1")
     (tmp_path / "kernels").symlink_to("photos")
+    (tmp_path / "mutants").mkdir()
+    (tmp_path / "mutants" / "story.txt").write_text("X")
+    assert cache_folder("mutants") == tmp_path / "mutants"
     (cache_folder("references") / "a.npz").write_bytes(bytes(2_500_000))
+    assert main(["--clear-cache", "--bogus"]) == 2
+    assert main(["--clear-cache", "--help"]) == 0
+    assert main(["--clear-cache", "scene.xml"]) == 2
+    capsys.readouterr()
     assert main(["--clear-cache"]) == 0
     assert capsys.readouterr().out == "removed references: 2 files, 2.5 MB\n"
     assert (tmp_path / "photos" / "one.png").exists()
+    assert os.listdir(tmp_path / "mutants") == ["story.txt"]
     assert main(["--clear-cache"]) == 0
     assert capsys.readouterr().out == f"nothing is kept in {tmp_path}\n"
     environment.setenv("LIGHTPROOF_CACHE", str(tmp_path / "nowhere"))
     assert clear_caches() == []
+
+
+def test_clearing_that_fails_half_way_goes_on_the_next_time(environment, tmp_path, capsys):
+    """One line with the whole path; the tag is the last file to go."""
+    environment.setenv("LIGHTPROOF_CACHE", str(tmp_path / "lightproof"))
+    (cache_folder("kernels") / "a").mkdir()
+    (cache_folder("kernels") / "a" / "x").write_text("x")
+    remove = shutil.rmtree
+
+    def refuse(path, **options):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path / "x"))
+
+    environment.setattr(shutil, "rmtree", refuse)
+    assert main(["--clear-cache"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {tmp_path / 'lightproof'}: Permission denied: ")
+    assert said.endswith("/a/x\n") and said.count("\n") == 1
+    environment.setattr(shutil, "rmtree", remove)
+    assert main(["--clear-cache"]) == 0
+    assert os.listdir(tmp_path / "lightproof") == []
+
+
+def test_a_cache_that_cannot_be_used_is_said_once(tmp_path):
+    """As a file in its place: kernels are compiled each time, which takes seconds."""
+    (tmp_path / "cache").write_text("")
+    assert run(tmp_path).count("kernels cannot all be kept, and are compiled each") == 1
 
 
 def test_help_says_where_the_cache_lies(environment, tmp_path, capsys):

@@ -433,8 +433,9 @@ def test_where_lights_are_looked_for(bsdf, sides):
     lights = {"a": point((0, 0, 1)), "b": point((0, 0, -1))}
     content = scene_of(lights, bsdf)
     scene = renderer.load_dict(content)
-    inputs = Inputs(scene, make_plan(scene, integrator="path"))
-    kept = (packed.record for packed in inputs.tables.kept)
+    # a half-open surface without a sky takes lights as Mitsuba does, unless told otherwise
+    plan = make_plan(scene, integrator="path", light_choice="importance")
+    kept = (packed.record for packed in Inputs(scene, plan).tables.kept)
     (choice,) = (record for record in kept if isinstance(record, LightChoice))
     assert choice.sides[0] == sides
 

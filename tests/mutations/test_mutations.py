@@ -170,7 +170,7 @@ def request() -> RenderRequest:
     return RenderRequest(str(scene_file("grey-furnace")), parameters=size, threads=1)
 
 
-PLACE = "    return _finish(prepare(scene, options, progress), progress)\n"
+PLACE = "    with shown(progress) as show:\n        return _finish(prepare(scene"
 
 
 @pytest.mark.parametrize(

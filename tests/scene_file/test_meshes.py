@@ -433,6 +433,7 @@ OBJ_FAULTS = {
     "NaN": ("v nan 0 0\n" + POINTS + "f 1 3 4\n", ":1: vertex (nan, 0, 0) is not finite"),
     "infinite": (POINTS + "v 1e39 0 0\nf 1 2 6\n", ":6: vertex (1e+39, 0, 0)"),
     "no number": ("v 0 zero 0\n", ":1: a vertex needs numbers, found `zero`"),
+    "underscore": (POINTS + "v 0 1_0 0\n", ":6: a vertex needs numbers, found `1_0`"),
     "two coordinates": ("v 0 0\n", ":1: a vertex needs 3 numbers, found 2"),
     "index past the end": (POINTS + "f 1 2 9\n", ":6: face corner `9`: vertex 9"),
     "index 0": (POINTS + "f 0 1 2\n", ":6: face corner `0`: vertex 0"),
@@ -502,6 +503,7 @@ PLY_FAULTS = {
     "short face": (HEAD + XYZ + FACE + DATA + "3 0 1\n", "has length 3, but only 2 values"),
     "left over": (HEAD + XYZ + FACE + DATA + "3 0 1 2\n7 7\n", ":14: 2 numbers are left"),
     "word": (HEAD + XYZ + FACE + "0 0 0\n1 zero 0\n", ":11: expected a number"),
+    "underscore": (HEAD + XYZ + FACE + "0 0 0\n1 1_0 0\n", ":11: expected a number"),
     "quad": (HEAD + XYZ + FACE + DATA + "4 0 1 2 0\n", "face 0 has 4 corners; only"),
     "quad later": (
         HEAD + XYZ + FACE.replace("face 1", "face 2") + DATA + "3 0 1 2\n4 0 1 2 0\n",

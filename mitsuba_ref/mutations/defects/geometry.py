@@ -202,8 +202,8 @@ DEFECTS = (
         (
             Edit(
                 "scene_file/meshes/serialized_file.py",
-                "return MeshData(vertices, faces, normals, uvs,",
-                "return MeshData(vertices, faces, None, uvs,",
+                "judged_mesh(vertices, faces.astype(np.int32), normals, uvs,",
+                "judged_mesh(vertices, faces.astype(np.int32), None, uvs,",
             ),
         ),
         scene="serialized",

@@ -56,7 +56,11 @@ def _sources_hash() -> str:
         for source in sorted((PACKAGE / folder).rglob("*.py")):
             digest.update(source.relative_to(PACKAGE).as_posix().encode())
             digest.update(source.read_bytes())
-    digest.update(f"{numba.__version__} {llvmlite.__version__} {sys.version}".encode())
+    settings = (
+        f"{numba.config.OPT} {numba.config.BOUNDSCHECK} {numba.config.DEBUGINFO_DEFAULT}"
+    )
+    versions = f"{numba.__version__} {llvmlite.__version__} {sys.version}"
+    digest.update(f"{versions} {settings}".encode())
     return digest.hexdigest()[:16]
 
 
@@ -77,7 +81,8 @@ def _is_writable(folder: Path) -> bool:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):
             pass
-    except OSError:
+    except OSError as error:
+        _warn_once(folder, error.strerror or str(error), EACH_TIME)
         return False
     with suppress(OSError), _turn(str(folder.parent)):
         program = (sys.prefix, str(PACKAGE))
@@ -101,7 +106,10 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
     @classmethod
     def from_function(cls, function: Any, source: str) -> _ByContent | None:
         """Return None for what has no source file, which then is not kept."""
-        if not Path(source).is_file() or not _is_writable(KERNEL_CACHE):
+        # "<string>" would be looked for in the working directory
+        if not (Path(source).is_absolute() and Path(source).is_file()):
+            return None
+        if not _is_writable(KERNEL_CACHE):
             return None
         return cls(function, source)
 

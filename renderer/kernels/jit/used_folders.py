@@ -8,19 +8,24 @@ after one test run.
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from renderer.process.whole_file import write_whole
+
 _NAME = "used-by.json"
+_OURS = re.compile(r"(.+-)?[0-9a-f]{16}")  # names of folders of kernels end in a hash
 
 
 def use_folder(folder: Path, user: tuple[str, ...], others: Iterable[Path]) -> None:
     """Note that `user` uses a folder, and remove others that have no user any more.
 
     Nothing is raised if the disk is full or a folder is not ours: an old kernel does no
-    harm.
+    harm. Nothing is removed that is a link, has another kind of name than ours, or whose
+    note of its users is damaged.
 
     Parameters
     ----------
@@ -37,9 +42,11 @@ def use_folder(folder: Path, user: tuple[str, ...], others: Iterable[Path]) -> N
         return
     with suppress(OSError):
         for other in others:
-            if other == folder or not other.is_dir():
+            if other == folder or other.is_symlink() or not _OURS.fullmatch(other.name):
                 continue
             noted = _users(other)
+            if not noted and (other / _NAME).exists():  # damaged
+                continue
             left = [one for one in noted if one != user and _exists(one)]
             if not left:
                 shutil.rmtree(other, ignore_errors=True)
@@ -52,8 +59,8 @@ def _users(folder: Path) -> list[tuple[str, ...]]:
     """Return the noted users; none where the file is missing or damaged."""
     try:
         found = json.loads((folder / _NAME).read_bytes())
-        return [tuple(map(str, user)) for user in found]
-    except (OSError, ValueError, TypeError):
+        return [tuple(map(str, user)) for user in found if isinstance(user, list)]
+    except (OSError, ValueError, TypeError, RecursionError):
         return []
 
 
@@ -62,4 +69,4 @@ def _exists(user: tuple[str, ...]) -> bool:
 
 
 def _note(folder: Path, users: list[tuple[str, ...]]) -> None:
-    (folder / _NAME).write_text(json.dumps(users))
+    write_whole(folder / _NAME, json.dumps(users).encode())

@@ -7,6 +7,7 @@ return is checked when a scene is rendered (`rendering.user_kernels`).
 from __future__ import annotations
 
 import inspect
+import numbers
 from collections.abc import Callable, Container, Mapping
 from typing import Any
 
@@ -21,6 +22,8 @@ from renderer.process.source_places import (
     place_of_error,
 )
 from renderer.scene_file.description import OtherBsdf
+
+MOST = float(np.finfo(np.float32).max)  # a parameter is a float32
 
 # what each kernel is called with; the last of `albedo` may be left out
 CALLED_WITH = {
@@ -48,6 +51,8 @@ def check_kernels(name: str, kernels: Mapping[str, Any], transmits: bool) -> Non
     kernels
         Those of `CALLED_WITH`; None for one that is not given.
     """
+    if not isinstance(transmits, bool):
+        raise PluginError(f"BSDF {name!r}: transmits is {transmits!r}; it is True or False")
     given = {key: kernel for key, kernel in kernels.items() if kernel is not None}
     if "sample" not in given:
         raise PluginError(f"BSDF {name!r} has no sample")
@@ -114,8 +119,14 @@ def check_parameters(name: str, parameters: Any) -> Mapping[str, type]:
         if key in vars(OtherBsdf) or key in OtherBsdf.__annotations__:
             raise fail(f"a parameter cannot be called {key!r}; choose another name")
         default = defaults.get(key, 0.0)
-        if isinstance(default, bool) or not isinstance(default, int | float):
-            raise fail(f"the default of {key} is {default!r}; it must be a number")
+        least = 0.0 if kind is Color else -MOST
+        is_number = isinstance(default, numbers.Real) and not isinstance(default, bool)
+        if not (is_number and least <= default <= MOST):
+            shown = repr(default)[:40]
+            raise fail(
+                f"the default of {key} is {shown}; it must be a finite number"
+                + (" of 0 or more" if kind is Color else "")
+            )
     return hints
 
 

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from renderer.errors import CheckpointWarning, SceneError
 from renderer.process.threads import Crew
-from renderer.process.whole_file import target_of, why_not_writable
+from renderer.process.whole_file import remove_parts, target_of, why_not_writable
 from renderer.rendering.checkpoints.file import (
     Arrays,
     Stored,
     find_checkpoint,
     older,
-    remove_parts,
     write_checkpoint,
 )
 from renderer.rendering.checkpoints.identity import Identity, difference

@@ -7,11 +7,8 @@ changed is known by its checksum. docs/checkpoints.md has the format.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
-import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -19,7 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.process.whole_file import part_of, whole_file
+from renderer.process.whole_file import whole_file
 
 MAGIC = b"lightproof checkpoint 1\n"
 LENGTH = 8  # bytes of the header's length, little-endian
@@ -81,30 +78,6 @@ def write_checkpoint(
             digest.update(block)
             file.write(block)
         file.write(digest.digest())
-
-
-def remove_parts(path: Path) -> None:
-    """Remove what processes that were killed have not written to the end."""
-    name = re.escape(part_of(path, "#").name).replace(r"\#", r"(\d+)(?:-\d+)?")
-    for part in path.parent.glob(".*.part"):
-        match = re.fullmatch(name, part.name)
-        if match is not None and not _is_another_alive(int(match[1])):
-            with contextlib.suppress(OSError):
-                part.unlink()
-
-
-def _is_another_alive(process: int) -> bool:
-    """Return whether another process has this number now."""
-    # elsewhere signal 0 is Ctrl-C, and what is open there cannot be removed
-    if process == os.getpid() or os.name != "posix":
-        return False
-    try:
-        os.kill(process, 0)
-    except PermissionError:
-        return True
-    except (ProcessLookupError, OverflowError):
-        return False
-    return True
 
 
 def find_checkpoint(path: Path) -> tuple[Stored | None, list[str]]:

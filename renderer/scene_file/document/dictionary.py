@@ -20,7 +20,7 @@ from renderer.scene_file.colors.spectrum_text import (
     spectrum_of_pairs,
 )
 from renderer.scene_file.description import Location
-from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image
+from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image, linear_values
 from renderer.scene_file.numbers import check_float, check_integer, quoted
 from renderer.scene_file.plugins import every_plugin, tag_of_plugin
 from renderer.scene_file.reading import Reading
@@ -188,7 +188,11 @@ def _image(name: str, value: Any, location: Location) -> Image | None:
         with np.errstate(over="ignore"):  # found as infinite
             pixels = pixels.astype(np.float32)
     if (meant := getattr(value, "pixel_format", None)) is not None:
-        pixels = _as_rgb(pixels, str(meant()).rpartition(".")[2].upper(), location)
+        layout = str(meant()).rpartition(".")[2].upper()
+        if srgb and layout.startswith("XYZ") and pixels.dtype.kind == "f":
+            # the curve is taken off before the matrix, as in Mitsuba
+            pixels, srgb = linear_values(pixels, True), False
+        pixels = _as_rgb(pixels, layout, location)
     return Image(pixels, bool(srgb))
 
 

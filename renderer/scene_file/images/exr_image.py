@@ -6,6 +6,10 @@ Which channels are colours, which type all of them are turned into, and what the
 
 from __future__ import annotations
 
+import io
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +42,21 @@ def is_exr(path: Path) -> bool:
         return file.read(4) == _MAGIC
 
 
+@contextmanager
+def without_lines_of_openexr() -> Iterator[None]:
+    """Keep away what OpenEXR says of a damaged file; the error here is one line."""
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(io.StringIO()))
+        with suppress(OSError):  # its C code writes to a stream that may be closed
+            kept = os.dup(2)
+            stack.callback(os.close, kept)
+            stack.callback(os.dup2, kept, 2)
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            stack.callback(os.close, nowhere)
+            os.dup2(nowhere, 2)
+        yield
+
+
 def read_exr(path: Path) -> Image:
     """Read the colours of the first part of an EXR file.
 
@@ -59,7 +78,12 @@ def read_exr(path: Path) -> Image:
             headers = [dict(part.header) for part in file.parts]  # ends with the file
             _check_size(path, headers)
             _check_kind(path, headers[0])
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with (
+            without_lines_of_openexr(),
+            OpenEXR.File(str(path), separate_channels=True) as file,
+        ):
+            if not file.parts:
+                raise SceneError(f"{path}: damaged EXR file: its pixels cannot be read")
             channels = {
                 name: np.asarray(channel.pixels)
                 for name, channel in file.channels().items()

@@ -189,6 +189,8 @@ def _absolute(corner: str, tables: _Tables) -> str:
 def _numbers(table: _Table, path: Path) -> NDArray[np.float64]:
     """Turn the texts of one table into an array (N, width)."""
     try:
+        if "_" in "".join(table.texts):  # Python's 1_0 is 10
+            raise ValueError
         values = np.fromiter(map(float, table.texts), np.float64, len(table.texts))
     except ValueError:
         index = next(i for i, text in enumerate(table.texts) if not _is_number(text))
@@ -204,7 +206,7 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return True
+    return "_" not in text
 
 
 def _distinct_corners(

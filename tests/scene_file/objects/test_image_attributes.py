@@ -360,6 +360,15 @@ def test_attributes_of_another_type_are_one_line(tmp_path: Path, name: str) -> N
         assert "a.exr: damaged EXR file: " in str(error)
 
 
+def test_damaged_pixels_are_one_line(tmp_path: Path, capfd) -> None:
+    """What OpenEXR itself says of a chunk does not reach the terminal."""
+    path = write_exr(tmp_path / "a.exr", colors())
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(renderer.SceneError, match=r"a\.exr: damaged EXR file: "):
+        read(path)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_damaged_attributes_end_in_a_picture_or_one_line(tmp_path: Path) -> None:
     """Each byte of what is not pixels is changed in turn, and each file is cut there."""
     write_exr(tmp_path / "a.exr", colors("RGB", "f2"), chromaticities=P3)
@@ -503,8 +512,10 @@ def test_bitmaps_that_say_how_they_are_encoded(kind: str, raw: bool) -> None:
     )
 
 
-def test_bitmaps_of_xyz() -> None:
+@pytest.mark.parametrize("srgb", [False, True])
+def test_bitmaps_of_xyz(srgb: bool) -> None:
     theirs = mi.Bitmap(np.dstack([GREY, GREY**2, 0.5 * GREY]), mi.Bitmap.PixelFormat.XYZ)
+    theirs.set_srgb_gamma(srgb)
     texture = mi.load_dict({"type": "bitmap", "bitmap": theirs})
     mine = in_dictionary(bitmap=theirs)
     expected = np.array(mi.traverse(texture)["data"])

@@ -102,6 +102,8 @@ def _length_of(p: Property) -> str:
 def _read_ascii(content: bytes, header: PlyHeader, path: Path) -> dict[str, Columns]:
     words = content[header.size :].split()
     try:
+        if b"_" in content[header.size :]:  # Python's 1_0 is 10
+            raise ValueError
         values = np.fromiter(map(float, words), np.float64, len(words))
     except ValueError:
         index = next(i for i, word in enumerate(words) if not _is_number(word))
@@ -179,7 +181,7 @@ def _is_number(word: bytes) -> bool:
         float(word)
     except ValueError:
         return False
-    return True
+    return b"_" not in word
 
 
 # ------------------------------------------------------------------------- errors
