@@ -347,7 +347,7 @@ def test_a_full_disk_ends_no_render(box, path, monkeypatch):
     def full(descriptor):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(checkpoint_file.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.warns(
         CheckpointWarning, match="cannot be written: No space left on device"
     ):
