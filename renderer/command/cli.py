@@ -17,6 +17,8 @@ from renderer.command.interrupts import Interrupts
 from renderer.command.options import read_options
 from renderer.command.outputs import (
     OF_THE_PICTURE,
+    check_distinct,
+    check_not_read,
     check_outputs,
     command_of,
     complain,
@@ -171,6 +173,7 @@ def _run_frames(
     frames = [of_frame(options, frame) for frame in options.frames]
     for each in frames:
         check_outputs(each)
+    check_distinct([output for each in frames for output in each.output])
     record = SweepRecord(options.output[0])
     record.read()  # without --resume too: what it says of frames written anew must go
     asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
@@ -218,6 +221,8 @@ def describe(options: argparse.Namespace, path: Path) -> SceneDescription:
     from renderer.scene_file import read_file_with
 
     description = read_file_with(path, dict(options.define), options.allow_outside)
+    plugins = filter(None, [getattr(options, "plugins", None)])
+    check_not_read(options.output, [*description.files, *plugins])
     for word in options.simplify:
         description = simplified(description, word)
     return description

@@ -133,7 +133,8 @@ def read_planes(path: Path) -> Planes:
         found = f"the ending {path.suffix!r}" if path.suffix else "no ending"
         raise SceneError(f"{path}: {found}; pictures are compared as .exr, .npy or .png")
     if not path.is_file():
-        raise SceneError(f"{path}: no such picture")
+        what = "is no regular file" if path.exists() else "no such picture"
+        raise SceneError(f"{path}: {what}")
     try:
         planes = reader(path)
     except (SceneError, MemoryError):

@@ -7,6 +7,7 @@ import dataclasses
 import shlex
 import sys
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,6 +41,24 @@ def check_outputs(options: argparse.Namespace) -> None:
         kept = options.checkpoint
         if kept is not None and target_of(output).absolute() == target_of(kept).absolute():
             raise SceneError(f"{output}: is named as the picture and as the checkpoint")
+
+
+def check_not_read(outputs: list[Path], files: Iterable[str | Path]) -> None:
+    """Refuse a picture in the place of a file that it is rendered from."""
+    read = [Path(file) for file in files if Path(file).exists()]
+    for output in outputs:
+        for file in read:
+            if output.exists() and output.samefile(file):
+                raise SceneError(f"{output}: the scene reads {file}; choose another name")
+
+
+def check_distinct(outputs: list[Path]) -> None:
+    """Refuse two pictures in one file, which links may lead to."""
+    first: dict[Path, Path] = {}
+    for output in outputs:
+        other = first.setdefault(target_of(output).absolute(), output)
+        if other is not output:
+            raise SceneError(f"{other} and {output} are one file; choose another name")
 
 
 def default_output(scene: Path) -> Path:

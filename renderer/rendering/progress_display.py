@@ -147,8 +147,8 @@ def _speed(progress: Progress) -> str:
 
 
 def shown_rate(rate: float) -> str:
-    """Return samples per second in words; the simple path tracer has some hundreds."""
-    return f"{rate:.0f} samples/s" if rate < 2e3 else f"{rate / 1e6:.1f} Msamples/s"
+    """Return samples per second in words; the simple path tracer has some thousands."""
+    return f"{rate:.0f} samples/s" if rate < 1e5 else f"{rate / 1e6:.1f} Msamples/s"
 
 
 def _duration(seconds: float) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import PIL.Image
 import pytest
 
 import renderer
@@ -255,6 +256,35 @@ def test_a_folder_that_is_not_writable_is_noticed_before_rendering(capsys, monke
     monkeypatch.setattr(renderer, "render", None)  # calling it would be a TypeError
     assert main([CORNELL, "-o", "a.exr"]) == 1
     assert capsys.readouterr().err == "error: a.exr: the folder '.' is not writable\n"
+
+
+def test_a_picture_does_not_replace_what_it_is_rendered_from(capsys, tmp_path):
+    """A texture, the scene itself by a link, a file of plugins; with frames too."""
+    PIL.Image.new("RGB", (4, 4), "grey").save("wall.png")
+    scene = Path("scene.xml")
+    scene.write_text(
+        '<scene version="3.0.0"><emitter type="envmap"><string name="filename" '
+        'value="wall.png"/></emitter><sensor type="perspective"/></scene>'
+    )
+    Path("link.exr").symlink_to("scene.xml")
+    Path("frame_1.png").symlink_to("wall.png")
+    before = {file: file.read_bytes() for file in (scene, Path("wall.png"))}
+    for words in (
+        ["-o", "wall.png"],
+        ["-o", str(tmp_path / "link.exr")],
+        ["--frames", "1:2", "-o", "frame_#.png"],
+    ):
+        assert main(["scene.xml", "--spp", "1", *words]) == 1
+        said = capsys.readouterr().err
+        assert ": the scene reads " in said and said.count("\n") == 1
+    assert before == {file: file.read_bytes() for file in before}
+
+
+def test_two_frames_are_not_one_file(capsys):
+    """A link from one to the other would lose a picture."""
+    Path("a_0.png").symlink_to("a_1.png")
+    assert main([*SMALL, "--frames", "0:2", "-o", "a_#.png"]) == 1
+    assert "a_0.png and a_1.png are one file" in capsys.readouterr().err
 
 
 def test_too_little_memory_is_one_line(capsys, monkeypatch):
