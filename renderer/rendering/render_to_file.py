@@ -109,7 +109,11 @@ def render_to_file(
             for each in todo
         )
         accel, threads = options.accel, options.threads
+        least = max(film_shape(*each).carried + 1 for each in todo)
         needs = estimate_all(todo, accel=accel, threads=threads, band=rows)
+        while needs.total > room_of_memory.room() and rows > least:
+            rows = max(rows // 2, least)  # kernels and the picture take some of the room
+            needs = estimate_all(todo, accel=accel, threads=threads, band=rows)
         possible = "a film of fewer columns; fewer threads; --memory SIZE"
         check_room(needs, scene.description.source, possible)
     film = scene.description.camera.film

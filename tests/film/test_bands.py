@@ -16,11 +16,13 @@ from renderer.command.cli import main
 from renderer.errors import NotAllowed, SceneError
 from renderer.process import memory
 from renderer.rendering import memory_estimate, render_to_file
+from renderer.rendering.aovs import plans_of
 from renderer.rendering.film.band import Band, FilmShape
 from renderer.rendering.film.film import Film
-from renderer.rendering.memory_estimate import rows_at_once
+from renderer.rendering.memory_estimate import estimate_all, rows_at_once
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
+from renderer.rendering.rendering import film_shape
 from renderer.rendering.sitting import Progress
 
 mi.set_variant("scalar_rgb")
@@ -231,3 +233,21 @@ def test_a_channel_may_have_more_than_two_gigabytes(tmp_path: Path) -> None:
         assert row[0] == first
         assert not row[1:].any()
     part.close()
+
+
+def test_a_band_becomes_smaller_until_all_that_is_needed_has_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kernels and the picture take some of the room that the first band is chosen for."""
+    scene = load("gaussian")
+    todo = plans_of(scene)
+    least = film_shape(*todo[0]).carried + 1
+    needed = [
+        estimate_all(todo, accel="auto", threads=1, band=rows).total
+        for rows in (least, 4 * least)
+    ]
+    assert needed[0] < needed[1]
+    monkeypatch.setattr(render_to_file.room_of_memory, "room", lambda: needed[0])
+    monkeypatch.setattr(render_to_file, "rows_at_once", lambda shape, room: 4 * least)
+    renderer.render_to_file(scene, tmp_path / "a.exr", spp=1, threads=1)
+    assert (tmp_path / "a.exr").is_file()
