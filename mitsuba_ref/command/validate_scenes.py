@@ -101,7 +101,7 @@ def _finish(results: list[SceneResult], given: Sequence[str], report: Path | Non
 
 
 def _keep(validated: Validated, name: str, report: Path | None) -> SceneResult:
-    """Write the pictures beside the report; return the result with their names."""
+    """Write the pictures into the report's folder; return the result with their names."""
     if report is None:
         return replace(validated.result, name=name)
     images = {}

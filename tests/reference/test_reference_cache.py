@@ -247,3 +247,18 @@ def test_a_folder_that_cannot_be_written_is_no_obstacle(scene, tmp_path, rendere
     for count in (1, 2):
         reference = cache.get(RenderRequest(str(scene)), [])
         assert (reference.from_cache, reference.pixels[0, 0, 0]) == (False, count)
+
+
+def test_a_full_disk_of_the_cache_is_no_obstacle(scene, tmp_path, renderer):
+    """Mitsuba's process cannot write the entry: the picture is rendered and not kept."""
+    folder = tmp_path / "cache"
+
+    def render(request, path):
+        if path.parent == folder:
+            said = "[Errno 28] No space left on device"
+            raise MitsubaError(f"Mitsuba: OSError: {said}: '{path}'")
+        renderer(request, path)
+
+    reference = ReferenceCache(render, folder).get(RenderRequest(str(scene)), [])
+    assert (reference.from_cache, len(renderer.requests)) == (False, 1)
+    assert list(folder.iterdir()) == []
