@@ -18,11 +18,11 @@ from renderer.process.version import VERSION
 if TYPE_CHECKING:
     from renderer.errors import ClusterError, SceneError
     from renderer.kernels.jit import kernel
-    from renderer.kinds.bsdfs.registry import register_bsdf
+    from renderer.plugins.bsdfs.registry import register_bsdf
     from renderer.rendering.picture.image import Image
+    from renderer.rendering.render_loop import Progress
     from renderer.rendering.render_scene import render, render_frames
     from renderer.rendering.render_to_file import render_to_file
-    from renderer.rendering.sitting import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
     from renderer.scene_file.transform_functions import look_at, rotate, scale, translate
@@ -54,12 +54,12 @@ __all__ = [
 _MODULES = {
     "ClusterError": "renderer.errors",
     "Image": "renderer.rendering.picture.image",
-    "Progress": "renderer.rendering.sitting",
+    "Progress": "renderer.rendering.render_loop",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.kernels.jit",
     "look_at": "renderer.scene_file.transform_functions",
-    "register_bsdf": "renderer.kinds.bsdfs.registry",
+    "register_bsdf": "renderer.plugins.bsdfs.registry",
     "render": "renderer.rendering.render_scene",
     "render_frames": "renderer.rendering.render_scene",
     "render_to_file": "renderer.rendering.render_to_file",

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.bsdfs.merl_file import cell_centres, write_merl
+from renderer.plugins.bsdfs.merl_file import cell_centres, write_merl
 
 HERE = Path(__file__).parent
 CELLS = (24, 20, 32)

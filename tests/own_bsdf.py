@@ -9,7 +9,7 @@ import numpy as np
 
 import renderer
 from renderer.kernels.lanes.functions import select, splat_f32
-from renderer.kinds.bsdfs.kind import BsdfSample, Color, cosine_direction
+from renderer.plugins.bsdfs.kind import BsdfSample, Color, cosine_direction
 
 INV_PI = np.float32(1.0 / np.pi)
 

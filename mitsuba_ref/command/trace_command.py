@@ -17,7 +17,6 @@ from mitsuba_ref.records.options import Options, scene_request
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.verdicts import exit_status
-from mitsuba_ref.replay.paths.led_path import Finding, unexplained
 from mitsuba_ref.replay.paths.path_comparison import (
     CAMERA,
     TOLERANCE,
@@ -26,6 +25,7 @@ from mitsuba_ref.replay.paths.path_comparison import (
     first_difference,
     largest_error,
 )
+from mitsuba_ref.replay.paths.path_from_reference_rays import Finding, unexplained
 from mitsuba_ref.replay.paths.path_table import print_paths
 from mitsuba_ref.replay.paths.traced_pair import NotTraceable, TracedPair
 from renderer.errors import NotReplayable, SceneError

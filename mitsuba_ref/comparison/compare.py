@@ -14,7 +14,11 @@ from mitsuba_ref.comparison.noise_floor import (
     compare_filtered,
     judge_with_noise,
 )
-from mitsuba_ref.comparison.preconditions import Obstacle, count_non_finite, find_obstacle
+from mitsuba_ref.comparison.preconditions import (
+    Incomparable,
+    count_non_finite,
+    find_obstacle,
+)
 from mitsuba_ref.comparison.without_noise import judge_without_noise
 from mitsuba_ref.metrics import distances
 from mitsuba_ref.records.results import AovResult, Finite, Metric, ReplayResult
@@ -124,7 +128,7 @@ def with_listed_aov(
     if any(values is None or values.shape != shape for values in references):
         found = [None if values is None else values.shape for values in references]
         what = f"our {name} has shape {shape}, Mitsuba's {found[0]}"
-        return without_numbers(comparison, Obstacle("size-mismatch", what), name)
+        return without_numbers(comparison, Incomparable("size-mismatch", what), name)
     picture = as_picture(ours)
     theirs = [as_picture(values) for values in references if values is not None]
     obstacle = find_obstacle([picture], theirs)
@@ -170,7 +174,7 @@ def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Com
 
 
 def without_numbers(
-    comparison: Comparison, obstacle: Obstacle, name: str = "rmse"
+    comparison: Comparison, obstacle: Incomparable, name: str = "rmse"
 ) -> Comparison:
     """Return the comparison with the metric `name` as one that could not be measured."""
     unmeasured = Metric(None, None, None, False, f"not measured: {obstacle.what}")

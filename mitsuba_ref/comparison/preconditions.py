@@ -21,7 +21,7 @@ Named = tuple[str, Array]
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class Incomparable:
     """Why nothing can be measured."""
 
     verdict: Verdict
@@ -36,7 +36,7 @@ class Obstacle:
 class NotComparable(Exception):
     """Raised in the middle of a measurement that an obstacle ends."""
 
-    def __init__(self, obstacle: Obstacle) -> None:
+    def __init__(self, obstacle: Incomparable) -> None:
         super().__init__(obstacle.sentence)
         self.obstacle = obstacle
 
@@ -46,7 +46,7 @@ def find_obstacle(
     references: Sequence[Array],
     ours_aovs: Mapping[str, Array] | None = None,
     reference_aovs: Mapping[str, Array] | None = None,
-) -> Obstacle | None:
+) -> Incomparable | None:
     """Return the first reason not to compare, or None.
 
     Parameters
@@ -59,7 +59,7 @@ def find_obstacle(
         by its name (`compare_aovs`).
     """
     if len(references) < 2:
-        return Obstacle(
+        return Incomparable(
             "broken", f"{len(references)} reference pictures; a noise floor needs two"
         )
     first = ours[0]
@@ -97,58 +97,58 @@ def _named(side: str, aovs: Mapping[str, Array] | None) -> Iterator[Named]:
         yield f"{side} {kind}", array
 
 
-def _wrong_shape(*pictures: Named) -> Obstacle | None:
+def _wrong_shape(*pictures: Named) -> Incomparable | None:
     """Return why these are no pictures, or None."""
     shapes = " and ".join(f"{name} has shape {array.shape}" for name, array in pictures)
     for _, array in pictures:
         if array.size == 0:
-            return Obstacle("size-mismatch", f"{shapes}: there is no pixel to compare")
+            return Incomparable("size-mismatch", f"{shapes}: there is no pixel to compare")
         if array.ndim != 3 or array.shape[2] != 3:
             expected = "expected (height, width, 3)"
-            return Obstacle("size-mismatch", f"{shapes}: {expected}")
+            return Incomparable("size-mismatch", f"{shapes}: {expected}")
     return None
 
 
-def _other_shape(ours: Array, references: Sequence[Array]) -> Obstacle | None:
+def _other_shape(ours: Array, references: Sequence[Array]) -> Incomparable | None:
     for reference in references:
         if reference.shape != ours.shape:
             shapes = f"{ours.shape}, Mitsuba's has {reference.shape}"
-            return Obstacle("size-mismatch", f"our picture has shape {shapes}")
+            return Incomparable("size-mismatch", f"our picture has shape {shapes}")
     return None
 
 
-def _unlike_the_first(first: Array, further: Iterable[Named]) -> Obstacle | None:
+def _unlike_the_first(first: Array, further: Iterable[Named]) -> Incomparable | None:
     for name, picture in further:
         if picture.shape != first.shape:
             shapes = f"{picture.shape}, the first one {first.shape}"
-            return Obstacle("size-mismatch", f"{name} has shape {shapes}")
+            return Incomparable("size-mismatch", f"{name} has shape {shapes}")
     return None
 
 
-def _other_size(ours: Array, others: Iterable[Named]) -> Obstacle | None:
+def _other_size(ours: Array, others: Iterable[Named]) -> Incomparable | None:
     for name, array in others:
         if array.shape[:2] != ours.shape[:2]:
             shapes = f"{array.shape}, the pictures have {ours.shape}"
-            return Obstacle("size-mismatch", f"{name} has shape {shapes}")
+            return Incomparable("size-mismatch", f"{name} has shape {shapes}")
     return None
 
 
 def _other_channels(
     ours: Mapping[str, Array], references: Mapping[str, Array]
-) -> Obstacle | None:
+) -> Incomparable | None:
     for kind in ours.keys() & references.keys():
         if ours[kind].shape != references[kind].shape:
             shapes = f"{ours[kind].shape}, Mitsuba's has {references[kind].shape}"
-            return Obstacle("size-mismatch", f"our AOV {kind} has shape {shapes}")
+            return Incomparable("size-mismatch", f"our AOV {kind} has shape {shapes}")
     return None
 
 
-def _not_finite(arrays: Sequence[Named]) -> Obstacle | None:
+def _not_finite(arrays: Sequence[Named]) -> Incomparable | None:
     found = [_bad_values(*named) for named in arrays if not np.isfinite(named[1]).all()]
     if not found:
         return None
     more = f"; {len(found) - 1} more arrays have such values" if len(found) > 1 else ""
-    return Obstacle("not-finite", f"NOT FINITE: {found[0]}{more}")
+    return Incomparable("not-finite", f"NOT FINITE: {found[0]}{more}")
 
 
 def _bad_values(name: str, array: Array) -> str:

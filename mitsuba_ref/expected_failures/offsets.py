@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 import renderer
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import RAY_OFFSETS
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 
 FIXED = (0.0, 1e-3)  # a distance for all, as in many first renderers
 TIGHT, MITSUBA = RAY_OFFSETS["tight"], RAY_OFFSETS["mitsuba"]
@@ -43,7 +43,7 @@ def render_with_offset(
         rounding_offset=rounding, fixed_offset=fixed
     )
     rendering.kernel_scene = rendering.kernel_scene._replace(settings=settings)
-    Sitting(rendering).run()
+    RenderLoop(rendering).run()
     return np.asarray(rendering.film.develop())
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.comparison.preconditions import (
+    Incomparable,
     NotComparable,
-    Obstacle,
     count_non_finite,
     find_obstacle,
 )
@@ -159,7 +159,7 @@ def judged(rungs: Sequence[Rung], pictures: Mapping[str, Array] | None = None) -
 
 
 def _without_tests(
-    ours: Sequence[Array], theirs: Sequence[Array], obstacle: Obstacle
+    ours: Sequence[Array], theirs: Sequence[Array], obstacle: Incomparable
 ) -> Climbed:
     lowest = rungs_without_noise.finite(ours, theirs)
     return Climbed(
@@ -171,7 +171,7 @@ def _without_tests(
 
 
 def _cut_short(
-    rungs: Sequence[Rung], obstacle: Obstacle, pictures: Mapping[str, Array]
+    rungs: Sequence[Rung], obstacle: Incomparable, pictures: Mapping[str, Array]
 ) -> Climbed:
     """Return the rungs climbed so far, and a broken one for what ended the climb."""
     last = replace(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from renderer.kinds.lights.registry import plugin_of
+from renderer.plugins.lights.registry import plugin_of
 from renderer.rendering.rendering import Rendering
 from renderer.scene.light_order import light_order
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
 from renderer.kernels.records.tile import Tile
-from renderer.kinds.sensors.registry import kind_of_sensor
+from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.rendering.rendering import Rendering
 from renderer.replay.drawn_ahead import (
     APERTURE,

@@ -10,7 +10,7 @@ from renderer.integrators.stages.direct_light import (
     lights_asked,
     sample_lights,
 )
-from renderer.integrators.stages.emission import arrive
+from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits, trace_shadow_rays
 from renderer.integrators.stages.materials import group_by_bsdf
@@ -53,7 +53,7 @@ def locate_step(scene, work, count):
 def arrive_step(scene, bounce, work, count):
     """Add the light of what the rays have hit to `work.radiance`."""
     see_sky = bounce > 0 or scene.settings.hide_emitters == 0
-    arrive(scene, work, np.int64(0), count, see_sky)
+    add_emitted_light(scene, work, np.int64(0), count, see_sky)
 
 
 @entry_kernel

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer import single_stages as stages
 from mitsuba_ref.our_renderer.light_names import light_names
-from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.numbers_drawn import NumbersDrawn
+from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import (
     BLACK,
     Bounce,

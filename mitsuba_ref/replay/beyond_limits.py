@@ -17,7 +17,7 @@ from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.records.results import DivergentPixel, Parting, ReplayResult
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.replay.explained_pixel import DifferentPixel, explain_pixel, parting
-from mitsuba_ref.replay.paths.led_path import Finding
+from mitsuba_ref.replay.paths.path_from_reference_rays import Finding
 from mitsuba_ref.replay.paths.traced_pair import TracedPair
 from mitsuba_ref.replay.replay_comparison import (
     BRIGHT,
@@ -38,7 +38,7 @@ DOUBT = 0.05
 
 
 @dataclass(frozen=True)
-class Beyond:
+class PixelsOverTolerance:
     """Pixels that go beyond one limit."""
 
     what: str  # they do
@@ -120,7 +120,7 @@ def causes_of(
     with TracedPair(request, time_limit) as pair:
         for pixel in pixels:
             places = np.array([[pixel.y, pixel.x]])
-            beyond = Beyond("diverged", places, scale, TOLERANCE)
+            beyond = PixelsOverTolerance("diverged", places, scale, TOLERANCE)
             found = _explain(pair, beyond, 0, ours, reference)
             step = parting((pixel.x, pixel.y), found)
             explained.append(replace(pixel, cause=found.sentence, parting=step))
@@ -129,7 +129,7 @@ def causes_of(
 
 def pixels_beyond(
     result: ReplayResult, ours: Array, reference: Array, limits: ReplayLimits
-) -> Iterator[Beyond]:
+) -> Iterator[PixelsOverTolerance]:
     """Yield the pixels that diverged, if too many have, and those of too large an RMSE.
 
     The latter are those beyond the limit of the RMSE by themselves: that of the rest is
@@ -140,13 +140,13 @@ def pixels_beyond(
     own, mean = theirs.max(axis=2), theirs.mean()
     if result.divergent > result.divergent_allowed:
         scale = _scale_of_divergence(reference)
-        yield Beyond("diverged", np.argwhere(diverged), scale, TOLERANCE)
+        yield PixelsOverTolerance("diverged", np.argwhere(diverged), scale, TOLERANCE)
     if result.rmse is not None and result.rmse > limits.rmse:
         errors = np.abs(errors_in_common(ours, reference)).max(axis=2)
         beyond = ~diverged & (errors > limits.rmse)
         scale = np.maximum(BRIGHT * own, mean)
         what = f"differ by more than {limits.rmse:g} without diverging"
-        yield Beyond(what, np.argwhere(beyond), scale, limits.rmse)
+        yield PixelsOverTolerance(what, np.argwhere(beyond), scale, limits.rmse)
 
 
 def _scale_of_divergence(reference: Array) -> NDArray[np.float64]:
@@ -175,7 +175,7 @@ def excluded_share(traced: int) -> float:
 
 
 def _explain(
-    pair: TracedPair, beyond: Beyond, k: int, ours: Array, reference: Array
+    pair: TracedPair, beyond: PixelsOverTolerance, k: int, ours: Array, reference: Array
 ) -> Finding:
     y, x = (int(place) for place in beyond.places[k])
     a, b = (tuple(float(c) for c in picture[y, x]) for picture in (ours, reference))
@@ -188,7 +188,7 @@ def _explain(
     )
 
 
-def _first_parting(beyond: Beyond, found: dict[int, Finding]) -> list[Parting]:
+def _first_parting(beyond: PixelsOverTolerance, found: dict[int, Finding]) -> list[Parting]:
     """Return the step in which the first pixel parts that rounding does not explain."""
     bad = [k for k, one in found.items() if not one.within_rounding]
     if not bad:
@@ -198,7 +198,7 @@ def _first_parting(beyond: Beyond, found: dict[int, Finding]) -> list[Parting]:
     return [] if step is None else [step]
 
 
-def _sentence(beyond: Beyond, found: dict[int, Finding]) -> str:
+def _sentence(beyond: PixelsOverTolerance, found: dict[int, Finding]) -> str:
     count, traced = len(beyond.places), len(found)
     bad = [(k, one.sentence) for k, one in found.items() if not one.within_rounding]
     of = f"of {count} pixels that {beyond.what}"

@@ -13,13 +13,13 @@ import numpy as np
 
 from mitsuba_ref.our_renderer.traced_path import TracedPath, Vector
 from mitsuba_ref.records.results import Parting
-from mitsuba_ref.replay.paths.led_path import Finding
 from mitsuba_ref.replay.paths.path_comparison import (
     MEANINGS,
     Value,
     place,
     value_text,
 )
+from mitsuba_ref.replay.paths.path_from_reference_rays import Finding
 from mitsuba_ref.replay.paths.traced_pair import Pixel, TracedPair
 
 REPRODUCED = 1e-4

@@ -25,7 +25,7 @@ from mitsuba_ref.replay.replay_comparison import compare_replay
 from renderer.errors import NotReplayable
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
-from renderer.replay.way import Replayed
+from renderer.replay.replay_mode import Replayed
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
 

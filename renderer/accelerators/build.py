@@ -27,22 +27,22 @@ from renderer.accelerators.grids.uniform_grid import (
     build_uniform_grid,
     build_uniform_grid_without_mailboxes,
 )
-from renderer.accelerators.groups.accelerators import Accelerators
-from renderer.accelerators.groups.instances_build import build_instances, build_nodes
+from renderer.accelerators.instances.accelerators import Accelerators
+from renderer.accelerators.instances.instances_build import build_instances, build_nodes
 from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_median,
     build_kd_middle,
     build_kd_sah,
 )
-from renderer.accelerators.occluders import never_in_the_way
+from renderer.accelerators.non_occluders import find_non_occluders
 from renderer.accelerators.octree_and_bsp.bsp import build_bsp
 from renderer.accelerators.octree_and_bsp.octree import build_octree
 from renderer.accelerators.rays.boxes import build_boxes
 from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
 from renderer.kernels.records.kernel_scene import EMIT
-from renderer.kinds.shapes.flat.triangle import Triangles
-from renderer.kinds.shapes.registry import SHAPES
+from renderer.plugins.shapes.flat.triangle import Triangles
+from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import KINDS, Scene
 
@@ -208,8 +208,8 @@ def accelerators_of_shadow_rays(
     lights: NDArray[np.int32],
     offsets: tuple[float, float],
 ) -> Accelerators:
-    """Return the accelerators of shadow rays, see `never_in_the_way`."""
-    mask = never_in_the_way(scene, name, rays, lights, offsets)
+    """Return the accelerators of shadow rays, see `find_non_occluders`."""
+    mask = find_non_occluders(scene, name, rays, lights, offsets)
     ids = tuple(np.flatnonzero(mask).tolist())
     return build_accelerators(scene, name, rays, LeftOut(ids, mask, whole))
 

@@ -15,7 +15,7 @@ from renderer.accelerators.cost_model import (
     estimate_all,
 )
 from renderer.accelerators.rays.boxes import expected_cost
-from renderer.kinds.shapes.registry import SHAPES
+from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.scene import Scene, primitive_bounds
 
 _TO_BUILD_BOXES = 2e-3  # seconds that they must save, five times what they take

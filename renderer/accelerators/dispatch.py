@@ -20,7 +20,7 @@ from renderer.accelerators.bvh.wide_bvh import (
 )
 from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
 from renderer.accelerators.grids.uniform_grid import UniformGrid
-from renderer.accelerators.groups.instances import (
+from renderer.accelerators.instances.instances import (
     Instances,
     any_hit_instances,
     closest_hit_instances,

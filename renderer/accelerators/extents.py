@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.registry import SHAPES
+from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.scene import primitive_bounds
 
 # The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates

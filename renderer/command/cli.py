@@ -36,9 +36,9 @@ from renderer.process.standard_streams import output_is_lost
 from renderer.process.working_folder import leave_deleted_folder
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
-    from renderer.rendering.cluster.team import Team
+    from renderer.rendering.cluster.team import ClusterScheduler
     from renderer.rendering.picture.image import Image
-    from renderer.rendering.sitting import Progress
+    from renderer.rendering.render_loop import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import SceneDescription
 
@@ -257,7 +257,9 @@ def _explain(scene: Scene, options: argparse.Namespace) -> None:
 
 
 @contextmanager
-def _cluster(options: argparse.Namespace, interrupts: Interrupts) -> Iterator[Team | None]:
+def _cluster(
+    options: argparse.Namespace, interrupts: Interrupts
+) -> Iterator[ClusterScheduler | None]:
     """Give the workers of `--cluster`, and say at the end what they did; or nobody."""
     if options.cluster is None:
         yield None
@@ -316,7 +318,10 @@ def _choices(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _render(
-    scene: Scene, options: argparse.Namespace, interrupts: Interrupts, team: Team | None
+    scene: Scene,
+    options: argparse.Namespace,
+    interrupts: Interrupts,
+    team: ClusterScheduler | None,
 ) -> Image:
     with _showing(options, interrupts) as progress:
         image = renderer.render(

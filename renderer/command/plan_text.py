@@ -6,7 +6,7 @@ import textwrap
 from itertools import chain
 
 from renderer.process import memory
-from renderer.process.threads import default_threads
+from renderer.process.worker_pool import default_threads
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.memory_estimate import Estimate, estimate_all
 from renderer.rendering.planning.cautions import cautions_of

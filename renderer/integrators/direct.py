@@ -14,7 +14,7 @@ import numpy as np
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
 from renderer.integrators.path import begin_bounce, decide_direct, trace_paths
 from renderer.integrators.stages.direct_light import direct_light
-from renderer.integrators.stages.emission import arrive
+from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
@@ -60,7 +60,7 @@ def trace_several(scene, tile, sample, work):
     if settings.max_depth < 1:
         return
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
-    arrive(scene, work, np.int64(0), count, settings.hide_emitters == 0)
+    add_emitted_light(scene, work, np.int64(0), count, settings.hide_emitters == 0)
     if settings.max_depth < 2:
         return
     begin_bounce(scene, tile, sample, work, count)
@@ -74,7 +74,7 @@ def trace_several(scene, tile, sample, work):
         found = scatter(scene, tile, sample, number, work)
         reset_hits(hits, np.int64(0), found)
         intersect(scene.groups, rays, hits, np.int64(0), found, False, None)
-        arrive(scene, work, np.int64(0), found, True)
+        add_emitted_light(scene, work, np.int64(0), found, True)
 
 
 def _read(properties: Properties) -> Integrator:

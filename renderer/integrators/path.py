@@ -12,7 +12,7 @@ import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
 from renderer.integrators.stages.direct_light import direct_light
-from renderer.integrators.stages.emission import arrive
+from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
@@ -54,7 +54,7 @@ def trace_paths(scene, tile, sample, work):
     bounce = np.int64(0)  # a literal would compile every stage twice
     while count > 0:
         see_sky = bounce > 0 or settings.hide_emitters == 0
-        arrive(scene, work, np.int64(0), count, see_sky)
+        add_emitted_light(scene, work, np.int64(0), count, see_sky)
         last = bounce + 1 >= settings.max_depth
         if transparent:
             drop_transparent(scene, work, count, last)

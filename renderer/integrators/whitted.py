@@ -13,12 +13,12 @@ import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
 from renderer.integrators.path import decide_without_lights
+from renderer.integrators.stages.branch_specular import branch_specular
 from renderer.integrators.stages.direct_light import direct_light
-from renderer.integrators.stages.emission import arrive
+from renderer.integrators.stages.emission import add_emitted_light
 from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
-from renderer.integrators.stages.split import split
 from renderer.kernels.jit import method_kernel
 from renderer.kernels.records.batch import CAPACITY
 from renderer.scene_file.description import Integrator
@@ -49,12 +49,14 @@ def trace_ray_trees(scene, tile, sample, work):
         if depth > 0:
             reset_hits(hits, first, count)
             intersect(scene.groups, rays, hits, first, count, False, None)
-        arrive(scene, work, first, count, depth > 0 or settings.hide_emitters == 0)
+        add_emitted_light(
+            scene, work, first, count, depth > 0 or settings.hide_emitters == 0
+        )
         if depth + 1 >= settings.max_depth:
             continue
         group_by_bsdf(scene, work, first, count)
         direct_light(scene, tile, sample, depth, work)
-        waiting[depth + 1] = split(scene, work, (depth + 1) * REGION)
+        waiting[depth + 1] = branch_specular(scene, work, (depth + 1) * REGION)
         depth += 1
 
 

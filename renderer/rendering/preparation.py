@@ -16,7 +16,7 @@ from renderer.accelerators.build import compile_builders
 from renderer.errors import SceneError
 from renderer.process.memory import limited_to
 from renderer.process.names import ACCELERATORS
-from renderer.process.threads import default_threads
+from renderer.process.worker_pool import default_threads
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.checkpoints.checkpoint import (
     Checkpoint,
@@ -29,8 +29,8 @@ from renderer.rendering.compilation import CompilationWatch
 from renderer.rendering.goal import Goal, check_goal, for_a_goal
 from renderer.rendering.memory_estimate import check_room, estimate_all
 from renderer.rendering.planning.plan import MOST_SAMPLES, Plan
+from renderer.rendering.render_loop import Progress
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Progress
 from renderer.scene.scene import Scene
 
 MOST_THREADS = 1024

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
-    from renderer.rendering.sitting import Progress
+    from renderer.rendering.render_loop import Progress
 
 BAR_AFTER = 0.3  # [s]; a render that is over by then needs no bar
 BAR_EVERY = 0.1  # [s]

@@ -21,8 +21,8 @@ from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import shown_spp
 from renderer.rendering.preparation import Options, Prepared, prepare
 from renderer.rendering.progress_display import shown
+from renderer.rendering.render_loop import Progress, RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import Scene
 
 AHEAD = 2  # pictures of a sweep that are under way on a cluster beside the first
@@ -226,7 +226,7 @@ def _finish(prepared: Prepared, progress: Callable[[Progress], None] | None) -> 
     rendering, options = prepared.rendering, prepared.of_colors
     if prepared.goal is None and prepared.kept is None and options.cluster is None:
         rendering.keep_no_sums()
-    complete = Sitting(
+    complete = RenderLoop(
         rendering, progress, prepared.goal, prepared.kept, options.cluster
     ).run()
     if rendering.trouble and rendering.samples_done == 0:

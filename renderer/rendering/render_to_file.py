@@ -21,9 +21,9 @@ from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.preparation import Options, build_rendering, checked
 from renderer.rendering.progress_display import shown
+from renderer.rendering.render_loop import Progress, RenderLoop
 from renderer.rendering.render_scene import image_of
 from renderer.rendering.rendering import Rendering, film_shape
-from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import Scene
 
 
@@ -225,7 +225,7 @@ def _bands(rendering: Rendering, show: _Progress) -> Iterator[Image]:
         by_rows = rendering.samples_of_place.reshape(film.grid.layers, film.grid.rows, -1)
         by_rows[:, :carried] = wanted.reshape(by_rows.shape)[:, :carried]
         begun = rendering.samples_done
-        if not Sitting(rendering, partial(show.show, begun)).run():
+        if not RenderLoop(rendering, partial(show.show, begun)).run():
             raise KeyboardInterrupt
         show.count(rendering.samples_done - begun)
         yield image_of(rendering, 0.0, 0.0, True)

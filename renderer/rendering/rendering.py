@@ -31,7 +31,7 @@ from renderer.rendering.film.work import Work
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.methods import INT, TILE, method_of
-from renderer.rendering.tables.variant import way_of
+from renderer.rendering.tables.render_mode import mode_for
 from renderer.rendering.user_kernels.check import blame_users
 from renderer.scene.scene import Scene
 
@@ -43,7 +43,7 @@ SUMS_IN_ALL = 32
 
 
 class Rendering:
-    """One render: everything prepared for a `Sitting` to trace.
+    """One render: everything prepared for a `RenderLoop` to trace.
 
     Parameters are those of `render`, with the `plan` made and every choice named; `band` is
     how many rows of tiles there are at a time, None for all of the film.
@@ -70,7 +70,7 @@ class Rendering:
     ) -> None:
         self.scene, self.plan, self.threads = scene, plan, threads
         self.accel, self.seed = accel, seed
-        self.variant = way_of(plan, measured_camera)
+        self.variant = mode_for(plan, measured_camera)
         # keeps alive what the addresses in the record point to
         self._inputs = KernelInputs(scene, plan, accel, seed, self.variant)
         self.kernel_scene = self._inputs.record

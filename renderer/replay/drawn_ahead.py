@@ -27,7 +27,7 @@ from renderer.kernels.lanes.functions import as_i32, splat_f32, splat_i32
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.records.batch import CAPACITY
 from renderer.kernels.records.tile import sample_key, slot_pixel
-from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, choose_one
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, choose_one
 from renderer.replay.sequences import begin_sample, next_1d, next_2d
 
 # rows of `Replay.numbers`

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
-from renderer.kinds.textures.mesh_attribute import check_attribute
+from renderer.plugins.textures.mesh_attribute import check_attribute
 from renderer.scene.materials import MaterialTables, leaves
 from renderer.scene_file.description import Mesh, MeshAttributeTexture, Shape
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.bsdfs.structures import Structure
-from renderer.kinds.lights.choice.bounds import LightBounds, on_surface
-from renderer.kinds.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
-from renderer.kinds.lights.registry import plugin_of
-from renderer.kinds.shapes.registry import SHAPES, kind_of_shape
-from renderer.kinds.textures.registry import mean_of
+from renderer.plugins.bsdfs.nested_bsdf_type import Structure
+from renderer.plugins.lights.choice.bounds import LightBounds, on_surface
+from renderer.plugins.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
+from renderer.plugins.lights.registry import plugin_of
+from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
+from renderer.plugins.textures.registry import mean_of
 from renderer.scene.light_order import light_order
 from renderer.scene.materials import Kind
 from renderer.scene.scene import Scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.lights.registry import plugin_of
+from renderer.plugins.lights.registry import plugin_of
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     EnvironmentMap,

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.lights.columns import number_column, vector_columns
-from renderer.kinds.lights.finite.area import AreaLights
-from renderer.kinds.lights.finite.textured_area import TexturedAreas
-from renderer.kinds.lights.registry import LIGHTS, plugin_of
-from renderer.kinds.lights.texel_choice import uv_choice
-from renderer.kinds.lights.textures import LightTextures, light_textures
-from renderer.kinds.shapes.flat.triangle import TriangleLights
-from renderer.kinds.shapes.registry import SHAPES
-from renderer.kinds.shapes.uv.uv_chart import uv_chart
-from renderer.kinds.textures.registry import kind_of_texture
+from renderer.plugins.lights.columns import number_column, vector_columns
+from renderer.plugins.lights.finite.area import AreaLights
+from renderer.plugins.lights.finite.textured_area import TexturedAreas
+from renderer.plugins.lights.registry import LIGHTS, plugin_of
+from renderer.plugins.lights.texel_choice import uv_choice
+from renderer.plugins.lights.textures import LightTextures, light_textures
+from renderer.plugins.shapes.flat.triangle import TriangleLights
+from renderer.plugins.shapes.registry import SHAPES
+from renderer.plugins.shapes.uv.uv_chart import uv_chart
+from renderer.plugins.textures.registry import kind_of_texture
 from renderer.scene.light_order import light_order
 from renderer.scene.materials import table_of
 from renderer.scene.scene import Scene

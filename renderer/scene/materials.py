@@ -21,15 +21,15 @@ from renderer.kernels.records.kernel_scene import (
     LOOK_UP_SCALAR,
     MOST_BSDF_KINDS,
 )
-from renderer.kinds.bsdfs.kind import BsdfKind
-from renderer.kinds.bsdfs.parameters import Rows
-from renderer.kinds.bsdfs.registry import BSDFS
-from renderer.kinds.bsdfs.registry import kind_of as kind_of
-from renderer.kinds.bsdfs.structures import Structure, goes_straight
-from renderer.kinds.textures.checkerboard import children
-from renderer.kinds.textures.kind import TextureKind
-from renderer.kinds.textures.registry import kind_of_texture, mean_of
-from renderer.kinds.textures.uniform import UNIFORM
+from renderer.plugins.bsdfs.kind import BsdfKind
+from renderer.plugins.bsdfs.nested_bsdf_type import Structure, goes_straight
+from renderer.plugins.bsdfs.parameters import Rows
+from renderer.plugins.bsdfs.registry import BSDFS
+from renderer.plugins.bsdfs.registry import kind_of as kind_of
+from renderer.plugins.textures.checkerboard import children
+from renderer.plugins.textures.kind import TextureKind
+from renderer.plugins.textures.registry import kind_of_texture, mean_of
+from renderer.plugins.textures.uniform import UNIFORM
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,

@@ -20,9 +20,9 @@ from renderer.kernels.records.kernel_scene import (
     Placements,
     Shapes,
 )
-from renderer.kinds.shapes.arrays import float32
-from renderer.kinds.shapes.arrays import unit_normals as unit_normals
-from renderer.kinds.shapes.registry import SHAPES, kind_of_shape
+from renderer.plugins.shapes.arrays import float32
+from renderer.plugins.shapes.arrays import unit_normals as unit_normals
+from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.scene.attributes import check_attributes
 from renderer.scene.materials import MaterialTables
 from renderer.scene.placed_groups import (
@@ -32,12 +32,12 @@ from renderer.scene.placed_groups import (
     placed_boxes,
     shape_numbers,
 )
+from renderer.scene_file.coordinate_limits import FARTHEST
 from renderer.scene_file.description import (
     Mesh,
     Rectangle,
     SceneDescription,
 )
-from renderer.scene_file.reach import FARTHEST
 
 KINDS = tuple(SHAPES)
 # tables may hold copies of textures, or more for each triangle
@@ -54,7 +54,9 @@ class Scene:
     """Everything about a scene that does not depend on how it is rendered."""
 
     description: SceneDescription
-    surfaces: dict[str, Any]  # kind -> record of renderer.kinds.shapes, present kinds only
+    surfaces: dict[
+        str, Any
+    ]  # kind -> record of renderer.plugins.shapes, present kinds only
     shape: NDArray[np.int32]  # (primitives,) shape id
     face: NDArray[np.int32]  # (primitives,) index within the file's mesh
     stages: NDArray[np.int32]  # (primitives,) bits of renderer.kernels.records.kernel_scene

@@ -20,7 +20,7 @@ from renderer.scene_file.document.references import resolve
 from renderer.scene_file.document.xml.xml_tree import read_text_file, read_xml_tree
 from renderer.scene_file.files import Bounds
 from renderer.scene_file.objects.scenes import read_scene
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 
 __all__ = [
     "Folders",

@@ -27,12 +27,12 @@ TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 # read, as any plugin is: they import this package, and hold kernels, so that whoever reads
 # no scene does not wait for Numba.
 _REGISTRIES = {
-    "bsdf": ("renderer.kinds.bsdfs.registry", "PLUGINS"),
-    "emitter": ("renderer.kinds.lights.registry", "LIGHTS"),
-    "sensor": ("renderer.kinds.sensors.registry", "SENSORS"),
-    "shape": ("renderer.kinds.shapes.registry", "PLUGINS"),
+    "bsdf": ("renderer.plugins.bsdfs.registry", "PLUGINS"),
+    "emitter": ("renderer.plugins.lights.registry", "LIGHTS"),
+    "sensor": ("renderer.plugins.sensors.registry", "SENSORS"),
+    "shape": ("renderer.plugins.shapes.registry", "PLUGINS"),
     "integrator": ("renderer.integrators.registry", "IN_FILES"),
-    "texture": ("renderer.kinds.textures.registry", "TEXTURES"),
+    "texture": ("renderer.plugins.textures.registry", "TEXTURES"),
 }
 
 

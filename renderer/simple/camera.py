@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.kinds.sensors.pinhole import pinhole
+from renderer.plugins.sensors.pinhole import pinhole
 from renderer.scene_file.description import PerspectiveCamera, Sensor, ThinLensCamera
 from renderer.simple.vectors import Vector, normalize
 from renderer.simple.warps import square_to_disk

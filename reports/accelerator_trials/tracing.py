@@ -29,7 +29,7 @@ from renderer.kernels.jit import (
 )
 from renderer.kernels.records.batch import CAPACITY, Hits, Rays, ShadowRays
 from renderer.kernels.records.tally import ROWS
-from renderer.process.threads import in_threads
+from renderer.process.worker_pool import in_threads
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 
 # Evens out batches of unlike cost: of two threads, what one does alone at the end is a 32nd

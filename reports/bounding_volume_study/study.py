@@ -22,7 +22,7 @@ from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.extents import extents_of
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.records.batch import PADDING
-from renderer.kinds.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import flat, in_batches
 from reports.accelerator_trials.tracing import make_query, trace

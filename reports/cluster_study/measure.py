@@ -12,7 +12,7 @@ import numpy as np
 import renderer
 from renderer.rendering.cluster import job, worker
 from renderer.rendering.cluster.connect import open_cluster
-from renderer.rendering.cluster.team import Team
+from renderer.rendering.cluster.team import ClusterScheduler
 from renderer.scene.scene import Scene
 from reports.cluster_study.record import Costs, Run
 from reports.records.errors import ReportError
@@ -44,7 +44,7 @@ def measure_costs(scene: Scene) -> Costs:
     return Costs(float(portion), max(float(byte), 0.0), alone, start, first, rate)
 
 
-def _processor_seconds(scene: Scene, team: Team) -> tuple[float, int, int]:
+def _processor_seconds(scene: Scene, team: ClusterScheduler) -> tuple[float, int, int]:
     """Return seconds, portions and bytes of one picture with few samples."""
     tally = team.tally
     before = (tally.portions, tally.bytes_sent + tally.bytes_received)
@@ -55,7 +55,7 @@ def _processor_seconds(scene: Scene, team: Team) -> tuple[float, int, int]:
     return seconds, tally.portions - before[0], sent - before[1]
 
 
-def _round_trip(team: Team) -> float:
+def _round_trip(team: ClusterScheduler) -> float:
     """Return the median seconds of the smallest task there is."""
     seconds = []
     for _ in range(ROUND_TRIPS):
@@ -101,5 +101,5 @@ def measure_runs(
     return runs
 
 
-def _megabytes(team: Team) -> float:
+def _megabytes(team: ClusterScheduler) -> float:
     return (team.tally.bytes_sent + team.tally.bytes_received) / 1e6

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene

@@ -26,7 +26,7 @@ from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, make_workspace
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
-from renderer.rendering.tables.variant import OwnWay
+from renderer.rendering.tables.render_mode import RenderMode
 from reports.accelerator_trials.meshes import displaced_icosphere
 from reports.soak.record import Step
 
@@ -151,7 +151,7 @@ def _inputs(shape: str, offset: float, size: float) -> KernelInputs:
         scene = renderer.load_dict(
             {"type": "scene", "camera": {"type": "perspective"}, **shapes}
         )
-    return KernelInputs(scene, make_plan(scene, integrator="path"), "bvh", 0, OwnWay())
+    return KernelInputs(scene, make_plan(scene, integrator="path"), "bvh", 0, RenderMode())
 
 
 def _placed(offset: float, size: float) -> Floats:

@@ -27,8 +27,8 @@ from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import relative_error, relative_squares
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 from renderer.scene.scene import Scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -75,7 +75,7 @@ def traced(scene: Scene, spp: int, seed: int) -> tuple[Floats, float]:
     rendering = Rendering(scene, plan, accel="auto", seed=seed, threads=1)
     rendering.compile()
     start = time.process_time()
-    Sitting(rendering).run()
+    RenderLoop(rendering).run()
     seconds = time.process_time() - start
     return rendering.film.develop(1).astype(np.float64), seconds
 

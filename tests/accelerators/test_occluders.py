@@ -21,7 +21,7 @@ from small_scenes import (
 
 import renderer
 from renderer.accelerators.cost_model import USUAL_RAYS
-from renderer.accelerators.occluders import MOST, never_between, never_in_the_way
+from renderer.accelerators.non_occluders import MOST, find_non_occluders, never_between
 from renderer.rendering.planning.plan import RAY_OFFSETS
 from renderer.scene.light_properties import asked_lights
 
@@ -165,7 +165,7 @@ def random_scene(rng: np.random.Generator) -> dict:
 def passed_by(loaded, accel="auto", offset="tight"):
     lights = asked_lights(loaded.description, False)
     offsets = RAY_OFFSETS[offset]
-    return int(never_in_the_way(loaded, accel, USUAL_RAYS, lights, offsets).sum())
+    return int(find_non_occluders(loaded, accel, USUAL_RAYS, lights, offsets).sum())
 
 
 def assert_alike(loaded, offset="tight", seed=0, black=False):

@@ -12,7 +12,7 @@ from small_scenes import scene, sensor
 import renderer
 from mitsuba_ref.reference.plugins.merl import register_merl
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.merl_file import (
+from renderer.plugins.bsdfs.merl_file import (
     SCALES,
     cell_centres,
     edges_of_half_vectors,

@@ -24,9 +24,9 @@ from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.command.cli import main as render_command
 from renderer.errors import PluginError
-from renderer.kinds.bsdfs.parameters import Color, Float, hints_of
-from renderer.kinds.bsdfs.registry import BSDFS
-from renderer.kinds.sampling.arithmetic import Plain, along_u
+from renderer.plugins.bsdfs.parameters import Color, Float, hints_of
+from renderer.plugins.bsdfs.registry import BSDFS
+from renderer.plugins.sampling.arithmetic import Plain, along_u
 from renderer.rendering.user_kernels import check
 from renderer.rendering.user_kernels.check import check_kernels_of, check_kernels_of_users
 from renderer.rendering.user_kernels.diagnosis import explain
@@ -60,7 +60,7 @@ from renderer.kernels.lanes.functions import *
 from renderer.kernels.lanes.mathematics.exponentials import power
 from renderer.kernels.lanes.mathematics.mathematics import sincos
 from renderer.kernels.lanes.vectors import dot, vec3
-from renderer.kinds.bsdfs.kind import Float
+from renderer.plugins.bsdfs.kind import Float
 TABLE = {"a": 1.0}
 """
 
@@ -482,7 +482,7 @@ def test_two_kernels_that_call_each_other_are_named(tmp_path):
 def test_branches_of_delta_lobes_are_checked_too(tmp_path):
     """`reflection` returns a `Branch`: whichever integrator renders, before it does."""
     more = (
-        "from renderer.kinds.bsdfs.kind import Branch\n\n\n@renderer.kernel\n"
+        "from renderer.plugins.bsdfs.kind import Branch\n\n\n@renderer.kernel\n"
         "def reflection(lunar, wo):\n    return Branch(lunar.albedo, 1.0, wo.z, wo.z)\n\n\n"
     )
     changed = REGISTERED[:-1] + ", reflection=reflection\n"

@@ -14,7 +14,7 @@ from small_scenes import floor, pixels, rectangle, scene, sensor, sphere
 
 import renderer
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.registry import kind_of
+from renderer.plugins.bsdfs.registry import kind_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.materials import sides
 from renderer.simple.scene import Scene as SimpleScene

@@ -46,9 +46,16 @@ from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3, vec3
-from renderer.kinds.bsdfs.kind import Branch, BsdfMethods, BsdfSample, Color, Float, Numbers
-from renderer.kinds.bsdfs.registry import BSDFS
-from renderer.kinds.sampling.arithmetic import Plain
+from renderer.plugins.bsdfs.kind import (
+    Branch,
+    BsdfMethods,
+    BsdfSample,
+    Color,
+    Float,
+    Numbers,
+)
+from renderer.plugins.bsdfs.registry import BSDFS
+from renderer.plugins.sampling.arithmetic import Plain
 from renderer.scene_file.plugin_file import import_plugin_file
 
 TESTS = Path(__file__).parents[1]
@@ -80,7 +87,7 @@ def test_the_file_is_short_and_names_nothing_private():
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.ImportFrom) and node.module.startswith("renderer")
     }
-    assert imported == {"renderer.kinds.bsdfs.kind", "renderer.kernels.lanes.functions"}
+    assert imported == {"renderer.plugins.bsdfs.kind", "renderer.kernels.lanes.functions"}
 
 
 # ------------------------------------------------------------------------- closed forms

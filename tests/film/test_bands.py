@@ -22,8 +22,8 @@ from renderer.rendering.film.film import Film
 from renderer.rendering.memory_estimate import estimate_all, rows_at_once
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
+from renderer.rendering.render_loop import Progress
 from renderer.rendering.rendering import film_shape
-from renderer.rendering.sitting import Progress
 
 mi.set_variant("scalar_rgb")
 

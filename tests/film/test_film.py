@@ -18,7 +18,7 @@ from renderer.integrators.stages.film.film import (
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.records.batch import CAPACITY, make_workspace
 from renderer.kernels.records.tile import TILE_SIZE, Tile
-from renderer.kinds.sampling.numbers_and_warps import Independent
+from renderer.plugins.sampling.numbers_and_warps import Independent
 from renderer.rendering.film.film import Film
 from renderer.scene.reconstruction import lookup_weight, pixels_touched
 from renderer.scene_file.description import ReconstructionFilter

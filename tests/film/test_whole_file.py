@@ -22,7 +22,7 @@ from mitsuba_ref.reference.cache import write_entry
 from mitsuba_ref.reference.render import Reference
 from renderer.command.sweep import SweepRecord
 from renderer.errors import SceneError
-from renderer.kinds.bsdfs.merl_file import write_merl
+from renderer.plugins.bsdfs.merl_file import write_merl
 from renderer.process.whole_file import is_stream, whole_file, why_not_writable, write_whole
 from renderer.rendering.checkpoints.checkpoint import check_checkpoint_path
 from renderer.rendering.checkpoints.file import write_checkpoint

@@ -12,8 +12,8 @@ import renderer
 from renderer.rendering.film import finished_tiles
 from renderer.rendering.film.work import Work
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -56,7 +56,7 @@ def test_places_that_have_come_unequally_far_end_as_the_same_picture():
         return Rendering(box, plan, accel="auto", seed=5, threads=threads)
 
     whole, first, second = rendering(2), rendering(1), rendering(2)
-    assert Sitting(whole).run()
+    assert RenderLoop(whole).run()
     wanted = first.work.samples(plan.spp)
     assert first.work.layers > 1
     rng = np.random.default_rng(2)
@@ -66,7 +66,7 @@ def test_places_that_have_come_unequally_far_end_as_the_same_picture():
     second.film.sums[...] = first.film.sums
     second.samples_of_place[:] = first.samples_of_place
     assert 0 < second.samples_done < second.samples_in_all
-    assert Sitting(second).run()
+    assert RenderLoop(second).run()
     assert second.samples_done == second.samples_in_all == whole.samples_done
     assert np.array_equal(second.film.sums, whole.film.sums)
 
@@ -94,7 +94,7 @@ def test_tiles_that_are_developed_at_once_are_those_of_the_film(
         Rendering(*plan_of_a_crop_window, accel="auto", seed=5, threads=threads)
         for _ in range(2)
     )
-    assert Sitting(whole).run() and whole.develop().any()
+    assert RenderLoop(whole).run() and whole.develop().any()
     at_once.keep_no_sums()
     strips = at_once.without_sums.strips
     assert max(end - first for first, end in strips) == min(longest, 5)
@@ -109,7 +109,7 @@ def test_tiles_that_are_developed_at_once_are_those_of_the_film(
 
     with monkeypatch.context() as context:
         context.setattr(Rendering, "finish_tiles", interrupted_finish)
-        assert not Sitting(at_once).run()
+        assert not RenderLoop(at_once).run()
     done = at_once.samples_of_place > 0
     assert 0 < done.sum() < 20
     expected = np.zeros_like(whole.develop())
@@ -120,7 +120,7 @@ def test_tiles_that_are_developed_at_once_are_those_of_the_film(
         expected[part] = whole.develop()[part]
     assert np.array_equal(at_once.develop(), expected)
     assert at_once.samples_done == 2 * at_once.pixels_of_place[done].sum()
-    assert Sitting(at_once).run()
+    assert RenderLoop(at_once).run()
     assert not at_once.film.sums.any()
     assert np.array_equal(at_once.develop(), whole.develop())
 
@@ -145,7 +145,7 @@ def test_black_samples_have_their_places_too(method):
     for depth in (0, 1):
         plan = dataclasses.replace(plan, max_depth=depth)
         rendering = Rendering(scene, plan, accel="auto", seed=2, threads=1)
-        assert Sitting(rendering).run()
+        assert RenderLoop(rendering).run()
         sums.append(rendering.film.sums)
     assert not sums[0][:, :-1].any()
     assert np.array_equal(sums[0][:, -1], sums[1][:, -1])

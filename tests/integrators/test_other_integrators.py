@@ -10,7 +10,7 @@ from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.scene_file.description import NOWHERE
 from renderer.scene_file.objects.view.integrators import read_scene_integrator
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 SMALL = SENSOR.replace(

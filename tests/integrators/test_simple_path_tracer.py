@@ -18,7 +18,7 @@ from small_scenes import rgb
 import renderer
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.memory import load_row, store_row
-from renderer.kinds.sampling.numbers_and_warps import Independent, draw4
+from renderer.plugins.sampling.numbers_and_warps import Independent, draw4
 from renderer.scene.light_tables import alias_table
 from renderer.scene.scene import build_scene
 from renderer.scene_file import read_dict, read_file

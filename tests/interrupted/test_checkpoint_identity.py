@@ -20,7 +20,7 @@ import pytest
 import renderer
 from renderer import scene_file
 from renderer.integrators.registry import INTEGRATORS
-from renderer.kinds.bsdfs.registry import BSDFS
+from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.identity import difference, identity_of
 from renderer.rendering.planning.make_plan import make_plan

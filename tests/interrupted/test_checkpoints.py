@@ -20,8 +20,8 @@ import pytest
 import renderer
 from renderer.command.cli import main
 from renderer.errors import CheckpointWarning, SceneError
-from renderer.kinds.bsdfs.registry import BSDFS
-from renderer.process import threads
+from renderer.plugins.bsdfs.registry import BSDFS
+from renderer.process import worker_pool
 from renderer.rendering.checkpoints import checkpoint as checkpoint_module
 from renderer.rendering.checkpoints import file as checkpoint_file
 from renderer.rendering.checkpoints import identity
@@ -30,8 +30,8 @@ from renderer.rendering.checkpoints.file import older, read_checkpoint
 from renderer.rendering.goal import Halves
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.progress_display import ProgressDisplay
+from renderer.rendering.render_loop import Progress, RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Progress, Sitting
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import Mesh, OtherBsdf
 
@@ -53,7 +53,7 @@ def path(tmp_path):
 @pytest.fixture(autouse=True)
 def _looking_often(monkeypatch):
     """Let a render ask a thousand times a second whether it is time for a checkpoint."""
-    monkeypatch.setattr(threads, "WAKE", 1e-3)
+    monkeypatch.setattr(worker_pool, "WAKE", 1e-3)
 
 
 def in_sittings(scene, path, **settings):
@@ -165,7 +165,7 @@ def interrupted_at(monkeypatch, number, short):
 
     A goal has two parts for each look, its two halves. Returns how many parts were begun.
     """
-    trace, begun = Sitting._trace_till_due, []
+    trace, begun = RenderLoop._trace_till_due, []
 
     def trace_a_part(self, end):
         begun.append(end)
@@ -174,7 +174,7 @@ def interrupted_at(monkeypatch, number, short):
         assert trace(self, end - short)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Sitting, "_trace_till_due", trace_a_part)
+    monkeypatch.setattr(RenderLoop, "_trace_till_due", trace_a_part)
     return begun
 
 

@@ -29,7 +29,7 @@ from renderer.rendering.cluster import team as teams
 from renderer.rendering.cluster.content import LEAST, freeze, thaw
 from renderer.rendering.cluster.job import Job
 from renderer.rendering.cluster.plugin_files import PluginFiles, import_sent
-from renderer.rendering.cluster.team import Team
+from renderer.rendering.cluster.team import ClusterScheduler
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene_file import plugin_file
@@ -227,7 +227,7 @@ def test_a_worker_that_is_not_like_us_is_refused_or_proved_equal(
         return answer + sums, seconds
 
     monkeypatch.setattr(asyncio, "to_thread", ours)
-    team = Team(local)
+    team = ClusterScheduler(local)
     if said:
         with pytest.raises(ClusterError, match="none of the cluster's 2 workers may work"):
             renderer.render(load(), 40, seed=3, cluster=team)
@@ -253,7 +253,7 @@ def test_an_idle_worker_gets_what_a_slow_one_has(local, alone, monkeypatch):
 
     monkeypatch.setattr(worker, "_prepared", slow)
     monkeypatch.setattr(teams, "SLOW_SECONDS", 0.05)
-    team = Team(local)
+    team = ClusterScheduler(local)
     try:
         image = renderer.render(load(), 40, seed=3, cluster=team)
     finally:
@@ -282,14 +282,14 @@ def test_a_worker_that_cannot_read_the_scene_is_refused(local, alone, monkeypatc
         return add_samples(*arguments)
 
     monkeypatch.setattr(worker, "add_samples", reading)
-    team = Team(local)
+    team = ClusterScheduler(local)
     image = renderer.render(load(), 40, seed=3, cluster=team)
     assert image.complete
     np.testing.assert_array_equal(np.asarray(image), alone)
     assert team.tally.refused == dict.fromkeys(broken, "plugin.py: no such module")
     broken.update(everybody)
     with pytest.raises(ClusterError, match=r"may work: \S+: plugin\.py: no such module$"):
-        renderer.render(load(), 40, cluster=Team(local))
+        renderer.render(load(), 40, cluster=ClusterScheduler(local))
 
 
 def test_workers_without_memory_are_refused_with_numbers(local, monkeypatch):
@@ -320,9 +320,9 @@ def test_workers_on_this_machine_share_its_memory(local, monkeypatch):
     with pytest.raises(NotAllowed, match="local:4: a process for each takes about 640 MiB"):
         with connect.open_cluster("local:4"):
             pass
-    renderer.render(load(), 1, cluster=Team(local, 2))
+    renderer.render(load(), 1, cluster=ClusterScheduler(local, 2))
     with pytest.raises(NotAllowed, match=r"takes about 6\d\d MiB .*fewer than 4 workers"):
-        renderer.render(load(), 1, cluster=Team(local, 4))
+        renderer.render(load(), 1, cluster=ClusterScheduler(local, 4))
 
 
 def test_an_error_of_ours_keeps_the_picture(local, monkeypatch):
@@ -396,7 +396,7 @@ def test_a_portion_that_kills_its_workers_ends_the_render(
 
     The portion that waited at each worker behind it is not blamed.
     """
-    submit, present, blamed = Team._submit, Team._present, []
+    submit, present, blamed = ClusterScheduler._submit, ClusterScheduler._present, []
 
     def never(self, worker, job, portion, sums):
         if deadly(portion):
@@ -410,11 +410,11 @@ def test_a_portion_that_kills_its_workers_ends_the_render(
         blamed.extend(dead)
         return {a: n for a, n in (await present(self)).items() if a not in dead}
 
-    monkeypatch.setattr(Team, "_submit", never)
-    monkeypatch.setattr(Team, "_present", without_the_dead)
+    monkeypatch.setattr(ClusterScheduler, "_submit", never)
+    monkeypatch.setattr(ClusterScheduler, "_present", without_the_dead)
     monkeypatch.setattr(teams, "LOOK", 0.02)
     kept = {"checkpoint": tmp_path / "box.ckpt", "seed": 3}
-    image = renderer.render(load(), 40, cluster=Team(local), **kept)
+    image = renderer.render(load(), 40, cluster=ClusterScheduler(local), **kept)
     assert not image.complete and len(blamed) == teams.MOST_DEATHS == 10
     assert image.metadata["interrupted"].endswith(
         "samples: 10 workers died one after the other at the same piece of work, the tile "
@@ -449,8 +449,8 @@ def test_processes_that_die_at_a_portion_are_counted(monkeypatch):
 def test_a_worker_without_memory_is_asked_again(local, alone, monkeypatch):
     """It is refused, and works when there is memory, in the same render."""
     prepared, poor = worker._prepared, next(iter(local.scheduler_info()["workers"]))
-    refuse, refused, late = Team._refuse, [], threading.Event()
-    team = Team(local)
+    refuse, refused, late = ClusterScheduler._refuse, [], threading.Event()
+    team = ClusterScheduler(local)
 
     def noted(self, *why, **when):
         refuse(self, *why, **when)
@@ -466,7 +466,7 @@ def test_a_worker_without_memory_is_asked_again(local, alone, monkeypatch):
         return prepared(*arguments)
 
     monkeypatch.setattr(worker, "_prepared", reading)
-    monkeypatch.setattr(Team, "_refuse", noted)
+    monkeypatch.setattr(ClusterScheduler, "_refuse", noted)
     monkeypatch.setattr(teams, "AGAIN", 0.1)
     monkeypatch.setattr(teams, "LOOK", 0.02)
     image = renderer.render(load(), 40, seed=3, cluster=team)
@@ -487,7 +487,7 @@ def test_who_lacks_the_memory_to_check_a_worker_is_said(local, monkeypatch):
         r"sums are ours: rendering takes about 9 GiB"
     )
     with pytest.raises(ClusterError, match=said):
-        renderer.render(load(), 40, cluster=Team(local))
+        renderer.render(load(), 40, cluster=ClusterScheduler(local))
 
 
 def test_kernels_that_a_process_has_are_not_counted_again(local, monkeypatch):
@@ -497,7 +497,7 @@ def test_kernels_that_a_process_has_are_not_counted_again(local, monkeypatch):
         monkeypatch.setattr(memory_estimate, "_loaded", loaded)
         found = memory_estimate.estimate_workers(scene, plan, accel="auto", threads=1)
         assert found.parts["the kernels"] == size
-    team, needed = Team(local, 2), []
+    team, needed = ClusterScheduler(local, 2), []
     check = teams.check_room
     monkeypatch.setattr(
         teams, "check_room", lambda found, *why: (needed.append(found), check(found, *why))
@@ -517,7 +517,7 @@ def test_a_sweep_resumes_frame_by_frame(local, monkeypatch, tmp_path, capsys):
             assert where == "local:2"
 
         def __enter__(self):
-            return Team(local)
+            return ClusterScheduler(local)
 
         def __exit__(self, *error):
             pass

@@ -19,8 +19,8 @@ from renderer.command import cli
 from renderer.command.outputs import rate_line
 from renderer.errors import ClusterError
 from renderer.rendering import render_scene
+from renderer.rendering.render_loop import Progress
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Progress
 from reports.needs.study import Study
 from reports.speed_accuracy.contenders import of_ours
 from reports.speed_accuracy.noiseless import has_noise

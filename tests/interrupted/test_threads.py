@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.process.threads import STACK, Crew, in_own_thread, in_threads
+from renderer.process.worker_pool import STACK, WorkerPool, in_own_thread, in_threads
 
 ROOT = Path(__file__).parents[2]
 
@@ -39,7 +39,7 @@ def test_a_job_waits_for_the_one_a_round_before(round_length):
             time.sleep(1e-3)
         ended.add(job)
 
-    crew = Crew(4, 300 * round_length, work, round_length)
+    crew = WorkerPool(4, 300 * round_length, work, round_length)
     crew.start()
     while not crew.wait():
         pass
@@ -55,7 +55,7 @@ def test_a_thread_has_its_number_for_itself():
         time.sleep(1e-4)
         at_work.remove(thread)
 
-    crew = Crew(3, 200, work)
+    crew = WorkerPool(3, 200, work)
     crew.start()
     while not crew.wait():
         pass
@@ -71,7 +71,7 @@ def test_an_error_ends_the_others_and_is_raised():
             raise ValueError("the eleventh job")
         done.append(job)
 
-    crew = Crew(3, 10**6, work, round_length=2)
+    crew = WorkerPool(3, 10**6, work, round_length=2)
     crew.start()
     with pytest.raises(ValueError, match="eleventh"):
         while not crew.wait():
@@ -92,7 +92,7 @@ def test_stopped_threads_end_what_they_are_at():
         time.sleep(0.02)
         ended.append(job)
 
-    crew = Crew(2, 10**6, work)
+    crew = WorkerPool(2, 10**6, work)
     crew.start()
     first.wait()
     crew.stop()
@@ -104,7 +104,7 @@ def test_stopped_threads_end_what_they_are_at():
 
 def test_a_stop_does_not_wait_for_a_job_that_was_never_begun():
     """A thread takes job 0 and is stopped before it begins; another waits for that job."""
-    crew = Crew(2, 4, lambda job, thread: None, round_length=2)
+    crew = WorkerPool(2, 4, lambda job, thread: None, round_length=2)
     crew._at_work[1] = True
     waiting = threading.Thread(target=lambda: waited.append(crew._may_begin(2)))
     waited: list[bool] = []
@@ -123,7 +123,7 @@ def test_rounds_are_counted_beyond_a_byte():
             time.sleep(0.05)
         ended.append(job)
 
-    crew = Crew(300, 300, work, round_length=1)
+    crew = WorkerPool(300, 300, work, round_length=1)
     crew.start()
     while not crew.wait():
         pass
@@ -149,7 +149,7 @@ def test_an_interrupt_at_any_moment_ends_it_and_leaves_no_job_half_done(monkeypa
             def work(job, thread, done=done):
                 done[job] += 1
 
-            crew = Crew(2, 400, work)
+            crew = WorkerPool(2, 400, work)
             try:
                 signal.setitimer(signal.ITIMER_REAL, moment * 5e-6)
                 try:
@@ -222,7 +222,7 @@ def test_crews_that_start_at_once_leave_the_stacks_size_alone(monkeypatch):
         return before
 
     monkeypatch.setattr(_thread, "stack_size", noted)
-    crews = [Crew(4, 4, lambda job, thread: None) for _ in range(4)]
+    crews = [WorkerPool(4, 4, lambda job, thread: None) for _ in range(4)]
     starters = [threading.Thread(target=crew.start) for crew in crews]
     for starter in starters:
         starter.start()

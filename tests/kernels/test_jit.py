@@ -374,7 +374,7 @@ def test_cache_moves_when_a_kernel_source_changes(tmp_path: Path) -> None:
             source.seek(0, os.SEEK_END)
             source.write("# an edit\n")
     assert _hash_of(package) == before
-    with (package / "kinds" / "bsdfs" / "smooth" / "diffuse.py").open("r+") as source:
+    with (package / "plugins" / "bsdfs" / "smooth" / "diffuse.py").open("r+") as source:
         source.seek(0, os.SEEK_END)
         source.write("# an edit\n")
     assert _hash_of(package) != before

@@ -28,16 +28,16 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     WEIGH_FOUND,
 )
-from renderer.kinds.lights.choice.choose import UNIFORM, LightChoice
-from renderer.kinds.lights.choice.importance import (
+from renderer.plugins.lights.choice.choose import UNIFORM, LightChoice
+from renderer.plugins.lights.choice.importance import (
     ANY_NORMAL,
     BOTH_SIDES,
     IN_FRONT,
     LightNodes,
 )
-from renderer.kinds.lights.choice.tree import LISTED, WIDTH
+from renderer.plugins.lights.choice.tree import LISTED, WIDTH
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.tables.variant import way_of
+from renderer.rendering.tables.render_mode import mode_for
 from renderer.scene.light_bounds import light_bounds, lit_sides
 from renderer.scene.materials import kind_of
 from renderer.simple.light_choice import Bounds, importance
@@ -467,7 +467,7 @@ def test_who_does_not_choose_by_importance(change):
     lights = {f"l{k}": point((k, 0, 2)) for k in range(change.pop("lights", 3))}
     scene = renderer.load_dict(scene_of(lights))
     plan = make_plan(scene, **change)
-    record = Inputs(scene, plan, way=way_of(plan, None)).record
+    record = Inputs(scene, plan, way=mode_for(plan, None)).record
     assert record.lights.choice.size == 0 and record.sampler[0, CHOOSE_LIGHT] != 0
     chosen = make_plan(scene, integrator="path")
     if len(lights) > 1:

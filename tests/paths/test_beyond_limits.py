@@ -15,8 +15,8 @@ import pytest
 from stranger_scenes import STRANGERS
 from test_path_comparison import PATH, with_bounce, with_light
 
-import renderer.kinds.bsdfs.smooth.dielectric
-import renderer.kinds.bsdfs.smooth.diffuse
+import renderer.plugins.bsdfs.smooth.dielectric
+import renderer.plugins.bsdfs.smooth.diffuse
 from mitsuba_ref.mutations import rungs
 from mitsuba_ref.mutations.mutation import PACKAGE
 from mitsuba_ref.our_renderer import picture as our_picture
@@ -34,7 +34,7 @@ from mitsuba_ref.replay.beyond_limits import (
     pixels_beyond,
     spread_evenly,
 )
-from mitsuba_ref.replay.paths.led_path import EXACT, STEPS, LedPath
+from mitsuba_ref.replay.paths.path_from_reference_rays import EXACT, STEPS, LedPath
 from mitsuba_ref.replay.replay_comparison import compare_replay
 from renderer.rendering.planning import plan
 from reports.records.results import contradicted
@@ -242,8 +242,8 @@ def defect(monkeypatch, kind, size):
         monkeypatch.setitem(plan.RAY_OFFSETS, "mitsuba", rule)
         return
     module, name = {
-        "albedo": (renderer.kinds.bsdfs.smooth.diffuse, "read_texture"),
-        "index": (renderer.kinds.bsdfs.smooth.dielectric, "read_relative_index"),
+        "albedo": (renderer.plugins.bsdfs.smooth.diffuse, "read_texture"),
+        "index": (renderer.plugins.bsdfs.smooth.dielectric, "read_relative_index"),
     }[kind]
     sound = getattr(module, name)
 

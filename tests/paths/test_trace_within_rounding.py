@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from test_path_comparison import PATH, with_bounce, with_light
 
-from mitsuba_ref.our_renderer.moved_ray import Moved
+from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import TracedPath
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.replay.paths.path_comparison import compare_paths, first_difference

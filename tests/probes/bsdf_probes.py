@@ -16,9 +16,9 @@ import renderer
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3
-from renderer.kinds.bsdfs.kind import BsdfMethods, Numbers, eval_pdf_bsdf, sample_bsdf
-from renderer.kinds.bsdfs.parameters import parameters_at
-from renderer.kinds.sampling.arithmetic import Plain
+from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, eval_pdf_bsdf, sample_bsdf
+from renderer.plugins.bsdfs.parameters import parameters_at
+from renderer.plugins.sampling.arithmetic import Plain
 from renderer.scene.materials import MaterialTables, kind_of
 
 Array = NDArray[np.float64]

@@ -37,16 +37,16 @@ from renderer.kernels.records.batch import (
 )
 from renderer.kernels.records.kernel_scene import ANY
 from renderer.kernels.records.tile import SampleKey
-from renderer.kinds.shapes.cylinder import CylinderSurfaces
-from renderer.kinds.shapes.flat import flat
-from renderer.kinds.shapes.flat.disk import DiskSurfaces
-from renderer.kinds.shapes.flat.rectangle import RectangleSurfaces
-from renderer.kinds.shapes.flat.triangle import TriangleSurfaces
-from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.plugins.shapes.cylinder import CylinderSurfaces
+from renderer.plugins.shapes.flat import flat
+from renderer.plugins.shapes.flat.disk import DiskSurfaces
+from renderer.plugins.shapes.flat.rectangle import RectangleSurfaces
+from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.sphere import SphereSurfaces
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
-from renderer.rendering.tables.variant import OwnWay, Variant
+from renderer.rendering.tables.render_mode import RenderMode, Variant
 from renderer.scene.scene import Scene
 
 KINDS = ("triangles", "rectangles", "disks", "spheres", "cylinders")
@@ -261,7 +261,7 @@ class Inputs:
         seed: int = 0,
         way: Variant | None = None,
     ) -> None:
-        self.scene, self.plan, self.way = scene, plan, way or OwnWay()
+        self.scene, self.plan, self.way = scene, plan, way or RenderMode()
         self.tables = KernelInputs(scene, plan, accel, seed, self.way)
         self.record = self.tables.record
         self.packed = pack(self.record)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import renderer
-from renderer.process import threads
+from renderer.process import worker_pool
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.checkpoints.file import find_checkpoint
 
@@ -45,7 +45,7 @@ def samples_in(path: Path) -> int:
 def main(folder: Path, kills: int) -> None:
     """Kill `kills` sittings; compare each finished picture with the uninterrupted one."""
     warnings.simplefilter("ignore")  # that there is no checkpoint yet
-    threads.WAKE = 1e-3  # how often a render asks whether a checkpoint is due
+    worker_pool.WAKE = 1e-3  # how often a render asks whether a checkpoint is due
     scene = renderer.load_file(SCENE, width=48, height=48)
     whole = renderer.render(scene, SPP, threads=2).pixels
     path = folder / "killed.ckpt"

@@ -16,12 +16,12 @@ from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import LightSamples, make_workspace
 from renderer.kernels.records.kernel_scene import RECORD, SAMPLE_LIGHT
-from renderer.kinds.lights.infinite.environment import environment_light
-from renderer.kinds.lights.kind import LightKind
-from renderer.kinds.sampling.numbers_and_warps import choose_one
-from renderer.kinds.shapes.surface import pdf_shape
+from renderer.plugins.lights.infinite.environment import environment_light
+from renderer.plugins.lights.kind import LightKind
+from renderer.plugins.sampling.numbers_and_warps import choose_one
+from renderer.plugins.shapes.surface import pdf_shape
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.tables.variant import way_of
+from renderer.rendering.tables.render_mode import mode_for
 
 Array = NDArray[np.float64]
 AT_ONCE = 1 << 15  # points
@@ -129,7 +129,7 @@ class LightProbe:
         self.scene = renderer.load_dict(content)
         plan = make_plan(self.scene, integrator="path", light_choice="uniform")
         plan = dataclasses.replace(plan, replay=replay)
-        self.inputs = Inputs(self.scene, plan, way=way_of(plan, None))
+        self.inputs = Inputs(self.scene, plan, way=mode_for(plan, None))
         self.surfaces = self.inputs.tables.surfaces
         self.names = [*shapes, *emitters]
 

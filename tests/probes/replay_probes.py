@@ -18,15 +18,15 @@ from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, Workspace
-from renderer.kinds.bsdfs.kind import BsdfMethods, Numbers, outgoing, sample_bsdf
-from renderer.kinds.bsdfs.parameters import parameters_at
-from renderer.kinds.bsdfs.smooth.diffuse import DIFFUSE
-from renderer.kinds.lights.finite.area import AreaLights
-from renderer.kinds.sampling.arithmetic import seen_from, to_local
-from renderer.kinds.sampling.numbers_and_warps import choose_one
-from renderer.kinds.shapes.surface import pdf_shape
+from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, outgoing, sample_bsdf
+from renderer.plugins.bsdfs.parameters import parameters_at
+from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE
+from renderer.plugins.lights.finite.area import AreaLights
+from renderer.plugins.sampling.arithmetic import seen_from, to_local
+from renderer.plugins.sampling.numbers_and_warps import choose_one
+from renderer.plugins.shapes.surface import pdf_shape
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.tables.variant import way_of
+from renderer.rendering.tables.render_mode import mode_for
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.scene.scene import Scene
 
@@ -35,7 +35,7 @@ def replay_inputs(scene: Scene) -> Inputs:
     """What the kernels get for a replay of Mitsuba's path integrator."""
     plan = make_plan(scene, integrator="path", light_choice="uniform")
     plan = dataclasses.replace(plan, replay=True)
-    return Inputs(scene, plan, way=way_of(plan, None))
+    return Inputs(scene, plan, way=mode_for(plan, None))
 
 
 def _points_at(inputs: Inputs, origin: Any, direction: Any) -> tuple[Workspace, int]:

@@ -26,7 +26,7 @@ def test_lines_are_those_of_the_definitions():
     source = path.read_text(encoding="utf-8").splitlines()
     for symbol, line in symbols(path).items():
         assert re.match(rf"(def |class )?{symbol}\b", source[line - 1])
-    assert "Sitting.run" in symbols(ROOT / "renderer" / "rendering" / "sitting.py")
+    assert "RenderLoop.run" in symbols(ROOT / "renderer" / "rendering" / "render_loop.py")
 
 
 def test_a_link_follows_its_symbol():
@@ -35,10 +35,11 @@ def test_a_link_follows_its_symbol():
     page, missing = on_their_lines(stale)
     assert not missing
     assert re.fullmatch(
-        r"\[`sphere\.py::hit_sphere`\]\(\.\./renderer/kinds/shapes/sphere\.py#L\d+\)", page
+        r"\[`sphere\.py::hit_sphere`\]\(\.\./renderer/plugins/shapes/sphere\.py#L\d+\)",
+        page,
     )
-    gone = "[`x.py::no_such_symbol`](../renderer/kinds/sensors/pinhole.py)"
+    gone = "[`x.py::no_such_symbol`](../renderer/plugins/sensors/pinhole.py)"
     assert on_their_lines(gone) == (
         gone,
-        ["../renderer/kinds/sensors/pinhole.py::no_such_symbol"],
+        ["../renderer/plugins/sensors/pinhole.py::no_such_symbol"],
     )

@@ -96,7 +96,7 @@ FOR_TYPES = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n"
         ("renderer/a.py", "import mitsuba_ref"),
         ("mitsuba_ref/a.py", "from reports import page"),
         ("mitsuba_ref/records/a.py", "import mitsuba_ref.reference"),
-        ("renderer/kinds/a.py", "import renderer.integrators.stages"),
+        ("renderer/plugins/a.py", "import renderer.integrators.stages"),
         ("renderer/integrators/stages/a.py", "import renderer.replay"),
         ("renderer/kernels/jit/a.py", "import renderer.kernels.lanes"),
         ("renderer/scene/simplifications/a.py", f"{FOR_TYPES}    import renderer.scene.b"),

@@ -25,8 +25,8 @@ from renderer.rendering import render_scene
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.progress_display import ProgressDisplay
+from renderer.rendering.render_loop import Progress, RenderLoop
 from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
-from renderer.rendering.sitting import Progress, Sitting
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
@@ -621,7 +621,7 @@ def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
         with Alarm() as alarm:
             try:
                 alarm.set(moment * 4e-4)
-                complete = Sitting(rendering).run()
+                complete = RenderLoop(rendering).run()
                 alarm.armed = False
             except KeyboardInterrupt:  # before the first job, or after the last one
                 continue

@@ -15,7 +15,7 @@ from PIL import Image
 
 from mitsuba_ref.records.proof_file import read_proof
 from mitsuba_ref.reference.variant import load_mitsuba
-from renderer.kinds.bsdfs.merl_file import read_merl
+from renderer.plugins.bsdfs.merl_file import read_merl
 from renderer.scene_file.images.images import read_image
 
 SCENES = Path(__file__).parents[2] / "scenes"

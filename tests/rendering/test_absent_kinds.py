@@ -45,14 +45,14 @@ from renderer.kernels.records.kernel_scene import (
     SAMPLE_LIGHT,
     SCATTER,
 )
-from renderer.kinds.lights.finite.area import AreaLights
-from renderer.kinds.lights.finite.point import PointLights
-from renderer.kinds.lights.finite.spot import SpotLights
-from renderer.kinds.lights.infinite.constant import ConstantLights
-from renderer.kinds.lights.infinite.directional import DirectionalLights
+from renderer.plugins.lights.finite.area import AreaLights
+from renderer.plugins.lights.finite.point import PointLights
+from renderer.plugins.lights.finite.spot import SpotLights
+from renderer.plugins.lights.infinite.constant import ConstantLights
+from renderer.plugins.lights.infinite.directional import DirectionalLights
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
 CAMERA = sensor((0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(24, 20), spp=4, jitter=True)
@@ -177,7 +177,7 @@ def picture(*parts: dict[str, Any]) -> np.ndarray:
     content = scene(CAMERA, "path", *box(0.7), LAMP, *parts, max_depth=5, rr_depth=5)
     loaded = renderer.load_dict(content)
     rendering = Rendering(loaded, make_plan(loaded), accel="brute", seed=3, threads=2)
-    assert Sitting(rendering).run()
+    assert RenderLoop(rendering).run()
     return rendering.film.develop()
 
 

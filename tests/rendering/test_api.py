@@ -131,7 +131,7 @@ def test_one_pixel():
 
 def test_progress_counts_up_to_the_last_sample(monkeypatch):
     monkeypatch.setattr(
-        renderer.process.threads, "WAKE", 1e-4
+        renderer.process.worker_pool, "WAKE", 1e-4
     )  # so short a render is over soon
     seen = []
     loaded = renderer.load_dict(lit_floor(size=(40, 40)))

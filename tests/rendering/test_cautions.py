@@ -21,9 +21,9 @@ from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import SceneResult
 from renderer.command.plan_text import plan_text
 from renderer.rendering.planning.cautions import CHECKS, cautions_of
+from renderer.rendering.planning.cautions.appearance_key import values_of
 from renderer.rendering.planning.cautions.closed_shapes import encloses, is_closed
 from renderer.rendering.planning.cautions.flat_faces import flat_faces
-from renderer.rendering.planning.cautions.looks import values_of
 from renderer.rendering.planning.cautions.overlap import overlap, overlapping_boxes
 from renderer.rendering.planning.cautions.surface_points import surface_points
 from renderer.rendering.planning.make_plan import make_plan

@@ -10,13 +10,13 @@ from small_scenes import placed, rgb, sensor
 
 import renderer
 from renderer.errors import SceneError
-from renderer.process.threads import Crew
+from renderer.process.worker_pool import WorkerPool
 from renderer.rendering import goal as goal_module
 from renderer.rendering.accuracy import Accuracy, estimate, relative_error
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -324,24 +324,26 @@ def test_an_interrupt_keeps_the_picture_and_the_last_error(box):
 def test_a_second_interrupt_is_raised(box, monkeypatch):
     """While threads still end their jobs: nobody must see sums that they write to."""
     rendering = Rendering(box, make_plan(box, spp=64), accel="auto", seed=0, threads=2)
-    stop = Crew.stop
+    stop = WorkerPool.stop
 
     def interrupted_stop(crew):
         stop(crew)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Crew, "stop", interrupted_stop)
-    wait, looks = Crew.wait, iter([False])  # a look at them, however fast they are
-    monkeypatch.setattr(Crew, "wait", lambda crew: next(looks, None) is None and wait(crew))
+    monkeypatch.setattr(WorkerPool, "stop", interrupted_stop)
+    wait, looks = WorkerPool.wait, iter([False])  # a look at them, however fast they are
+    monkeypatch.setattr(
+        WorkerPool, "wait", lambda crew: next(looks, None) is None and wait(crew)
+    )
 
     def progress(now):
         if now.seconds > 0.0:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        Sitting(rendering, progress, None, None)._trace(64)
+        RenderLoop(rendering, progress, None, None)._trace(64)
     with pytest.raises(KeyboardInterrupt):
-        Sitting(rendering).run()
+        RenderLoop(rendering).run()
 
 
 def test_a_scene_without_light_has_no_error_and_ends():

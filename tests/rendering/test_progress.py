@@ -12,7 +12,7 @@ import pytest
 import renderer
 from renderer.rendering import progress_display
 from renderer.rendering.progress_display import ProgressDisplay
-from renderer.rendering.sitting import Progress
+from renderer.rendering.render_loop import Progress
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -12,8 +12,8 @@ from test_benchmark_run import CLOSED_ROOM
 
 import renderer
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 from renderer.rendering.tables import kernel_record
 from renderer.scene.scene import RECENT
 
@@ -131,9 +131,9 @@ def test_another_record_is_looked_at_anew():
     record = rendering.kernel_scene
     settings = record.settings._replace(max_depth=1)
     rendering.kernel_scene = record._replace(settings=settings)
-    assert Sitting(rendering).run()
+    assert RenderLoop(rendering).run()
     plan = dataclasses.replace(rendering.plan, max_depth=1)
     expected = Rendering(scene, plan, accel="auto", seed=0, threads=1)
-    assert Sitting(expected).run()
+    assert RenderLoop(expected).run()
     np.testing.assert_array_equal(rendering.develop(), expected.develop())
     assert not np.array_equal(rendering.develop(), np.asarray(renderer.render(scene, 1)))

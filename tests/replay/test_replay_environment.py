@@ -5,8 +5,8 @@ import pytest
 from light_probes import LightProbe
 from test_envmap import LAMP, directions, turned, write_exr
 
-import renderer.replay.way
-from renderer.kinds.lights.infinite.envmap import EnvironmentMaps
+import renderer.replay.replay_mode
+from renderer.plugins.lights.infinite.envmap import EnvironmentMaps
 from renderer.replay.rounding.environment import rounded_environment
 
 mi = pytest.importorskip("mitsuba")
@@ -97,7 +97,7 @@ def probes(tmp_path, monkeypatch, broken):
     def of_broken(own: EnvironmentMaps, sky):
         return rounded_environment(own, sky)._replace(own=broken(own))
 
-    monkeypatch.setattr(renderer.replay.way, "rounded_environment", of_broken)
+    monkeypatch.setattr(renderer.replay.replay_mode, "rounded_environment", of_broken)
     return LightProbe(LAMP, {"sky": content}, WHITE, replay=True), right
 
 

@@ -6,7 +6,7 @@ from light_probes import LightProbe
 from small_scenes import look_at
 from test_envmap import LAMP
 
-import renderer.replay.way
+import renderer.replay.replay_mode
 from renderer.replay.rounding.spots import rounded_spots
 
 mi = pytest.importorskip("mitsuba")
@@ -87,7 +87,7 @@ def test_a_falloff_of_ours_stays(monkeypatch, times, stays):
     to_world, settings = SPOTS["a few degrees"]
     position, numbers = points(to_world, 10.0), np.zeros((3, N), np.float32)
     right = pair(to_world, settings)[0].sample("spot", position, numbers).radiance[:, 0]
-    monkeypatch.setattr(renderer.replay.way, "rounded_spots", wider)
+    monkeypatch.setattr(renderer.replay.replay_mode, "rounded_spots", wider)
     wrong = pair(to_world, settings)[0].sample("spot", position, numbers).radiance[:, 0]
     falloff = right * ((position - to_world[:3, 3]) ** 2).sum(axis=1)
     fading = (falloff > 0.01) & (falloff < 0.99)

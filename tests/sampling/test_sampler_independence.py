@@ -22,8 +22,8 @@ from test_furnaces import white_furnace
 from test_sampling import draw, label, samplers
 
 import renderer
-from renderer.kinds.sampling.numbers_and_warps import Independent
-from renderer.kinds.sampling.sobol import make_sobol
+from renderer.plugins.sampling.numbers_and_warps import Independent
+from renderer.plugins.sampling.sobol import make_sobol
 
 SIDE = 512
 N = SIDE**2

@@ -15,15 +15,15 @@ from small_scenes import rgb, sensor
 from test_sampling import multijitter, whole_grid
 
 import renderer
-from renderer.kinds.sampling.numbers_and_warps import (
+from renderer.plugins.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     BLOCKS_PER_BOUNCE,
     FILM_BLOCK,
     Independent,
     Stratified,
 )
-from renderer.kinds.sampling.sobol import make_sobol
-from renderer.kinds.sampling.sobol_digits import net_digits, sequence_digits
+from renderer.plugins.sampling.sobol import make_sobol
+from renderer.plugins.sampling.sobol_digits import net_digits, sequence_digits
 from renderer.process import names
 
 SCATTER, LIGHT = 1, 2

@@ -31,8 +31,8 @@ from renderer.kernels.records.tile import (
     sample_key,
     slot_pixel,
 )
-from renderer.kinds.sampling.numbers_and_warps import Independent, Stratified, draw4
-from renderer.kinds.sampling.sobol import make_sobol
+from renderer.plugins.sampling.numbers_and_warps import Independent, Stratified, draw4
+from renderer.plugins.sampling.sobol import make_sobol
 from renderer.process.names import REPLAY, SAMPLERS
 from renderer.rendering.planning import plan as planning
 from renderer.rendering.planning.make_plan import make_plan

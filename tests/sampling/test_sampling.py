@@ -17,7 +17,7 @@ from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import as_i32, splat_u32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import store3, vec3
-from renderer.kinds.sampling.numbers_and_warps import (
+from renderer.plugins.sampling.numbers_and_warps import (
     MOST_BY_PAIR,
     Independent,
     Stratified,
@@ -29,7 +29,7 @@ from renderer.kinds.sampling.numbers_and_warps import (
     square_to_disk,
     square_to_sphere,
 )
-from renderer.kinds.sampling.sobol import Sobol, make_sobol
+from renderer.plugins.sampling.sobol import Sobol, make_sobol
 
 PIXELS = 1 << 16
 GRIDS = [(8, 8), (4, 2), (5, 3), (3, 3), (7, 1), (1, 1)]

@@ -13,7 +13,7 @@ from test_textures import run_parameters
 
 import renderer
 from renderer.kernels.jit import pack
-from renderer.kinds.textures.registry import mean_of
+from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene_file.description import MeshAttributeTexture
 from renderer.scene_file.meshes.ply.ply_file import read_ply

@@ -17,8 +17,8 @@ from renderer.integrators.stages.materials import look_up_textures
 from renderer.integrators.stages.surface.shading_frame import load_constants
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
-from renderer.kinds.bsdfs.registry import kind_of
-from renderer.kinds.textures.registry import mean_of
+from renderer.plugins.bsdfs.registry import kind_of
+from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.materials import MaterialTables
 from renderer.scene_file.description import (

@@ -10,8 +10,11 @@ from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
-from renderer.kinds.shapes.flat.patch import patch_of
-from renderer.kinds.shapes.flat.triangle import hit_triangle, hit_triangle_moeller_trumbore
+from renderer.plugins.shapes.flat.patch import patch_of
+from renderer.plugins.shapes.flat.triangle import (
+    hit_triangle,
+    hit_triangle_moeller_trumbore,
+)
 
 N = 16_384
 

@@ -24,7 +24,7 @@ DEFECTS = (
         "the picture is shifted by half a pixel",
         (
             Edit(
-                "kinds/sensors/pinhole.py",
+                "plugins/sensors/pinhole.py",
                 "x, y = self.xres / 2.0 + border",
                 "x, y = self.xres / 2.0 - 0.5 + border",
             ),
@@ -36,7 +36,7 @@ DEFECTS = (
         "left and right change places",
         (
             Edit(
-                "kinds/sensors/pinhole.py",
+                "plugins/sensors/pinhole.py",
                 "x = -left * (width / film.width)",
                 "x = left * (width / film.width)",
             ),
@@ -48,7 +48,7 @@ DEFECTS = (
         "principal_point_offset_x moves the picture the other way",
         (
             Edit(
-                "kinds/sensors/pinhole.py",
+                "plugins/sensors/pinhole.py",
                 "+ x * (camera.principal_point_offset_x * film.width)",
                 "- x * (camera.principal_point_offset_x * film.width)",
             ),
@@ -60,7 +60,7 @@ DEFECTS = (
         "camera rays reach beyond far_clip",
         (
             Edit(
-                "kinds/sensors/perspective.py",
+                "plugins/sensors/perspective.py",
                 "np.float32(camera.far) * along - near",
                 "np.float32(np.inf) * along - near",
             ),
@@ -72,7 +72,7 @@ DEFECTS = (
         "near_clip is a distance along the ray instead of the depth of a plane",
         (
             Edit(
-                "kinds/sensors/perspective.py",
+                "plugins/sensors/perspective.py",
                 "near = np.float32(camera.near) * along",
                 "near = np.float32(camera.near) + 0.0 * along",
             ),
@@ -85,7 +85,7 @@ DEFECTS = (
         "a thin lens is focused on a sphere around it instead of a plane",
         (
             Edit(
-                "kinds/sensors/thinlens.py",
+                "plugins/sensors/thinlens.py",
                 "direction = normalize(in_focus - on_lens)",
                 "direction = normalize(normalize(in_focus) * np.float32(4.2) - on_lens)",
             ),
@@ -98,7 +98,7 @@ DEFECTS = (
         "a thin lens has half the radius that the file says",
         (
             Edit(
-                "kinds/sensors/thinlens.py",
+                "plugins/sensors/thinlens.py",
                 "left * camera.aperture_radius, up * camera.aperture_radius",
                 "left * (camera.aperture_radius / 2), up * (camera.aperture_radius / 2)",
             ),
@@ -111,7 +111,7 @@ DEFECTS = (
         "an orthographic film is as high as it is wide",
         (
             Edit(
-                "kinds/sensors/orthographic.py",
+                "plugins/sensors/orthographic.py",
                 "left + up * (film.height / film.width)",
                 "left + up * 1.0",
             ),
@@ -124,7 +124,7 @@ DEFECTS = (
         "far_clip is taken from the near plane on",
         (
             Edit(
-                "kinds/sensors/orthographic.py",
+                "plugins/sensors/orthographic.py",
                 "float(camera.far_clip - camera.near_clip)",
                 "float(camera.far_clip)",
             ),

@@ -75,7 +75,7 @@ DEFECTS = (
         "a ray that starts inside of a sphere does not meet it",
         (
             Edit(
-                "kinds/shapes/sphere.py",
+                "plugins/shapes/sphere.py",
                 "t = select(first > 0.0, first, second)",
                 "t = first",
             ),
@@ -88,7 +88,7 @@ DEFECTS = (
         "vertex normals are read and not used",
         (
             Edit(
-                "kinds/shapes/flat/triangle.py",
+                "plugins/shapes/flat/triangle.py",
                 "shading_normal = interpolated_normal("
                 "triangles.normals, index, mask, u, v, normal)",
                 "shading_normal = normal",
@@ -102,7 +102,7 @@ DEFECTS = (
         "where g may have several roots along a ray, none is looked for",
         (
             Edit(
-                "kinds/shapes/implicit/roots.py",
+                "plugins/shapes/implicit/roots.py",
                 "if half > narrowest and depth < _STACK:",
                 "if half > narrowest and depth < 0:",
             ),
@@ -118,7 +118,7 @@ DEFECTS = (
         "the slope of sin g is that of g",
         (
             Edit(
-                "kinds/shapes/implicit/intervals.py",
+                "plugins/shapes/implicit/intervals.py",
                 "return sine(a), multiply(cosine(a), da)",
                 "return sine(a), da",
             ),
@@ -135,7 +135,7 @@ DEFECTS = (
         "normals of an implicit surface are moved as vectors are",
         (
             Edit(
-                "kinds/shapes/implicit/implicit.py",
+                "plugins/shapes/implicit/implicit.py",
                 "unit_normal(surfaces.to_object, k, g,",
                 "unit_normal(surfaces.to_world, k, g,",
             ),
@@ -149,7 +149,7 @@ DEFECTS = (
         "in a cell of a grid of distances, the pieces where a cubic turns are forgotten",
         (
             Edit(
-                "kinds/shapes/implicit/trilinear.py",
+                "plugins/shapes/implicit/trilinear.py",
                 "if not square > 0.0:",
                 "if not square > np.inf:",
             ),
@@ -162,7 +162,7 @@ DEFECTS = (
         "smooth normals on a grid of distances weigh the wrong neighbour along x",
         (
             Edit(
-                "kinds/shapes/implicit/sdf_normals.py",
+                "plugins/shapes/implicit/sdf_normals.py",
                 "x, y, z = x1 if a else x0,",
                 "x, y, z = x0 if a else x1,",
             ),
@@ -175,7 +175,7 @@ DEFECTS = (
         "smooth normals ignore the neighbour beyond the end of a grid, as none is there",
         (
             Edit(
-                "kinds/shapes/implicit/sdf_normals.py",
+                "plugins/shapes/implicit/sdf_normals.py",
                 "weight = 1.0 if plane < 1.0 else x - plane + 0.5",
                 "weight = x - plane + 0.5",
             ),
@@ -224,8 +224,8 @@ DEFECTS = (
             ),
             Edit(
                 "integrators/stages/direct_light.py",
-                "from renderer.kinds.sampling.arithmetic import to_local",
-                "from renderer.kinds.sampling.arithmetic import Frame, to_local",
+                "from renderer.plugins.sampling.arithmetic import to_local",
+                "from renderer.plugins.sampling.arithmetic import Frame, to_local",
             ),
             Edit(
                 "integrators/stages/direct_light.py",
@@ -267,7 +267,7 @@ DEFECTS = (
         "the two barycentric coordinates of a triangle change places",
         (
             Edit(
-                "kinds/shapes/flat/triangle.py",
+                "plugins/shapes/flat/triangle.py",
                 "return divided(p, depth >= 0.0, t_max)",
                 "found = divided(p, depth >= 0.0, t_max)\n"
                 "    return Intersection(found.hit, found.t, found.v, found.u)",
@@ -281,7 +281,7 @@ DEFECTS = (
         "a disk reaches to the corners of its square",
         (
             Edit(
-                "kinds/shapes/flat/disk.py",
+                "plugins/shapes/flat/disk.py",
                 "x.hit & (x.u * x.u + x.v * x.v <= 1.0)",
                 "x.hit & (x.u * x.u <= 1.0) & (x.v * x.v <= 1.0)",
             ),

@@ -21,7 +21,7 @@ DEFECTS = (
         "an interval is left out if a function is not 0 within half of it",
         "test_no_first_root_is_missed_and_none_invented",
         Edit(
-            "kinds/shapes/implicit/roots.py",
+            "plugins/shapes/implicit/roots.py",
             "_has_zero(_around_middle(here, slope, half))",
             "_has_zero(_around_middle(here, slope, 0.5 * half))",
         ),
@@ -31,7 +31,7 @@ DEFECTS = (
         "what no interval decides is no root",
         "test_a_double_root_counts",
         Edit(
-            "kinds/shapes/implicit/roots.py",
+            "plugins/shapes/implicit/roots.py",
             "if value.high - value.low < np.inf:",
             "if value.high - value.low < 0.0:",
         ),
@@ -41,7 +41,7 @@ DEFECTS = (
         "the range of a sine is that between its ends, whatever lies between",
         "test_the_range_of_a_wave_is_that_of_its_ends_and_peaks",
         Edit(
-            "kinds/shapes/implicit/intervals.py",
+            "plugins/shapes/implicit/intervals.py",
             "1.0 if top <= a.high + slack else",
             "1.0 if top > np.inf else",
         ),
@@ -51,7 +51,7 @@ DEFECTS = (
         "normals are stretched as the surface is",
         "test_normals_go_by_the_inverse_transpose",
         Edit(
-            "kinds/shapes/implicit/implicit.py",
+            "plugins/shapes/implicit/implicit.py",
             "n = unit_normal(surfaces.to_object, k, g, vec3(0.0, 0.0, 1.0))",
             "n = unit_normal(surfaces.to_world, k, g, vec3(0.0, 0.0, 1.0))",
         ),

@@ -10,7 +10,7 @@ DEFECTS = (
         "a light is weighed as if there were one light more",
         (
             Edit(
-                "kinds/lights/weights.py",
+                "plugins/lights/weights.py",
                 "return np.float32(1.0 / max(1, lights.asked.size))",
                 "return np.float32(1.0 / (lights.count + 1))",
             ),
@@ -22,7 +22,7 @@ DEFECTS = (
         "the choice among n lights is made among the first n - 1",
         (
             Edit(
-                "kinds/sampling/numbers_and_warps.py",
+                "plugins/sampling/numbers_and_warps.py",
                 "splat_f32(np.float32(count - 1))",
                 "splat_f32(np.float32(count - 2))",
             ),
@@ -35,7 +35,7 @@ DEFECTS = (
         "a light that a path finds is weighed as if all were chosen equally often",
         (
             Edit(
-                "kinds/lights/choice/choose.py",
+                "plugins/lights/choice/choose.py",
                 "store_where(rays.pdf, 0, i, density / chosen.probability, found)",
                 "store_where(rays.pdf, 0, i, density * np.float32(choice.count), found)",
             ),
@@ -51,7 +51,7 @@ DEFECTS = (
         "the density of a chosen light leaves out that it may have been chosen uniformly",
         (
             Edit(
-                "kinds/lights/choice/choose.py",
+                "plugins/lights/choice/choose.py",
                 "probability = one_of_all + (1.0 - uniform)",
                 "probability = (1.0 - uniform)",
             ),
@@ -65,7 +65,7 @@ DEFECTS = (
         "the density of a point on a light is 1 / A, without r^2 / cos",
         (
             Edit(
-                "kinds/shapes/surface.py",
+                "plugins/shapes/surface.py",
                 "return distance * distance * inverse_area / cosine",
                 "return inverse_area + 0.0 * cosine",
             ),
@@ -78,12 +78,12 @@ DEFECTS = (
         "an area light sends light from its back too",
         (
             Edit(
-                "kinds/lights/finite/area.py",
+                "plugins/lights/finite/area.py",
                 "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
             Edit(
-                "kinds/lights/finite/area.py",
+                "plugins/lights/finite/area.py",
                 "shining = mine & "
                 "(dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0)",
                 "shining = mine",
@@ -97,7 +97,7 @@ DEFECTS = (
         "light samples, not BSDF samples, find the back of an area light shining",
         (
             Edit(
-                "kinds/lights/finite/area.py",
+                "plugins/lights/finite/area.py",
                 "usable = (dot(wi, chosen.side) < 0.0) & (pdf > 0.0)",
                 "usable = pdf > 0.0",
             ),
@@ -110,7 +110,7 @@ DEFECTS = (
         "a sphere light counts as the solid angle pi sin^2 instead of 2 pi (1 - cos)",
         (
             Edit(
-                "kinds/lights/finite/spheres.py",
+                "plugins/lights/finite/spheres.py",
                 "select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)",
                 "select(outside, 1.0 / (TWO_PI * 0.5 * one_minus_cos "
                 "* (2.0 - one_minus_cos)), by_area)",
@@ -124,7 +124,7 @@ DEFECTS = (
         "sky samples over the whole sphere are weighed as if over half of it",
         (
             Edit(
-                "kinds/lights/infinite/constant.py",
+                "plugins/lights/infinite/constant.py",
                 "_FOUR_PI = np.float32(4.0 * np.pi)",
                 "_FOUR_PI = np.float32(2.0 * np.pi)",
             ),
@@ -137,7 +137,7 @@ DEFECTS = (
         "a spot light fades by the square of Mitsuba's factor",
         (
             Edit(
-                "kinds/lights/finite/spot.py",
+                "plugins/lights/finite/spot.py",
                 "splat_f32(1.0), fading",
                 "splat_f32(1.0), fading * fading",
             ),
@@ -164,7 +164,7 @@ DEFECTS = (
         "shadow rays pass by all that is flat, as if it were a wall around the scene",
         (
             Edit(
-                "accelerators/occluders.py",
+                "accelerators/non_occluders.py",
                 "is_flat & apart",
                 "is_flat",
             ),
@@ -205,7 +205,7 @@ DEFECTS = (
         "light samples are weighed as if there were as many of the BSDF",
         (
             Edit(
-                "kinds/lights/weights.py",
+                "plugins/lights/weights.py",
                 "power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)",
                 "power_heuristic(light_pdf, bsdf_pdf)",
             ),
@@ -217,7 +217,7 @@ DEFECTS = (
         "the density of a direction is looked up as if texels began where they are centred",
         (
             Edit(
-                "kinds/lights/infinite/envmap.py",
+                "plugins/lights/infinite/envmap.py",
                 "shifted = u - half_texel(sky)",
                 "shifted = u",
             ),
@@ -230,7 +230,7 @@ DEFECTS = (
         "the density of directions to an environment map is 0.8 % too small",
         (
             Edit(
-                "kinds/lights/infinite/envmap.py",
+                "plugins/lights/infinite/envmap.py",
                 "return density * (_BY_SOLID_ANGLE /",
                 "return density * (np.float32(0.992) * _BY_SOLID_ANGLE /",
             ),
@@ -242,7 +242,7 @@ DEFECTS = (
         "the angle from the pole of an environment map is taken with 3.141 for pi",
         (
             Edit(
-                "kinds/lights/infinite/envmap.py",
+                "plugins/lights/infinite/envmap.py",
                 "_PI = np.float32(np.pi)",
                 "_PI = np.float32(3.141)",
             ),
@@ -254,7 +254,7 @@ DEFECTS = (
         "the middle of the cone that a sphere light fills is chosen too often",
         (
             Edit(
-                "kinds/lights/finite/spheres.py",
+                "plugins/lights/finite/spheres.py",
                 "return x * one_minus_cos",
                 "return x * x * one_minus_cos",
             ),
@@ -266,7 +266,7 @@ DEFECTS = (
         "what is left of a number after a choice is cut off a little too high",
         (
             Edit(
-                "kinds/sampling/hierarchical_warp.py",
+                "plugins/sampling/hierarchical_warp.py",
                 "x = select(second, x - left, x)",
                 "x = select(second, x - 0.99 * left, x)",
             ),
@@ -279,7 +279,7 @@ DEFECTS = (
         "a textured lamp is weighed as if its texels were all alike",
         (
             Edit(
-                "kinds/lights/finite/textured_area.py",
+                "plugins/lights/finite/textured_area.py",
                 "pdf = pdf * distance * distance / (here.area * cosine)",
                 "pdf = distance * distance / (here.area * cosine)",
             ),
@@ -291,7 +291,7 @@ DEFECTS = (
         "a projector's picture does not grow darker away from the axis as it should",
         (
             Edit(
-                "kinds/lights/finite/projector.py",
+                "plugins/lights/finite/projector.py",
                 "strength = strength * r * inverse * inverse * inverse",
                 "strength = strength * inverse * inverse",
             ),

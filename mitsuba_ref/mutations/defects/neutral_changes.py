@@ -49,7 +49,7 @@ NEUTRAL_CHANGES = (
         "tiles are traced and added from the last to the first",
         (
             Edit(
-                "rendering/sitting.py",
+                "rendering/render_loop.py",
                 "number, place = divmod(job, places)",
                 "number, place = divmod(job, places)\n"
                 "            tiles = rendering.work.tiles\n"
@@ -77,7 +77,7 @@ NEUTRAL_CHANGES = (
         "the weight is p^2 / (p^2 + q^2), not 1 / (1 + (q / p)^2)",
         (
             Edit(
-                "kinds/sampling/numbers_and_warps.py",
+                "plugins/sampling/numbers_and_warps.py",
                 "return 1.0 / (1.0 + ratio * ratio)",
                 "square = pdf * pdf\n    return square / (square + other_pdf * other_pdf)",
             ),
@@ -90,7 +90,7 @@ NEUTRAL_CHANGES = (
         "our own random numbers are others, as good as these",
         (
             Edit(
-                "kinds/sampling/numbers_and_warps.py",
+                "plugins/sampling/numbers_and_warps.py",
                 "    a = a * 1664525 + 1013904223\n",
                 "    a = a * 1664525 + 1013904227\n",
             ),

@@ -10,7 +10,7 @@ DEFECTS = (
         "a diffuse surface does not weigh incident light by its cosine",
         (
             Edit(
-                "kinds/bsdfs/smooth/diffuse.py",
+                "plugins/bsdfs/smooth/diffuse.py",
                 "return diffuse.reflectance * (INV_PI * cos_i), INV_PI * cos_i",
                 "one = select(wi.z > 0.0, cos_i * 0.0 + 1.0, 0.0)\n"
                 "    return diffuse.reflectance * (INV_PI * one), INV_PI * cos_i",
@@ -26,7 +26,7 @@ DEFECTS = (
         "the diffuse BRDF is k_d instead of k_d / pi",
         (
             Edit(
-                "kinds/bsdfs/smooth/diffuse.py",
+                "plugins/bsdfs/smooth/diffuse.py",
                 "return diffuse.reflectance * (INV_PI * cos_i), ",
                 "return diffuse.reflectance * cos_i, ",
             ),
@@ -41,7 +41,7 @@ DEFECTS = (
         "light found by a BSDF sample is added in full, light samples as well",
         (
             Edit(
-                "kinds/lights/weights.py",
+                "plugins/lights/weights.py",
                 "weight = power_heuristic(pdf, light_pdf *",
                 "weight = 1.0 + 0.0 * (pdf + light_pdf *",
             ),
@@ -54,7 +54,7 @@ DEFECTS = (
         "each of two samples gets the weight that belongs to the other one",
         (
             Edit(
-                "kinds/sampling/numbers_and_warps.py",
+                "plugins/sampling/numbers_and_warps.py",
                 "ratio = other_pdf / pdf",
                 "ratio = pdf / other_pdf",
             ),
@@ -68,7 +68,7 @@ DEFECTS = (
         "a path that no light sample could have found is weighed as if one had",
         (
             Edit(
-                "kinds/lights/weights.py",
+                "plugins/lights/weights.py",
                 "return select(pdf > 0.0, weight, 1.0)",
                 "return weight",
             ),
@@ -81,7 +81,7 @@ DEFECTS = (
         "the weight of a BSDF sample forgets that one light of several is sampled",
         (
             Edit(
-                "kinds/lights/finite/area.py",
+                "plugins/lights/finite/area.py",
                 "settings, load_row(points.pdf, 0, i), light_pdf * probability",
                 "settings, load_row(points.pdf, 0, i), light_pdf",
             ),
@@ -145,7 +145,7 @@ DEFECTS = (
         "diffuse directions are not spread by the cosine, which their weight supposes",
         (
             Edit(
-                "kinds/sampling/numbers_and_warps.py",
+                "plugins/sampling/numbers_and_warps.py",
                 "return vec3(p, q, sqrt(maximum(z2, splat_f32(0.0))))",
                 "z = maximum(z2, splat_f32(0.0))\n"
                 "    s = sqrt(1.0 + z)\n"
@@ -161,7 +161,7 @@ DEFECTS = (
         "the seed does not reach the random numbers: every seed draws the same",
         (
             Edit(
-                "kinds/sampling/numbers_and_warps.py",
+                "plugins/sampling/numbers_and_warps.py",
                 "_block_bits(block),\n        splat_u32(np.uint32(seed)),",
                 "_block_bits(block),\n        splat_u32(np.uint32(0)),",
             ),
@@ -175,7 +175,7 @@ DEFECTS = (
         "the sampler sobol takes the points of all groups in the order of the index",
         (
             Edit(
-                "kinds/sampling/sobol.py",
+                "plugins/sampling/sobol.py",
                 "    index = bit_reverse(scramble(bit_reverse(index), order))\n",
                 "    index = key.later + np.uint32(sample)\n",
             ),
@@ -201,7 +201,7 @@ DEFECTS = (
     Mutation(
         "digits-flipped-by-weak-bits",
         "the sampler sobol flips the first digits by the lowest bits of a product",
-        (Edit("kinds/sampling/sobol.py", "    key ^= key >> 16\n", ""),),
+        (Edit("plugins/sampling/sobol.py", "    key ^= key >> 16\n", ""),),
         scene="cornell-box",
         tests=("test_sampling.py::test_estimates_over_two_blocks_have_no_bias",),
         remark="no scene asks for sobol",

@@ -1,6 +1,6 @@
 """The measured BSDF `merl` for Mitsuba, which has none: one pair of directions at a time.
 
-What `renderer/kinds/bsdfs/merl.py` does for sixteen points is written here again, in double
+What `plugins/bsdfs/merl.py` does for sixteen points is written here again, in double
 precision and from the file's own bytes: only the format and the choice of directions are
 common. In Mitsuba's words `si.wi` is where the path comes from and `wo` where it goes on.
 """

@@ -6,18 +6,17 @@ from collections.abc import Iterator, Sequence
 from types import TracebackType
 from typing import Self
 
-from mitsuba_ref.our_renderer.moved_ray import Moved
 from mitsuba_ref.our_renderer.picture import (
     edit_description,
     read_scene,
 )
+from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import TracedPath, path_from_json
 from mitsuba_ref.records.request import TIME_LIMIT, RenderRequest
 from mitsuba_ref.reference.variant import VARIANT
 from mitsuba_ref.reference.variant_process import VariantProcess
 from mitsuba_ref.replay.paths.coincident_surface import ShapesAlone
-from mitsuba_ref.replay.paths.led_path import LedPath
 from mitsuba_ref.replay.paths.path_comparison import (
     TOLERANCE,
     Quantity,
@@ -25,6 +24,7 @@ from mitsuba_ref.replay.paths.path_comparison import (
     difference_sentence,
     first_difference,
 )
+from mitsuba_ref.replay.paths.path_from_reference_rays import LedPath
 from mitsuba_ref.replay.paths.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
 from renderer.rendering.planning.make_plan import make_plan

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsuba_ref.our_renderer.moved_ray import Moved
+from mitsuba_ref.our_renderer.ray_perturbation import Moved
 from mitsuba_ref.our_renderer.traced_path import TracedPath, Vector
 from mitsuba_ref.replay.paths.path_comparison import MEANINGS, Quantity, compare_paths
 

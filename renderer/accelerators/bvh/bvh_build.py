@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from renderer.accelerators.bvh.bvh_split import BINS, MAX_DEPTH, enclose, split
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, bvh_depth, validate_bvh
 from renderer.kernels.jit import entry_kernel, kernel
-from renderer.process.threads import default_threads, in_threads
+from renderer.process.worker_pool import default_threads, in_threads
 
 __all__ = ["MAX_DEPTH", "BvhTree", "build_tree", "bvh_cost", "bvh_depth", "validate_bvh"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from renderer.kernels.jit import always_inline, kernel, never_inline
 from renderer.kernels.lanes.functions import first_lanes, lane, lowest_bit, mask_bits
 from renderer.kernels.records.tally import PRIMITIVES, SAVED, add_to
-from renderer.kinds.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
 
 MAILBOXES = 64  # a power of two
 

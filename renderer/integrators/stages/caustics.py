@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import kernel, method_kernel
-from renderer.kinds.lights.finite.area import add_emission
-from renderer.kinds.lights.infinite.environment import add_environment
+from renderer.plugins.lights.finite.area import add_emission
+from renderer.plugins.lights.infinite.environment import add_environment
 
 
 class CausticMarks(NamedTuple):

@@ -22,12 +22,12 @@ from renderer.kernels.records.kernel_scene import (
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
 )
-from renderer.kinds.bsdfs.kind import eval_pdf_bsdf
-from renderer.kinds.bsdfs.parameters import parameters_at
-from renderer.kinds.lights.choice.choose import divide_by_probability
-from renderer.kinds.lights.weights import light_probability, light_sample_weight
-from renderer.kinds.sampling.arithmetic import to_local
-from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.plugins.bsdfs.kind import eval_pdf_bsdf
+from renderer.plugins.bsdfs.parameters import parameters_at
+from renderer.plugins.lights.choice.choose import divide_by_probability
+from renderer.plugins.lights.weights import light_probability, light_sample_weight
+from renderer.plugins.sampling.arithmetic import to_local
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
 # Shadow rays end this fraction before the light, which must not shade itself: at the
 # silhouette of a sphere the distance is uncertain by the root of the rounding error (2.4e-4

@@ -16,7 +16,7 @@ from renderer.kernels.records.kernel_scene import (
 
 
 @kernel
-def arrive(scene, work, first, count, see_environment):
+def add_emitted_light(scene, work, first, count, see_environment):
     """Add the light of what `count` rays have hit, from `first` on, and of the sky."""
     lights, settings = scene.lights, scene.settings
     if lights.count == 0:

@@ -33,9 +33,9 @@ from renderer.kernels.records.kernel_scene import (
     SHOW_ALBEDO,
     SHOW_NORMAL,
 )
-from renderer.kinds.bsdfs.kind import albedo_of, normal_of, seen_albedo_of
-from renderer.kinds.bsdfs.parameters import parameters_at
-from renderer.kinds.sampling.arithmetic import to_local, to_world
+from renderer.plugins.bsdfs.kind import albedo_of, normal_of, seen_albedo_of
+from renderer.plugins.bsdfs.parameters import parameters_at
+from renderer.plugins.sampling.arithmetic import to_local, to_world
 
 # channels of `work.radiance` under `aov` and `depth`, all computed together
 DEPTH = 0

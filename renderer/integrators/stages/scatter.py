@@ -28,10 +28,10 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     SCATTER,
 )
-from renderer.kinds.bsdfs.kind import Numbers, is_possible, outgoing, sample_bsdf
-from renderer.kinds.bsdfs.parameters import parameters_at
-from renderer.kinds.sampling.arithmetic import to_local
-from renderer.kinds.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.plugins.bsdfs.kind import Numbers, is_possible, outgoing, sample_bsdf
+from renderer.plugins.bsdfs.parameters import parameters_at
+from renderer.plugins.sampling.arithmetic import to_local
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
 

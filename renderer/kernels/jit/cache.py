@@ -45,7 +45,7 @@ KERNEL_FOLDERS = (
     "accelerators",
     "integrators",
     "kernels",
-    "kinds",
+    "plugins",
     "replay",
 )
 

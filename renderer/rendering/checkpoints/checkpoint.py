@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import CheckpointWarning, SceneError
-from renderer.process.threads import Crew
 from renderer.process.whole_file import remove_parts, target_of, why_not_writable
+from renderer.process.worker_pool import WorkerPool
 from renderer.rendering.checkpoints.file import (
     Arrays,
     Stored,
@@ -80,7 +80,7 @@ class Checkpoint:
         self._found: Stored | None = None
         self._whole = False  # whether `path` has a good file, to be kept beside the next
         self._copies: dict[str, NDArray[Any]] = {}
-        self._writing: Crew | None = None
+        self._writing: WorkerPool | None = None
         self._failure = ""
         self._last = time.monotonic()
         remove_parts(path)
@@ -144,7 +144,7 @@ class Checkpoint:
             if name not in self._copies:
                 self._copies[name] = np.empty_like(array)
             np.copyto(self._copies[name], array)
-        self._writing = Crew(1, 1, lambda job, thread: self._write(self._copies))
+        self._writing = WorkerPool(1, 1, lambda job, thread: self._write(self._copies))
         self._writing.start()
 
     def save(self, state: Arrays) -> None:

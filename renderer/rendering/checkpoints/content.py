@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.kinds.bsdfs.registry import kind_of
+from renderer.plugins.bsdfs.registry import kind_of
 from renderer.scene_file.description import OtherBsdf
 
 # what tells where something comes from, and no kernel sees

@@ -11,7 +11,7 @@ from renderer.errors import ClusterError
 from renderer.process import memory
 
 if TYPE_CHECKING:
-    from renderer.rendering.cluster.team import Team
+    from renderer.rendering.cluster.team import ClusterScheduler
 
 MOST_LOCAL = 256  # processes
 CONNECT = 10  # [s]
@@ -20,7 +20,7 @@ MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
 PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
-def team_of(cluster: Any) -> Team:
+def team_of(cluster: Any) -> ClusterScheduler:
     """Return the team of a `distributed.Client`, or a team as it is.
 
     Raises
@@ -33,20 +33,20 @@ def team_of(cluster: Any) -> Team:
     _check_dask()
     from distributed import Client
 
-    from renderer.rendering.cluster.team import Team
+    from renderer.rendering.cluster.team import ClusterScheduler
 
-    if isinstance(cluster, Team):
+    if isinstance(cluster, ClusterScheduler):
         return cluster
     if not isinstance(cluster, Client) or cluster.asynchronous:
         raise TypeError(
             f"the cluster is of type {type(cluster).__name__}; possible is a "
             "distributed.Client that is not asynchronous"
         )
-    return Team(cluster)
+    return ClusterScheduler(cluster)
 
 
 @contextmanager
-def open_cluster(where: str) -> Iterator[Team]:
+def open_cluster(where: str) -> Iterator[ClusterScheduler]:
     """Start a cluster, `local:4`, or connect to one, `tcp://host:8786`.
 
     A local one has so many processes of one thread each, and ends with the context.
@@ -67,7 +67,7 @@ def open_cluster(where: str) -> Iterator[Team]:
         return
     from distributed import Client
 
-    from renderer.rendering.cluster.team import Team
+    from renderer.rendering.cluster.team import ClusterScheduler
 
     try:
         client = Client(where, set_as_default=False, timeout=CONNECT)
@@ -75,14 +75,14 @@ def open_cluster(where: str) -> Iterator[Team]:
         reason = " ".join(str(error).split())
         raise ClusterError(f"no cluster at {where}: {reason}") from None
     with client:
-        yield Team(client)
+        yield ClusterScheduler(client)
 
 
 @contextmanager
-def _local(workers: int) -> Iterator[Team]:
+def _local(workers: int) -> Iterator[ClusterScheduler]:
     from distributed import Client, LocalCluster
 
-    from renderer.rendering.cluster.team import Team
+    from renderer.rendering.cluster.team import ClusterScheduler
 
     # before they start: two hundred of them hold up a machine for minutes
     memory.require(workers * _OF_PROCESS, f"--cluster local:{workers}: a process for each")
@@ -99,7 +99,7 @@ def _local(workers: int) -> Iterator[Team]:
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        yield Team(client, workers)
+        yield ClusterScheduler(client, workers)
 
 
 def check_where(where: str) -> str:

@@ -54,11 +54,11 @@ class Worker:
     shown: set[str] = field(default_factory=set)  # keys of jobs for which it was
     rate: float = 0.0  # samples per second of one thread; 0: not known
     job: Job | None = None  # whose scene it has ready
-    has: list[Errand] = field(default_factory=list)  # in the order in which they came
+    has: list[Task] = field(default_factory=list)  # in the order in which they came
 
 
 @dataclass(eq=False)
-class Errand:
+class Task:
     """A portion that is out."""
 
     job: Job
@@ -71,7 +71,7 @@ class Errand:
     over: bool = False
 
 
-class Team:
+class ClusterScheduler:
     """The workers behind a client.
 
     Parameters
@@ -89,8 +89,8 @@ class Team:
         self._known: dict[str, Worker] = {}  # all that may work, whether there or not
         self._slots: dict[str, list[asyncio.Task[None]]] = {}  # of those that are there
         self._jobs: list[Job] = []
-        self._errands: list[Errand] = []  # that somebody has
-        self._again: list[Errand] = []  # that nobody has any more
+        self._errands: list[Task] = []  # that somebody has
+        self._again: list[Task] = []  # that nobody has any more
         self._later: dict[str, float] = {}  # refused -> when it is asked again
         self._pieces: dict[str, Any] = {}  # hash -> future of a part of a scene
         self._watch: asyncio.Task[None] | None = None
@@ -214,7 +214,7 @@ class Team:
         for address in list(self._slots):
             await self._dismiss(address)
 
-    def _out(self, job: Job) -> list[Errand]:
+    def _out(self, job: Job) -> list[Task]:
         return [errand for errand in self._errands if errand.job is job]
 
     async def _tell(self) -> None:
@@ -353,7 +353,7 @@ class Team:
         except Exception as error:  # of ours: without a word, a render would wait for ever
             self._error = error
 
-    def _choose(self, worker: Worker) -> Errand | None:
+    def _choose(self, worker: Worker) -> Task | None:
         if self._again:
             return self._again.pop(0)
         waiting = [job for job in self._jobs if job.waiting]
@@ -363,13 +363,13 @@ class Team:
             job = min(waiting, key=lambda j: (j is not worker.job, doing.count(j)))
             worker.job = job
             portion = job.take(job.fair_share(worker.rate, self._threads()))
-            return Errand(job, portion, job.sums(portion))
+            return Task(job, portion, job.sums(portion))
         return self._slow(worker)
 
     def _threads(self) -> int:
         return sum(w.threads for a, w in self._known.items() if a in self._slots)
 
-    def _slow(self, worker: Worker) -> Errand | None:
+    def _slow(self, worker: Worker) -> Task | None:
         """Return what another worker has had for long, if this one has nothing at all."""
         if any(worker in errand.at for errand in self._errands):
             return None
@@ -380,7 +380,7 @@ class Team:
                 return errand
         return None
 
-    async def _send(self, errand: Errand, worker: Worker) -> None:
+    async def _send(self, errand: Task, worker: Worker) -> None:
         """Let a worker do an errand; if it fails, somebody else will."""
         job = errand.job
         if errand not in self._errands:
@@ -441,7 +441,7 @@ class Team:
             pure=False,
         )
 
-    async def _leave(self, errand: Errand, worker: Worker) -> None:
+    async def _leave(self, errand: Task, worker: Worker) -> None:
         """Take an errand from a worker; if nobody else has it, it waits for one."""
         del errand.at[worker]
         if not errand.at and not errand.over:
@@ -450,7 +450,7 @@ class Team:
             self.tally.retried += 1
             await self._tell()
 
-    async def _finish(self, errand: Errand, but: Worker | None = None) -> None:
+    async def _finish(self, errand: Task, but: Worker | None = None) -> None:
         """Let whoever has an errand too stop it."""
         errand.over = True
         if errand in self._errands:

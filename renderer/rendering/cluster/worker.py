@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError
-from renderer.process.threads import in_own_thread
+from renderer.process.worker_pool import in_own_thread
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
 from renderer.rendering.cluster.plugin_files import PluginFiles

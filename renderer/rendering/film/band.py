@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from renderer.integrators.stages.film.develop import develop_rows
 from renderer.kernels.records.tile import TILE_SIZE
-from renderer.process.threads import in_threads
+from renderer.process.worker_pool import in_threads
 from renderer.rendering.film.film import Film
 
 

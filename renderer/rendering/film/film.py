@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from renderer.integrators.stages.film.develop import TileGrid, develop_rows
 from renderer.kernels.records.tile import TILE_SIZE, Tile
-from renderer.process.threads import in_threads
+from renderer.process.worker_pool import in_threads
 
 ALONE = 2**17  # pixels that one thread develops while others would start
 

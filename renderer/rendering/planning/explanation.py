@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
-from renderer.accelerators.occluders import never_in_the_way
+from renderer.accelerators.non_occluders import find_non_occluders
 from renderer.integrators.registry import INTEGRATORS
-from renderer.kinds.bsdfs.registry import BSDFS
-from renderer.kinds.bsdfs.structures import leaves_of
-from renderer.kinds.lights.registry import LIGHTS, plugin_of
-from renderer.kinds.sampling.sobol_digits import net_digits
+from renderer.plugins.bsdfs.nested_bsdf_type import leaves_of
+from renderer.plugins.bsdfs.registry import BSDFS
+from renderer.plugins.lights.registry import LIGHTS, plugin_of
+from renderer.plugins.sampling.sobol_digits import net_digits
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.light_properties import asked_lights, has_textured_lights
 from renderer.scene.scene import KINDS, Scene, counted
@@ -132,7 +132,7 @@ def explain_shadow_rays(
 ) -> None:
     """Say what shadow rays are not tested against, see `explain_accelerators`."""
     lights = asked_lights(scene.description, finds_sky)
-    left_out = never_in_the_way(scene, asked, rays, lights, offsets)
+    left_out = find_non_occluders(scene, asked, rays, lights, offsets)
     kinds = {
         kind: int(left_out[surfaces.first : surfaces.first + scene.starts[kind][0]].sum())
         for kind, surfaces in scene.surfaces.items()

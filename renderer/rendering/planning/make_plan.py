@@ -11,11 +11,11 @@ import dataclasses
 from renderer.errors import SceneError
 from renderer.integrators.kind import Case
 from renderer.integrators.registry import INTEGRATORS
-from renderer.kinds.bsdfs.registry import reaches_all
-from renderer.kinds.lights.registry import plugin_of
+from renderer.plugins.bsdfs.registry import reaches_all
+from renderer.plugins.lights.registry import plugin_of
 from renderer.process import names
 from renderer.process.names import LIGHT_CHOICES, REPLAY, SAMPLERS
-from renderer.process.threads import default_threads
+from renderer.process.worker_pool import default_threads
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,

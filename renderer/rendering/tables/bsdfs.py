@@ -9,10 +9,10 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
+from renderer.integrators.stages.branch_specular import split_glass, split_mirror
 from renderer.integrators.stages.direct_light import reflect_light
 from renderer.integrators.stages.first_hit import show_albedo, show_normal, show_seen_albedo
 from renderer.integrators.stages.scatter import scatter_kind
-from renderer.integrators.stages.split import split_glass, split_mirror
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     LOOK_UP_COLOR,
@@ -21,13 +21,13 @@ from renderer.kernels.records.kernel_scene import (
     Bsdfs,
     Settings,
 )
-from renderer.kinds.bsdfs.kind import BsdfMethods
-from renderer.kinds.bsdfs.structures import Structure
-from renderer.kinds.sampling.arithmetic import along_u
-from renderer.kinds.textures.gradient import look_up_gradient
-from renderer.kinds.textures.kind import TextureMethods
-from renderer.kinds.textures.look_up import look_up_color, look_up_scalar
-from renderer.kinds.textures.nested import nested_boards
+from renderer.plugins.bsdfs.kind import BsdfMethods
+from renderer.plugins.bsdfs.nested_bsdf_type import Structure
+from renderer.plugins.sampling.arithmetic import along_u
+from renderer.plugins.textures.gradient import look_up_gradient
+from renderer.plugins.textures.kind import TextureMethods
+from renderer.plugins.textures.look_up import look_up_color, look_up_scalar
+from renderer.plugins.textures.nested import nested_boards
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     FLOAT,

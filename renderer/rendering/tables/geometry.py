@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.dispatch import TRAVERSALS
-from renderer.accelerators.groups.accelerators import Accelerators
+from renderer.accelerators.instances.accelerators import Accelerators
 from renderer.integrators.stages.surface.derivatives import derive
 from renderer.integrators.stages.surface.surface import locate
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Placements, Settings, Shapes
-from renderer.kinds.shapes.registry import kind_of_shape
-from renderer.kinds.shapes.uv.uv_derivatives import derivatives_of
+from renderer.plugins.shapes.registry import kind_of_shape
+from renderer.plugins.shapes.uv.uv_derivatives import derivatives_of
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     COLUMN,

@@ -26,10 +26,10 @@ from renderer.kernels.records.kernel_scene import (
     Primitives,
     Settings,
 )
-from renderer.kinds.sampling.source import Sampling
-from renderer.kinds.sensors.registry import kind_of_sensor
-from renderer.kinds.shapes.arrays import empty_rows
-from renderer.kinds.shapes.uv.uv_derivatives import texture_tangents
+from renderer.plugins.sampling.source import Sampling
+from renderer.plugins.sensors.registry import kind_of_sensor
+from renderer.plugins.shapes.arrays import empty_rows
+from renderer.plugins.shapes.uv.uv_derivatives import texture_tangents
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (
@@ -52,7 +52,7 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.rendering.tables.variant import Variant
+from renderer.rendering.tables.render_mode import Variant
 from renderer.rendering.user_kernels.check import check_kernels_of_users
 from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (

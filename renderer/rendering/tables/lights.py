@@ -1,4 +1,4 @@
-"""Methods of lights: how each kind is sampled, and what paths find that arrive at it."""
+"""Methods of lights: how each kind is sampled, and what paths find that arrive at them."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import renderer.kinds.shapes.registry  # noqa: F401  (shapes make their kernels known)
+import renderer.plugins.shapes.registry  # noqa: F401  (shapes make their kernels known)
 from renderer.integrators.stages.caustics import (
     add_emission_but_caustics,
     add_environment_but_caustics,
 )
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Lights, Methods, Settings, Shapes
-from renderer.kinds.lights.choice.choose import (
+from renderer.plugins.lights.choice.choose import (
     LightChoice,
     choose_by_importance,
     weigh_found_lights,
 )
-from renderer.kinds.lights.choice.tree import light_choice
-from renderer.kinds.lights.finite.area import add_emission, emitted_light
-from renderer.kinds.lights.infinite.environment import (
+from renderer.plugins.lights.choice.tree import light_choice
+from renderer.plugins.lights.finite.area import add_emission, emitted_light
+from renderer.plugins.lights.infinite.environment import (
     add_environment,
     environment_light,
 )
-from renderer.kinds.lights.kind import LightKind, sample_lights_of
-from renderer.kinds.lights.registry import plugin_of
+from renderer.plugins.lights.kind import LightKind, sample_lights_of
+from renderer.plugins.lights.registry import plugin_of
 from renderer.rendering.tables.methods import (
     COLUMN,
     INT,

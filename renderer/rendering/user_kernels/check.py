@@ -19,11 +19,11 @@ from renderer.kernels.jit import record_type
 from renderer.kernels.jit.decorators import rare_collections
 from renderer.kernels.lanes.types import Lanes, Mask, f32x16
 from renderer.kernels.lanes.vectors import Vec3Type
-from renderer.kinds.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Numbers
-from renderer.kinds.bsdfs.parameters import hints_of
-from renderer.kinds.bsdfs.registration import CALLED_WITH
-from renderer.kinds.bsdfs.structures import Structure, leaves_of
-from renderer.kinds.sampling.arithmetic import along_u
+from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Numbers
+from renderer.plugins.bsdfs.nested_bsdf_type import Structure, leaves_of
+from renderer.plugins.bsdfs.parameters import hints_of
+from renderer.plugins.bsdfs.registration import CALLED_WITH
+from renderer.plugins.sampling.arithmetic import along_u
 from renderer.process.source_places import definition_of, shown_place
 from renderer.rendering.user_kernels.diagnosis import explain
 from renderer.rendering.user_kernels.statements import check_statements, tree_of
@@ -52,7 +52,7 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: An
     kinds
         Of a scene, with what is inside of them.
     arithmetic
-        The record that they are given, see `renderer.kinds.sampling.arithmetic`.
+        The record that they are given, see `renderer.plugins.sampling.arithmetic`.
 
     Raises
     ------

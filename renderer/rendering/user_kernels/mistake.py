@@ -19,7 +19,7 @@ from typing import Any
 
 from numba.core.ir import Loc
 
-from renderer.kinds.bsdfs.kind import Branch, BsdfSample, Numbers
+from renderer.plugins.bsdfs.kind import Branch, BsdfSample, Numbers
 from renderer.process.source_places import definition_of, is_users_file, shown_place
 from renderer.rendering.user_kernels.statements import names_in, tree_of
 

@@ -33,14 +33,14 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.kinds.lights.finite.spheres import (
+from renderer.plugins.lights.finite.spheres import (
     cone_of_density,
     even_part_of_cone,
     exact_cone_of_density,
     near_surface,
     part_of_cone,
 )
-from renderer.kinds.sampling.arithmetic import (
+from renderer.plugins.sampling.arithmetic import (
     cosine_direction,
     density_normal,
     seen_from,

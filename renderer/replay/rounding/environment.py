@@ -32,8 +32,8 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.lanes.vectors import column, select3, vec3
-from renderer.kinds.lights.infinite.environment import environment_light
-from renderer.kinds.lights.infinite.envmap import (
+from renderer.plugins.lights.infinite.environment import environment_light
+from renderer.plugins.lights.infinite.envmap import (
     INV_TWO_PI,
     EnvironmentMaps,
     by_solid_angle,
@@ -47,8 +47,8 @@ from renderer.kinds.lights.infinite.envmap import (
     texel_place,
     texel_radiance,
 )
-from renderer.kinds.lights.kind import sample_light
-from renderer.kinds.sampling.hierarchical_warp import (
+from renderer.plugins.lights.kind import sample_light
+from renderer.plugins.sampling.hierarchical_warp import (
     FLAT,
     Warp,
     choose_patch,
@@ -57,7 +57,7 @@ from renderer.kinds.sampling.hierarchical_warp import (
     sample_warp,
     warp_density,
 )
-from renderer.kinds.sampling.numbers_and_warps import INV_PI, TWO_PI
+from renderer.plugins.sampling.numbers_and_warps import INV_PI, TWO_PI
 from renderer.replay.rounding.arithmetic.arcs import arccos_as_mitsuba, arctan2_as_mitsuba
 from renderer.replay.rounding.arithmetic.fused import Floats
 from renderer.replay.rounding.arithmetic.fused_lanes import fused

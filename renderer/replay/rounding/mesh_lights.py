@@ -1,7 +1,7 @@
 """The triangle of a mesh light, chosen as Mitsuba does it: a search in cumulated areas.
 
 It uses up a part of the point's own number and returns the rest; our own way
-(`renderer.kinds.shapes.flat.triangle`) takes another number, and constant time.
+(`renderer.plugins.shapes.flat.triangle`) takes another number, and constant time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import mask_bits, select
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kinds.shapes.flat.triangle import choose_triangle
+from renderer.plugins.shapes.flat.triangle import choose_triangle
 from renderer.replay.rounding.hits.triangle_arithmetic import triangle_areas
 
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.vectors import column, dot, vec3
-from renderer.kinds.bsdfs.registry import kind_of
-from renderer.kinds.bsdfs.structures import Structure
+from renderer.plugins.bsdfs.nested_bsdf_type import Structure
+from renderer.plugins.bsdfs.registry import kind_of
 from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
 from renderer.replay.rounding.arithmetic.rounded_once import fused_cross, fused_sum, unit
 from renderer.replay.rounding.hits.hit_points import ROUNDING

@@ -17,13 +17,13 @@ from renderer.kernels.lanes.functions import fabs, maximum, select, splat_f32, s
 from renderer.kernels.lanes.mathematics.mathematics import arccos
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import gather_rows3, gather_vectors, length
-from renderer.kinds.lights.finite.spot import (
+from renderer.plugins.lights.finite.spot import (
     SpotLights,
     axis_cosine,
     falling_off,
     spot_falloff,
 )
-from renderer.kinds.lights.kind import sample_light
+from renderer.plugins.lights.kind import sample_light
 from renderer.replay.rounding.arithmetic.arcs import arccos_as_mitsuba
 from renderer.replay.rounding.arithmetic.fused_lanes import fused
 from renderer.scene_file.description import SpotLight

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from renderer.kinds.textures.kind import LUMINANCE
-from renderer.kinds.textures.registry import kind_of_texture, mean_of
+from renderer.plugins.textures.kind import LUMINANCE
+from renderer.plugins.textures.registry import kind_of_texture, mean_of
 from renderer.replay.rounding.arithmetic.fused import Floats, fused_in_numpy
 from renderer.scene.materials import MaterialTables, kind_of, value_of
 from renderer.scene_file.description import BitmapTexture

@@ -6,7 +6,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Collection
 
-from renderer.kinds.lights.registry import plugin_of
+from renderer.plugins.lights.registry import plugin_of
 from renderer.scene_file.description import SceneDescription
 
 Light = tuple[str, int]  # the field of the description, and the index in it

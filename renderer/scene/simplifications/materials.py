@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.kinds.bsdfs.registry import nested_names
+from renderer.plugins.bsdfs.registry import nested_names
 from renderer.scene.simplifications.textures import Colors, mean_texture, recolored
 from renderer.scene_file.description import (
     BumpMap,

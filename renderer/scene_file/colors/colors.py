@@ -17,7 +17,7 @@ from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS, read_s
 from renderer.scene_file.description import Rgb
 from renderer.scene_file.plugins import varying_textures
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element, RgbValue, SpectrumValue, Vector
 
 

@@ -23,7 +23,7 @@ from renderer.scene_file.description import Location
 from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image, linear_values
 from renderer.scene_file.numbers import check_float, check_integer, quoted
 from renderer.scene_file.plugins import every_plugin, tag_of_plugin
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import (
     Element,
     Function,

@@ -16,7 +16,7 @@ from renderer.scene_file.document.xml.xml_elements import XmlElement, parse_xml
 from renderer.scene_file.document.xml.xml_tree import DEEPEST_INCLUDE, read_text_file
 from renderer.scene_file.files import Bounds
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 
 LIBRARIES = (".so", ".dylib", ".dll")
 

@@ -7,7 +7,7 @@ from renderer.scene_file.description import Bsdf
 from renderer.scene_file.objects.nesting import check_nesting
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 # Each structure is compiled for itself, in time that grows with its depth.

@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 from renderer.errors import SceneError
+from renderer.scene_file.coordinate_limits import check_place
 from renderer.scene_file.description import Emitter, Radiance
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reach import check_place
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 

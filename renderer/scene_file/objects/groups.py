@@ -10,7 +10,7 @@ from renderer.errors import SceneError
 from renderer.scene_file.description import Group, Instance, Mesh, Shape
 from renderer.scene_file.objects.shapes import read_shape
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 SPECIAL = ("shapegroup", "instance")  # the shape plugins that are no surfaces

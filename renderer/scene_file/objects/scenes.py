@@ -21,7 +21,7 @@ from renderer.scene_file.plugins import (
     supported_plugins,
 )
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
+from renderer.scene_file.coordinate_limits import check_reach
 from renderer.scene_file.description import Bsdf, ConstantTexture, Diffuse, Mesh, Shape
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_radiance
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reach import check_reach
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 STRETCH = 1e-4  # relative difference of two axes that counts as rounding

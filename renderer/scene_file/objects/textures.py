@@ -7,7 +7,7 @@ from renderer.scene_file.description import ConstantTexture, Texture
 from renderer.scene_file.objects.nesting import check_nesting
 from renderer.scene_file.plugins import registered_kinds, varying_textures
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 DEEPEST = 12  # textures inside of one another; a checkerboard holds two

@@ -9,8 +9,8 @@ import numpy as np
 
 import renderer
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 from reports.limits.light_transport.one_point import estimates, scene_at
 from reports.limits.row import Row
 
@@ -61,7 +61,7 @@ def _seen(scene: renderer.Scene, depth: int) -> float:
     """Return the one pixel of a scene, with trees of so many segments."""
     plan = dataclasses.replace(make_plan(scene), max_depth=depth)
     rendering = Rendering(scene, plan, accel="brute", seed=0, threads=1)
-    Sitting(rendering).run()
+    RenderLoop(rendering).run()
     return float(rendering.film.develop()[0, 0, 0])
 
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import renderer
 from renderer.kernels.records.kernel_scene import EMIT
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
-from renderer.rendering.sitting import Sitting
 
 SIZE = 32  # [pixels] each way
 
@@ -98,5 +98,5 @@ def by_one_strategy(scene: renderer.Scene, spp: int, strategy: str) -> NDArray[n
         # the BSDFs that lamps are asked for come first: here these are none
         record = record._replace(settings=alone, bsdfs=record.bsdfs._replace(smooth=0))
     rendering.kernel_scene = record
-    Sitting(rendering).run()
+    RenderLoop(rendering).run()
     return np.asarray(rendering.film.develop())[..., 0].astype(np.float64).ravel()

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.expected_failures.rounding import far_spheres_wrong, rays_at_a_sphere
-from renderer.kinds.shapes.cylinder import CylinderSurfaces
-from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.plugins.shapes.cylinder import CylinderSurfaces
+from renderer.plugins.shapes.sphere import SphereSurfaces
 from reports.limits.our_hits import nearest_hits
 from reports.limits.row import Row
 from reports.limits.vectors import dot, single, unit

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerator
 from renderer.process.names import ACCELERATORS
-from renderer.process.threads import default_threads, in_threads
+from renderer.process.worker_pool import default_threads, in_threads
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import RAY_KINDS, flat
 from reports.accelerator_trials.tracing import Query, make_query, trace

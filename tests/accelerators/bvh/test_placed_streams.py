@@ -15,8 +15,8 @@ from test_surface_points import write_meshes
 
 import renderer
 from renderer.accelerators.bvh.wide.octants import STREAM
-from renderer.accelerators.groups.instances import Instances
-from renderer.accelerators.groups.placed_rays import SHORT
+from renderer.accelerators.instances.instance_rays import SHORT
+from renderer.accelerators.instances.instances import Instances
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
 from renderer.scene.scene import KINDS
 

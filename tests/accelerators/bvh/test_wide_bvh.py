@@ -19,7 +19,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
 )
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
 from renderer.accelerators.extents import extents_of
-from renderer.kinds.shapes.blocks import WIDTH
+from renderer.plugins.shapes.blocks import WIDTH
 
 
 def built(surfaces, kind="triangles"):

@@ -15,7 +15,7 @@ DEFECTS = (
         "the indices of refraction of inside and outside change places",
         (
             Edit(
-                "kinds/bsdfs/smooth/fresnel.py",
+                "plugins/bsdfs/smooth/fresnel.py",
                 "crossing = select(outside, eta, 1.0 / eta)",
                 "crossing = select(outside, 1.0 / eta, eta)",
             ),
@@ -28,7 +28,7 @@ DEFECTS = (
         "glass reflects by Schlick's approximation",
         (
             Edit(
-                "kinds/bsdfs/smooth/fresnel.py",
+                "plugins/bsdfs/smooth/fresnel.py",
                 "reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel)",
                 SCHLICK,
             ),
@@ -41,7 +41,7 @@ DEFECTS = (
         "the same approximation, seen through the noise of a path tracer",
         (
             Edit(
-                "kinds/bsdfs/smooth/fresnel.py",
+                "plugins/bsdfs/smooth/fresnel.py",
                 "reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel)",
                 SCHLICK,
             ),
@@ -53,7 +53,7 @@ DEFECTS = (
         "radiance that enters glass is not scaled by eta^2",
         (
             Edit(
-                "kinds/bsdfs/smooth/dielectric.py",
+                "plugins/bsdfs/smooth/dielectric.py",
                 "squeeze = 1.0 / (crossing * crossing)",
                 "squeeze = 1.0",
             ),
@@ -65,7 +65,7 @@ DEFECTS = (
         "beyond the critical angle glass lets light through",
         (
             Edit(
-                "kinds/bsdfs/smooth/fresnel.py",
+                "plugins/bsdfs/smooth/fresnel.py",
                 "select(total & (crossing != 1.0), splat_f32(1.0), reflectance)",
                 "select(total & (crossing != 1.0), splat_f32(0.0), reflectance)",
             ),
@@ -77,9 +77,9 @@ DEFECTS = (
         "absorption-ignored",
         "the imaginary part k of a metal's index counts as a tenth less",
         (
-            Edit("kinds/bsdfs/smooth/conductor.py", "metal.k.x)", "metal.k.x * 0.9)"),
-            Edit("kinds/bsdfs/smooth/conductor.py", "metal.k.y)", "metal.k.y * 0.9)"),
-            Edit("kinds/bsdfs/smooth/conductor.py", "metal.k.z)", "metal.k.z * 0.9)"),
+            Edit("plugins/bsdfs/smooth/conductor.py", "metal.k.x)", "metal.k.x * 0.9)"),
+            Edit("plugins/bsdfs/smooth/conductor.py", "metal.k.y)", "metal.k.y * 0.9)"),
+            Edit("plugins/bsdfs/smooth/conductor.py", "metal.k.z)", "metal.k.z * 0.9)"),
         ),
         scene="metals",
     ),
@@ -88,7 +88,7 @@ DEFECTS = (
         "specular_reflectance of a metal has no effect",
         (
             Edit(
-                "kinds/bsdfs/smooth/conductor.py",
+                "plugins/bsdfs/smooth/conductor.py",
                 "return metal.specular_reflectance * fresnel",
                 "return fresnel",
             ),
@@ -112,7 +112,7 @@ DEFECTS = (
         "a mirrored texture repeats one texel off at each period",
         (
             Edit(
-                "kinds/textures/bitmap.py",
+                "plugins/textures/bitmap.py",
                 "mirrored = select(odd, n - 1.0 - repeated, repeated)",
                 "mirrored = select(odd, n - repeated, repeated)",
             ),
@@ -125,7 +125,7 @@ DEFECTS = (
         "bilinear filtering takes the corner of a texel for its centre",
         (
             Edit(
-                "kinds/textures/bitmap.py",
+                "plugins/textures/bitmap.py",
                 "half = select(nearest, splat_f32(0.0), splat_f32(0.5))",
                 "half = select(nearest, splat_f32(0.0), splat_f32(0.0))",
             ),
@@ -138,7 +138,7 @@ DEFECTS = (
         "row 0 of an image is at v = 0",
         (
             Edit(
-                "kinds/textures/bitmap.py",
+                "plugins/textures/bitmap.py",
                 "y = (1.0 - point.v) * to_f32(height) - half",
                 "y = point.v * to_f32(height) - half",
             ),
@@ -151,7 +151,7 @@ DEFECTS = (
         "8-bit texels are taken as they are instead of decoded from sRGB",
         (
             Edit(
-                "kinds/textures/texels.py",
+                "plugins/textures/texels.py",
                 "decoded = decoded_bytes(srgb)",
                 "decoded = decoded_bytes(False)",
             ),
@@ -164,7 +164,7 @@ DEFECTS = (
         "the cells of a measured material are taken for equally wide",
         (
             Edit(
-                "kinds/bsdfs/merl.py",
+                "plugins/bsdfs/merl.py",
                 "return sqrt(theta / _HALF_PI)",
                 "return theta / _HALF_PI",
             ),
@@ -177,11 +177,11 @@ DEFECTS = (
         "phi_d of a measured material is not folded into half a turn",
         (
             Edit(
-                "kinds/bsdfs/merl.py",
+                "plugins/bsdfs/merl.py",
                 "select(turned < 0.0, turned + 1.0, turned)",
                 "fabs(turned)",
             ),
-            Edit("kinds/bsdfs/merl.py", "    floor,\n", "    fabs,\n    floor,\n"),
+            Edit("plugins/bsdfs/merl.py", "    floor,\n", "    fabs,\n    floor,\n"),
         ),
         scene="measured-ball",
         tests=("test_merl.py::test_a_known_brdf_comes_back",),
@@ -191,7 +191,7 @@ DEFECTS = (
         "the density of a measured material's samples is that of half vectors",
         (
             Edit(
-                "kinds/bsdfs/merl.py",
+                "plugins/bsdfs/merl.py",
                 "_half_vector_pdf(table, h) / (4.0 * dot(wo, h))",
                 "_half_vector_pdf(table, h)",
             ),

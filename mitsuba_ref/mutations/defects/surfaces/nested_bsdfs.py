@@ -16,12 +16,12 @@ DEFECTS = (
         "mask-choice-used-twice",
         "what is masked is given the number that chose it, not what is left of it",
         Edit(
-            "kinds/bsdfs/wrappers/mask.py",
+            "plugins/bsdfs/wrappers/mask.py",
             "select(met, choice / opacity, choice)",
             "choice",
         ),
         Edit(
-            "kinds/bsdfs/wrappers/mask.py",
+            "plugins/bsdfs/wrappers/mask.py",
             "lobe.pdf * opacity, 1.0 - opacity",
             "lobe.pdf, 1.0 - opacity",
         ),
@@ -30,7 +30,7 @@ DEFECTS = (
         "mask-forgets-its-share",
         "lights are reflected by a mask as if it had no holes",
         Edit(
-            "kinds/bsdfs/wrappers/mask.py",
+            "plugins/bsdfs/wrappers/mask.py",
             "return f_cos * opacity, pdf * opacity",
             "return f_cos, pdf",
         ),
@@ -39,7 +39,7 @@ DEFECTS = (
         "blend-weight-of-the-first",
         "the weight of a blend is the share of the first BSDF",
         Edit(
-            "kinds/bsdfs/wrappers/blend.py",
+            "plugins/bsdfs/wrappers/blend.py",
             "f_a * (1.0 - w) + f_b * w, pdf_a * (1.0 - w) + pdf_b * w",
             "f_a * w + f_b * (1.0 - w), pdf_a * w + pdf_b * (1.0 - w)",
         ),
@@ -48,7 +48,7 @@ DEFECTS = (
         "blend-of-one-density",
         "the density of a blend's sample is that of the BSDF that was chosen alone",
         Edit(
-            "kinds/bsdfs/wrappers/blend.py",
+            "plugins/bsdfs/wrappers/blend.py",
             "pdf = select(second, pdf_a, a.pdf) * other + select(second, b.pdf, pdf_b) * w",
             "pdf = select(second, b.pdf * w, a.pdf * other)",
         ),
@@ -56,13 +56,13 @@ DEFECTS = (
     _mutation(
         "normal-map-not-centred",
         "the colours of a normal map are taken for normals as they are",
-        Edit("kinds/bsdfs/wrappers/normalmap.py", "rgb.x * 2.0 - 1.0", "rgb.x"),
+        Edit("plugins/bsdfs/wrappers/normalmap.py", "rgb.x * 2.0 - 1.0", "rgb.x"),
     ),
     _mutation(
         "normal-map-without-shadows",
         "light does not fade out where a turned surface ends",
         Edit(
-            "kinds/bsdfs/wrappers/normalmap.py",
+            "plugins/bsdfs/wrappers/normalmap.py",
             "f_cos = f_cos * _shadowing(turned, frame.n, wi)",
             "f_cos = f_cos * 1.0",
         ),
@@ -70,13 +70,13 @@ DEFECTS = (
     _mutation(
         "pane-of-one-surface",
         "a pane reflects as one of its surfaces does",
-        Edit("kinds/bsdfs/smooth/thindielectric.py", "once * 2.0 / (1.0 + once)", "once"),
+        Edit("plugins/bsdfs/smooth/thindielectric.py", "once * 2.0 / (1.0 + once)", "once"),
     ),
     _mutation(
         "back-not-turned",
         "the light that a two-sided nesting sees from behind is not mirrored with it",
         Edit(
-            "kinds/bsdfs/wrappers/twosided.py",
+            "plugins/bsdfs/wrappers/twosided.py",
             "turned = vec3(wi.x, wi.y, select(wo.z > 0.0, wi.z, -wi.z))",
             "turned = wi",
         ),
@@ -86,7 +86,7 @@ DEFECTS = (
         "the slopes of a bump map along u and v change places",
         (
             Edit(
-                "kinds/bsdfs/wrappers/bumpmap.py",
+                "plugins/bsdfs/wrappers/bumpmap.py",
                 "by_u, by_v = bumped.height[0] * bumped.scale, "
                 "bumped.height[1] * bumped.scale",
                 "by_u, by_v = bumped.height[1] * bumped.scale, "
@@ -101,7 +101,7 @@ DEFECTS = (
         "the slope of a bump map does not grow with the size of the image",
         (
             Edit(
-                "kinds/textures/gradient.py",
+                "plugins/textures/gradient.py",
                 "(m_uu * x + m_vu * y) * width",
                 "(m_uu * x + m_vu * y)",
             ),
@@ -114,7 +114,7 @@ DEFECTS = (
         "who has gone through the hole of a mask counts as one that met a surface",
         (
             Edit(
-                "kinds/bsdfs/wrappers/mask.py",
+                "plugins/bsdfs/wrappers/mask.py",
                 "select(met, lobe.delta, splat_f32(2.0))",
                 "select(met, lobe.delta, splat_f32(1.0))",
             ),
@@ -126,7 +126,7 @@ DEFECTS = (
         "who has gone through `null` counts as one that met a surface",
         (
             Edit(
-                "kinds/bsdfs/smooth/null.py",
+                "plugins/bsdfs/smooth/null.py",
                 "vec3(one, one, one), splat_f32(-1.0), one)",
                 "vec3(one, one, one), splat_f32(0.0), one)",
             ),
@@ -138,7 +138,7 @@ DEFECTS = (
         "glass in a medium of its own index counts as a hole, as light goes straight on",
         (
             Edit(
-                "kinds/bsdfs/nesting.py",
+                "plugins/bsdfs/adapters.py",
                 "select(sample.pdf < 0.0, splat_f32(2.0), 1.0)",
                 "select((sample.pdf < 0.0) | (sample.wi.z * sample.eta < 0.0), "
                 "splat_f32(2.0), 1.0)",

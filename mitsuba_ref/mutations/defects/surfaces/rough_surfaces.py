@@ -15,7 +15,7 @@ DEFECTS = (
         "alpha of a file is taken for the root of the roughness",
         (
             Edit(
-                "kinds/bsdfs/rough/microfacets.py",
+                "plugins/bsdfs/rough/microfacets.py",
                 "maximum(rough.alpha_u, _SMOOTHEST)",
                 "maximum(rough.alpha_u * rough.alpha_u, _SMOOTHEST)",
             ),
@@ -28,7 +28,7 @@ DEFECTS = (
         "what rough metal shows is not masked on its way out",
         (
             Edit(
-                "kinds/bsdfs/rough/roughconductor.py",
+                "plugins/bsdfs/rough/roughconductor.py",
                 "unshadowed(facets, wo, h) * unshadowed(facets, wi, h)",
                 "unshadowed(facets, wi, h)",
             ),
@@ -41,7 +41,7 @@ DEFECTS = (
         "the density of a refraction turns with the half vector of a reflection",
         (
             Edit(
-                "kinds/bsdfs/rough/roughdielectric.py",
+                "plugins/bsdfs/rough/roughdielectric.py",
                 "refracted = 1.0 / (bend * bend)",
                 "refracted = 0.25 / (cos_i * cos_i)",
             ),
@@ -54,7 +54,7 @@ DEFECTS = (
         "radiance that enters rough glass is not scaled by eta^2",
         (
             Edit(
-                "kinds/bsdfs/rough/roughdielectric.py",
+                "plugins/bsdfs/rough/roughdielectric.py",
                 "squeeze = 1.0 / (crossing * crossing)",
                 "squeeze = 1.0",
             ),
@@ -67,7 +67,7 @@ DEFECTS = (
         "colours do not deepen by what a coat throws back",
         (
             Edit(
-                "kinds/bsdfs/smooth/plastic.py",
+                "plugins/bsdfs/smooth/plastic.py",
                 "plastic.nonlinear != 0.0",
                 "plastic.nonlinear > 1.0",
             ),
@@ -80,7 +80,7 @@ DEFECTS = (
         "what a coat throws back is what it reflects from outside",
         (
             Edit(
-                "kinds/bsdfs/smooth/plastic.py",
+                "plugins/bsdfs/smooth/plastic.py",
                 "thrown_back = diffuse_fresnel(1.0 / eta)",
                 "thrown_back = diffuse_fresnel(eta)",
             ),
@@ -93,7 +93,7 @@ DEFECTS = (
         "the table of a rough coat is not interpolated",
         (
             Edit(
-                "kinds/bsdfs/rough/roughplastic.py",
+                "plugins/bsdfs/rough/roughplastic.py",
                 "* (x - below)",
                 "* 0.0",
             ),
@@ -106,7 +106,7 @@ DEFECTS = (
         "every rough plastic looks at the table of the scene's first BSDF",
         (
             Edit(
-                "kinds/bsdfs/parameters.py",
+                "plugins/bsdfs/parameters.py",
                 "gather_row(table.first, 0, bsdf, bsdf >= 0)",
                 "gather_row(table.first, 0, bsdf * 0, bsdf >= 0)",
             ),
@@ -119,7 +119,7 @@ DEFECTS = (
         "the colour of a principled metal fades with the angle twice as fast",
         (
             Edit(
-                "kinds/bsdfs/rough/principled_lobes.py",
+                "plugins/bsdfs/rough/principled_lobes.py",
                 "return square * square * rest",
                 "return square * rest",
             ),
@@ -132,7 +132,7 @@ DEFECTS = (
         "light takes on the base colour where it enters principled glass, and again",
         (
             Edit(
-                "kinds/bsdfs/rough/principled.py",
+                "plugins/bsdfs/rough/principled.py",
                 "root = vec3(sqrt(base.x), sqrt(base.y), sqrt(base.z))",
                 "root = vec3(base.x, base.y, base.z)",
             ),
@@ -145,7 +145,7 @@ DEFECTS = (
         "the density of principled surfaces knows half of the coat's samples",
         (
             Edit(
-                "kinds/bsdfs/rough/principled.py",
+                "plugins/bsdfs/rough/principled.py",
                 "normal_pdf(facets, wo, h) + coated * coat_pdf",
                 "normal_pdf(facets, wo, h) + 0.5 * coated * coat_pdf",
             ),
@@ -161,7 +161,7 @@ DEFECTS = (
         "the facets of light that goes through a thin sheet are those of its reflection",
         (
             Edit(
-                "kinds/bsdfs/rough/principledthin.py",
+                "plugins/bsdfs/rough/principledthin.py",
                 "ggx_facets(thin.roughness * (0.65 * thin.eta - 0.35), thin.anisotropic)",
                 "ggx_facets(thin.roughness, thin.anisotropic)",
             ),
@@ -174,7 +174,7 @@ DEFECTS = (
         "diffuse light passes a thin sheet twice as often as the file says",
         (
             Edit(
-                "kinds/bsdfs/rough/principledthin.py",
+                "plugins/bsdfs/rough/principledthin.py",
                 "rest, through = 1.0 - thin.spec_trans, 0.5 * thin.diff_trans",
                 "rest, through = 1.0 - thin.spec_trans, thin.diff_trans",
             ),

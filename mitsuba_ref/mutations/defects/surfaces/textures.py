@@ -10,12 +10,12 @@ DEFECTS = (
         "a checkerboard that gives a number has its fields where a colour's are",
         (
             Edit(
-                "kinds/textures/nested.py",
+                "plugins/textures/nested.py",
                 "select(same, second, first) if swapped",
                 "select(same, first, second) if swapped",
             ),
             Edit(
-                "kinds/textures/checkerboard.py",
+                "plugins/textures/checkerboard.py",
                 "return select(in_same_half(point.u, point.v), second, first)",
                 "return select(in_same_half(point.u, point.v), first, second)",
             ),
@@ -31,7 +31,7 @@ DEFECTS = (
         "a bitmap that gives a number gives the mean of its three",
         (
             Edit(
-                "kinds/textures/texels.py",
+                "plugins/textures/texels.py",
                 "return x.x * _R + x.y * _G + x.z * _B",
                 "return (x.x + x.y + x.z) * np.float32(1.0 / 3.0)",
             ),
@@ -44,7 +44,9 @@ DEFECTS = (
         "a half float loses the last two bits of its ten",
         (
             Edit(
-                "kinds/textures/texels.py", "(half & 0x7FFF) << 13", "(half & 0x7FFC) << 13"
+                "plugins/textures/texels.py",
+                "(half & 0x7FFF) << 13",
+                "(half & 0x7FFC) << 13",
             ),
         ),
         scene="textures",
@@ -55,7 +57,7 @@ DEFECTS = (
         "a mirrored image runs backwards from the last texel but one",
         (
             Edit(
-                "kinds/textures/bitmap.py",
+                "plugins/textures/bitmap.py",
                 "select(odd, n - 1.0 - repeated, repeated)",
                 "select(odd, n - repeated, repeated)",
             ),
@@ -68,12 +70,12 @@ DEFECTS = (
         "the second and the third vertex of a face change their attributes",
         (
             Edit(
-                "kinds/textures/mesh_attribute.py",
+                "plugins/textures/mesh_attribute.py",
                 "gather_rows3(attributes.values, 3, column, mask) * u",
                 "gather_rows3(attributes.values, 3, column, mask) * v",
             ),
             Edit(
-                "kinds/textures/mesh_attribute.py",
+                "plugins/textures/mesh_attribute.py",
                 "gather_rows3(attributes.values, 6, column, mask) * v",
                 "gather_rows3(attributes.values, 6, column, mask) * u",
             ),
@@ -86,7 +88,7 @@ DEFECTS = (
         "the scale of an attribute has no effect",
         (
             Edit(
-                "kinds/textures/mesh_attribute.py",
+                "plugins/textures/mesh_attribute.py",
                 "return color * gather_row(attributes.scale, 0, texture, mask)",
                 "return color",
             ),

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
-from renderer.accelerators.bvh.streams.stream_leaves import meet_leaf
+from renderer.accelerators.bvh.streams.stream_leaves import intersect_leaf
 from renderer.accelerators.bvh.streams.stream_stack import (
     WAITING_WORDS,
     pop_child,
@@ -75,7 +75,7 @@ from renderer.kernels.lanes.memory import (
     store_row,
 )
 from renderer.kernels.lanes.vectors import lower_half3, upper_half3, vec3
-from renderer.kinds.shapes.blocks import WIDTH
+from renderer.plugins.shapes.blocks import WIDTH
 
 # Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.
 SHORT = 6
@@ -152,7 +152,7 @@ def _descend(accel, query, stream, n, short, octant, margin, tally):
             _add_node(tally, stream, place, m, depth)
         else:
             rows, lists = stream.rows, stream.lists
-            meet_leaf(accel.blocks, ~node, query, rows, lists, place, m, tally)
+            intersect_leaf(accel.blocks, ~node, query, rows, lists, place, m, tally)
         if depth == 0:
             break
         depth -= 1

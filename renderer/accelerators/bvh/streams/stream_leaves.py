@@ -13,7 +13,7 @@ from renderer.accelerators.bvh.wide.octants import ENDED, T
 from renderer.accelerators.bvh.wide.one_ray_leaves import (
     count_block,
     held,
-    meet_block,
+    intersect_block,
 )
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
@@ -33,17 +33,17 @@ from renderer.kernels.lanes.memory import (
     scatter_row,
 )
 from renderer.kernels.lanes.vectors import vec3
-from renderer.kinds.shapes.blocks import WIDTH
+from renderer.plugins.shapes.blocks import WIDTH
 
 
 @kernel
-def meet_leaf(blocks, block, query, rows, lists, place, m, tally):
+def intersect_leaf(blocks, block, query, rows, lists, place, m, tally):
     """Test the rays of a list against the primitives of a leaf."""
     if HAS_AVX2_ONLY:
         for j in range(place, place + m):
             ray = np.int64(load_one(lists, 0, j))
             if load_one(rows.for_boxes, T, ray) >= 0.0:
-                meet_block(blocks, block, query, rows, ray, tally)
+                intersect_block(blocks, block, query, rows, ray, tally)
         return
     if tally is not None:
         for j in range(place, place + m):

@@ -29,8 +29,8 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import load_eight, load_one, store_one
 from renderer.kernels.lanes.vectors import column3
 from renderer.kernels.records.tally import PRIMITIVES, add_to
-from renderer.kinds.shapes.blocks import WIDTH, primitives_in
-from renderer.kinds.shapes.primitives import hit_primitive
+from renderer.plugins.shapes.blocks import WIDTH, primitives_in
+from renderer.plugins.shapes.primitives import hit_primitive
 
 NEVER = np.int32(0x7FFFFFFF)  # above the bits of every float, and every id
 # Tests of one ray against eight that take as long as one of 16 rays against a primitive:
@@ -79,7 +79,7 @@ def nearest_in_block(blocks, block, x):
 
 
 @kernel
-def meet_block(blocks, block, query, rows, ray, tally):
+def intersect_block(blocks, block, query, rows, ray, tally):
     """Test a ray, by its place in the rows, against the primitives of a leaf."""
     i = np.int64(load_one(rows.number, 0, ray))
     count_block(tally, blocks, block, i)

@@ -18,7 +18,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_collapse import (
 )
 from renderer.kernels.jit import entry_kernel, kernel
 from renderer.kernels.lanes.local import local_f64, local_i32
-from renderer.kinds.shapes.blocks import aligned_bytes
+from renderer.plugins.shapes.blocks import aligned_bytes
 
 # words of a node of a pair
 PAIR_CHILD = 6  # inner: first of two adjacent nodes; leaf: first primitive

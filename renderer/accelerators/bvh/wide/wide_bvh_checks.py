@@ -17,7 +17,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_WORDS,
 )
 from renderer.accelerators.extents import Extents
-from renderer.kinds.shapes.blocks import WIDTH
+from renderer.plugins.shapes.blocks import WIDTH
 
 
 def validate_wide(accel: Any, extents: Extents) -> None:

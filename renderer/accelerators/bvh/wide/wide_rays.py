@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.wide.octants import T
-from renderer.accelerators.bvh.wide.one_ray_leaves import NEVER, meet_block
+from renderer.accelerators.bvh.wide.one_ray_leaves import NEVER, intersect_block
 from renderer.accelerators.bvh.wide.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
@@ -53,7 +53,7 @@ from renderer.kernels.lanes.memory import (
 )
 from renderer.kernels.lanes.vectors import column3
 from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
-from renderer.kinds.shapes.blocks import WIDTH
+from renderer.plugins.shapes.blocks import WIDTH
 
 RAYS = 8  # under way at the same time; 4 to 16 were measured
 # Places of a ray's stack: seven a level of at most 60, and room for eight to be written at
@@ -152,7 +152,7 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
             depth = _push_children(accel, node, t_max, flight, place, depth)
             add_node(tally, rows, ray, depth)
         else:
-            meet_block(accel.blocks, ~node, query, rows, ray, tally)
+            intersect_block(accel.blocks, ~node, query, rows, ray, tally)
 
         # what to do next; nothing is left for a ray that has ended
         t_max = load_one(rows.for_boxes, T, ray)

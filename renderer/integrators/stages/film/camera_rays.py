@@ -24,7 +24,7 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
 )
 from renderer.kernels.records.tile import slot_pixel
-from renderer.kinds.sensors.kind import camera_ray
+from renderer.plugins.sensors.kind import camera_ray
 
 
 @kernel

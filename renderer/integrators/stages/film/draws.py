@@ -11,7 +11,7 @@ from renderer.kernels.lanes.functions import lane_index, mask_bits, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.records.batch import CAPACITY
 from renderer.kernels.records.tile import sample_key, slot_pixel
-from renderer.kinds.sampling.numbers_and_warps import (
+from renderer.plugins.sampling.numbers_and_warps import (
     APERTURE_BLOCK,
     FILM_BLOCK,
     choose_from_draw,

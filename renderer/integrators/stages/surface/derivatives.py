@@ -9,7 +9,7 @@ from renderer.kernels.lanes.functions import first_lanes, mask_bits
 from renderer.kernels.lanes.memory import load_row, store_where
 from renderer.kernels.lanes.vectors import load3, select3
 from renderer.kernels.records.kernel_scene import DERIVE, RECORD
-from renderer.kinds.shapes.uv.uv_derivatives import uv_derivatives
+from renderer.plugins.shapes.uv.uv_derivatives import uv_derivatives
 
 
 @method_kernel

@@ -19,7 +19,7 @@ from renderer.kernels.lanes.affine import (
 from renderer.kernels.lanes.functions import mask_bits, select, splat_i32
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, length, normalize, select3
-from renderer.kinds.shapes.surface import ROUNDING, magnitude
+from renderer.plugins.shapes.surface import ROUNDING, magnitude
 
 
 class Place(NamedTuple):

@@ -7,8 +7,8 @@ from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import select
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
 from renderer.kernels.lanes.vectors import dot, load3
-from renderer.kinds.bsdfs.kind import visible_side
-from renderer.kinds.sampling.arithmetic import Frame, tangents_of
+from renderer.plugins.bsdfs.kind import visible_side
+from renderer.plugins.sampling.arithmetic import Frame, tangents_of
 
 
 @kernel

@@ -32,7 +32,7 @@ from renderer.kernels.lanes.memory import (
 )
 from renderer.kernels.lanes.vectors import append3, load3, select3, store3, store3_where
 from renderer.kernels.records.kernel_scene import AFTER_SURFACE_POINTS, LOCATE, RECORD
-from renderer.kinds.shapes.surface import magnitude, surface_point, tangent_at
+from renderer.plugins.shapes.surface import magnitude, surface_point, tangent_at
 
 
 @kernel

@@ -16,7 +16,7 @@ from renderer.rendering.planning.cautions.caution import Caution
 from renderer.rendering.planning.cautions.coincident_surfaces import coincident_surfaces
 from renderer.rendering.planning.cautions.far_coordinates import far_coordinates
 from renderer.rendering.planning.cautions.glass import depth_in_glass, lamps_in_glass
-from renderer.rendering.planning.cautions.starved_lamps import starved_lamps
+from renderer.rendering.planning.cautions.undersampled_lights import undersampled_lights
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 
@@ -27,7 +27,7 @@ CHECKS: Mapping[str, Callable[[Scene, Plan], Iterator[str]]] = {
     "far-from-origin": far_coordinates,
     "coincident-surfaces": coincident_surfaces,
     "point-light-behind-glass": lamps_in_glass,
-    "lamps-starved": starved_lamps,
+    "lamps-starved": undersampled_lights,
     "glass-depth": depth_in_glass,
 }
 

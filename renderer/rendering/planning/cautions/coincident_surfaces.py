@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.rendering.planning.cautions.appearance_key import Digests, look_of
 from renderer.rendering.planning.cautions.caution import listed, name_of
 from renderer.rendering.planning.cautions.closed_shapes import encloses, outward
 from renderer.rendering.planning.cautions.flat_faces import Faces, Floats, flat_faces
-from renderer.rendering.planning.cautions.looks import Digests, look_of
 from renderer.rendering.planning.cautions.overlap import overlap, overlapping_boxes
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.materials import kind_of, sides

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.kinds.textures.registry import mean_of
+from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.cautions.caution import listed, name_of
 from renderer.rendering.planning.cautions.closed_shapes import encloses, is_closed
 from renderer.rendering.planning.plan import Plan

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.arrays import empty_rows
-from renderer.kinds.shapes.cylinder import CylinderSurfaces
-from renderer.kinds.shapes.flat.disk import DiskSurfaces
-from renderer.kinds.shapes.flat.rectangle import RectangleSurfaces
-from renderer.kinds.shapes.flat.triangle import TriangleSurfaces
-from renderer.kinds.shapes.sphere import SphereSurfaces
+from renderer.plugins.shapes.arrays import empty_rows
+from renderer.plugins.shapes.cylinder import CylinderSurfaces
+from renderer.plugins.shapes.flat.disk import DiskSurfaces
+from renderer.plugins.shapes.flat.rectangle import RectangleSurfaces
+from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.sphere import SphereSurfaces
 from renderer.replay.rounding.hits.instance_matrices import instance_matrices
 from renderer.replay.rounding.hits.triangle_arithmetic import face_normals, uv_tangents
 from renderer.scene_file.description import (

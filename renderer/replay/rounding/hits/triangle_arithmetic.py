@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kinds.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
 
 Columns = NDArray[np.float32]  # (3, n)
 

@@ -12,7 +12,7 @@ from renderer.scene_file.document.xml.xml_elements import (
     required,
 )
 from renderer.scene_file.numbers import parse_float, parse_floats
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.transforms import Matrix
 
 _ATTRIBUTES = {

@@ -22,7 +22,7 @@ from renderer.scene_file.document.xml.xml_values import VALUE_TAGS, read_value
 from renderer.scene_file.files import find
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.plugins import TAGS
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import UNNAMED, Element, Tree
 
 DEEPEST_INCLUDE = 15  # as in Mitsuba

@@ -13,7 +13,7 @@ from renderer.scene_file.numbers import (
     parse_integer,
     quoted,
 )
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import (
     Reference,
     RgbValue,

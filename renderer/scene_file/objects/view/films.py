@@ -5,7 +5,7 @@ from __future__ import annotations
 from renderer.errors import SceneError
 from renderer.scene_file.description import Film, ReconstructionFilter
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 # Pixels of the crop window: the samplers number them in 32 bits. What fits into memory is

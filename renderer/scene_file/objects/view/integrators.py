@@ -12,7 +12,7 @@ from renderer.process.names import INTEGRATORS
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 _OF_VOLUMES = ("volpath", "volpathmis")

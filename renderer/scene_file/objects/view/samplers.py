@@ -6,7 +6,7 @@ import math
 
 from renderer.scene_file.description import Sampler
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 _LARGEST = 2**24

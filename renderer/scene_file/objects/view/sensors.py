@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
+from renderer.scene_file.coordinate_limits import check_camera
 from renderer.scene_file.description import Sensor
 from renderer.scene_file.numbers import parse_float
 from renderer.scene_file.objects.view.films import read_film
 from renderer.scene_file.objects.view.samplers import read_sampler
 from renderer.scene_file.plugins import registered_kinds
 from renderer.scene_file.properties import Properties
-from renderer.scene_file.reach import check_camera
-from renderer.scene_file.reading import Reading
+from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
 _SCALE = 1e-3  # how far from a rotation to_world may be; Mitsuba's own bound

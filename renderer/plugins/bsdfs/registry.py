@@ -1,0 +1,244 @@
+"""All kinds of BSDF: one line makes a kind known to the reader, the plan and the stages."""
+
+from __future__ import annotations
+
+import inspect
+import uuid
+from collections import ChainMap
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from renderer.errors import SceneError
+from renderer.kernels.jit.cache import file_digest
+from renderer.plugins.bsdfs.adapters import Wrapper, make_nestable, make_wrapper_known
+from renderer.plugins.bsdfs.kind import BsdfKind, Color, make_known
+from renderer.plugins.bsdfs.merl import MERL
+from renderer.plugins.bsdfs.nested_bsdf_type import Structure
+from renderer.plugins.bsdfs.parameters import Nested, hints_of
+from renderer.plugins.bsdfs.registration import (
+    check_kernels,
+    check_name,
+    check_new,
+    check_parameters,
+    checked_reader,
+)
+from renderer.plugins.bsdfs.rough.principled import PRINCIPLED
+from renderer.plugins.bsdfs.rough.principledthin import PRINCIPLEDTHIN
+from renderer.plugins.bsdfs.rough.roughconductor import ROUGHCONDUCTOR
+from renderer.plugins.bsdfs.rough.roughdielectric import ROUGHDIELECTRIC
+from renderer.plugins.bsdfs.rough.roughplastic import ROUGHPLASTIC
+from renderer.plugins.bsdfs.smooth.conductor import CONDUCTOR
+from renderer.plugins.bsdfs.smooth.dielectric import DIELECTRIC
+from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE
+from renderer.plugins.bsdfs.smooth.null import NULL
+from renderer.plugins.bsdfs.smooth.plastic import PLASTIC
+from renderer.plugins.bsdfs.smooth.thindielectric import THIN_DIELECTRIC
+from renderer.plugins.bsdfs.wrappers.blend import BLEND
+from renderer.plugins.bsdfs.wrappers.bumpmap import BUMP_MAP
+from renderer.plugins.bsdfs.wrappers.mask import MASK
+from renderer.plugins.bsdfs.wrappers.normalmap import NORMAL_MAP
+from renderer.plugins.bsdfs.wrappers.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
+from renderer.scene_file.description import OtherBsdf, TwoSided
+from renderer.scene_file.objects.bsdfs import read_bsdf
+from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
+
+BSDFS: dict[str, BsdfKind] = {}
+VARIANTS: dict[str, BsdfKind] = {}  # of these, that files do not name
+WRAPPERS: dict[str, Wrapper] = {}
+# of both kinds, as the reader asks for them
+PLUGINS: ChainMap[str, Any] = ChainMap(WRAPPERS, BSDFS)  # type: ignore[arg-type]
+
+
+def _register(kind: BsdfKind) -> None:
+    make_known(kind)
+    make_nestable(kind)
+    BSDFS[kind.name] = kind
+    for variant in kind.variants:
+        make_known(variant)
+        make_nestable(variant)
+        VARIANTS[variant.name] = variant
+
+
+def _register_wrapper(wrapper: Wrapper) -> None:
+    make_wrapper_known(wrapper)
+
+    def read_opaque(properties: Any) -> Any:
+        description = wrapper.read(properties)
+        for _, element in properties.children("bsdf"):
+            # the same record again, see `Reading.once`
+            if kind_of(read_bsdf(element, properties.reading)).transmits:
+                possible = [name for name, kind in BSDFS.items() if not kind.transmits]
+                raise SceneError(
+                    f"{element.location}: {element} cannot be inside of {wrapper.name}, as "
+                    f"light goes through it; supported: {', '.join(possible)} and what "
+                    "holds these"
+                )
+        return description
+
+    read = read_opaque if wrapper.opaque else wrapper.read
+    WRAPPERS[wrapper.name] = replace(wrapper, read=read)
+
+
+for _kind in (
+    DIFFUSE,
+    CONDUCTOR,
+    DIELECTRIC,
+    ROUGHCONDUCTOR,
+    ROUGHDIELECTRIC,
+    PLASTIC,
+    ROUGHPLASTIC,
+    PRINCIPLED,
+    PRINCIPLEDTHIN,
+    THIN_DIELECTRIC,
+    NULL,
+    MERL,
+):
+    _register(_kind)
+for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):
+    _register_wrapper(_wrapper)
+_OURS = tuple(PLUGINS)
+
+
+def register_bsdf(
+    name: str,
+    parameters: type,
+    *,
+    sample: Any,
+    eval_pdf: Any = None,
+    reflection: Any = None,
+    transmission: Any = None,
+    albedo: Any = None,
+    transmits: bool = False,
+    read: Callable[[Any], Any] | None = None,
+    about: str = "",
+) -> None:
+    """Make a BSDF of your own known: scenes can then say `<bsdf type="name">`.
+
+    `docs/adding-a-bsdf.md` walks through one. Kernels are made with `renderer.kernel`, work
+    on 16 points at once, and see directions in the local frame, where z is the shading
+    normal (`renderer.plugins.bsdfs.kind`).
+
+    Parameters
+    ----------
+    name : str
+        Of the plugin.
+    parameters : type
+        A NamedTuple class. Its fields are annotated `Color` or `Float`; a default is what
+        a file that does not give the property means.
+    sample : kernel
+        (parameters, wo, numbers) -> BsdfSample.
+    eval_pdf : kernel, optional
+        (parameters, wo, wi) -> f |cos| (RGB), density [1/sr]; None where there are delta
+        lobes only.
+    reflection, transmission : kernel, optional
+        (parameters, wo) -> Branch, the delta lobes; Whitted's trees follow them.
+    albedo : kernel, optional
+        parameters -> RGB, for the AOV; black without it.
+    transmits : bool
+        Whether light goes through.
+    read : callable, optional
+        Makes the description from `Properties`; None reads each parameter by its name.
+    about : str
+        A few words for `--explain`.
+
+    Raises
+    ------
+    PluginError
+        If the name is one of the renderer's own or given twice in one file, nothing
+        scatters, a function is no kernel or takes other arguments, `transmission` comes
+        without `reflection` or `transmits`, or the parameters are no NamedTuple class of
+        `Color` and `Float` with numbers as defaults, or that of another kind. What the
+        kernels compute and return is checked when a scene is rendered.
+    """
+    kernels = {
+        "sample": sample,
+        "eval_pdf": eval_pdf,
+        "reflection": reflection,
+        "transmission": transmission,
+        "albedo": albedo,
+    }
+    check_name(name, _OURS)
+    check_kernels(name, kernels, transmits)
+    hints = check_parameters(name, parameters)
+    check_new(name, parameters, kernels, BSDFS)
+    if read is not None:
+        read = checked_reader(name, parameters, read, PLUGINS)
+    defaults: dict[str, float] = getattr(parameters, "_field_defaults", {})
+
+    def read_by_name(properties: Any) -> OtherBsdf:
+        values: dict[str, Any] = {}
+        for key, kind in hints.items():
+            default = float(defaults.get(key, 0.5 if kind is Color else 0.0))
+            values[key] = (
+                read_texture(properties, key, default)
+                if kind is Color
+                else read_scalar_texture(properties, key, default)
+            )
+        return OtherBsdf(name, values)
+
+    _register(
+        BsdfKind(
+            name,
+            parameters,
+            read or read_by_name,
+            about or "a kind of your own",
+            sample,
+            eval_pdf,
+            reflection,
+            transmission,
+            albedo,
+            transmits,
+            # compiled kernels name the module that they come from, and are found by it
+            source=_source_of([f.py_func for f in kernels.values() if f is not None]),
+        )
+    )
+
+
+def kind_of(bsdf: Any) -> BsdfKind | Structure:
+    """Return the kind of a BSDF of the description, with all that is inside of it."""
+    if (kind := BSDFS.get(bsdf.plugin) or VARIANTS.get(bsdf.plugin)) is not None:
+        return kind
+    wrapper = WRAPPERS[bsdf.plugin]
+    if isinstance(bsdf, TwoSided) and bsdf.front is bsdf.back:
+        wrapper = ONE_FOR_BOTH
+    inside = (kind_of(getattr(bsdf, name)) for name in _nested_in(wrapper))
+    return Structure(wrapper, tuple(inside))
+
+
+def reaches_all(bsdf: Any) -> bool:
+    """Return whether BSDF samples alone find all light that it reflects.
+
+    Of a user's BSDF nobody knows: light samples may be what reaches the rest.
+    """
+    if names := nested_names(bsdf):
+        return all(reaches_all(getattr(bsdf, name)) for name in names)
+    kind = kind_of(bsdf)
+    if isinstance(kind, Structure):
+        return True
+    return not kind.source and (kind.reaches_all is None or kind.reaches_all(bsdf))
+
+
+def nested_names(bsdf: Any) -> tuple[str, ...]:
+    """Return the attributes of a BSDF of the description that are BSDFs themselves."""
+    wrapper = WRAPPERS.get(bsdf.plugin)
+    return () if wrapper is None else _nested_in(wrapper)
+
+
+def _nested_in(wrapper: Wrapper) -> tuple[str, ...]:
+    hints = hints_of(wrapper.parameters)
+    return tuple(name for name, hint in hints.items() if hint is Nested)
+
+
+def _source_of(functions: list[Any]) -> str:
+    """Return what tells kernels from those of an earlier text of the same files.
+
+    What was written at a prompt is new each time.
+    """
+    found = {function.__module__: inspect.getfile(function) for function in functions}
+    digests = [
+        f"{module} {file_digest(file) if Path(file).is_file() else uuid.uuid4().hex}"
+        for module, file in sorted(found.items())
+    ]
+    return " ".join(digests)

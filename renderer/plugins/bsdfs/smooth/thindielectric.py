@@ -1,0 +1,74 @@
+"""A thin pane of glass: both surfaces at once, so that light goes straight on.
+
+With the Fresnel reflectance R of one surface and T = 1 - R, the reflections back and forth
+between the two add up to R + T R T + T R^3 T + ... = 2 R / (1 + R) [Stokes1862].
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import fabs, select, splat_f32
+from renderer.kernels.lanes.vectors import select3, vec3
+from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.smooth.dielectric import read_glass
+from renderer.plugins.bsdfs.smooth.fresnel import fresnel_dielectric
+from renderer.scene_file.description import ThinDielectric as Description
+
+
+class ThinDielectric(NamedTuple):
+    """Its parameters."""
+
+    eta: Float  # index of refraction, inside over outside
+    specular_reflectance: Color
+    specular_transmittance: Color
+
+
+def read(properties: Any) -> Description:
+    """Read the properties of a file."""
+    return Description(*read_glass(properties))
+
+
+@kernel
+def _reflectance(pane, wo):
+    """Return what the pane reflects; its two sides are alike."""
+    once, _, _ = fresnel_dielectric(fabs(wo.z), pane.eta)
+    return select(once < 1.0, once * 2.0 / (1.0 + once), 1.0)
+
+
+@kernel
+def sample(pane, wo, numbers):
+    """Reflect or pass, at random in proportion to the reflectance."""
+    reflected = numbers.choice <= _reflectance(pane, wo)
+    weight = select3(reflected, pane.specular_reflectance, pane.specular_transmittance)
+    wi = vec3(-wo.x, -wo.y, select(reflected, wo.z, -wo.z))
+    pdf = select(reflected, splat_f32(0.0), -1.0)
+    return BsdfSample(wi, weight, pdf, splat_f32(1.0))
+
+
+@kernel
+def reflection(pane, wo):
+    """Return the mirrored ray of a tree."""
+    share = _reflectance(pane, wo)
+    return Branch(pane.specular_reflectance, share, wo.z, splat_f32(1.0))
+
+
+@kernel
+def transmission(pane, wo):
+    """Return the ray of a tree that goes on."""
+    share = 1.0 - _reflectance(pane, wo)
+    return Branch(pane.specular_transmittance, share, -wo.z, splat_f32(1.0))
+
+
+THIN_DIELECTRIC = BsdfKind(
+    "thindielectric",
+    ThinDielectric,
+    read,
+    "a thin pane of glass",
+    sample,
+    reflection=reflection,
+    transmission=transmission,
+    transmits=True,
+    straight=True,
+)

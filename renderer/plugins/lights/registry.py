@@ -1,0 +1,23 @@
+"""All kinds of emitter: one line makes a kind known."""
+
+from __future__ import annotations
+
+import renderer.plugins.lights.finite.spheres  # noqa: F401  (how spheres are sampled)
+from renderer.plugins.lights.finite.area import AREA
+from renderer.plugins.lights.finite.point import POINT
+from renderer.plugins.lights.finite.projector import PROJECTOR
+from renderer.plugins.lights.finite.spot import SPOT
+from renderer.plugins.lights.infinite.constant import CONSTANT
+from renderer.plugins.lights.infinite.directional import DIRECTIONAL
+from renderer.plugins.lights.infinite.envmap import ENVMAP
+from renderer.plugins.lights.kind import LightPlugin
+
+LIGHTS: dict[str, LightPlugin] = {
+    kind.name: kind
+    for kind in (POINT, SPOT, DIRECTIONAL, CONSTANT, ENVMAP, PROJECTOR, AREA)
+}
+
+
+def plugin_of(emitter: object) -> LightPlugin:
+    """Return the kind of an emitter of the description."""
+    return next(kind for kind in LIGHTS.values() if isinstance(emitter, kind.description))

@@ -1,0 +1,316 @@
+"""Ray against open cylinder: the sphere's stable quadratic in the plane across the axis."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, sqrt
+from renderer.kernels.lanes.mathematics.mathematics import sincos
+from renderer.kernels.lanes.memory import gather_row, load_eight, load_one, load_row
+from renderer.kernels.lanes.vectors import (
+    column,
+    dot,
+    gather3,
+    gather_rows3,
+    load3,
+    normalize,
+)
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI
+from renderer.plugins.shapes.arrays import float32
+from renderer.plugins.shapes.blocks import BLOCKS_OF, column_in, primitives_in, three_in
+from renderer.plugins.shapes.flat.patch import ZERO, Intersection
+from renderer.plugins.shapes.kind import ShapeKind, flipped
+from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.plugins.shapes.sphere import ordered_roots
+from renderer.plugins.shapes.surface import (
+    ROUNDING,
+    LightPoint,
+    SurfacePoint,
+    around_axis,
+    magnitude,
+    nowhere,
+    pdf_by_area,
+    pdf_shape,
+    sample_shape,
+    surface_point,
+    tangent_at,
+    turn,
+)
+from renderer.scene_file import transforms
+from renderer.scene_file.description import Cylinder as Description
+from renderer.scene_file.objects.shapes import STRETCH, placed
+
+
+class Cylinders(NamedTuple):
+    """Tubes without caps, in the order of an accelerator."""
+
+    base: NDArray[np.float32]  # (3, n) centre of the lower end
+    axis: NDArray[np.float32]  # (3, n) unit
+    radius: NDArray[np.float32]  # (n,)
+    height: NDArray[np.float32]  # (n,)
+    id: NDArray[np.int32]  # (n,) primitive id in the scene
+    count: int  # n without the padding
+
+
+class Cylinder(NamedTuple):
+    """One cylinder, or 16 in lanes."""
+
+    base: Any
+    axis: Any
+    radius: Any
+    height: Any
+
+
+@kernel
+def cylinder_at(cylinders, k):
+    """Return cylinder k as scalars."""
+    return Cylinder(
+        column(cylinders.base, k),
+        column(cylinders.axis, k),
+        cylinders.radius[k],
+        cylinders.height[k],
+    )
+
+
+@kernel
+def cylinders_from(cylinders, k):
+    """Return cylinders k to k + 15 as lanes."""
+    return Cylinder(
+        load3(cylinders.base, k),
+        load3(cylinders.axis, k),
+        load_row(cylinders.radius, 0, k),
+        load_row(cylinders.height, 0, k),
+    )
+
+
+@kernel
+def hit_cylinder(cylinder, origin, direction, t_max):
+    """Intersect; hits have 0 < t <= t_max, v is the height as a fraction, u is 0.
+
+    The nearer root counts where it lies between the ends, else the farther one: the ray
+    may enter through an open end.
+    """
+    f = origin - cylinder.base
+    f_axis = dot(f, cylinder.axis)
+    d_axis = dot(direction, cylinder.axis)
+    f_across = f - cylinder.axis * f_axis
+    d_across = direction - cylinder.axis * d_axis
+    a = dot(d_across, d_across)
+    b = -dot(f_across, d_across)
+    nearest = f_across + d_across * (b / a)
+    discriminant = cylinder.radius * cylinder.radius - dot(nearest, nearest)
+    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
+    q = b + select(b < 0.0, -root, root)
+    c = dot(f_across, f_across) - cylinder.radius * cylinder.radius
+    first, second = ordered_roots(q, a, c)
+    h_first = f_axis + first * d_axis
+    h_second = f_axis + second * d_axis
+    near = (first > 0.0) & (h_first >= 0.0) & (h_first <= cylinder.height)
+    far = (second > 0.0) & (h_second >= 0.0) & (h_second <= cylinder.height)
+    t = select(near, first, second)
+    hit = (discriminant >= 0.0) & (near | far) & (t <= t_max)
+    return Intersection(hit, t, t * ZERO, select(near, h_first, h_second) / cylinder.height)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+class CylinderSurfaces(NamedTuple):
+    """Cylinders first .. end - 1 by primitive id."""
+
+    first: int
+    end: int
+    base: NDArray[np.float32]  # (3, n)
+    radius: NDArray[np.float32]  # (n,)
+    height: NDArray[np.float32]  # (n,)
+    frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
+
+
+@surface_point.by(CylinderSurfaces)
+@kernel
+def _point_on_cylinder(cylinders, index, mask, u, height, hit_point, with_uv):
+    """Return the point; its texture coordinates are (angle / 2 pi, height)."""
+    base = gather3(cylinders.base, index, mask)
+    axis = gather_rows3(cylinders.frame, 6, index, mask)
+    radius = gather_row(cylinders.radius, 0, index, mask)
+    length = gather_row(cylinders.height, 0, index, mask)
+    from_base = hit_point - base
+    along = dot(from_base, axis)
+    normal = normalize(from_base - axis * along)
+    position = base + axis * along + normal * radius
+    offset = (magnitude(base) + radius + length) * ROUNDING
+    angle = height
+    if with_uv != 0:
+        x = dot(gather_rows3(cylinders.frame, 0, index, mask), normal)
+        y = dot(gather_rows3(cylinders.frame, 3, index, mask), normal)
+        angle = turn(x, y)
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, angle, height)
+
+
+tangent_at.by(CylinderSurfaces)(around_axis)
+
+
+@sample_shape.by(CylinderSurfaces)
+@kernel
+def _sample_cylinder(cylinders, kind, light, mask, position, x, y, z):
+    """Choose a point of the tube, uniformly."""
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - cylinders.first
+    sine, cosine = sincos(TWO_PI * y)
+    frame = cylinders.frame
+    local_x = gather_rows3(frame, 0, index, mask)
+    local_y = gather_rows3(frame, 3, index, mask)
+    axis = gather_rows3(frame, 6, index, mask)
+    n = local_x * cosine + local_y * sine
+    along = axis * (gather_row(cylinders.height, 0, index, mask) * x)
+    point = gather3(cylinders.base, index, mask) + along
+    point = point + n * gather_row(cylinders.radius, 0, index, mask)
+    side = n * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, n, side)
+
+
+pdf_shape.by(CylinderSurfaces)(pdf_by_area)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+class CylinderBlocks(NamedTuple):
+    """Base, axis, radius and height of eight cylinders a block."""
+
+    rows: NDArray[np.float32]  # (blocks, 8 * 8)
+    id: NDArray[np.int32]
+    count: int
+
+
+@kernel
+def cylinders_in(blocks, block):
+    """Return the eight cylinders of a block as lanes."""
+    return Cylinder(
+        three_in(blocks.rows, block, 0),
+        three_in(blocks.rows, block, 3),
+        load_eight(blocks.rows, block, 48),
+        load_eight(blocks.rows, block, 56),
+    )
+
+
+@kernel
+def cylinder_in(blocks, k):
+    """Return cylinder k as scalars."""
+    block, j = k >> 3, k & 7
+    rows = blocks.rows
+    return Cylinder(
+        column_in(rows, block, 0, j),
+        column_in(rows, block, 3, j),
+        load_one(rows, block, 48 + j),
+        load_one(rows, block, 56 + j),
+    )
+
+
+BLOCKS_OF[Cylinders] = CylinderBlocks
+primitive_at.by(Cylinders)(cylinder_at)
+primitives_from.by(Cylinders)(cylinders_from)
+primitive_at.by(CylinderBlocks)(cylinder_in)
+primitives_in.by(CylinderBlocks)(cylinders_in)
+hit_primitive.by(Cylinders, CylinderBlocks, drop_first=True)(hit_cylinder)
+
+
+def read(properties: Any, common: dict[str, Any]) -> Description:
+    """Read the properties of a file."""
+    p0 = np.array(properties.vector("p0", (0.0, 0.0, 0.0)))
+    p1 = np.array(properties.vector("p1", (0.0, 0.0, 1.0)))
+    radius = properties.number("radius", 1.0, above=0.0)
+    axis = p1 - p0
+    length = float(np.linalg.norm(axis))
+    if not length > 0.0:
+        properties.fail("p1", "the same point as p0", "another point")
+    to_world = properties.transform("to_world")
+    local = transforms.translate(*p0) @ transforms.z_to(axis)
+    full = placed(properties, to_world @ local @ transforms.scale(radius, radius, length))
+    lengths = transforms.column_lengths(full)
+    if (
+        transforms.has_shear(full)
+        or abs(lengths[0] - lengths[1]) > STRETCH * lengths[:2].max()
+    ):
+        properties.fail(
+            "to_world",
+            "a transform that makes the tube elliptic or slanted",
+            "a rotation, translation and uniform scale",
+        )
+    radiance = common["radiance"]
+    if radiance is not None and not isinstance(radiance, tuple):
+        raise SceneError(
+            f"{properties.location}: {properties.element} emits a texture, whose points "
+            "Mitsuba puts in wrong places on a cylinder; expected one colour"
+        )
+    if radiance is not None and transforms.mirrors(to_world):
+        properties.fail(
+            "to_world",
+            "a mirrored cylinder that emits, whose two sides Mitsuba confuses",
+            "a transform without reflection",
+        )
+    flip = properties.boolean("flip_normals", False)
+    return Description(**common, to_world=full, flip_normals=flip)
+
+
+def surfaces(shapes: list[Description], first: int) -> CylinderSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    matrices = np.array([shape.to_world for shape in shapes])
+    lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)  # of the three columns
+    frame = matrices[:, :3, :3] / lengths[:, None, :]
+    return CylinderSurfaces(
+        first,
+        first + len(shapes),
+        float32(matrices[:, :3, 3].T),
+        float32(lengths[:, 0]),
+        float32(lengths[:, 2]),
+        float32(frame.transpose(0, 2, 1).reshape(-1, 9).T),
+    )
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    axis = s.frame[6:9]
+    x, y, z = axis  # not sqrt(1 - axis^2), which is 0 for a slightly tilted axis
+    reach = s.radius * np.hypot([y, z, x], [z, x, y])
+    top = s.base + axis * s.height
+    return [s.base - reach, s.base + reach, top - reach, top + reach]
+
+
+def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
+    base, axis = s.base[:, order], s.frame[6:9, order]
+    top = base + axis * s.height[order]
+    points = np.stack([base, top, base, top], 1)
+    return points, s.radius[order], np.zeros((3, len(order)), np.float32)
+
+
+def _areas(s: Any, k: Any) -> NDArray[np.float64]:
+    return 2.0 * np.pi * s.radius[k].astype(np.float64) * s.height[k]
+
+
+def _group(s: Any, order: Any, ids: Any, padded: Any) -> Cylinders:
+    return Cylinders(
+        padded(s.base[:, order]),
+        padded(s.frame[6:9, order]),
+        padded(s.radius[order]),
+        padded(s.height[order]),
+        ids,
+        len(order),
+    )
+
+
+CYLINDERS = ShapeKind(
+    "cylinders",
+    Description,
+    surfaces,
+    flipped,
+    _corners,
+    _hull,
+    _areas,
+    _group,
+    {"cylinder": read},
+)

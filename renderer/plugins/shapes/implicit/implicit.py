@@ -1,0 +1,256 @@
+"""Implicit surface: all points of a box with g(x, y, z) = 0, for any function g.
+
+The normal is the gradient of g, so that a g that is negative inside has its normals
+outside. One program on a stack evaluates all functions (`intervals`), and roots are found
+with a guarantee (`roots`): the lecture's general isosurface. Mitsuba has no such shape.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import orthonormal_basis, vec3
+from renderer.plugins.shapes.arrays import float32
+from renderer.plugins.shapes.implicit.intervals import Interval, Steps, along_line
+from renderer.plugins.shapes.implicit.roots import first_root
+from renderer.plugins.shapes.kind import ShapeKind, flipped
+from renderer.plugins.shapes.scalar_shapes import (
+    INFINITY,
+    between,
+    box_corners,
+    group_of,
+    hull_of_box,
+    in_double,
+    intersect_scalar,
+    no_area,
+    placed_point,
+    placed_vector,
+    point_alone,
+    points_alone,
+    unit_normal,
+)
+from renderer.plugins.shapes.surface import (
+    ROUNDING,
+    SurfacePoint,
+    nowhere,
+    surface_point,
+    tangent_at,
+)
+from renderer.scene_file.description import Implicit
+from renderer.scene_file.objects.expressions import (
+    ExpressionError,
+    Program,
+    parse_expression,
+    trace_function,
+)
+from renderer.scene_file.tree import Function
+
+
+class ImplicitSurfaces(NamedTuple):
+    """Surfaces first .. end - 1 by primitive id."""
+
+    first: int
+    end: int
+    lower: NDArray[np.float64]  # (3, n) of the box, in the shape's own space
+    upper: NDArray[np.float64]  # (3, n)
+    to_world: NDArray[np.float64]  # (12, n) rows
+    to_object: NDArray[np.float64]  # (12, n) rows
+    size: NDArray[np.float32]  # (n,) largest coordinate in the world
+    begin: NDArray[np.int64]  # (n,) first operation of its program
+    finish: NDArray[np.int64]  # (n,) the one after its last
+    operations: NDArray[np.int32]  # (m,) of all programs
+    operands: NDArray[np.float64]  # (m,)
+
+
+# ------------------------------------------------------------------------- one surface
+
+
+@kernel
+def _program(surfaces, k):
+    return Steps(
+        surfaces.operations, surfaces.operands, surfaces.begin[k], surfaces.finish[k]
+    )
+
+
+@intersect_scalar.by(ImplicitSurfaces)
+@kernel
+def _hit_surface(surfaces, k, origin, direction, t_max):
+    never_inline()
+    if k < 0 or not (t_max > 0.0):
+        return INFINITY
+    o = placed_point(surfaces.to_object, k, in_double(origin))
+    d = placed_vector(surfaces.to_object, k, in_double(direction))
+    near, far = 0.0, np.float64(t_max)
+    low, high = surfaces.lower, surfaces.upper
+    near, far = between(low[0, k], high[0, k], o.x, d.x, near, far)
+    near, far = between(low[1, k], high[1, k], o.y, d.y, near, far)
+    near, far = between(low[2, k], high[2, k], o.z, d.z, near, far)
+    if not near <= far < np.inf:
+        # a ray without end leaves the box, unless it goes nowhere
+        return INFINITY
+    t, _ = first_root(_program(surfaces, k), o, d, near, far)
+    rounded = np.float32(t)
+    return rounded if rounded > 0.0 else INFINITY
+
+
+@kernel
+def _gradient(program, p):
+    zero, one = 0.0, 1.0
+    at = Interval(zero, zero)
+    value, x = along_line(program, p, vec3(one, zero, zero), at)
+    _, y = along_line(program, p, vec3(zero, one, zero), at)
+    _, z = along_line(program, p, vec3(zero, zero, one), at)
+    slope = vec3(0.5 * (x.low + x.high), 0.5 * (y.low + y.high), 0.5 * (z.low + z.high))
+    return 0.5 * (value.low + value.high), slope
+
+
+@point_alone.by(ImplicitSurfaces)
+@kernel
+def point_and_normal(surfaces, k, hit_point):
+    """Take a Newton step along the gradient.
+
+    Where the gradient is 0, at a cusp, the point stays and the normal is z.
+    """
+    never_inline()
+    program = _program(surfaces, k)
+    p = placed_point(surfaces.to_object, k, in_double(hit_point))
+    reach = 1e-4 * max(
+        surfaces.upper[0, k] - surfaces.lower[0, k],
+        max(
+            surfaces.upper[1, k] - surfaces.lower[1, k],
+            surfaces.upper[2, k] - surfaces.lower[2, k],
+        ),
+    )
+    value, g = _gradient(program, p)
+    square = g.x * g.x + g.y * g.y + g.z * g.z
+    if abs(value) <= reach * np.sqrt(square) and square > 0.0:
+        step = value / square
+        p = vec3(p.x - g.x * step, p.y - g.y * step, p.z - g.z * step)
+        _, g = _gradient(program, p)
+    n = unit_normal(surfaces.to_object, k, g, vec3(0.0, 0.0, 1.0))
+    return placed_point(surfaces.to_world, k, p), n, n
+
+
+@surface_point.by(ImplicitSurfaces)
+@kernel
+def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
+    """Return the point; it has no texture coordinates."""
+    position, normal, _ = points_alone(surfaces, index, mask, hit_point)
+    offset = gather_row(surfaces.size, 0, index, mask) * ROUNDING
+    nothing = normal.x * 0.0
+    return SurfacePoint(position, normal, normal, nowhere(mask), offset, nothing, nothing)
+
+
+@tangent_at.by(ImplicitSurfaces)
+@kernel
+def _tangent_of_implicit(surfaces, index, mask, u, v, normal):
+    """Return any direction across the normal: there is no u."""
+    s, _ = orthonormal_basis(normal)
+    return s
+
+
+# ------------------------------------------------------------------------------- tables
+
+
+def read(properties: Any, common: dict[str, Any]) -> Implicit:
+    """Read the properties of a file."""
+    if common["radiance"] is not None:
+        raise SceneError(
+            f"{properties.location}: {properties.element} cannot emit: its area is not "
+            "known; a mesh or a sphere can"
+        )
+    lower = np.array(properties.vector("bounds_min", (-1.0, -1.0, -1.0)))
+    upper = np.array(properties.vector("bounds_max", (1.0, 1.0, 1.0)))
+    if not (lower < upper).all():
+        name = "bounds_max" if properties.has("bounds_max") else "bounds_min"
+        properties.fail(
+            name,
+            f"a box from {tuple(map(float, lower))} to {tuple(map(float, upper))}",
+            "each coordinate of bounds_min below that of bounds_max",
+        )
+    return Implicit(
+        **common,
+        to_world=properties.transform("to_world"),
+        bounds=np.array([lower, upper]),
+        program=_read_program(properties),
+        flip_normals=properties.boolean("flip_normals", False),
+    )
+
+
+def _read_program(properties: Any) -> Program:
+    given = [name for name in ("expression", "function") if properties.has(name)]
+    if len(given) != 1:
+        properties.fail(
+            "function" if given else "expression",
+            "one beside an expression" if given else "nothing",
+            'an "expression" of x, y and z that is 0 on the surface; from Python, it may '
+            'be a "function" instead',
+        )
+    (name,) = given
+    value = properties.take(name).value
+    wanted = str if name == "expression" else Function
+    if not isinstance(value, wanted):
+        kind = properties.element.properties[name].kind
+        properties.fail(
+            name, f"a value of type {kind}", "string" if wanted is str else "function"
+        )
+    try:
+        if isinstance(value, Function):
+            return trace_function(value.call)
+        return parse_expression(value)
+    except ExpressionError as error:
+        properties.fail(name, str(error), "a function of x, y and z of this language")
+
+
+def surfaces(shapes: list[Implicit], first: int) -> ImplicitSurfaces:
+    """Return the surfaces of shapes with primitive ids from `first` on."""
+    placed = np.array([shape.to_world for shape in shapes])
+    rows = (m[:, :3].reshape(-1, 12).T for m in (placed, np.linalg.inv(placed)))
+    bounds = np.array([shape.bounds for shape in shapes])  # (n, 2, 3)
+    steps = [len(shape.program.operations) for shape in shapes]
+    ends = np.cumsum(steps)
+    of_all = ImplicitSurfaces(
+        first,
+        first + len(shapes),
+        np.ascontiguousarray(bounds[:, 0].T),
+        np.ascontiguousarray(bounds[:, 1].T),
+        *(np.ascontiguousarray(m) for m in rows),
+        np.zeros(len(shapes), np.float32),
+        ends - steps,
+        ends,
+        np.concatenate([shape.program.operations for shape in shapes]),
+        np.concatenate([shape.program.operands for shape in shapes]),
+    )
+    return of_all._replace(size=float32(np.abs(_world_corners(of_all)).max(axis=(0, 1))))
+
+
+def _world_corners(s: ImplicitSurfaces) -> NDArray[np.float64]:
+    return box_corners(s.lower, s.upper, s.to_world)
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    return [float32(corner) for corner in _world_corners(s)]
+
+
+def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
+    return hull_of_box(_world_corners(s)[:, :, order])
+
+
+IMPLICITS = ShapeKind(
+    "implicits",
+    Implicit,
+    surfaces,
+    flipped,
+    _corners,
+    _hull,
+    no_area,
+    group_of,
+    {"implicit": read},
+    wide=False,
+)

@@ -1,0 +1,35 @@
+"""All kinds of shape: one line makes a kind known. Primitive ids go in this order."""
+
+from __future__ import annotations
+
+from renderer.plugins.shapes.cylinder import CYLINDERS
+from renderer.plugins.shapes.flat.disk import DISKS
+from renderer.plugins.shapes.flat.rectangle import RECTANGLES
+from renderer.plugins.shapes.flat.triangle import TRIANGLES
+from renderer.plugins.shapes.implicit.implicit import IMPLICITS
+from renderer.plugins.shapes.implicit.sdfgrid import SDF_CELLS
+from renderer.plugins.shapes.kind import ShapeKind, ShapePlugin
+from renderer.plugins.shapes.sphere import SPHERES
+
+SHAPES: dict[str, ShapeKind] = {
+    kind.name: kind
+    for kind in (
+        TRIANGLES,
+        RECTANGLES,
+        DISKS,
+        SPHERES,
+        CYLINDERS,
+        IMPLICITS,
+        SDF_CELLS,
+    )
+}
+PLUGINS = {
+    name: ShapePlugin(kind, make)
+    for kind in SHAPES.values()
+    for name, make in kind.plugins.items()
+}
+
+
+def kind_of_shape(shape: object) -> ShapeKind:
+    """Return the kind of a shape of the description."""
+    return next(kind for kind in SHAPES.values() if isinstance(shape, kind.description))

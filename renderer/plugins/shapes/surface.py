@@ -1,0 +1,163 @@
+"""What the stages ask of the surface of every kind of shape, and what flat ones share."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.columns import gather_columns
+from renderer.kernels.lanes.functions import fabs, maximum, select
+from renderer.kernels.lanes.mathematics.mathematics import arctan2
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, gather_rows3, vec3
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI
+
+# The position on a primitive is known up to about this fraction of its coordinates.
+ROUNDING = np.float32(2.0**-24)
+_INV_TWO_PI = np.float32(0.5 / np.pi)
+
+
+class SurfacePoint(NamedTuple):
+    """A surface point in 16 lanes, in the object's space."""
+
+    position: Any
+    normal: Any  # geometric, unit, before the shape's orientation
+    shading_normal: Any  # unit; final where `smooth`
+    smooth: Any  # mask: the shading normal comes from vertex normals
+    offset: Any  # rounding error of the position
+    u: Any
+    v: Any
+
+
+class LightPoint(NamedTuple):
+    """A point of a shape, chosen as that of a lamp, for 16 points that it may shine on."""
+
+    to_light: Any  # from those points
+    normal: Any  # that the density per area goes by
+    side: Any  # unit normal of the side that shines
+
+
+@interface
+def surface_point(
+    surfaces: Any, index: Any, mask: Any, u: Any, v: Any, hit_point: Any, with_uv: int
+) -> SurfacePoint:
+    """Return the points on primitives that were hit.
+
+    Positions come from the primitive (corner + u edge1 + v edge2, centre + r n), not from
+    p + t d: their error then does not grow with the distance that the ray has come.
+
+    Parameters
+    ----------
+    index
+        Columns of the record.
+    u, v
+        The primitives' own coordinates of the hits.
+    hit_point
+        p + t d, for the curved kinds.
+    with_uv
+        0 if nobody looks at the texture coordinates.
+    """
+
+
+@interface
+def tangent_at(surfaces: Any, index: Any, mask: Any, u: Any, v: Any, normal: Any) -> Any:
+    """Return dp/du, not unit; `normal` points away from the axis or the centre."""
+
+
+@interface
+def sample_shape(
+    surfaces: Any, kind: Any, light: Any, mask: Any, position: Any, x: Any, y: Any, z: Any
+) -> LightPoint:
+    """Choose a point of area lights; `kind` is the record of their kind."""
+
+
+@interface
+def pdf_shape(
+    surfaces: Any,
+    kind: Any,
+    light: Any,
+    prim: Any,
+    mask: Any,
+    position: Any,
+    distance: Any,
+    cosine: Any,
+) -> Any:
+    """Return the density [1/sr] with which an area light is sampled in a direction.
+
+    Parameters
+    ----------
+    light, prim
+        The light, and the primitive that is met.
+    position
+        The point that samples.
+    distance, cosine
+        To the light, and the |cosine| there.
+    """
+
+
+@kernel
+def magnitude(a):
+    """Return the largest absolute component."""
+    return maximum(maximum(fabs(a.x), fabs(a.y)), fabs(a.z))
+
+
+@kernel
+def turn(x, y):
+    """Return the angle of (x, y) as a fraction of a turn in [0, 1)."""
+    angle = arctan2(y, x)
+    return select(angle < 0.0, angle + TWO_PI, angle) * _INV_TWO_PI
+
+
+class Flat(NamedTuple):
+    """Flat primitives: the points corner + u edge1 + v edge2."""
+
+    corner: Any
+    edge1: Any
+    edge2: Any
+    normal: Any  # unit
+
+
+@kernel
+def gather_flat(surfaces, index, mask):
+    """Return flat primitives in lanes."""
+    a = gather_columns(surfaces.places, 0, index, mask)
+    b = gather_columns(surfaces.places, 4, index, mask)
+    c = gather_columns(surfaces.places, 8, index, mask)
+    return Flat(
+        vec3(a[0], a[1], a[2]),
+        vec3(a[3], b[0], b[1]),
+        vec3(b[2], b[3], c[0]),
+        vec3(c[1], c[2], c[3]),
+    )
+
+
+@kernel
+def flat_point(surfaces, index, mask, u, v):
+    """Return position, normal and rounding error on flat primitives."""
+    p = gather_flat(surfaces, index, mask)
+    position = p.corner + p.edge1 * u + p.edge2 * v
+    size = magnitude(p.corner) + magnitude(p.edge1) + magnitude(p.edge2)
+    return position, p.normal, size * ROUNDING
+
+
+@kernel
+def around_axis(curved, index, mask, u, v, normal):
+    """Return the way around the local z axis, whose angle is u; 0 at a pole."""
+    x_axis = gather_rows3(curved.frame, 0, index, mask)
+    y_axis = gather_rows3(curved.frame, 3, index, mask)
+    return y_axis * dot(x_axis, normal) - x_axis * dot(y_axis, normal)
+
+
+@kernel
+def nowhere(mask):
+    """Return the empty mask."""
+    return mask & ~mask
+
+
+@kernel
+def pdf_by_area(surfaces, kind, light, prim, mask, position, distance, cosine):
+    """Return the density [1/sr] of points that are chosen by area; see `pdf_shape`."""
+    inverse_area = gather_row(kind.lights.inverse_area, 0, light, mask)
+    return distance * distance * inverse_area / cosine

@@ -1,0 +1,205 @@
+"""Texels in the formats that images come in: bytes, half and single floats.
+
+A look-up reads four texels of each point, far apart in memory: it costs what it reads.
+Three bytes are one word, so that a texel takes one gather; sRGB is decoded by a table of
+256 numbers, which stays in the nearest cache. Half floats take two words. Texels of one
+channel are numbers, of three channels vectors.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import as_f32, select
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import gather3, select3, vec3
+from renderer.plugins.textures.kind import LUMINANCE
+from renderer.scene_file.images.image import decoded_bytes
+
+# a half's exponent counts from 15, a single's from 127
+_HALF = np.float32(2.0**112)
+_R, _G, _B = (np.float32(weight) for weight in LUMINANCE)
+
+
+class ByteColors(NamedTuple):
+    """Three bytes a texel, in a word."""
+
+    words: NDArray[np.int32]  # (n,)
+    decoded: NDArray[np.float32]  # (256,) what each byte means
+
+
+class Bytes(NamedTuple):
+    """A byte a texel, four in a word."""
+
+    words: NDArray[np.int32]  # (n / 4,)
+    decoded: NDArray[np.float32]  # (256,)
+
+
+class HalfColors(NamedTuple):
+    """Three half floats a texel."""
+
+    words: NDArray[np.int32]  # (2, n) red and green; blue
+
+
+class Halves(NamedTuple):
+    """A half float a texel, two in a word."""
+
+    words: NDArray[np.int32]  # (n / 2,)
+
+
+class FloatColors(NamedTuple):
+    """Three floats a texel."""
+
+    values: NDArray[np.float32]  # (3, n)
+
+
+class Floats(NamedTuple):
+    """A float a texel."""
+
+    values: NDArray[np.float32]  # (n,)
+
+
+def packed_texels(images: list[NDArray[Any]], srgb: bool) -> Any:
+    """Return the texels of images, row after row, one image after the other.
+
+    Parameters
+    ----------
+    images
+        (H, W, 1 or 3) each, all of one type: uint8, float16 or float32.
+    srgb
+        Whether bytes are encoded so.
+    """
+    texels = np.concatenate([image.reshape(-1, image.shape[2]) for image in images])
+    channels = texels.shape[1]
+    if texels.dtype == np.float32:
+        if channels == 1:
+            return Floats(np.ascontiguousarray(texels[:, 0]))
+        return FloatColors(np.ascontiguousarray(texels.T))
+    # bytes and halves fill words: of four, or of one or two for a single channel
+    whole = np.zeros((len(texels), 4), texels.dtype)
+    if channels == 1:
+        whole = np.zeros((-(-len(texels) // 4) * 4, 1), texels.dtype)
+    whole[: len(texels), :channels] = texels
+    words = whole.view(np.int32) if channels == 3 else whole.ravel().view(np.int32)
+    if texels.dtype == np.uint8:
+        decoded = decoded_bytes(srgb)
+        if channels == 1:
+            return Bytes(words, decoded)
+        return ByteColors(np.ascontiguousarray(words[:, 0]), decoded)
+    if channels == 1:
+        return Halves(words)
+    return HalfColors(np.ascontiguousarray(words.T))
+
+
+@interface
+def texel_at(texels: Any, index: Any, mask: Any) -> Any:
+    """Return texels by their place; those of a single channel as numbers."""
+
+
+@interface
+def chosen(texels: Any, mask: Any, yes: Any, no: Any) -> Any:
+    """Choose between texels, lane by lane."""
+
+
+@interface
+def as_color(texels: Any, x: Any) -> Any:
+    """Return texels as colours."""
+
+
+@interface
+def as_number(texels: Any, x: Any) -> Any:
+    """Return what texels mean as one number."""
+
+
+@kernel
+def _decoded(decoded, words, shift, mask):
+    return gather_row(decoded, 0, (words >> shift) & 255, mask)
+
+
+@texel_at.by(ByteColors)
+@kernel
+def _byte_color(texels, index, mask):
+    words = gather_row(texels.words, 0, index, mask)
+    return vec3(
+        _decoded(texels.decoded, words, 0, mask),
+        _decoded(texels.decoded, words, 8, mask),
+        _decoded(texels.decoded, words, 16, mask),
+    )
+
+
+@texel_at.by(Bytes)
+@kernel
+def _byte(texels, index, mask):
+    words = gather_row(texels.words, 0, index >> 2, mask)
+    return _decoded(texels.decoded, words, (index & 3) * 8, mask)
+
+
+@kernel
+def _single(half):
+    """Return half floats that are not negative, from the lower 16 bits: exactly."""
+    return as_f32((half & 0x7FFF) << 13) * _HALF
+
+
+@texel_at.by(HalfColors)
+@kernel
+def _half_color(texels, index, mask):
+    first = gather_row(texels.words, 0, index, mask)
+    second = gather_row(texels.words, 1, index, mask)
+    return vec3(_single(first), _single(first >> 16), _single(second))
+
+
+@texel_at.by(Halves)
+@kernel
+def _half(texels, index, mask):
+    words = gather_row(texels.words, 0, index >> 1, mask)
+    return _single(select((index & 1) == 0, words, words >> 16))
+
+
+@texel_at.by(FloatColors)
+@kernel
+def _float_color(texels, index, mask):
+    return gather3(texels.values, index, mask)
+
+
+@texel_at.by(Floats)
+@kernel
+def _float(texels, index, mask):
+    return gather_row(texels.values, 0, index, mask)
+
+
+_COLORS, _NUMBERS = (ByteColors, HalfColors, FloatColors), (Bytes, Halves, Floats)
+
+
+@chosen.by(*_COLORS, drop_first=True)
+@kernel
+def _chosen_color(mask, yes, no):
+    return select3(mask, yes, no)
+
+
+@chosen.by(*_NUMBERS, drop_first=True)
+@kernel
+def _chosen_number(mask, yes, no):
+    return select(mask, yes, no)
+
+
+@as_color.by(*_COLORS, drop_first=True)
+@as_number.by(*_NUMBERS, drop_first=True)
+@kernel
+def _as_it_is(x):
+    return x
+
+
+@as_color.by(*_NUMBERS, drop_first=True)
+@kernel
+def _grey(x):
+    return vec3(x, x, x)
+
+
+@as_number.by(*_COLORS, drop_first=True)
+@kernel
+def _luminance(x):
+    return x.x * _R + x.y * _G + x.z * _B

@@ -1,0 +1,113 @@
+"""What may differ from one way of rendering to another, down to the last bit.
+
+The default is `RenderMode`. A replay of Mitsuba's random numbers and roundings is a second
+implementation (`renderer.replay`), which only `mode_for` imports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.integrators.stages.film.draws import (
+    choose_light,
+    draw,
+    draw_aperture,
+    draw_film,
+)
+from renderer.kernels.jit import pack
+from renderer.plugins.sampling.arithmetic import Plain
+from renderer.plugins.sampling.numbers_and_warps import Independent, Stratified
+from renderer.plugins.sampling.sobol import Sobol, make_sobol
+from renderer.plugins.sampling.source import Sampling
+from renderer.rendering.planning.plan import Plan, stratified_cells
+from renderer.scene.light_tables import LightTables, alias_tables
+from renderer.scene.materials import MaterialTables
+from renderer.scene.scene import Scene
+
+
+class Variant(Protocol):
+    """One way of rendering."""
+
+    arithmetic: Any  # see `renderer.plugins.sampling.arithmetic`
+    previous_points: bool  # whether rays keep the exact positions that they come from
+    in_order: bool  # whether the samples of a tile must be drawn one after the other
+
+    def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
+        """Return the source of random numbers."""
+
+    def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
+        """Return the surfaces of the scene, more exactly rounded where it matters."""
+
+    def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
+        """Return the table by which a triangle of a mesh light is chosen."""
+
+    def lights(self, scene: Scene, lights: LightTables) -> LightTables:
+        """Return the lights of the scene, more exactly rounded where it matters."""
+
+    def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
+        """Return the constant parameters of BSDFs, (rows, BSDFs)."""
+
+    def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
+        """Return (kernel, record) of what is done after stages; None for nothing."""
+
+
+class RenderMode:
+    """The renderer's own."""
+
+    arithmetic = Plain()
+    previous_points = False
+    in_order = False
+
+    def sampling(self, scene: Scene, plan: Plan, seed: int) -> Sampling:
+        """Hash pixel, sample and dimension."""
+        record = kernel_sampler(plan, seed)
+        by_pair = isinstance(record, Sobol) or getattr(record, "multi", None) is not None
+        return Sampling(pack(record), draw_film, draw, choose_light, draw_aperture, by_pair)
+
+    def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
+        """Return them as they are."""
+        return surfaces
+
+    def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
+        """Choose in constant time."""
+        return alias_tables(count, surfaces, tables)
+
+    def lights(self, scene: Scene, lights: LightTables) -> LightTables:
+        """Return them as they are."""
+        return lights
+
+    def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
+        """Return them as they were read."""
+        return materials.values()
+
+    def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
+        """Do nothing more."""
+        return [(None, None)] * 3
+
+
+def kernel_sampler(plan: Plan, seed: int) -> Any:
+    """Return the sampler's record; the file's own seed and the render's are mixed."""
+    mixed = int(np.random.SeedSequence([plan.sampler.seed, seed]).generate_state(1)[0])
+    name = plan.sampler.name
+    if name == "independent":
+        return Independent(mixed)
+    if name == "sobol":
+        return make_sobol(mixed, plan.spp)
+    columns, rows = stratified_cells(plan.spp)
+    jitter = 1.0 if plan.sampler.jitter else 0.0
+    return Stratified(mixed, columns, rows, jitter, None if name == "stratified" else 1)
+
+
+def mode_for(plan: Plan, measured_camera: Sequence[float] | None) -> Variant:
+    """Return the way that a plan asks for; `measured_camera` is for a replay."""
+    if not plan.replay:
+        return RenderMode()
+    from renderer.replay.replay_mode import (
+        Replayed,  # the one place that knows it; few need it
+    )
+
+    return Replayed(measured_camera)

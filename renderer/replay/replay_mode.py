@@ -1,0 +1,154 @@
+"""A replay of Mitsuba's numbers and roundings: the interfaces, implemented again."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import pack
+from renderer.plugins.lights.finite.spot import SpotLights
+from renderer.plugins.lights.infinite.envmap import EnvironmentMaps
+from renderer.plugins.sampling.source import Sampling
+from renderer.plugins.sensors.registry import kind_of_sensor
+from renderer.plugins.shapes.flat.flat import replaced
+from renderer.replay.drawn_ahead import (
+    Replay,
+    begin_bounce,
+    choose_light,
+    draw,
+    draw_aperture,
+    draw_film,
+    rows_of,
+)
+from renderer.replay.numbers.pixel_seeds import pixel_seeds
+from renderer.replay.rounding.camera import replay_camera, round_camera_rays
+from renderer.replay.rounding.directions import AsMitsuba
+from renderer.replay.rounding.environment import rounded_environment
+from renderer.replay.rounding.hits.hit_points import round_surface_points
+from renderer.replay.rounding.hits.surfaces import rounding_of
+from renderer.replay.rounding.hits.triangle_arithmetic import (
+    face_normals,
+    triangle_tangents,
+)
+from renderer.replay.rounding.mesh_lights import triangle_shares
+from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
+from renderer.replay.rounding.spots import rounded_spots
+from renderer.replay.rounding.texture_means import rounded_shares
+from renderer.replay.sequences import make_sequence
+from renderer.scene.light_order import light_order
+from renderer.scene.light_tables import LightTables
+from renderer.scene.materials import MaterialTables, kind_of, sides
+from renderer.scene.scene import Scene
+from renderer.scene_file.description import EnvironmentMap, Sampler, SpotLight
+
+
+class Planned(Protocol):
+    """What a replay asks of a plan."""
+
+    @property
+    def method(self) -> str: ...  # noqa: D102
+    @property
+    def sampler(self) -> Sampler: ...  # noqa: D102
+    @property
+    def light_samples(self) -> int: ...  # noqa: D102
+    @property
+    def bsdf_samples(self) -> int: ...  # noqa: D102
+
+
+class Replayed:
+    """The way of a replay; see `renderer.rendering.tables.render_mode.Variant`.
+
+    Parameters
+    ----------
+    measured_camera
+        See `replay.rounding.camera.replay_camera`.
+    """
+
+    arithmetic = AsMitsuba()
+    previous_points = True
+    in_order = True
+
+    def __init__(self, measured_camera: Sequence[float] | None) -> None:
+        self._measured_camera = measured_camera
+
+    def sampling(self, scene: Scene, plan: Planned, seed: int) -> Sampling:
+        """Return Mitsuba's own numbers for a scene, by pixel of the full film."""
+        camera = scene.description.camera
+        shutter = 2 if kind_of_sensor(camera).has_aperture else 1
+        film, beyond = camera.film, 2 * camera.film.border
+        width, height = film.crop_width + beyond, film.crop_height + beyond
+        seeds = np.zeros((film.height + beyond, film.width + beyond), np.uint32)
+        rows = slice(film.crop_offset_y, film.crop_offset_y + height)
+        columns = slice(film.crop_offset_x, film.crop_offset_x + width)
+        seeds[rows, columns] = pixel_seeds(width, height, seed)
+        shown = [sides(shape.bsdf) for shape in scene.description.every_shape]
+        smooth = [
+            any(side is not None and kind_of(side).smooth for side in both)
+            for both in shown
+        ]
+        samples = max(plan.light_samples, plan.bsdf_samples)
+        record = Replay(
+            make_sequence(seeds.ravel(), plan.sampler),
+            np.zeros((rows_of(samples), seeds.size), np.float32),
+            np.array(smooth or [False], np.int32),
+            plan.light_samples,
+            plan.bsdf_samples,
+            int(plan.method == "direct"),
+            shutter if camera.shutter_time > 0.0 else 0,
+        )
+        return Sampling(
+            pack(record),
+            draw_film,
+            draw,
+            choose_light,
+            draw_aperture,
+            begin_bounce=begin_bounce,
+        )
+
+    def surfaces(self, surfaces: dict[str, Any]) -> dict[str, Any]:
+        """Return triangles with Mitsuba's normals and dp/du."""
+        if "triangles" not in surfaces:
+            return surfaces
+        triangles = surfaces["triangles"]
+        normals = face_normals(triangles.edge1, triangles.edge2)
+        exact = replaced(triangles, normal=normals)
+        exact = exact._replace(tangents=triangle_tangents(triangles))
+        return surfaces | {"triangles": exact}
+
+    def mesh_choice(self, count: int, surfaces: Any, tables: dict[int, Any]) -> Any:
+        """Return cumulated areas."""
+        return triangle_shares(count, surfaces, tables)
+
+    def lights(self, scene: Scene, lights: LightTables) -> LightTables:
+        """Return them with Mitsuba's ways of environment maps and spot lights."""
+        description = scene.description
+        skies = [sky for sky in description.emitters if isinstance(sky, EnvironmentMap)]
+        order = light_order(description).of_emitters
+        pairs = zip(order, description.emitters, strict=True)
+        spots = {i: spot for i, spot in pairs if isinstance(spot, SpotLight)}
+
+        def rounded(table: Any) -> Any:
+            if isinstance(table, EnvironmentMaps):
+                return rounded_environment(table, skies[0])
+            return rounded_spots(table, spots) if isinstance(table, SpotLights) else table
+
+        tables = [rounded(table) for table in lights.tables]
+        return dataclasses.replace(lights, tables=tables)
+
+    def parameters(self, materials: MaterialTables) -> NDArray[np.float32]:
+        """Return them with lobes chosen by means of textures as Mitsuba adds them up."""
+        return rounded_shares(materials)
+
+    def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
+        """Round camera rays, surface points and scattered rays."""
+        scattering = scattering_bsdfs(scene.materials.bsdfs)
+        camera = replay_camera(scene.description.camera, self._measured_camera)
+        return [
+            (round_camera_rays, camera),
+            (round_surface_points, rounding_of(scene.description, surfaces)),
+            (round_rays, scattering),
+        ]
