@@ -20,7 +20,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from mitsuba_ref.mutations.mutation import Mutation, mutant_folder
+from mitsuba_ref.mutations.mutation import Mutation, mutant_folder, mutated_files
 from mitsuba_ref.our_renderer.picture import OurPicture
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.reference.errors import MitsubaCrashed, MitsubaError, MitsubaTimeout
@@ -78,6 +78,7 @@ class Mutant:
         self.mutation = mutation
         self.time_limit = time_limit
         self.folder = mutant_folder(mutation, root)
+        self._edited = {name.partition("/")[0] for name in mutated_files(mutation)}
         self._process: JsonProcess | None = None
         self._answers = tempfile.TemporaryDirectory()
 
@@ -183,8 +184,7 @@ class Mutant:
     def _environment(self) -> dict[str, str]:
         paths = [str(self.folder), str(ROOT)]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        edited = {edit.file.partition("/")[0] for edit in self.mutation.edits}
-        if edited.isdisjoint(KERNEL_FOLDERS):
+        if self._edited.isdisjoint(KERNEL_FOLDERS):
             return environment  # its kernels are the renderer's own, and kept by content
         return environment | {
             # deleted with its folder

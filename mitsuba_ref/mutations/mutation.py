@@ -1,4 +1,4 @@
-"""A mutation: a piece of our renderer's source text, and what is put in its place."""
+"""A mutation: a named defect of the renderer, and a copy of the renderer that has it."""
 
 from __future__ import annotations
 
@@ -12,22 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import renderer
+from mitsuba_ref.mutations.source_edit import (
+    AnchorError,
+    Edit,
+    definitions_with,
+    edited_text,
+    find_definition,
+)
 from renderer.process.cache_folder import cache_folder
 
 PACKAGE = Path(renderer.__file__).parent
-
-
-class AnchorError(ValueError):
-    """The text that a mutation replaces is not in the source exactly once."""
-
-
-@dataclass(frozen=True)
-class Edit:
-    """One replacement in one file."""
-
-    file: str  # relative to renderer/
-    old: str  # stands in the file exactly once
-    new: str
 
 
 @dataclass(frozen=True)
@@ -43,41 +37,26 @@ class Mutation:
     remark: str = ""  # why a rung is blind for it
 
 
-def mutated_text(source: str, edit: Edit) -> str:
-    """Return a file's text with the replacement made.
-
-    Raises
-    ------
-    AnchorError
-        If the old text is there more than once or not at all, or nothing would change.
-    """
-    count = source.count(edit.old)
-    if count != 1:
-        raise AnchorError(
-            f"renderer/{edit.file}: expected the text {edit.old!r} exactly once, "
-            f"found it {count} times; the mutation has to follow the source"
-        )
-    if edit.old == edit.new:
-        raise AnchorError(f"renderer/{edit.file}: {edit.old!r} is replaced by itself")
-    return source.replace(edit.old, edit.new)
-
-
 def mutated_files(mutation: Mutation, package: Path = PACKAGE) -> dict[str, str]:
-    """Return the new text of each file that a mutation touches.
+    """Return the new text of each file that a mutation touches, by its path in `package`.
 
     Raises
     ------
     AnchorError
-        As `mutated_text`; also for a file that does not exist.
+        If a definition or a text in it is not there exactly once.
     """
     texts: dict[str, str] = {}
     for edit in mutation.edits:
-        if edit.file not in texts:
-            path = package / edit.file
-            if not path.is_file():
-                raise AnchorError(f"{mutation.name}: there is no file renderer/{edit.file}")
-            texts[edit.file] = path.read_text(encoding="utf-8")
-        texts[edit.file] = mutated_text(texts[edit.file], edit)
+        try:
+            place = find_definition(edit.symbol, package)
+            name = place.path.relative_to(package).as_posix()
+            source = texts.get(name) or place.path.read_text(encoding="utf-8")
+            texts[name] = edited_text(source, edit, place)
+        except AnchorError as error:
+            there = ", ".join(definitions_with(edit.old, package)) or "no definition"
+            raise AnchorError(
+                f"mutation {mutation.name}: {error}; the text is in: {there}"
+            ) from None
     return texts
 
 

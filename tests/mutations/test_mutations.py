@@ -16,18 +16,14 @@ import pytest
 from numba.core.errors import TypingError
 
 from mitsuba_ref.comparison.aovs import compare_aovs
-from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, DEFECTS, named
-from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
+from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, named
 from mitsuba_ref.mutations.matrix import Row, control, scene_file, write_matrix
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
 from mitsuba_ref.mutations.mutation import (
     PACKAGE,
-    AnchorError,
-    Edit,
     Mutation,
     mutant_folder,
     mutated_files,
-    mutated_text,
 )
 from mitsuba_ref.mutations.rungs import (
     AOVS,
@@ -39,6 +35,7 @@ from mitsuba_ref.mutations.rungs import (
     Rung,
     rungs_of,
 )
+from mitsuba_ref.mutations.source_edit import AnchorError, Edit
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import Finite, SceneResult
 from mitsuba_ref.reference.cache import ReferenceCache
@@ -75,10 +72,9 @@ def test_what_it_names_exists(mutation):
 
 
 def test_there_are_enough_of_both_kinds_and_names_are_unique():
-    assert len(DEFECTS) >= 20
-    assert all(mutation.harmful for mutation in DEFECTS)
-    assert len(NEUTRAL_CHANGES) >= 3
-    assert not any(mutation.harmful for mutation in NEUTRAL_CHANGES)
+    harmful = [mutation.harmful for mutation in CATALOGUE]
+    assert harmful.count(True) >= 140
+    assert harmful.count(False) >= 7
     names = [mutation.name for mutation in CATALOGUE]
     assert len(set(names)) == len(names)
     assert all(re.fullmatch("[a-z0-9-]+", name) for name in names)
@@ -105,28 +101,95 @@ def mutation(*edits: tuple[str, str, str], name: str = "made-up") -> Mutation:
     return Mutation(name, "for a test", tuple(Edit(*e) for e in edits), "grey-furnace")
 
 
+SOURCE = """
+LIMIT = 3
+
+
+class Camera:
+    def shift(self):
+        return self.x + self.x
+
+
+@decorated
+def shift(
+    x, y
+):
+    # a comment, and a line for each argument
+    return clamp(
+        x + 0.5,  # half a pixel
+        y,
+    )
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package with two modules; `outer.reach` is there in both."""
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "camera.py").write_text(SOURCE)
+    (tmp_path / "deep" / "other.py").write_text("def reach():\n    return 1\n")
+    (tmp_path / "film.py").write_text("def reach():\n    return 2\n")
+    return tmp_path
+
+
+def edited(package, symbol, old, new):
+    [text] = mutated_files(mutation((symbol, old, new)), package).values()
+    return text
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("symbol", "old", "new", "line"),
     [
-        ("no such text", "x", "exactly once, found it 0 times"),
-        ("e", "x", "exactly once, found it 3 times"),
-        ("three", "three", "replaced by itself"),
+        ("camera.LIMIT", "3", "4", "LIMIT = 4"),
+        ("Camera.shift", "self.x +", "self.y +", "        return self.y + self.x"),
+        ("camera.shift", "x + 0.5", "x", "        x,  # half a pixel"),
+        ("camera.shift", "return clamp(x + 0.5, y)", "return x, y", "    return x, y"),
+        ("camera.shift", "return", "x = y\nreturn", "    x = y\n    return clamp("),
+        ("old_module.LIMIT", "3", "4", "LIMIT = 4"),  # it has moved to `camera`
+        ("camera.py", "class Camera", "class Lens", "class Lens:"),
     ],
 )
-def test_a_mutation_that_does_not_fit_is_an_error(old, new, complaint):
+def test_text_is_replaced_in_the_named_definition_however_it_is_laid_out(
+    package, symbol, old, new, line
+):
+    assert f"\n{line}" in edited(package, symbol, old, new)
+
+
+@pytest.mark.parametrize(
+    ("symbol", "old", "complaint"),
+    [
+        ("camera.shift", "no such text", "found it 0 times; the text is in: no definition"),
+        ("camera.shift", "self.x + self", "found it 0 times; .*: camera.*Camera.shift"),
+        ("Camera.shift", "self.x", "exactly once in .*camera.py, lines 6 to 7, found it 2"),
+        ("camera.shift", "x", "replaced by itself"),
+        ("camera.shfit", "x + 0.5", "no such definition; similar: camera.shift"),
+        (
+            "old_module.reach",
+            "1",
+            "several .*: deep.other.reach, film.reach; ",
+        ),
+        ("gone.py", "x", "mutation made-up: gone.py: no such definition"),
+    ],
+)
+def test_a_mutation_that_does_not_fit_is_an_error_that_names_what_does(
+    package, symbol, old, complaint
+):
     with pytest.raises(AnchorError, match=complaint):
-        mutated_text("three e", Edit("file.py", old, new))
+        edited(package, symbol, old, "x")
 
 
-def test_a_file_that_is_gone_is_an_error():
-    with pytest.raises(AnchorError, match="there is no file renderer/gone"):
-        mutated_files(mutation(("gone.py", "a", "b")))
+def test_a_changed_source_is_read_again(package):
+    """A matrix runs for hours, while others edit the work tree."""
+    edited(package, "film.reach", "2", "5")
+    source = package / "film.py"
+    source.write_text("LIMIT = 1\n\n\n" + source.read_text())
+    assert edited(package, "film.reach", "2", "5").endswith("return 5\n")
 
 
 def test_two_edits_of_one_file_are_both_made():
     edits = [
-        ("rendering/picture/srgb.py", "12.92", "13.0"),
-        ("rendering/picture/srgb.py", "1.055 *", "1.0 *"),
+        ("srgb.srgb_from_linear", "12.92", "13.0"),
+        ("srgb.srgb_from_linear", "1.055 *", "1.0 *"),
     ]
     text = mutated_files(mutation(*edits))["rendering/picture/srgb.py"]
     assert "13.0" in text and "12.92" not in text and "1.0 *" in text
@@ -134,7 +197,7 @@ def test_two_edits_of_one_file_are_both_made():
 
 def test_a_copy_differs_in_the_mutated_file_alone_and_is_found_again(tmp_path):
     """Numba finds kernels by path and time of a source: a copy must not be made twice."""
-    made = mutation(("rendering/picture/srgb.py", "12.92", "13.0"))
+    made = mutation(("srgb.srgb_from_linear", "12.92", "13.0"))
     folder = mutant_folder(made, tmp_path)
     sources = sorted(p.relative_to(PACKAGE) for p in PACKAGE.rglob("*.py"))
     assert sorted(p.relative_to(folder / "renderer") for p in folder.rglob("*.py")) == (
@@ -152,15 +215,11 @@ def test_a_copy_differs_in_the_mutated_file_alone_and_is_found_again(tmp_path):
 
 
 def test_a_changed_mutation_has_another_folder_and_the_old_one_goes(tmp_path):
-    first = mutant_folder(
-        mutation(("rendering/picture/srgb.py", "12.92", "13.0")), tmp_path
-    )
+    first = mutant_folder(mutation(("srgb.srgb_from_linear", "12.92", "13.0")), tmp_path)
     other = mutant_folder(
-        mutation(("rendering/picture/srgb.py", "12.92", "13.0"), name="made"), tmp_path
+        mutation(("srgb.srgb_from_linear", "12.92", "13.0"), name="made"), tmp_path
     )
-    second = mutant_folder(
-        mutation(("rendering/picture/srgb.py", "12.92", "14.0")), tmp_path
-    )
+    second = mutant_folder(mutation(("srgb.srgb_from_linear", "12.92", "14.0")), tmp_path)
     assert sorted(tmp_path.iterdir()) == sorted([other, second])
     assert first != second
 
@@ -170,7 +229,7 @@ def request() -> RenderRequest:
     return RenderRequest(str(scene_file("grey-furnace")), parameters=size, threads=1)
 
 
-PLACE = "    with shown(progress) as show:\n        return _finish(prepare(scene"
+PLACE = "return _finish(prepare(scene, options, show), show)"
 
 
 @pytest.mark.parametrize(
@@ -185,7 +244,7 @@ PLACE = "    with shown(progress) as show:\n        return _finish(prepare(scene
 def test_a_mutant_that_breaks_is_an_error_and_not_a_wait(tmp_path, statement, complaint):
     """Harmful text may do anything to its process, and nothing to ours."""
     limit = 4.0 if "sleep" in statement else 120.0
-    made = mutation(("rendering/render_scene.py", PLACE, f"    {statement}\n{PLACE}"))
+    made = mutation(("render_scene.render", PLACE, f"{statement}\n{PLACE}"))
     with Mutant(made, limit, tmp_path) as mutant:
         with pytest.raises(MutantError, match=complaint):
             mutant.render(request())
@@ -196,7 +255,7 @@ def test_a_refusal_arrives_as_what_it_is(tmp_path):
     content = scene_file("grey-furnace").read_text(encoding="utf-8")
     scene = tmp_path / "scene.xml"
     scene.write_text(content.replace('type="sphere"', 'type="hypercube"'))
-    made = mutation(("rendering/picture/srgb.py", "12.92", "13.0"))
+    made = mutation(("srgb.srgb_from_linear", "12.92", "13.0"))
     with Mutant(made, 120.0, tmp_path) as mutant:
         with pytest.raises(SceneError, match="hypercube"):
             mutant.render(dataclasses.replace(request(), path=str(scene)))
@@ -213,9 +272,7 @@ def test_kernels_are_compiled_again_only_where_one_is_changed(tmp_path, monkeypa
 
 
 def test_tests_that_do_not_end_are_stopped(tmp_path):
-    made = mutation(
-        ("rendering/picture/srgb.py", "def srgb", "while True: pass\n\ndef srgb")
-    )
+    made = mutation(("srgb.srgb_from_linear", "def", "while True: pass\n\ndef"))
     with Mutant(made, 6.0, tmp_path) as mutant:
         with pytest.raises(MutantError, match="tests did not end within 6 s"):
             mutant.run_tests(("test_image.py",))
@@ -240,7 +297,7 @@ def test_the_same_test_passes_on_the_unchanged_renderer(tmp_path):
 
 
 NARROWER = mutation(  # in a file from which no kernel is compiled
-    ("scene_file/objects/view/sensors.py", "return fov_x\n", "return 0.9 * fov_x\n"),
+    ("sensors.read_fov_x", "return fov_x", "return 0.9 * fov_x"),
     name="narrower",
 )
 

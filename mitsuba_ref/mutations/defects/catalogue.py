@@ -1,39 +1,58 @@
-"""All mutations, by what they change."""
+"""All mutations, read from the TOML files of this folder.
+
+A table of a file is a mutation: its name is the header, its keys are the fields of
+`Mutation`. `in`, `old` and `new` are one `Edit`. Several edits are an array of tables
+`edits` with these keys. Keys above the first header are defaults for the file.
+"""
 
 from __future__ import annotations
 
-from mitsuba_ref.mutations.defects import (
-    film,
-    geometry,
-    implicit_surfaces,
-    integrators,
-    lights,
-    transport,
-)
-from mitsuba_ref.mutations.defects.neutral_changes import NEUTRAL_CHANGES
-from mitsuba_ref.mutations.defects.surfaces import (
-    materials,
-    nested_bsdfs,
-    rough_surfaces,
-    spectra,
-    textures,
-)
-from mitsuba_ref.mutations.mutation import Mutation
+import tomllib
+from pathlib import Path
+from typing import Any
 
-DEFECTS: tuple[Mutation, ...] = (
-    *transport.DEFECTS,
-    *lights.DEFECTS,
-    *materials.DEFECTS,
-    *rough_surfaces.DEFECTS,
-    *nested_bsdfs.DEFECTS,
-    *textures.DEFECTS,
-    *film.DEFECTS,
-    *geometry.DEFECTS,
-    *implicit_surfaces.DEFECTS,
-    *integrators.DEFECTS,
-    *spectra.DEFECTS,
+from mitsuba_ref.mutations.mutation import Mutation
+from mitsuba_ref.mutations.source_edit import Edit
+
+THEMES = (
+    "transport",
+    "lights",
+    "materials",
+    "rough_surfaces",
+    "nested_bsdfs",
+    "textures",
+    "film",
+    "geometry",
+    "implicit_surfaces",
+    "integrators",
+    "spectra",
+    "neutral_changes",
 )
-CATALOGUE: tuple[Mutation, ...] = DEFECTS + NEUTRAL_CHANGES
+
+
+def read_mutations(path: Path) -> tuple[Mutation, ...]:
+    """Return the mutations of a file, in its order."""
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    defaults = {key: value for key, value in content.items() if not isinstance(value, dict)}
+    return tuple(
+        _mutation(name, defaults | row)
+        for name, row in content.items()
+        if isinstance(row, dict)
+    )
+
+
+def _mutation(name: str, row: dict[str, Any]) -> Mutation:
+    if "edits" not in row:
+        row["edits"] = [{key: row.pop(key) for key in ("in", "old", "new")}]
+    edits = tuple(Edit(edit["in"], edit["old"], edit["new"]) for edit in row.pop("edits"))
+    return Mutation(name, edits=edits, tests=tuple(row.pop("tests", ())), **row)
+
+
+CATALOGUE: tuple[Mutation, ...] = tuple(
+    mutation
+    for theme in THEMES
+    for mutation in read_mutations(Path(__file__).with_name(f"{theme}.toml"))
+)
 
 
 def named(names: list[str]) -> list[Mutation]:
