@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import gc
 import os
 import re
 import shutil
@@ -14,14 +13,11 @@ import threading
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 from compiled_kernels import ROOT
 from numba.core import types
 from numba.core.caching import IndexDataCacheFile
-from numba.core.errors import TypingError
-from numba.extending import overload
 
 import renderer
 import renderer.integrators.stages.film.film
@@ -30,7 +26,6 @@ from renderer.kernels.jit import (
     cache,
     call,
     compile_method,
-    decorators,
     entry_kernel,
     kernel,
     method_kernel,
@@ -39,7 +34,6 @@ from renderer.kernels.jit import (
     with_neighbours,
 )
 from renderer.kernels.jit.cache import KERNEL_FOLDERS, _Index, file_digest
-from renderer.kernels.jit.compiler import versions
 from renderer.scene_file.images import png_filters
 
 
@@ -138,53 +132,6 @@ def test_kernels_divide_without_exceptions() -> None:
         return np.float32(1.0) / x
 
     assert inverse(np.float32(0.0)) == np.inf
-
-
-def _unknown(x):
-    """What no kernel can call: its compilation fails, so that no cache holds it."""
-
-
-def test_pythons_collector_looks_seldom_while_a_kernel_is_compiled() -> None:
-    """And as before afterwards, also when it fails or another compiles inside of it."""
-    seen = []
-
-    @overload(_unknown)
-    def choose(x):
-        with decorators.rare_collections():
-            pass
-        seen.append(gc.get_threshold())
-
-    @entry_kernel
-    def fails(x):
-        return _unknown(x)
-
-    usual = gc.get_threshold()
-    with pytest.raises(TypingError):
-        fails(1.0)
-    assert {threshold[0] for threshold in seen} == {200_000}
-    assert gc.get_threshold() == usual
-
-
-def test_what_compiling_made_is_not_looked_at_as_soon_as_it_ends(monkeypatch) -> None:
-    """A look at all of it would be due at once; but not for ever, as it may be garbage."""
-    monkeypatch.setattr(decorators, "_unseen", 0)
-    monkeypatch.setattr(decorators, "_MOST_UNSEEN", 40_000)
-    was_frozen = gc.get_freeze_count() > 0
-    gc.unfreeze()
-    try:
-        due = []
-        for _ in range(3):
-            gc.collect()
-            with decorators.rare_collections():
-                made = [[number] for number in range(25_000)]
-                gc.disable()
-            due.append(gc.get_count()[0] > gc.get_threshold()[0])
-            gc.enable()
-            del made
-        assert due == [False, False, True]  # 75,000 objects would be too many
-    finally:
-        if was_frozen:
-            gc.freeze()
 
 
 SAVES_MANY = """
@@ -449,29 +396,13 @@ def test_a_kernel_left_out_of_the_hash_is_known_by_its_own_file() -> None:
     assert plain.name == "renderer_integrators_stages_film_film"
 
 
-# ------------------------------------------------------------------ versions of Numba
-
-
-def test_this_version_of_numba_has_been_tried() -> None:
-    """`renderer.kernels.jit` replaces private parts of Numba, on versions it knows.
-
-    On another version all works, but compiles longer. To add one to `TRIED`, run the whole
-    suite with it.
-    """
-    assert numba.__version__ in versions.TRIED, (
-        f"Numba {numba.__version__} has not been tried with renderer.kernels.jit"
-    )
-
-
 PAIR = """
-import numba
-{patch}
 import sys
 from typing import NamedTuple
 import numpy as np
-from numba.core import base, codegen, event, ir, targetconfig, types
-from renderer.kernels.jit import compile_method, count_of, entry_kernel, kernel
-from renderer.kernels.jit import method_kernel, pack
+from numba.core import types
+from renderer.kernels.jit import builder_kernel, compile_method, count_of, entry_kernel
+from renderer.kernels.jit import kernel, method_kernel, pack
 
 class Numbers(NamedTuple):
     values: np.ndarray
@@ -491,43 +422,31 @@ def total(numbers, factor):
 def run(address, record, factor):
     return count_of(address, record, (factor,)) + thrice(np.int64(1))
 
-parts = [
-    codegen.CPUCodeLibrary.finalize,
-    ir.Inst._rec_list_vars,
-    targetconfig.TargetConfig.__eq__,
-    event.start_event,
-    base.BaseContext.refresh,
-    types.Function.get_call_type,
-    run._compiler.pipeline_class,
-]
-replaced = [part.__module__.startswith("renderer.") for part in parts]
-assert len(set(replaced)) == 1, replaced
+@builder_kernel
+def thrice_each(numbers):
+    return np.array([thrice(number) for number in numbers])
+
 packed = pack(Numbers(np.arange(5)))
 method = compile_method(total, packed, types.int64, returns=types.int64)
-print(replaced[0], run(*method, 10))
+kernels = total, run, thrice_each
+print(run(*method, 10), thrice_each(np.arange(3)).tolist())
 """
 
 
-@pytest.mark.parametrize(
-    ("patch", "replaced"), [("", True), ('numba.__version__ = "0.0.1"', False)]
-)
-def test_kernels_are_the_same_on_a_version_that_nobody_has_tried(
-    tmp_path: Path, patch: str, replaced: bool
-) -> None:
-    """There Numba compiles in its own way: kernels, methods and entries work as here.
-
-    Twice, as the second time they come from the cache.
-    """
-    (tmp_path / "pair.py").write_text(PAIR.format(patch=patch))
-    paths = os.pathsep.join([str(tmp_path), str(ROOT)])
-    environment = os.environ | {"PYTHONPATH": paths}
-    environment["LIGHTPROOF_CACHE"] = str(tmp_path / "cache")
-    for _ in range(2):
+def test_kernels_work_as_compiled_and_as_loaded(tmp_path: Path) -> None:
+    """Methods, entries and builders that all call one kernel, in two processes."""
+    (tmp_path / "pair.py").write_text(PAIR)
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)]),
+        "LIGHTPROOF_CACHE": str(tmp_path / "cache"),
+    }
+    program = "import pair; print([len(k.stats.cache_hits) for k in pair.kernels])"
+    for hits in (0, 1):
         done = subprocess.run(
-            [sys.executable, "-c", "import pair"],
+            [sys.executable, "-c", program],
             env=environment,
             capture_output=True,
             text=True,
             check=True,
         )
-        assert done.stdout.split() == [str(replaced), "303"]
+        assert done.stdout == f"303 [0, 3, 6]\n{[hits] * 3}\n"

@@ -216,3 +216,8 @@ def test_an_interface_says_what_it_is() -> None:
     )
     with pytest.raises(TypeError, match="extent_of can be called inside kernels only"):
         extent_of(Square(1.0), 2.0)
+
+
+def test_an_interface_takes_arguments_by_name() -> None:
+    call = entry_kernel(lambda shape, scale: extent_of(scale=scale, shape=shape))
+    assert call(Square(2.0), 3.0) == 6.0

@@ -1,8 +1,8 @@
 """How kernels are compiled, kept, and called: Numba as this renderer uses it.
 
 Whoever writes a kernel needs `kernel` alone. What is behind it, a file each: the flags
-(`decorators`), the cache on disk (`cache`), modules that are linked but not compiled by
-themselves (`linking`), records that kernels see through a pointer (`records`), tables
+(`decorators`), the cache on disk (`cache`), how kernels are linked into one another
+(`linking`), records that kernels see through a pointer (`records`), tables
 that they gather columns from (`columns`), kernels that are called by their address, as
 methods of an object are (`methods`), and functions that are chosen by the record they
 work on (`interfaces`).

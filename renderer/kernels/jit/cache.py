@@ -31,9 +31,11 @@ from numba.core.caching import (
     _CacheLocator,
 )
 
+from renderer.kernels.jit.linking import rebuilt, reduced
 from renderer.kernels.jit.neighbours import PACKAGE, file_digest
 from renderer.kernels.jit.used_folders import use_folder
 from renderer.process.cache_folder import cache_folder, cache_root
+from renderer.process.signals import put_off_interrupts
 
 try:
     import fcntl
@@ -230,6 +232,12 @@ def _modules_of(numba_type: Any) -> Iterator[str]:
 class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]
     _locator_classes = (_ByContent,)
 
+    def reduce(self, compiled: Any) -> Any:
+        return reduced(compiled)
+
+    def rebuild(self, target_context: Any, kept: Any) -> Any:
+        return rebuilt(target_context, kept)
+
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """The kept variants of one kernel."""
@@ -243,7 +251,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return a kept variant; None if there is none, or none that may be read."""
         try:
-            return super().load_overload(sig, target_context)
+            with put_off_interrupts():  # LLVM's objects must not stay half made
+                return super().load_overload(sig, target_context)
         except OSError as error:
             _warn_once(KERNEL_CACHE, error.strerror, EACH_TIME)
             return None

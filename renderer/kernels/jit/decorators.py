@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numba
@@ -12,83 +9,23 @@ from numba.extending import intrinsic
 
 from renderer.errors import SceneError
 from renderer.kernels.jit.cache import keep
-
-# both replace parts of Numba
-from renderer.kernels.jit.compiler import front_end, questions  # noqa: F401
-from renderer.kernels.jit.compiler.linking import SEPARATE
-from renderer.kernels.jit.compiler.passes import PIPELINE
+from renderer.kernels.jit.linking import Compiler, LinkedCompiler, MachineCodeCompiler
 
 if numba.config.DISABLE_JIT:  # then kernels would be Python functions without lanes
     raise SceneError("NUMBA_DISABLE_JIT is set; unset it: kernels are always compiled")
 
 _FLAGS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 
-# objects made between two looks of Python's collector: it is 700 otherwise, and the three
-# million objects of a scene's kernels hold almost nothing that it could free
-_OBJECTS_BETWEEN_COLLECTIONS = 200_000
-_MOST_UNSEEN = 1_000_000  # objects made by compiling that no look was at
-_unseen = 0
 
-
-@contextmanager
-def rare_collections() -> Iterator[None]:
-    """Let Python's collector of cycles look seldom while Numba compiles.
-
-    It saves 1.0 of the 1.7 s that its looks take in a cold start of 13 s, and more in
-    larger programs (docs/decisions/compile-time.md).
-    """
-    usual = gc.get_threshold()
-    if not gc.isenabled() or usual[0] == 0 or usual[0] >= _OBJECTS_BETWEEN_COLLECTIONS:
-        yield  # switched off, or another thread compiles already and will set it back
-        return
-    try:
-        gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS, *usual[1:])
-        yield
-    finally:
-        try:
-            _look_later()
-        finally:
-            gc.set_threshold(*usual)
-
-
-def _look_later() -> None:
-    """Let what was made grow old unseen: a look at all of it would be due at once.
-
-    Half of it is garbage, which stays for a while, 50 MB a scene: so for the first scenes
-    only, whose pictures somebody waits for.
-    """
-    global _unseen
-    # somebody's own frozen objects would be thawed with ours
-    if _unseen < _MOST_UNSEEN and gc.get_freeze_count() == 0:
-        _unseen += gc.get_count()[0]
-        try:
-            gc.freeze()
-        finally:
-            gc.unfreeze()
-
-
-def _dispatcher(function: Any, **flags: bool) -> Any:
-    dispatcher = numba.njit(**(_FLAGS | PIPELINE | flags))(function)
+def _dispatcher(function: Any, compiler: type, **flags: bool) -> Any:
+    dispatcher = numba.njit(pipeline_class=compiler, **(_FLAGS | flags))(function)
     keep(dispatcher, function)
-    return dispatcher
-
-
-def _called_from_python(function: Any, **flags: bool) -> Any:
-    """Compile `function`, and all that it calls, when Python first calls it."""
-    dispatcher = _dispatcher(function, **flags)
-    compile_for = dispatcher._compile_for_args
-
-    def compile_for_args(*args: Any, **kwargs: Any) -> Any:
-        with rare_collections():
-            return compile_for(*args, **kwargs)
-
-    dispatcher._compile_for_args = compile_for_args
     return dispatcher
 
 
 def builder_kernel(function: Any) -> Any:
     """Compile `function` as `entry_kernel` does, but let it allocate arrays."""
-    return _called_from_python(function, _nrt=True)
+    return _dispatcher(function, Compiler, _nrt=True)
 
 
 def entry_kernel(function: Any) -> Any:
@@ -102,7 +39,7 @@ def entry_kernel(function: Any) -> Any:
     counting a record's arrays at each call was a sixth of all compile time
     (docs/decisions/compile-time.md).
     """
-    return _called_from_python(function)
+    return _dispatcher(function, MachineCodeCompiler)
 
 
 def compiled_for(entry: Any, *arguments: Any) -> Any:
@@ -121,7 +58,21 @@ def kernel(function: Any) -> Any:
     Without the wrapper that unpacks Python's arguments: the wrappers of the scene's records
     were two thirds of all compile time. A call from Python is a TypeError.
     """
-    dispatcher = _dispatcher(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+    return _for_kernels(function, LinkedCompiler)
+
+
+def method_kernel(function: Any) -> Any:
+    """Compile `function` like `kernel`, into machine code of its own, see `methods`.
+
+    Its first parameter is the record that it belongs to. It is compiled once for each type
+    of that record, whatever other kinds of things a scene has.
+    """
+    return _for_kernels(function, MachineCodeCompiler)
+
+
+def _for_kernels(function: Any, compiler: type) -> Any:
+    without = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher = _dispatcher(function, compiler, **without)
 
     # Numba would register the missing wrapper as a null pointer and jump to it
     def add_overload(compiled: Any) -> None:
@@ -133,16 +84,6 @@ def kernel(function: Any) -> Any:
     dispatcher.add_overload = add_overload
     dispatcher._compile_for_args = refuse
     return dispatcher
-
-
-def method_kernel(function: Any) -> Any:
-    """Compile `function` like `kernel`, into machine code of its own, see `methods`.
-
-    Its first parameter is the record that it belongs to. It is compiled once for each type
-    of that record, whatever other kinds of things a scene has.
-    """
-    SEPARATE.add(function.__qualname__)
-    return kernel(function)
 
 
 @intrinsic

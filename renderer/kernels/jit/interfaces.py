@@ -67,7 +67,6 @@ def interface(declared: Callable[..., Any]) -> Any:
         """Type a call as a call of the implementation: no function between the two."""
 
         key = function
-        may_change = True  # `by` replaces implementations: see `compiler.questions`
 
         def generic(self, args: Any, kws: Any) -> Signature:
             args = parameters.bind(*args, **kws).args

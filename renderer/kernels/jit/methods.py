@@ -26,7 +26,6 @@ from numba.core import cgutils, types
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from renderer.kernels.jit.decorators import rare_collections
 from renderer.kernels.jit.records import Packed
 
 
@@ -61,8 +60,7 @@ def compile_method(
     signature = (record.numba_type, *arguments)
     compiled = dispatcher.overloads.get(signature)
     if compiled is None:
-        with rare_collections():
-            dispatcher.compile(signature)
+        dispatcher.compile(signature)
         compiled = dispatcher.overloads[signature]
     found = compiled.signature.return_type
     if found != returns:

@@ -16,7 +16,6 @@ from numba.core import types
 
 from renderer.errors import PluginError
 from renderer.kernels.jit import record_type
-from renderer.kernels.jit.decorators import rare_collections
 from renderer.kernels.lanes.types import Lanes, Mask, f32x16
 from renderer.kernels.lanes.vectors import Vec3Type
 from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Numbers
@@ -120,8 +119,7 @@ def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
 def _compiled(kernel: Any, signature: tuple[Any, ...]) -> Any:
     """Compile a kernel, or load it from the cache; return the type that it returns."""
     try:
-        with rare_collections():
-            kernel.compile(signature)
+        kernel.compile(signature)
         return kernel.overloads[signature].signature.return_type
     except Exception as error:  # Numba raises errors of many classes, Python's as well
         raise explain(error, kernel) from error
