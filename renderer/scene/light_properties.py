@@ -1,4 +1,4 @@
-"""What kinds of light a scene has, as plans and simplifications ask for it."""
+"""Which kinds of lights a scene has: used by plans and simplifications."""
 
 from __future__ import annotations
 

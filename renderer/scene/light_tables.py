@@ -168,8 +168,8 @@ def _textured_areas(
 ) -> TexturedAreas:
     """Return the area lights with textures on one kind of shape.
 
-    Mitsuba forgets `flip_normals` where it samples a texture on a rectangle: a flipped one
-    is sampled from its front, and shines to its back on those who find it by themselves.
+    Mitsuba ignores `flip_normals` when it samples a texture on a rectangle. Light samples
+    of a flipped rectangle see its front emit; BSDF samples see its back emit.
     """
     shapes = scene.description.shapes
     sides = {i: scene.shapes.orientation[shining[i]] for i in lights}

@@ -42,7 +42,7 @@ from renderer.scene_file.description import (
 
 Kind = BsdfKind | Structure
 
-# rows of a parameter -> what is asked of a texture that gives it
+# rows of a parameter -> the method that looks up a texture for it
 _REQUESTS = {3: LOOK_UP_COLOR, 2: LOOK_UP_GRADIENT, 1: LOOK_UP_SCALAR}
 
 
@@ -266,7 +266,7 @@ class MaterialTables:
     ) -> NDArray[np.int64]:
         """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 
-        None in place of a kind: nobody needs its parameters.
+        An entry of `kinds` is None if the parameters of that kind are not needed.
         """
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):

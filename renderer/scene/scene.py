@@ -100,10 +100,10 @@ class Scene:
     def recently(
         self, what: str, key: Any, build: Callable[..., Any], *arguments: Any
     ) -> Any:
-        """Return the same as `once`, but keep what was asked for last alone.
+        """Return the same as `once`, but keep the most recent results only.
 
-        For what depends on how the scene is rendered, of which there are any number of
-        ways: `RECENT[what]` of them are kept.
+        For results that depend on the render options. There may be any number of
+        them: the last `RECENT[what]` are kept.
         """
         kept = self._recent.setdefault(what, {})
         found = kept.pop(key, None)  # other threads may be here too

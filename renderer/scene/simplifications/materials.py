@@ -29,7 +29,7 @@ from renderer.scene_file.description import (
 Change = Callable[[Any], Any]
 
 BLACK = ConstantTexture((0.0, 0.0, 0.0))
-# What differs from point to point and is no colour: its mean is another surface, or none.
+# Textured parameters that are not colours: their mean would describe another surface.
 SURFACE = {"normalmap", "height"}
 
 

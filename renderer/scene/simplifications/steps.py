@@ -33,7 +33,7 @@ BOX = ReconstructionFilter("box", radius=0.5)
 
 
 class Simplification(NamedTuple):
-    """A step that can be asked for."""
+    """A simplification that a user can choose."""
 
     sentence: str
     step: Step

@@ -74,7 +74,7 @@ def _element(
     if not isinstance(plugin, str):
         raise SceneError(f'{location}: the dictionary lacks a "type"')
     tag = tag_of_plugin(plugin)
-    if tag is None and key == "integrator":  # another one may be asked for to render it
+    if tag is None and key == "integrator":  # the options may choose another integrator
         tag = "integrator"
     if tag is None:
         supported = ", ".join(every_plugin())
@@ -248,7 +248,7 @@ def _triple(value: Any, location: Location, what: str) -> tuple[float, float, fl
 
 
 def _array(value: Any) -> np.ndarray | None:
-    """Return numbers as an array, or None if they are none."""
+    """Return numbers as an array, or None for anything else."""
     if isinstance(value, str | bytes | Mapping) or value is None:
         return None
     if not isinstance(value, Sequence | np.ndarray | int | float) and not hasattr(

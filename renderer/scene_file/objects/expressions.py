@@ -159,7 +159,7 @@ def parse_expression(text: str) -> Program:
     Raises
     ------
     ExpressionError
-        Anything in it is none of the language's.
+        If anything in it is not part of the language.
     """
     source = text.replace("^", "**").strip()
     if len(source) > 16 * LONGEST:
