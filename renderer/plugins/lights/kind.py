@@ -1,4 +1,4 @@
-"""What the stages ask of a kind of light, and how the lights of a batch are sampled."""
+"""The interfaces of a kind of light, and how the lights of a batch are sampled."""
 
 from __future__ import annotations
 

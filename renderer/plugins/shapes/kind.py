@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class ShapeKind:
-    """One kind of shape; its kernels are implementations of the interfaces beside this.
+    """One kind of shape; its kernels implement the interfaces of this folder.
 
     Parameters
     ----------

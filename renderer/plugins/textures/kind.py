@@ -1,4 +1,4 @@
-"""What a kind of texture is, and what the stages ask of it."""
+"""The interface of a kind of texture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface
 
-# luminance of linear sRGB: what a bitmap's colours mean where one number is asked for
+# luminance of linear sRGB: what a bitmap of colours returns for one number
 LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 

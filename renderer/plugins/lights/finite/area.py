@@ -1,7 +1,7 @@
 """Area lights: a point on the shape, chosen by area; on a sphere, by the cone it fills.
 
-From density per area to density per solid angle: pdf = r^2 / (|cos| A). How a point is
-chosen is a matter of the shape (`renderer.plugins.shapes`).
+From density per area to density per solid angle: pdf = r^2 / (|cos| A). The shape chooses
+the point (`renderer.plugins.shapes`).
 """
 
 from __future__ import annotations

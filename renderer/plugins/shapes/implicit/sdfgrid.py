@@ -223,7 +223,7 @@ def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
 def occupied(distances: NDArray[np.float32]) -> NDArray[np.int64]:
     """Return z, y, x of the cells with numbers of either sign, (n, 3), in Mitsuba's order.
 
-    A cell whose eight numbers are 0 has no surface but solid zeros: none is met.
+    A cell whose eight numbers are all 0 is left out: it has no surface to hit.
     """
     low = high = distances
     for axis in range(3):
