@@ -44,7 +44,7 @@ class Decision:
     roulette_depth: int | None = None  # None: no Russian roulette
     no_roulette: str = ""  # why
     mirrors: bool = False  # go on from mirrors and glass
-    every_light: bool = False  # ask all lights at each point instead of one at random
+    every_light: bool = False  # sample all lights at each point instead of one
     follow: bool = False  # go on from diffuse surfaces
     cutoff: float = 0.0
     light_samples: int = 1  # of `direct`, at each point

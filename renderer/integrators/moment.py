@@ -1,4 +1,4 @@
-"""`moment`: the picture of the integrator inside of it, and second moments beside it.
+"""`moment`: the picture of its inner integrator, and second moments as further channels.
 
 The channels are Mitsuba's: X, Y and Z of the colours, and the means of the squares of
 single samples under `m2_`. From both the variance of a pixel follows.
@@ -35,12 +35,12 @@ class Moment(NamedTuple):
     """The plugin, which is read and then a property of the integrator inside of it."""
 
     def read(self, properties: Properties) -> Integrator:
-        """Return the integrator inside, with moments beside its picture.
+        """Return the inner integrator, with moments added to its channels.
 
         Raises
         ------
         SceneError
-            If there is not one, or one that has moments itself.
+            If there is not exactly one inner integrator, or it has moments itself.
         """
         element = properties.element
         children = properties.children("integrator")

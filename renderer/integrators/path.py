@@ -83,7 +83,7 @@ def _read(properties: Properties) -> Integrator:
 def decide_direct(case: Case, depth: int) -> Decision:
     """Return how direct light alone is followed."""
     light_samples = samples = 1
-    if case.asked.name == "direct":  # another may be chosen for a file that asks for it
+    if case.asked.name == "direct":  # not if only the options chose it
         light_samples, samples = case.asked.emitter_samples, case.asked.bsdf_samples
     if case.reduce and not case.extended:  # nothing varies from sample to sample
         light_samples, samples = min(light_samples, 1), min(samples, 1)

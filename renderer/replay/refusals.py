@@ -10,7 +10,7 @@ MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
 
 
 def check_replay(asked: Integrator, method: str, extended: bool) -> None:
-    """Refuse what Mitsuba's order of random numbers does not let us follow.
+    """Refuse integrators for which Mitsuba's order of random numbers cannot be followed.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Place(NamedTuple):
 
 @kernel
 def instance_of(placements, numbers, ray, valid):
-    """Return the instance ids of rays' hits, -1 for none."""
+    """Return the instance ids of rays' hits, -1 for hits outside of instances."""
     if placements.group.size == 0:
         return splat_i32(-1)
     return select(valid, gather_row(numbers, 0, ray, valid), -1)
