@@ -95,7 +95,7 @@ TABLES: dict[str, type[Struct]] = {
 
 
 def read_proof(scene: Path) -> Proof:
-    """Read the proof.toml beside a scene file; without one, return `NO_PROOF`.
+    """Read the proof.toml in the folder of a scene file; without one, return `NO_PROOF`.
 
     Raises
     ------

@@ -37,7 +37,7 @@ def first_hit_causes(
 
 
 def place_sentence(arrays: dict[str, NDArray[np.float32]], x: int, y: int) -> str:
-    """Return whether pixel (x, y) lies beside an edge, by the AOVs `SEEN`, (H, W, 1)."""
+    """Return whether pixel (x, y) is next to an edge, by the AOVs `SEEN`, (H, W, 1)."""
     around = slice(max(0, y - 1), y + 2), slice(max(0, x - 1), x + 2)
     for kind, noun in SEEN:
         if np.ptp(arrays[kind][around]) > 0.0:
