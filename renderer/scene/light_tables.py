@@ -55,7 +55,7 @@ def light_tables(
     others = dict(zip(order.of_emitters, scene.description.emitters, strict=True))
     shining = {light: i for i, light in enumerate(order.of_shapes) if light >= 0}
     count = len(shining) + len(others)
-    # nothing of the scene is farther from any of its points than this
+    # an upper bound of the distance between any two points of the scene
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
     kind = np.zeros(max(count, 1), np.int32)
     tables: list[Any] = []

@@ -85,13 +85,13 @@ class Scene:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is kept for this process: tables hold addresses of its memory."""
+        """Leave out cached values when pickling: tables hold addresses of this process."""
         return {name: value for name, value in vars(self).items() if name != "_recent"}
 
     def once(self, key: Any, build: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what `build` gives for a key, built at the first call and then kept.
+        """Return `build(*arguments)` for a key, computed once and then cached.
 
-        Accelerators are: they are the same for every render of the scene.
+        Accelerators are an example: they are the same for every render of the scene.
         """
         if key not in self._built:
             self._built[key] = build(*arguments)

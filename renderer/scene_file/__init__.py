@@ -56,7 +56,7 @@ def read_file(
     SceneError
         If the file, or one that it names, cannot be read or rendered.
     TypeError
-        If `path` is no path.
+        If `path` is not a path.
     """
     return read_file_with(path, parameters, allow_outside)
 
@@ -100,7 +100,7 @@ def read_string(
     SceneError
         As `read_file`.
     TypeError
-        If `xml` is no text.
+        If `xml` is not a text.
     """
     _check_type("the scene", xml, (str, bytes), "XML text (a str)")
     return _read_xml(xml, "<string>", parameters, _reading(base_dir, allow_outside))

@@ -121,7 +121,7 @@ class Conductor:
 
 @dataclass(frozen=True, eq=False)
 class OtherBsdf:
-    """A kind that was registered: its parameters are attributes, as of the others."""
+    """A BSDF of a registered kind; its parameters are attributes, as of other BSDFs."""
 
     plugin: str
     values: Mapping[str, Texture | float]

@@ -1,6 +1,7 @@
-"""BSDFs with a part of them left out; what has no such part comes back as it is.
+"""BSDFs with a part left out.
 
-The same object is what tells that nothing changes, so nothing is rebuilt in vain.
+A BSDF without that part is returned as the same object, which shows that nothing changes
+and nothing has to be rebuilt.
 """
 
 from __future__ import annotations

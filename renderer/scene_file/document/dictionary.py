@@ -38,7 +38,7 @@ from renderer.scene_file.tree import (
 
 _DEEPEST = 100  # also what ends a dictionary that contains itself
 _VALUE_TYPES = ("rgb", "spectrum", "ref")
-# Types of pixels, by kind and bytes; of a tensor any numbers, which are what they are.
+# Types of pixels, by kind and bytes. Tensors may have any type, and are linear.
 _PIXEL_TYPES = ("u1", "u2", "f2", "f4", "f8")
 _TENSOR_TYPES = (*_PIXEL_TYPES, "i1", "i2", "i4", "i8", "u4", "u8")
 
