@@ -70,7 +70,7 @@ def trace_several(scene, tile, sample, work):
     for number in range(settings.light_samples):
         direct_light(scene, tile, sample, number, work)
     for number in range(settings.bsdf_samples):
-        _points(scene, work, count, settings.bsdf_samples)  # arriving needs their place
+        _points(scene, work, count, settings.bsdf_samples)  # emission needs the points
         found = scatter(scene, tile, sample, number, work)
         reset_hits(hits, np.int64(0), found)
         intersect(scene.groups, rays, hits, np.int64(0), found, False, None)

@@ -1,4 +1,4 @@
-"""What a kind of shape is outside of kernels: from the description to its tables."""
+"""A kind of shape outside of kernels: from the description to its tables."""
 
 from __future__ import annotations
 

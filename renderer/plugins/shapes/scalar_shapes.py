@@ -47,9 +47,9 @@ def intersect_scalar(surfaces: Any, k: Any, origin: Any, direction: Any, t_max: 
 
 @interface
 def point_alone(surfaces: Any, k: Any, hit_point: Any) -> Any:
-    """Return the point of surface k next to one that is on it but for rounding.
+    """Return the point of surface k closest to `hit_point`, which is rounded.
 
-    And its normal, and the normal for shading; all in double precision.
+    Also return its normal and its shading normal, all in double precision.
     """
 
 
@@ -206,7 +206,7 @@ def _three(rows, first):
 
 def group_of(s: Any, order: Any, ids: Any, padded: Any) -> Singly:
     """Return primitives as an accelerator keeps them."""
-    # -1 is no surface: lanes beyond the last are not worth a search for roots
+    # -1 is never hit: no search for roots in lanes beyond the last
     column = np.pad(np.asarray(order, np.int32), (0, 16), constant_values=-1)
     return Singly(column, s, ids, len(order))
 

@@ -74,7 +74,7 @@ class Chosen(NamedTuple):
 
     light: Any
     probability: Any
-    rest: Any  # what is left of the number that chose, in [0, 1)
+    rest: Any  # the random number after the choice, rescaled to [0, 1)
 
 
 @kernel
@@ -268,7 +268,7 @@ def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, coun
 
 @kernel
 def divide_by_probability(samples, numbers, count):
-    """Count the choice of their lights into light samples and their densities."""
+    """Include the probability of choosing the light in light samples and densities."""
     for i in range(0, count, 16):
         probability = load_row(numbers, 3, i)
         store_row(samples.pdf, 0, i, load_row(samples.pdf, 0, i) * probability)

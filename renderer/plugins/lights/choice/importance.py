@@ -25,7 +25,7 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import column, dot, gather3
 
-# How much of a surface's side lights are looked for on, by BSDF
+# On which sides of a surface lights can contribute, by BSDF
 IN_FRONT = 0  # it is opaque: what lies behind it gives nothing
 BOTH_SIDES = 1  # light goes through
 ANY_NORMAL = 2  # a normal or bump map turns the normal by an unknown angle

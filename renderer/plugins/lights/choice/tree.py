@@ -193,7 +193,7 @@ def _split(
 
 
 def _opened(tree: _Tree, table: _Columns, node: int, count: int) -> list[int]:
-    """Return up to `count` nodes with all lights of a node: the vaguest are opened."""
+    """Return up to `count` nodes that hold all lights of a node; loose ones are opened."""
 
     def vague(k: int) -> float:
         lights = tree.lights(k)

@@ -80,7 +80,7 @@ def _emitted(areas, kind, points, i, light, mask):
 
 @method_kernel
 def add_emission(kind, settings, lights, shapes, points, count, radiance):
-    """Add L_e of the lights of one kind that `count` paths have arrived at."""
+    """Add L_e of the lights of one kind that `count` paths have hit."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
         valid = first_lanes(count - i)

@@ -204,7 +204,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
 
 
 def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
-    """Say where the reference shows less of the shape than there is."""
+    """Warn if Mitsuba shows less of the shape than there is."""
     nz, _, nx = distances.shape
     reasons = []
     if nx != nz:
