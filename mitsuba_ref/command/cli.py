@@ -116,7 +116,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lightproof-validate",
         description="Render scenes in lightproof and in Mitsuba 3 (scalar_rgb) and say how "
-        "far apart they are, beside the noise that Mitsuba has against itself.",
+        "far apart they are, compared with the noise between Mitsuba's own pictures.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

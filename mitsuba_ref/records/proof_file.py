@@ -82,7 +82,7 @@ NO_PROOF = Proof(
     deterministic=None,
     demo=None,
     test=None,
-    replay=ReplayLimits(traced=16, reason="nobody has said what this scene may differ by"),
+    replay=ReplayLimits(traced=16, reason="the scene has no limits in a proof.toml"),
 )
 """For a scene without a proof.toml: the scene file decides."""
 

@@ -42,7 +42,7 @@ def place_sentence(arrays: dict[str, NDArray[np.float32]], x: int, y: int) -> st
     for kind, noun in SEEN:
         if np.ptp(arrays[kind][around]) > 0.0:
             return (
-                f"It lies beside an edge: a neighbouring pixel sees another {noun}, so "
+                f"It lies next to an edge: a neighbouring pixel sees another {noun}, so "
                 "rounding may send a camera ray to the other side."
             )
     return (

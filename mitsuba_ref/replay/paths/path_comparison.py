@@ -46,9 +46,9 @@ T = TypeVar("T")
 
 MEANINGS: dict[Kind, str] = {
     "random numbers": "the two draw other random numbers (order, seed or sampler)",
-    "hit": "another primitive is hit (a ray beside an edge, or a wrong shape)",
+    "hit": "another primitive is hit (a ray next to an edge, or a wrong shape)",
     "light choice": "another light is sampled (the choice, or the order of the lights)",
-    "shadow": "a shadow decision (a ray beside an edge, or a wrong ray)",
+    "shadow": "a shadow decision (a ray next to an edge, or a wrong ray)",
     "roulette": "Russian roulette decides otherwise (its probability, or its depth)",
     "end": "the path goes on in one of the two only (the depth limit, or a black weight)",
     "value": "a value (the formula of this quantity, or what goes into it)",

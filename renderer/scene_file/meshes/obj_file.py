@@ -298,7 +298,7 @@ def _missing(keys: NDArray[np.int64], path: Path) -> list[str]:
         if 0 < lacking < len(keys):
             found.append(
                 f"{path}: {lacking} of {len(keys)} vertices have no {word} and get "
-                f"{instead}; Mitsuba reads memory there that nobody has written"
+                f"{instead}; Mitsuba reads uninitialised memory there"
             )
     return found
 
