@@ -25,7 +25,7 @@ from mitsuba_ref.records.results import ReplayResult, Results  # noqa: E402
 
 EVEN = 64  # squared: samples of an albedo
 
-HEAD = """# Every plugin beside Mitsuba
+HEAD = """# Every plugin compared with Mitsuba
 
 *Written by `docs/measure_plugins.py` from the files of tests/plugins and the tables of the
 tests. Measured {date} at commit {commit}: {cpu}, {cores} cores, Mitsuba {mitsuba}; others
@@ -46,7 +46,7 @@ costs as much as its samples: [performance.md](performance.md) measures speed.
 What no replay shows: the border of `sample_border` (both sides render with the box here,
 which reaches nothing beyond its pixel), the channels of `moment` and `aov`, and the colours
 of `regular`, `irregular` and `blackbody`, which Mitsuba's side gets from ours. They have
-tests of their own, against Mitsuba's channels, its spectral variants and laws of physics.
+separate tests, against Mitsuba's channels, its spectral variants and laws of physics.
 
 ## Energy
 

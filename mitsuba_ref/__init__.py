@@ -3,9 +3,9 @@
 The only package that imports mitsuba or drjit. Its rooms, from the ground up; imports go
 down, which a contract in pyproject.toml keeps:
 
-- `records`: what is asked of both renderers, and what is written down of their answers;
+- `records`: the requests to both renderers, and the records of their results;
 - `our_renderer`: our side of a comparison;
-- `reference`: the file in Mitsuba's `scalar_rgb`, in a process of its own, and the cache;
+- `reference`: the file in Mitsuba's `scalar_rgb`, in a separate process, and the cache;
 - `metrics`, `statistics`: how far apart pictures are, and whether that is more than noise;
 - `comparison`: two sets of arrays judged without knowing where they came from;
 - `ladder` (many pictures of each renderer), `replay` (the same random numbers on both

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None, ours: RenderOurs | None = None)
 
 
 def _scene_files(given: Sequence[Path]) -> dict[str, Path]:
-    """Return each scene by a name of its own; without any given, all of scenes/."""
+    """Return each scene by a unique name; without any given, all of scenes/."""
     from mitsuba_ref.records.options import scene_name
 
     files = [path / "scene.xml" if path.is_dir() else path for path in given]
@@ -116,7 +116,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="lightproof-validate",
         description="Render scenes in lightproof and in Mitsuba 3 (scalar_rgb) and say how "
-        "far apart they are, beside the noise that Mitsuba has against itself.",
+        "far apart they are, compared with the noise between Mitsuba's own pictures.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -26,14 +26,14 @@ def describe_scene(
     reference: Reference,
     comparison: Comparison,
 ) -> SceneResult:
-    """Fill in what was asked, what ran on each side, how long, and what came out.
+    """Fill in the request, what ran on each side, the times, and the results.
 
     Parameters
     ----------
     blank
         With the scene's name, path, title and whether it is deterministic.
     request, options, proof
-        What was asked for.
+        The settings of the comparison.
     ours, reference
         What each renderer did; of Mitsuba's pictures the one that is shown.
     comparison

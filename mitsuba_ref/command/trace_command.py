@@ -68,7 +68,7 @@ def run_trace(given: argparse.Namespace, scenes: list[Path], options: Options) -
 
 
 def _stopped(error: Exception, request: RenderRequest | None) -> NotCompared:
-    """Return what an error means; before there is a request neither side was asked."""
+    """Return what an error means; without a request neither side has rendered."""
     if request is None and isinstance(error, SceneError):
         return bad_request(error)
     return stopped_by(error, "trace")

@@ -76,7 +76,7 @@ def validate_scene(
     Parameters
     ----------
     path
-        Mitsuba 3 XML; a proof.toml beside it is used.
+        Mitsuba 3 XML; a proof.toml in its folder is used.
     options
         Sizes, seeds and threads.
     render_ours

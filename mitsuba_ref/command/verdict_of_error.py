@@ -73,14 +73,14 @@ def stopped_by(error: Exception, stage: str) -> NotCompared:
 def with_the_other_side(
     ours: NotCompared, request: RenderRequest, references: ReferenceCache
 ) -> NotCompared:
-    """Ask Mitsuba too, after our refusal.
+    """Find out whether Mitsuba renders a scene that we refuse.
 
-    It is asked for one sample per pixel of the picture as the file has it: to load a scene
-    is not to render it. Nothing is kept: without our reading of the scene its files are not
+    It renders one sample per pixel at the file's size: a scene that loads may still fail to
+    render. The picture is not cached, as the files of a scene that we cannot read are not
     known.
 
-    It is not asked about a scene that names, anywhere, a file that may not be read: our
-    refusal may stand on an earlier line.
+    Mitsuba is not started for a scene that names, anywhere, a file that may not be read.
+    Our error may concern an earlier line.
     """
     asked = replace(request, kind="image", spp=1, box_filter=False)
     try:
@@ -114,7 +114,7 @@ def _seen_of_us(verdict: Verdict, stage: str) -> str:
 
 
 def _said(stage: str, what: str) -> str:
-    if stage.startswith("Mitsuba"):  # who says it need not be said twice
+    if stage.startswith("Mitsuba"):  # the sentence names Mitsuba already
         what = what.removeprefix("Mitsuba: ")
     return f"{stage}: {what}"
 

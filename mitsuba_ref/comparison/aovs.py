@@ -37,7 +37,7 @@ TOLERANCES: dict[str, tuple[float, str]] = {  # of the error, and how it is meas
     "albedo": (1e-3, "largest component"),
 }
 OF_A_FACE = ("geo_normal", "sh_normal", "uv", "albedo")
-"""What two triangles may have of their own on the edge that they share."""
+"""Quantities that may differ between two triangles on their common edge."""
 
 INDICES = ("shape_index", "prim_index")
 
@@ -149,9 +149,10 @@ def _on_a_shared_edge(
 ) -> Mask:
     """Return where both hit one point of two primitives or shapes, along a thin line.
 
-    An edge is no wider than a pixel: in the midst of eight others like it a pixel is not on
-    one. Of two shapes ours must be hit beside it in Mitsuba too: coincident ones need not
-    be. The triangles at the pole of a mesh are smaller than the pixels.
+    An edge is at most a pixel wide: a pixel whose eight neighbours are like it is not on
+    one. Of two shapes, ours must also be hit in a neighbouring pixel of Mitsuba's; this is
+    not required of coincident shapes. The triangles at the pole of a mesh are smaller than
+    the pixels.
     """
     # without them no tie is excused
     if not {"position", "shape_index", kind} <= ours.keys():

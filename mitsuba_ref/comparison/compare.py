@@ -1,4 +1,4 @@
-"""Two renderers' arrays -> numbers beside their noise floors -> a verdict with reasons."""
+"""Two renderers' arrays -> distances with their noise floors -> a verdict with reasons."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ def compare(
 
     Notes
     -----
-    Values that are not finite, a missing reference and a different size have verdicts of
-    their own (`find_obstacle`), and nothing else is measured then.
+    Values that are not finite, a missing reference and a different size have separate
+    verdicts (`find_obstacle`), and nothing else is measured then.
     """
     if rmse_factor is None:
         rmse_factor = 1.0 if deterministic else NOISY_RMSE_FACTOR
@@ -144,7 +144,7 @@ def with_listed_aov(
 def with_known_fault(comparison: Comparison, fault: str) -> Comparison:
     """Return the comparison, not as a pass if Mitsuba's own picture is known to be wrong.
 
-    `fault` says how, and that it was undone; empty: there is none.
+    `fault` says how, and that it was undone; it is empty without a fault.
     """
     if not fault or comparison.verdict != "pass":
         return comparison
@@ -187,7 +187,7 @@ def without_numbers(
 
 
 def _for_the_eye(ours: Array, references: Sequence[Array]) -> dict[str, Metric]:
-    """Return the metrics that are shown beside their floor but do not decide."""
+    """Return the metrics that are shown with their floor but do not decide."""
     first, other = references[0], references[1]
 
     def shown(function: Callable[[Array, Array], float | None], meaning: str) -> Metric:

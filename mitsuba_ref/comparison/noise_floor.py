@@ -1,4 +1,4 @@
-"""What judges a noisy picture: distances beside their floors, tests for a bias."""
+"""Judges noisy pictures: distances compared with their floors, and tests for a bias."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def judge_with_noise(
 def compare_filtered(ours: Array, references: Sequence[Array]) -> Metric:
     """Judge pictures made with the scene's own filter instead of the box.
 
-    Neighbours share samples then, so that no test of independent pixels holds; the RMSE
-    beside its floor does.
+    Neighbours share samples then, so tests of independent pixels do not hold. The RMSE
+    compared with its floor does.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _judged_distance(
     trimmed: bool = False,
     tile: int = 1,
 ) -> Metric:
-    """Return the RMSE to Mitsuba's pictures beside the same among those, with its limit.
+    """Return the RMSE to Mitsuba's pictures, the RMSE among those, and the limit.
 
     `trimmed` and `tile` as in `most_by_noise`.
     """

@@ -1,8 +1,8 @@
-"""What keeps two sets of arrays from being compared at all; asked before any metric.
+"""Checks before any metric: whether two sets of arrays can be compared at all.
 
-NaN is neither larger nor smaller than a limit, an infinite floor allows anything, NumPy
-stretches (1, 1, 3) over a whole picture, and nothing equals nothing: each of them could
-pass. So none of them gets as far as a metric.
+NaN is neither larger nor smaller than a limit. An infinite floor allows anything. NumPy
+broadcasts (1, 1, 3) over a whole picture, and empty arrays are equal. Each of these could
+pass, so it is refused before a metric is computed.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ def find_obstacle(
     Parameters
     ----------
     ours, references
-        One of our pictures or more, and two or more of Mitsuba's, each with a seed of its
-        own and each to be (H, W, 3), H and W not 0.
+        At least one of our pictures and two of Mitsuba's, each with another seed, and each
+        to be (H, W, 3), H and W not 0.
     ours_aovs, reference_aovs
         Kind to array, of the same H and W. That a kind is missing is no obstacle: it fails
         by its name (`compare_aovs`).

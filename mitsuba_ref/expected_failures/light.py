@@ -38,7 +38,7 @@ def caustic_of_a_point_light(beside: float = 0.0) -> float:
 
     The ball gathers light there, so the truth is above 1. A path tracer finds 0: glass
     stops shadow rays, and no ray meets a point by chance [Veach1997]. A ball of radius 1
-    that is more than 1 `beside` the straight line to the lamp is not in its way.
+    whose centre is more than 1 from the straight line to the lamp does not block it.
     """
     sensor = _sensor('origin="6,0,1" target="0,0,0" up="0,0,1"', 0.01, 1)
     with_ball, without = (

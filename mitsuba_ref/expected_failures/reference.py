@@ -18,7 +18,8 @@ def edge_rays_lost(*, robust: bool = False, aside: float = 0.0) -> float:
 
     From inside a ball of 5000 triangles. `robust` sets the scene parameter
     `embree_use_robust_intersections`, as the harness does (Mitsuba issue 1149). `aside` is
-    how far beside the edge rays aim, as a share of the way to the third vertex.
+    the distance of the rays' targets from the edge, as a share of the way to the third
+    vertex.
     """
     text = ball_mesh()
     rows = [line.split() for line in text.splitlines()]
@@ -71,8 +72,8 @@ def _floor_under(light: str, samples: int) -> float:
 def point_light_sampled_often(samples: int = 4) -> float:
     """Return E h^2 / I below a point light, sampled `samples` times: 1 on paper.
 
-    Light samples are weighed as if each asked for all of the light, where the light is a
-    point, a spot or a direction.
+    For points, spots and directional lights each light sample is weighed as if it were the
+    only one.
     """
     light = '<emitter type="point"><point name="position" value="0,0,2"/></emitter>'
     return _floor_under(light, samples) * 2.0**2

@@ -4,7 +4,7 @@ Renders a small scene with thousands of seeds and climbs the whole ladder on pai
 of pictures, Mitsuba against Mitsuba, where every alarm is false, and ours against Mitsuba.
 Within a comparison each picture is used once, so the pairs are independent trials. The
 rungs without noise are not random and are left out. With `--convergence` the two rungs
-that are asked for by that option are measured too, as a comparison of their own.
+that the option adds are measured too, as a separate comparison.
 
 Alarms at the claimed rate are rare, so 200 pairs can show that it is not far exceeded and
 not much more. The share of p-values below 5 % tells more about the calibration. The exit

@@ -45,8 +45,8 @@ def climb(
     Parameters
     ----------
     ours, theirs
-        Pictures (H, W, 3) in linear sRGB, each with a seed of its own, box filter. At
-        least 8 of each renderer; for a scene without noise one of ours and two of theirs.
+        Pictures (H, W, 3) in linear sRGB, each with another seed, box filter. At least 8
+        of each renderer; for a scene without noise one of ours and two of theirs.
     our_aovs, their_aovs
         As `compare_aovs` takes them; without theirs this rung is left out.
     deterministic

@@ -33,8 +33,8 @@ FIRST_REFERENCE_SEED = 1_000_003
 SEED_STEP = 61
 """How far apart the seeds of Mitsuba's pictures are.
 
-Mitsuba gives each pixel a random stream of its own, numbered from the render's seed times
-the pixels of the film on, as though all blocks were full
+Mitsuba gives each pixel a separate random stream. Their numbers start at the render's seed
+times the pixels of the film, as though all blocks were full
 (`renderer.replay.numbers.pixel_seeds`).
 Pictures of neighbouring seeds therefore have streams in common, at other pixels: 22 % of
 them at 48 x 48. A step of 61 is enough for films that fill a sixtieth of their blocks. It
@@ -98,8 +98,8 @@ def climb_scene(
 
     Notes
     -----
-    A picture of another size or with NaN has a verdict of its own, as everywhere
-    (`find_obstacle`), even if it is the last one.
+    A picture of another size or with NaN has its own verdict (`find_obstacle`), even if it
+    is the last one.
     """
     a, b = seeded_pictures(
         request,

@@ -1,8 +1,8 @@
 """The rungs that measure how fast a scene's noise falls with the number of samples.
 
-They need pictures of their own, over a hundred a side: at doubling sample counts, with the
-sampler `independent` in the place of the file's, for which alone -0.5 is right. In the
-*test* size of the scene: the exponent does not depend on the picture's size.
+They need further pictures, over a hundred a side: at doubling sample counts, with the
+sampler `independent` instead of the file's, since the exponent is -0.5 for it alone. The
+pictures have the *test* size of the scene: the exponent does not depend on the size.
 """
 
 from __future__ import annotations

@@ -184,7 +184,7 @@ def noise_free(ours: Floats, theirs: Floats, alpha: float) -> Rung:
 
 
 def floors(ours: Floats, theirs: Floats, alpha: float) -> Rung:
-    """Test RMSE, SSIM and FLIP across the renderers beside those within each."""
+    """Test RMSE, SSIM and FLIP between the renderers against those within each."""
     results = floor_tests(ours, theirs, alpha)
     worst = min(results, key=lambda floor: floor.p_value)
     together = min(1.0, len(results) * worst.p_value)

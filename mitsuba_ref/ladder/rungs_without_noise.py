@@ -115,7 +115,7 @@ def radiance(ours: Array, theirs: Sequence[Array], their_aovs: Aovs | None) -> R
 
 
 def no_convergence() -> Rung:
-    """Return the rung of convergence of a scene without noise: nothing to ask for."""
+    """Return the rung of convergence of a scene without noise: nothing is measured."""
     return Rung(
         name="convergence",
         passed=True,

@@ -48,8 +48,8 @@ def ladder(scene: Path, ours: CountedRender, references: ReferenceCache) -> Sequ
     Parameters
     ----------
     scene, ours, references
-        As `rungs.comparison` takes them. A scene without noise has the still rungs alone,
-        one that is `NOT_CLIMBED` none.
+        As `rungs.comparison` takes them. A scene without noise has only the rungs without
+        noise. A scene of `NOT_CLIMBED` has no rungs.
 
     Raises
     ------

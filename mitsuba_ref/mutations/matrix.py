@@ -57,7 +57,7 @@ class Row:
 
     @property
     def blind(self) -> tuple[str, ...]:
-        """The rungs that were asked and see nothing, without those that only need life."""
+        """The rungs that ran and see nothing, except for those that any answer passes."""
         return tuple(r.name for r in self.rungs if not r.caught and r.name != RUNS)
 
     @property

@@ -1,4 +1,4 @@
-"""A mutant: our renderer with a mutation, in a process of its own with a time limit.
+"""A mutant: our renderer with a mutation, in a separate process with a time limit.
 
 `Mutant.render` has the form of `render_ours`, so that every check of the harness takes a
 mutant in the renderer's place. `Mutant.run_tests` runs tests of the suite on it.

@@ -17,12 +17,12 @@ class Matrix:
     Parameters
     ----------
     before
-        Rows of earlier runs, each with its commit. What is no longer asked for is dropped,
-        and so is what was measured with sources that no commit holds.
+        Rows of earlier runs, each with its commit. Rows of mutations that are not in
+        `mutations` are dropped, and so are rows measured with uncommitted sources.
     commit
         Of the sources at the start.
     mutations
-        Of the catalogue: what is asked for.
+        The mutations of the catalogue to measure.
     """
 
     def __init__(

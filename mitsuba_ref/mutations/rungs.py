@@ -62,7 +62,7 @@ class Rung:
     why: str  # the sentence of the check; "" where nothing was seen
     spp: int | None  # samples per pixel of each picture that it looked at
     seconds: float  # until it was judged, from the start of its check, not compiling
-    seeds: int = 1  # pictures of ours that it looked at, each with a seed of its own
+    seeds: int = 1  # pictures of ours that it used, each with another seed
 
 
 @dataclass
@@ -83,7 +83,7 @@ class CountedRender:
 
 
 WITHOUT_REPLAY = Options(size="test", checks="statistics")
-"""What `make test` asks of each scene, but for the replay, which is a check by itself."""
+"""What `make test` checks on each scene, except for the replay, a separate check."""
 
 NO_PICTURE = ("broken", "refused-by-us", "size-mismatch", "error")
 """Verdicts of a mutant that gives no picture to compare."""
@@ -99,7 +99,7 @@ def comparison(
     Parameters
     ----------
     scene
-        The file, with a proof.toml beside it.
+        The file, with a proof.toml in its folder.
     ours
         The renderer that is judged.
     references
@@ -154,7 +154,7 @@ def replay(scene: Path, ours: CountedRender, references: ReferenceCache) -> Sequ
     """
     proof = read_proof(scene)
     request = scene_request(scene, proof, WITHOUT_REPLAY)
-    # A defect's causes would be traced by the renderer of this process, which has none.
+    # Causes would be traced with the renderer of this process, which lacks the defect.
     strict = msgspec.structs.replace(proof.replay, traced=0)
     before, started = ours.compile_seconds, time.perf_counter()
     rung = None

@@ -63,7 +63,7 @@ def find_definition(symbol: str, package: Path) -> Definition:
     Raises
     ------
     AnchorError
-        If there is none or more than one, with the candidates or the most similar names.
+        If no or several definitions fit, with the candidates or the most similar names.
     """
     known = _definitions(package)
     moved = symbol if symbol.endswith(".py") else symbol.split(".")[-1]

@@ -37,7 +37,7 @@ def kernel_requests(scenes: Iterable[Path], options: Options) -> list[RenderRequ
     scenes
         Scene files; one that cannot be read is left to its own comparison.
     options
-        What both renderers will be asked for.
+        The settings of both renderers.
     """
     requests = []
     for path in scenes:
@@ -78,7 +78,7 @@ def compile_kernels(
             thread.start()
         finished = 0
         while True:
-            # asked before the queue is, so that no answer comes between the two
+            # tested before the queue, so that no result arrives between the two tests
             working = any(thread.is_alive() for thread in threads)
             try:
                 done.get(timeout=0.1 if working else 0)
@@ -115,7 +115,7 @@ def _feed(
     waiting: queue.SimpleQueue[RenderRequest],
     done: queue.SimpleQueue[bool],
 ) -> None:
-    """Give the worker one request after the other until none is left or it has ended."""
+    """Send the worker one request after the other until all are done or it has ended."""
     assert worker.stdin is not None
     assert worker.stdout is not None
     # Closing a pipe to a dead process fails as writing to it does: outside of both.

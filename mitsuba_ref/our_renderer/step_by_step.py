@@ -188,7 +188,7 @@ class StepByStep:
             work.rays.throughput[:, 0] = along.bounces[int(bounce)].throughput
         hit = int(work.hits.prim[0]) >= 0
         shape, face = self._what_was_hit() if hit else (0, None)
-        # first of all: what is found is weighed by the lights asked at the point before
+        # first: emitted light is weighed against the lights sampled at the previous point
         stages.arrive_step(scene, bounce, packed, 1)
         stages.locate_step(scene, packed, 1)
         position = _column(work.points.position) if hit else None
@@ -263,7 +263,7 @@ class StepByStep:
         samples, shadow_rays = self._work.light_samples, self._work.shadow_rays
         light = int(samples.light[0])
         far = self._light_names[light].startswith("far ")
-        # 1 if all were asked, or if what they gave was divided by theirs already
+        # 1 if all lights were sampled, or if samples contain the probability
         every = self._record.settings.every_light or len(self._record.lights.choice)
         probability = np.float32(1.0 if every else 1.0 / self._record.lights.count)
         weight = samples.radiance[:, :1] * (np.float32(1.0) / probability)

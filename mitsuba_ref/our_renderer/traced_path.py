@@ -26,8 +26,8 @@ class LightAsked:
     pdf: float  # [1/sr] with the choice of the light; 0 for points and directions
     weight: Vector  # radiance over pdf, if nothing is in between
     carried: Vector  # to the pixel, if nothing is in between
-    blocked: bool | None  # None: it would carry nothing, so nobody looked
-    origin: Vector | None = None  # of the shadow ray; None: nobody looked
+    blocked: bool | None  # None: not traced, as it would carry no light
+    origin: Vector | None = None  # of the shadow ray; None: not traced
 
     @property
     def contribution(self) -> Vector:

@@ -1,4 +1,4 @@
-"""Pictures that are measured: whole ones, or none."""
+"""Complete pictures for measurements: an interrupted render is an error."""
 
 from __future__ import annotations
 

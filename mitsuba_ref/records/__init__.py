@@ -1,1 +1,1 @@
-"""What is asked of both renderers, and what is written down of their answers."""
+"""Requests to both renderers, and records of their results."""

@@ -14,7 +14,7 @@ class Failure:
 
     quantity: str  # a metric's key, or what was compared and how
     value: float | None  # None: it could not be measured
-    floor: float | None  # the same between Mitsuba's own pictures; None: there is none
+    floor: float | None  # the same between Mitsuba's own pictures; None: not measured
     limit: float | None  # None: there is no single one
     meaning: str
 

@@ -38,7 +38,7 @@ class Options:
 
 
 def scene_request(path: Path, proof: Proof, options: Options) -> RenderRequest:
-    """Return what both renderers are asked for.
+    """Return the request to both renderers.
 
     Noisy scenes are rendered with the box filter on both sides: other filters share
     samples between pixels, and then neither the floor nor a test of the mean is valid.

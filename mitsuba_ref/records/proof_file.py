@@ -82,7 +82,7 @@ NO_PROOF = Proof(
     deterministic=None,
     demo=None,
     test=None,
-    replay=ReplayLimits(traced=16, reason="nobody has said what this scene may differ by"),
+    replay=ReplayLimits(traced=16, reason="the scene has no limits in a proof.toml"),
 )
 """For a scene without a proof.toml: the scene file decides."""
 
@@ -95,7 +95,7 @@ TABLES: dict[str, type[Struct]] = {
 
 
 def read_proof(scene: Path) -> Proof:
-    """Read the proof.toml beside a scene file; without one, return `NO_PROOF`.
+    """Read the proof.toml in the folder of a scene file; without one, return `NO_PROOF`.
 
     Raises
     ------

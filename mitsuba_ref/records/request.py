@@ -1,4 +1,4 @@
-"""What one renderer is asked for; the same record goes to both."""
+"""A request to render; both renderers get the same record."""
 
 from __future__ import annotations
 

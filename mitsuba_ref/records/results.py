@@ -137,7 +137,7 @@ class Rung:
     false_alarm_rate: float | None  # claimed: of an alarm although all is right
     detectable_bias: float | None  # seen with 99 % probability; null: not known
     detectable: str  # what that number measures
-    sentence: str  # for readers who know no statistics
+    sentence: str  # readable without knowledge of statistics
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""The reference: a scene file in Mitsuba, in a process of its own, and the cache."""
+"""The reference: a scene file in Mitsuba, in a separate process, and the cache."""

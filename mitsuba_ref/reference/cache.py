@@ -127,7 +127,7 @@ def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
 
 @dataclass(frozen=True)
 class EntryFacts:
-    """What an entry holds beside its arrays; see `Reference`."""
+    """What an entry holds in addition to its arrays; see `Reference`."""
 
     seconds: float
     threads: int
@@ -153,7 +153,7 @@ def write_entry(reference: Reference, path: Path) -> None:
 
 
 def read_entry(path: Path) -> Reference | None:
-    """Return a stored reference, or None if there is none or it is damaged."""
+    """Return a stored reference, or None if it is missing or damaged."""
     try:
         # Opened here, because NumPy leaves a damaged file open.
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as entry:

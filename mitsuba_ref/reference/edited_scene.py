@@ -202,7 +202,7 @@ class SceneNodes:
         return True
 
     def add_integrator(self) -> bool:
-        """Add a path tracer, which is our default, if there is none; tell whether."""
+        """Add a path tracer, our default, to a scene without integrator; return whether."""
         if self._find("Integrator") is not None:
             return False
         self._add("Integrator", "path", parent=0)

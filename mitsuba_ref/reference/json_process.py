@@ -1,8 +1,8 @@
-"""A renderer in a process of its own: a JSON line asks, a JSON line answers.
+"""A renderer in a separate process: each request is a JSON line, each answer too.
 
-Mitsuba can hang (EXR files with too few threads), and it can end the process (an LLVM that
-it cannot use), and so can a mutant of our renderer: none may take the harness along. Both
-ends of the pipe are here, so that each way to fail is a class of `errors`.
+Mitsuba can hang (EXR files with too few threads) or end its process (an LLVM that it cannot
+use), and so can a mutant of our renderer. The harness must survive both. Both ends of the
+pipe are here, so that each kind of failure is a class of `errors`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class JsonProcess:
     time_limit
         Seconds for one answer; for the first one, the start of Mitsuba is included.
     environment
-        Variables to set beside those of this process.
+        Variables to set in addition to those of this process.
     folder
         Where it runs; None: here.
     refusals
@@ -75,7 +75,7 @@ class JsonProcess:
         refusals: Mapping[str, type[Exception]] | None = None,
     ) -> None:
         self.name = name
-        # a user's plugin file is imported there too, and refused in words of its own
+        # a user's plugin file is imported there too, and has its own error messages
         self.refusals: dict[str, type[Exception]] = {PluginError.__name__: PluginError}
         self.refusals |= refusals or {}
         self.time_limit = time_limit

@@ -49,7 +49,7 @@ class MitsubaWorker:
         MitsubaRefused, MitsubaCrashed, MitsubaTimeout
             When Mitsuba refuses the scene, dies, or is silent for `time_limit` seconds.
         MitsubaError
-            When our own code beside Mitsuba failed.
+            When our own code in Mitsuba's process failed.
         PluginError
             When the request's file of plugins did, or does not register what it should.
         """

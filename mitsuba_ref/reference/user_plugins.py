@@ -49,18 +49,18 @@ def register_user_plugins(path: str) -> None:
 
 @contextmanager
 def twins_explained(path: str | None) -> Iterator[None]:
-    """Say what is wrong with a user's BSDF in Mitsuba, where the scene is not to blame.
+    """Raise the error of a user's BSDF in Mitsuba, if the scene is not the cause.
 
     Parameters
     ----------
     path
-        The plugin file; None: there is none.
+        The plugin file, or None.
 
     Raises
     ------
     PluginError
-        If Mitsuba does not know a BSDF that the file registers with us, or the user's own
-        code has raised, in the place of what Mitsuba says.
+        If Mitsuba does not know a BSDF that the file registers with us, or the user's code
+        has raised. It replaces Mitsuba's message.
     """
     try:
         yield

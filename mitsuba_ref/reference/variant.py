@@ -1,4 +1,4 @@
-"""Mitsuba itself: imported and set up in one place, for every module beside this one."""
+"""Mitsuba itself: imported and set up in one place, for all modules of this folder."""
 
 from __future__ import annotations
 

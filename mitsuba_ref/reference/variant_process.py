@@ -1,4 +1,4 @@
-"""A Mitsuba variant in a process of its own, which stays alive between its turns.
+"""A Mitsuba variant in a separate process, which stays alive between its turns.
 
 A measurement lets renderers take turns. Variants exclude one another in one process, and
 `llvm_ad_rgb` ends the process where it finds an LLVM that it cannot use.
@@ -41,7 +41,7 @@ class VariantProcess(JsonProcess):
     variant
         `scalar_rgb`, `llvm_ad_rgb`, ...
     job
-        What the module is given at its start, beside the variant's name.
+        What the module is given at its start, in addition to the variant's name.
     time_limit
         Seconds for one answer, the start of Mitsuba included.
 

@@ -64,7 +64,7 @@ def look_at_causes(
     ours, reference
         The pictures, (H, W, 3).
     request
-        What both were asked for; its integrator is traceable.
+        The request to both renderers; its integrator is traceable.
     limits
         What was allowed, and of how many pixels the causes count (`traced`).
     time_limit

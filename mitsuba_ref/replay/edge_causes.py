@@ -37,12 +37,12 @@ def first_hit_causes(
 
 
 def place_sentence(arrays: dict[str, NDArray[np.float32]], x: int, y: int) -> str:
-    """Return whether pixel (x, y) lies beside an edge, by the AOVs `SEEN`, (H, W, 1)."""
+    """Return whether pixel (x, y) is next to an edge, by the AOVs `SEEN`, (H, W, 1)."""
     around = slice(max(0, y - 1), y + 2), slice(max(0, x - 1), x + 2)
     for kind, noun in SEEN:
         if np.ptp(arrays[kind][around]) > 0.0:
             return (
-                f"It lies beside an edge: a neighbouring pixel sees another {noun}, so "
+                f"It lies next to an edge: a neighbouring pixel sees another {noun}, so "
                 "rounding may send a camera ray to the other side."
             )
     return (

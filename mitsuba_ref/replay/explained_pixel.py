@@ -90,7 +90,7 @@ def explain_pixel(pair: TracedPair, of: DifferentPixel) -> Finding:
 
 
 def parting(pixel: Pixel, found: Finding) -> Parting | None:
-    """Return the step in which a pixel's paths part; None if `found` names none."""
+    """Return the step in which a pixel's paths part; None if `found` does not name one."""
     quantity = found.quantity
     if quantity is None:
         return None

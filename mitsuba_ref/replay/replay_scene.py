@@ -97,7 +97,7 @@ def replay_scene(
 
 
 def _refuse_early(description: SceneDescription, request: RenderRequest) -> Plan:
-    """Raise NotReplayable before Mitsuba is asked for what makes it hang."""
+    """Raise NotReplayable before Mitsuba renders a request that makes it hang."""
     scene = build_scene(description)
     plan = make_plan(scene, sampler="mitsuba", spp=request.spp)
     Replayed(None).sampling(scene, plan, request.seed)

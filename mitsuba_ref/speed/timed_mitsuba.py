@@ -1,4 +1,4 @@
-"""Mitsuba for a stopwatch: a loaded, warm scene in a process of its own, any variant."""
+"""Mitsuba for time measurements: a loaded, warm scene in a separate process."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
     def render(wanted: dict[str, Any]) -> dict[str, Any]:
         scene = scenes[wanted["sampler"]]
         start = time.perf_counter()
-        # A JIT variant only notes the work until somebody asks for the numbers.
+        # A JIT variant only records the work until the numbers are read.
         image = np.array(mitsuba.render(scene, spp=wanted["spp"], seed=wanted["seed"]))
         seconds = time.perf_counter() - start
         if wanted["keep"]:

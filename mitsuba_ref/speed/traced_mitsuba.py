@@ -1,4 +1,4 @@
-"""Mitsuba's rays beside ours: a mesh in one variant, asked for nearest and for any hits.
+"""Mitsuba's rays for comparison: nearest hits and any hits of a mesh in one variant.
 
 Rays and answers travel as .npz files; only the tracing between them is timed.
 """

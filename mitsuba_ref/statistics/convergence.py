@@ -29,7 +29,7 @@ MOST_PAIRS = 64
 """The Cornell box, whose worst noise is a few pixels at the lamp's edge, takes 32 or 64."""
 
 MOST_PICTURES = 2 * MOST_PAIRS * len(SAMPLES)
-"""What one measurement at `SAMPLES` takes at most, each with a seed of its own."""
+"""Pictures of one measurement at `SAMPLES` at most, each with another seed."""
 
 RESAMPLES = 2000
 
@@ -79,7 +79,7 @@ class Convergence:
 def measure_convergence(
     render: Render, samples: Sequence[int] = SAMPLES, pairs: int = FEWEST_PAIRS
 ) -> Convergence:
-    """Render 2 `pairs` pictures at each count, each with a seed of its own, and fit.
+    """Render 2 `pairs` pictures at each count, each with another seed, and fit.
 
     The median over pairs: a firefly in one of them must not tilt the line. Pairs are added,
     up to `MOST_PAIRS`, until 0.05 is further off than chance gets once in a thousand runs.

@@ -5,10 +5,10 @@ picture, r the reference and m the reference's mean, without the largest 0.1 %: 
 of a light a few pixels may hold three quarters of the sum, which then tells nothing.
 
 Of independent samples relMSE is inverse to their number, and seconds are proportional to
-it: the quotient of 1 / (relMSE seconds) of two renderers is then by how much faster one of
-them has the same error, whatever the number. Of samples that are spread evenly relMSE falls
-faster, how much depends on the scene, and what they are worth holds for one number of
-samples, which belongs beside it.
+it. The quotient of 1 / (relMSE seconds) of two renderers is then by how much faster one of
+them reaches the same error, for any number of samples. With stratified samples relMSE falls
+faster, and how much depends on the scene. The quotient then holds for one number of samples
+only, which must be stated with it.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-"""Distances of pictures beside what each renderer has against itself, their floors.
+"""Distances of two renderers' pictures, compared with the distances within each: floors.
 
-A distance between two noisy pictures says little. Beside it stands the same distance
-between two pictures of one renderer, its floor. If both draw from one distribution, the
-mean distance across is the mean of those within [Szekely2013]. If they only have different
-noise, it lies between the two. So what counts is its excess over the *larger* floor, judged
-by its rank among relabelled pictures: exact for equal noise and any distance, and on the
-safe side for different noise (in the scene "emitters" ours is half of Mitsuba's).
+A distance between two noisy pictures says little by itself. It is compared with its floor,
+the same distance between two pictures of one renderer. If both draw from one distribution,
+the mean distance across is the mean of those within [Szekely2013]. If they only have
+different noise, it lies between the two. So what counts is its excess over the *larger*
+floor, judged by its rank among relabelled pictures: exact for equal noise and any distance,
+on the safe side for different noise (in the scene "emitters" ours is half of Mitsuba's).
 
 With a single picture of ours there are too few relabellings for a rank: `one_distance`.
 
-Sees a bias that is large beside the noise of one picture. Not more noise on one side: that
-is for the harness's comparison of RMSE with Mitsuba's floor.
+Sees a bias that is large compared with the noise of one picture. It does not see more noise
+on one side; the comparison of RMSE with Mitsuba's floor does.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ DISTANCES: dict[str, Distance] = {
 
 @dataclass(frozen=True)
 class Floor:
-    """One distance across the renderers beside the distance within each."""
+    """One distance between the renderers and the distances within each."""
 
     name: str
     across: float  # mean over all pairs of one of ours and one of theirs

@@ -1,12 +1,12 @@
 """The squared difference of two expectations, without the noise of the pictures.
 
 With independent pictures A1, A2 of one renderer and B1, B2 of the other,
-E[(A1 - B1)(A2 - B2)] = (E A - E B)^2: the two factors share no noise, so none is squared.
+E[(A1 - B1)(A2 - B2)] = (E A - E B)^2: the two factors have independent noise.
 The mean over all such pairs of pairs is |mean A - mean B|^2 - s_A^2 / K - s_B^2 / L, an
 estimate without bias, for any noise and any filter. It can be negative,
 which says that it is below what these pictures can tell.
 
-Sees what has no common sign and no place of its own: a shifted texture, another blur. In a
+Sees differences of both signs all over the picture: a shifted texture, another blur. In a
 plain MSE the brightest and noisiest pixels decide: of the Cornell box at 32 x 32 pixels
 those at the light's edge, and a picture turned left to right passes. So the ladder takes
 pictures divided by their brightness (`relative_to_brightness`).

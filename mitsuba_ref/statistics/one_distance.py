@@ -1,4 +1,4 @@
-"""One picture's distance from several of Mitsuba's, beside theirs, and what noise adds.
+"""One picture's distance from several of Mitsuba's, compared with theirs, and its noise.
 
 A few fireflies carry most of a squared distance, which wanders with them from seed to seed.
 How far, relabelling tells as in `one_picture`: in a pixel, let x_k be the mean squared
@@ -50,7 +50,7 @@ def most_by_noise(
     trimmed: bool = False,
     tile: int = 1,
 ) -> float:
-    """Return the largest RMSE from the references that noise explains beside their floor.
+    """Return the largest RMSE from the references that noise explains, given their floor.
 
     Parameters
     ----------

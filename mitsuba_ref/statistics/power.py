@@ -87,7 +87,7 @@ def detectable_in_all_pixels(
 
 
 def detectable_above_floor(floor: Floor, mean_square: float) -> float:
-    """Return the root mean square of a bias that RMSE beside its floor would see.
+    """Return the root mean square of a bias that RMSE against its floor would see.
 
     Relative to that of the picture. A bias b turns a floor f into sqrt(f^2 + b^2).
     """

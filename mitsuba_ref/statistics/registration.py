@@ -1,7 +1,7 @@
 """Do both films put the same point into the same pixel? Shifts and flips, with noise.
 
-Two ways. On a scene of its own, a lit half-plane: the covered share of each pixel is known
-in closed form, so a slanted edge tells its shift along its normal to 0.01 pixels. And on
+Two ways. On a special scene, a lit half-plane: the covered share of each pixel is known in
+closed form, so a slanted edge tells its shift along its normal to 0.01 pixels. And on
 any two sets of pictures: a shift s changes a picture by -s . gradient, so a weighted
 least-squares fit of a picture to the gradient is its shift; the fit is linear, each
 picture yields two numbers, and Welch's test compares those of ours with theirs.
@@ -163,7 +163,7 @@ def picture_shift(ours: Floats, theirs: Floats) -> Shift:
 
 
 def _explained(pictures: Floats, count: int, noise: Floats, change: Floats) -> float:
-    """Return by which part the difference is less without `change`; 0 if there is none.
+    """Return by which part the difference is less without `change`; 0 without a difference.
 
     Differences are squared without their noise and in units of it, pixel by pixel.
     """
@@ -175,7 +175,7 @@ def _explained(pictures: Floats, count: int, noise: Floats, change: Floats) -> f
 
 
 def find_flip(ours: Floats, theirs: Floats, alpha: float) -> str | None:
-    """Return which flip of their pictures ours look like; None if they look like none.
+    """Return the flip of their pictures that ours look like; None if no flip fits.
 
     Judged by the noise-free MSE: it must be significant as the pictures are, so that a
     symmetric scene raises no alarm, and a small part of that when they are flipped.

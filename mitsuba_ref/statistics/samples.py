@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 ROUNDING = 1e-4
 """Relative difference that no test calls a bias: what single precision may do to a sum of
-thousands of samples, with a margin. A pixel whose noise is smaller than this has none."""
+thousands of samples, with a margin. A pixel with less noise counts as free of noise."""
 
 
 def standard_errors(
@@ -19,15 +19,15 @@ def standard_errors(
 ) -> Floats:
     """Return a difference in units of its noise, less the part that may be rounding.
 
-    Signed; 0 where rounding explains the difference, infinite where there is no noise
-    beside one that it does not.
+    Signed; 0 where rounding explains the difference, infinite where it does not and the
+    noise is 0.
 
     Parameters
     ----------
     difference, variance, scale
         The variance is that of the difference; `forgiven` refers to the scale.
     forgiven
-        Relative difference that counts as none.
+        Relative difference that is ignored.
     """
     excess = np.maximum(np.abs(difference) - forgiven * np.abs(scale), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -45,7 +45,7 @@ def _read(properties: Properties) -> Integrator:
     if not aovs:
         properties.fail("aovs", "an empty list", 'a list like "dd:depth, nn:sh_normal"')
     nested = _nested(properties)
-    # the first hit is that of an emitter too; colours follow the integrator inside
+    # AOVs show emitters; the inner integrator has its own property
     properties.boolean("hide_emitters", False)
     return Integrator(
         "aov",
@@ -89,8 +89,7 @@ def _listed(asked: Integrator) -> tuple[tuple[str, str], ...]:
 def _show(film: NDArray[Any], asked: Integrator) -> Shown:
     """Return the AOVs by name, and as the picture the first of them.
 
-    Around another integrator the picture is that integrator's, which is rendered apart;
-    until then it is black.
+    With an inner integrator the picture is black: that integrator is rendered separately.
     """
     aovs = {
         name: np.ascontiguousarray(film[..., _CHANNELS[kind]])

@@ -1,8 +1,8 @@
 """Direct light alone [Appel1968]: path tracing of two segments.
 
-Where the file asks for several samples at each point, those of the lights come first, then
-those of the BSDF. Each way to find light is divided by its number of samples, and their
-densities count as often as they are drawn from [Veach1997, section 9.2.2].
+With several samples at each point, those of the lights come first, then those of the BSDF.
+Each estimator is divided by its number of samples, and MIS weights multiply each density by
+that number [Veach1997, section 9.2.2].
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def trace_several(scene, tile, sample, work):
     for number in range(settings.light_samples):
         direct_light(scene, tile, sample, number, work)
     for number in range(settings.bsdf_samples):
-        _points(scene, work, count, settings.bsdf_samples)  # arriving needs their place
+        _points(scene, work, count, settings.bsdf_samples)  # emission needs the points
         found = scatter(scene, tile, sample, number, work)
         reset_hits(hits, np.int64(0), found)
         intersect(scene.groups, rays, hits, np.int64(0), found, False, None)

@@ -17,17 +17,17 @@ MOST = 2**31 - 1  # of a file's integers
 
 
 class Case(NamedTuple):
-    """What an integrator decides from."""
+    """The inputs of an integrator's decision: the file's integrator, and the scene."""
 
     asked: Integrator
-    reduce: bool  # a leaner method that gives the same answer is welcome
+    reduce: bool  # a cheaper method with the same mean may replace it
     replay: bool  # the paths have to be Mitsuba's
     lights: bool  # the scene has any
     extended: bool  # it has some that rays can hit
     delta: bool  # it has mirrors or glass
     smooth: bool  # it has other BSDFs than these
     chooses: bool  # it has BSDFs that choose between lobes
-    transparent: bool  # what lies behind its holes is nothing
+    transparent: bool  # samples that meet only holes are black
 
     @property
     def depth(self) -> int:
@@ -37,14 +37,14 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Decision:
-    """How light is followed; the defaults are those of what looks at first hits alone."""
+    """How paths are traced; the defaults are those of integrators of first hits."""
 
     method: str  # name of the integrator that runs
     max_depth: int = 1
     roulette_depth: int | None = None  # None: no Russian roulette
-    no_roulette: str = ""  # why
+    no_roulette: str = ""  # the reason
     mirrors: bool = False  # go on from mirrors and glass
-    every_light: bool = False  # ask all lights at each point instead of one at random
+    every_light: bool = False  # sample all lights at each point instead of one
     follow: bool = False  # go on from diffuse surfaces
     cutoff: float = 0.0
     light_samples: int = 1  # of `direct`, at each point
@@ -53,7 +53,7 @@ class Decision:
 
 
 class Shown(NamedTuple):
-    """The film's channels as what a user gets."""
+    """The picture and the AOVs that a user gets, made from the film's channels."""
 
     pixels: NDArray[Any]  # (H, W, 3)
     aovs: Mapping[str, NDArray[Any]] = {}
@@ -71,7 +71,7 @@ def as_picture(values: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class IntegratorKind:
-    """All that the reader, the plan, the tables and the film have to know of one."""
+    """What the scene reader, the plan, the tables and the film need of an integrator."""
 
     about: str  # for `--explain`
     # method kernel (scene, tile, sample, work): adds what the samples of the tile's square
@@ -80,7 +80,7 @@ class IntegratorKind:
     trace: Any
     # (case, say(topic, text)) -> Decision
     decide: Callable[[Case, Callable[[str, str], None]], Decision]
-    # the plugin's own properties; None: no file can name it, `--integrator` alone
+    # reads the plugin's properties; None: only `--integrator` can name it
     read: Callable[[Properties], Integrator] | None = None
     described: tuple[str, ...] = ()  # properties that `--explain` names
     channels: int = 3
@@ -90,5 +90,5 @@ class IntegratorKind:
     splits: bool = False  # delta lobes are all followed, on a tree of rays
     first_hit: bool = False  # shows uv and albedo
     counts_work: bool = False
-    # the same, for several samples of lights or BSDF at a point; None: there are none
+    # `trace` for several samples of lights or BSDF at a point; None: not supported
     trace_several: Any = None

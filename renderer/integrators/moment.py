@@ -1,4 +1,4 @@
-"""`moment`: the picture of the integrator inside of it, and second moments beside it.
+"""`moment`: the picture of its inner integrator, and second moments as further channels.
 
 The channels are Mitsuba's: X, Y and Z of the colours, and the means of the squares of
 single samples under `m2_`. From both the variance of a pixel follows.
@@ -32,15 +32,15 @@ XYZ_FROM_SRGB = np.array(
 
 
 class Moment(NamedTuple):
-    """The plugin, which is read and then a property of the integrator inside of it."""
+    """The plugin `moment`; once read it is the field `moments` of its inner integrator."""
 
     def read(self, properties: Properties) -> Integrator:
-        """Return the integrator inside, with moments beside its picture.
+        """Return the inner integrator, with moments added to its channels.
 
         Raises
         ------
         SceneError
-            If there is not one, or one that has moments itself.
+            If there is not exactly one inner integrator, or it has moments itself.
         """
         element = properties.element
         children = properties.children("integrator")
@@ -64,7 +64,7 @@ class Moment(NamedTuple):
             )
             moments = Moments(name, colors=child.name_of(below))
             nested = dataclasses.replace(nested, moments=moments)
-        properties.boolean("hide_emitters", False)  # that of the integrator inside counts
+        properties.boolean("hide_emitters", False)  # the inner integrator's value counts
         return dataclasses.replace(inner, moments=Moments(name), nested=nested)
 
 
@@ -72,10 +72,11 @@ MOMENT = Moment()
 
 
 def squared_sums(kind: IntegratorKind, asked: Integrator) -> NDArray[np.float32]:
-    """Return which sums of an integrator's channels have their squares taken.
+    """Return the linear combinations of an integrator's channels that are squared.
 
-    Of AOVs each channel, of colours X, Y and Z, and R, G and B where an `aov` lies between.
-    What is shown is linear in the channels, so that it tells for each channel by itself.
+    These are each channel of AOVs; X, Y and Z of colours, and R, G and B if an `aov` lies
+    between. What `show` returns is linear in the channels, so showing each channel alone
+    gives the coefficients.
 
     Returns
     -------
@@ -87,7 +88,7 @@ def squared_sums(kind: IntegratorKind, asked: Integrator) -> NDArray[np.float32]
 
 
 def show_moments(kind: IntegratorKind, film: NDArray[Any], asked: Integrator) -> Shown:
-    """Return what the integrator shows, then the moments; `film` has squares behind."""
+    """Return what the integrator shows, then the moments; `film` ends with the squares."""
     shown = kind.show(film[..., : kind.channels], asked)
     moments = asked.moments
     assert moments is not None

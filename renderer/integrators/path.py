@@ -30,7 +30,7 @@ from renderer.scene_file.properties import Properties
 
 @kernel
 def begin_bounce(scene, tile, sample, work, count):
-    """Let a sampler that draws in order draw what `count` paths need at their hits."""
+    """Draw the numbers of `count` paths at their hits, if the sampler draws in order."""
     sampler = scene.sampler
     if sampler[0, BEGIN_BOUNCE] != 0:
         call(
@@ -81,9 +81,9 @@ def _read(properties: Properties) -> Integrator:
 
 
 def decide_direct(case: Case, depth: int) -> Decision:
-    """Return how direct light alone is followed."""
+    """Return how direct light alone is traced."""
     light_samples = samples = 1
-    if case.asked.name == "direct":  # another may be chosen for a file that asks for it
+    if case.asked.name == "direct":  # not if only the options chose it
         light_samples, samples = case.asked.emitter_samples, case.asked.bsdf_samples
     if case.reduce and not case.extended:  # nothing varies from sample to sample
         light_samples, samples = min(light_samples, 1), min(samples, 1)
@@ -102,7 +102,7 @@ def decide_direct(case: Case, depth: int) -> Decision:
 
 
 def decide_without_lights(case: Case, say: Callable[[str, str], None]) -> Decision:
-    """Return the least of all methods."""
+    """Return the cheapest method: without lights only the camera rays are needed."""
     say("method", "direct, no bounces: without a light every path is black")
     return decide_direct(case, min(case.depth, 1))
 

@@ -1,4 +1,4 @@
-"""All integrators: `INTEGRATOR` of the file that is named as the integrator is."""
+"""All integrators: a file with the integrator's name defines its `INTEGRATOR`."""
 
 from __future__ import annotations
 

@@ -10,9 +10,10 @@ from renderer.kernels.records.tile import Tile, has_places
 
 @kernel
 def _level_at(sample, end_sample, room):
-    """Return the level of the samples from `sample` on, with room for so many slots.
+    """Return the level of the next samples: 4^level samples of a pixel go together.
 
-    A group begins at a multiple of its size, wherever a job or a checkpoint began.
+    `room` is the number of slots. A group begins at a multiple of its size, even if a job
+    or a checkpoint does not.
     """
     level, together = 0, 4
     while (

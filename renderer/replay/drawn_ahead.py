@@ -2,14 +2,14 @@
 
 Mitsuba draws from one stream for each pixel, one sample after the other, and how many
 numbers a bounce takes depends on what is hit. So they are drawn at the start of the bounce
-(`begin_bounce`) and lie ready by pixel; the stages ask for them as they ask any sampler.
+(`begin_bounce`) and stored by pixel; the stages read them as from any other sampler.
 Samples of a pixel never go together (`Plan.level` is 0): each slot is a pixel.
 
 Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp, src/integrators/path.cpp):
 the place on the film, and that on the lens if there is one; one number for the time if the
 shutter stays open; then at each hit from which the path may go on: two numbers for a light
 sample if the surface has a smooth part (whichever side is seen), one and two for the BSDF,
-one for the roulette. All are drawn even where nobody uses them. `direct` plays no roulette
+one for the roulette. All are drawn even if they are unused. `direct` plays no roulette
 and draws the BSDF's two before its one: they are arguments of one call, which the wheel's
 compiler evaluates from the right. Where it takes several samples at a point, those of the
 lights come first, then those of the BSDF.

@@ -10,7 +10,7 @@ MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
 
 
 def check_replay(asked: Integrator, method: str, extended: bool) -> None:
-    """Refuse what Mitsuba's order of random numbers does not let us follow.
+    """Refuse integrators for which Mitsuba's order of random numbers cannot be followed.
 
     Parameters
     ----------
@@ -39,9 +39,9 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
         )
     if method == "whitted" and extended:
         raise NotReplayable(
-            "sampler 'mitsuba': a tree of rays that asks lights with an area draws in the "
-            "order of the tree; possible are path, direct, and whitted with point, spot "
-            "and directional lights"
+            "sampler 'mitsuba': a tree of rays that samples lights with an area draws in "
+            "the order of the tree; possible are path, direct, and whitted with point, "
+            "spot and directional lights"
         )
     most = max(asked.emitter_samples, asked.bsdf_samples)
     if method == "direct" and most > MOST_SAMPLES:

@@ -47,7 +47,7 @@ from renderer.scene_file.description import EnvironmentMap, Sampler, SpotLight
 
 
 class Planned(Protocol):
-    """What a replay asks of a plan."""
+    """The requirements of a replay on a plan."""
 
     @property
     def method(self) -> str: ...  # noqa: D102

@@ -108,7 +108,7 @@ def next_1d(sequence: Any, pixel: int, sample: int) -> Any:
 def next_2d(sequence: Any, pixel: int, sample: int) -> Any:
     """Return the next pair of numbers of a sample, float32 in [0, 1).
 
-    Beside `independent` that is another number of the sample than two of `next_1d`. The y
+    Except for `independent` the pair differs from two results of `next_1d`. The y
     of `ldsampler` can be 1, as in Mitsuba.
     """
     raise TypeError("inside kernels only")

@@ -1,1 +1,1 @@
-"""A scene as flat arrays, before it is known how it will be rendered."""
+"""A scene as flat arrays, independent of the options of a render."""

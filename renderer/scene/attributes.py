@@ -18,7 +18,7 @@ LARGEST = 1e9  # of what a path is multiplied by; four of them fit float32
 def check_attributes(
     shapes: Sequence[Shape], materials: MaterialTables, group_of: NDArray[np.int64]
 ) -> None:
-    """Refuse what no look-up could find.
+    """Refuse textures of attributes that a shape with this BSDF lacks.
 
     `group_of` is 0 for a shape of the scene, above for those of groups.
 

@@ -1,4 +1,4 @@
-"""What is known of each light of a scene before any point asks it, by light id."""
+"""Bounds of the position, direction and power of each light of a scene, by light id."""
 
 from __future__ import annotations
 

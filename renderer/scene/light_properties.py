@@ -1,4 +1,4 @@
-"""What kinds of light a scene has, as plans and simplifications ask for it."""
+"""Which kinds of lights a scene has: used by plans and simplifications."""
 
 from __future__ import annotations
 
@@ -39,10 +39,11 @@ def has_textured_lamps(description: SceneDescription) -> bool:
 
 
 def has_lights_beside_their_samples(description: SceneDescription) -> bool:
-    """Return whether a light may shine where none of its samples goes.
+    """Return whether a light may emit in directions that light samples never choose.
 
-    Samples of a compensated environment leave out what is below its mean, and those of a
-    textured lamp follow its texture, not what stands before it in uv.
+    Samples of a compensated environment leave out directions below its mean. Samples of a
+    textured lamp are points of the texture, and find one of several triangles at the same
+    uv.
     """
     return has_textured_lamps(description) or any(
         isinstance(emitter, EnvironmentMap) and emitter.mis_compensation

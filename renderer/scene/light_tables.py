@@ -55,7 +55,7 @@ def light_tables(
     others = dict(zip(order.of_emitters, scene.description.emitters, strict=True))
     shining = {light: i for i, light in enumerate(order.of_shapes) if light >= 0}
     count = len(shining) + len(others)
-    # nothing of the scene is farther from any of its points than this
+    # an upper bound of the distance between any two points of the scene
     beyond = 2.0 * float(np.linalg.norm(scene.bounds[1] - scene.bounds[0])) + 1.0
     kind = np.zeros(max(count, 1), np.int32)
     tables: list[Any] = []
@@ -168,8 +168,8 @@ def _textured_areas(
 ) -> TexturedAreas:
     """Return the area lights with textures on one kind of shape.
 
-    Mitsuba forgets `flip_normals` where it samples a texture on a rectangle: a flipped one
-    is sampled from its front, and shines to its back on those who find it by themselves.
+    Mitsuba ignores `flip_normals` when it samples a texture on a rectangle. Light samples
+    of a flipped rectangle see its front emit; BSDF samples see its back emit.
     """
     shapes = scene.description.shapes
     sides = {i: scene.shapes.orientation[shining[i]] for i in lights}

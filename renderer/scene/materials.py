@@ -42,14 +42,14 @@ from renderer.scene_file.description import (
 
 Kind = BsdfKind | Structure
 
-# rows of a parameter -> what is asked of a texture that gives it
+# rows of a parameter -> the method that looks up a texture for it
 _REQUESTS = {3: LOOK_UP_COLOR, 2: LOOK_UP_GRADIENT, 1: LOOK_UP_SCALAR}
 
 
 def sides(bsdf: Bsdf) -> tuple[Any, Any]:
     """Return what a shape shows on the side of its normal and behind; None is black.
 
-    A nesting tells the sides apart by itself.
+    A nested BSDF distinguishes the sides itself.
     """
     if isinstance(bsdf, TwoSided):
         both = bsdf.front, bsdf.back
@@ -70,7 +70,7 @@ def is_textured(value: Any) -> bool:
 
 
 def leaves(texture: Any) -> Iterator[Any]:
-    """Yield the textures that are looked up where this one gives a parameter."""
+    """Yield the textures that may be looked up for a parameter with this texture."""
     nested = children(texture) if isinstance(texture, CheckerboardTexture) else None
     for part in nested or ():
         yield from leaves(part)
@@ -79,14 +79,14 @@ def leaves(texture: Any) -> Iterator[Any]:
 
 
 def table_of(texture: Any) -> tuple[TextureKind, Any]:
-    """Return the kind of a texture, and what tells its table from others of the kind."""
+    """Return the kind of a texture, and the key of its table among those of the kind."""
     kind = kind_of_texture(texture)
     assert kind is not None
     return kind, kind.group(texture)
 
 
 def constant_of(value: Any, rows: int) -> Any:
-    """Return a parameter as so many numbers; 0 where a texture gives it."""
+    """Return a parameter as `rows` numbers; 0 if it is textured."""
     if is_textured(value):
         return np.zeros(rows)
     if isinstance(value, ConstantTexture):
@@ -266,7 +266,7 @@ class MaterialTables:
     ) -> NDArray[np.int64]:
         """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 
-        None in place of a kind: nobody needs its parameters.
+        An entry of `kinds` is None if the parameters of that kind are not needed.
         """
         rows: dict[tuple[int, int, int, int], None] = {}
         for k, kind in enumerate(kinds):

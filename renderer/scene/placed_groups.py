@@ -72,9 +72,10 @@ def distortion(placements: Placements) -> NDArray[np.float64]:
 def group_boxes(primitives: Sequence[Any]) -> list[NDArray[np.float64]]:
     """Return boxes that hold each group in its own space, (2, 3, m) for a group.
 
-    Up to `RUNS` of each kind, over primitives that follow each other. In most meshes these
-    are neighbours, and all of them, turned, need less room than their common box, turned:
-    30 % less surface and 9 % fewer box tests in scenes/instances.
+    There are up to `RUNS` boxes of each kind, each over consecutive primitives, which are
+    neighbours in most meshes. Rotated into the world these boxes have a smaller common box
+    than the rotated box of the group: 30 % less surface and 9 % fewer box tests in
+    scenes/instances.
 
     Parameters
     ----------

@@ -13,14 +13,14 @@ does with them, and what a film that wants the same picture has to do:
   pixels with |i + 1/2 - p| <= radius along each axis (`pixels_touched`).
 - **The picture** is sum(w v) / sum(w) per pixel, with the weights of all its samples; a
   pixel whose weights sum to exactly zero is black. Weights are not normalised per sample.
-- **Borders.** Only pixels inside the crop window are sampled (unless the film asks for
+- **Borders.** Only pixels inside the crop window are sampled (unless the film sets
   `sample_border`) and only they are stored, so pixels at the rim have fewer neighbours
   to collect from; the division by sum(w) makes up for that.
-- **Negative lobes** (mitchell, catmullrom, lanczos) are kept: a pixel beside a bright
+- **Negative lobes** (mitchell, catmullrom, lanczos) are kept: a pixel next to a bright
   edge may be negative, and nothing clamps it.
-- **The box** is a case of its own, recognised by its radius of 1/2: a sample counts with
-  weight 1 in the pixel that it was drawn for and nowhere else, whatever rounding did to
-  its position.
+- **The box** is a special case, recognised by its radius of 1/2: a sample has weight 1 in
+  the pixel that it was drawn for and 0 elsewhere, even if its position was rounded into a
+  neighbour.
 """
 
 from __future__ import annotations

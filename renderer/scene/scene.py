@@ -85,13 +85,13 @@ class Scene:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is kept for this process: tables hold addresses of its memory."""
+        """Leave out cached values when pickling: tables hold addresses of this process."""
         return {name: value for name, value in vars(self).items() if name != "_recent"}
 
     def once(self, key: Any, build: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what `build` gives for a key, built at the first call and then kept.
+        """Return `build(*arguments)` for a key, computed once and then cached.
 
-        Accelerators are: they are the same for every render of the scene.
+        Accelerators are an example: they are the same for every render of the scene.
         """
         if key not in self._built:
             self._built[key] = build(*arguments)
@@ -100,10 +100,10 @@ class Scene:
     def recently(
         self, what: str, key: Any, build: Callable[..., Any], *arguments: Any
     ) -> Any:
-        """Return the same as `once`, but keep what was asked for last alone.
+        """Return the same as `once`, but keep the most recent results only.
 
-        For what depends on how the scene is rendered, of which there are any number of
-        ways: `RECENT[what]` of them are kept.
+        For results that depend on the render options. There may be any number of
+        them: the last `RECENT[what]` are kept.
         """
         kept = self._recent.setdefault(what, {})
         found = kept.pop(key, None)  # other threads may be here too

@@ -56,7 +56,7 @@ def read_file(
     SceneError
         If the file, or one that it names, cannot be read or rendered.
     TypeError
-        If `path` is no path.
+        If `path` is not a path.
     """
     return read_file_with(path, parameters, allow_outside)
 
@@ -64,7 +64,7 @@ def read_file(
 def read_file_with(
     path: str | Path, parameters: Mapping[str, object], allow_outside: Folders = ()
 ) -> SceneDescription:
-    """Read as `read_file`, with parameters whose names nobody has chosen here."""
+    """Read as `read_file`; the names of parameters may be any strings."""
     _check_type("the path of the scene", path, (str, os.PathLike), "a str or a Path")
     path = Path(path)
     if not path.is_file():
@@ -100,7 +100,7 @@ def read_string(
     SceneError
         As `read_file`.
     TypeError
-        If `xml` is no text.
+        If `xml` is not a text.
     """
     _check_type("the scene", xml, (str, bytes), "XML text (a str)")
     return _read_xml(xml, "<string>", parameters, _reading(base_dir, allow_outside))
@@ -121,8 +121,9 @@ def read_dict(
     base_dir
         As in `read_string`.
     allow_outside
-        As in `read_file`. None: files may lie anywhere, as who holds a dictionary has
-        written the names in it; give () for one that was made from somebody else's text.
+        As in `read_file`. None allows files anywhere, because the program that passes a
+        dictionary usually wrote its file names. Pass () if the names come from a text of
+        unknown origin.
 
     Raises
     ------

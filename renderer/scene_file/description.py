@@ -121,14 +121,14 @@ class Conductor:
 
 @dataclass(frozen=True, eq=False)
 class OtherBsdf:
-    """A kind that was registered: its parameters are attributes, as of the others."""
+    """A BSDF of a registered kind; its parameters are attributes, as of other BSDFs."""
 
     plugin: str
     values: Mapping[str, Texture | float]
 
     def __getattr__(self, name: str) -> Texture | float:
         """Return a parameter."""
-        try:  # not through `self.values`: copying and unpickling ask before it is there
+        try:  # not `self.values`: copying and unpickling get attributes before it exists
             return vars(self)["values"][name]
         except KeyError:
             raise AttributeError(name) from None
@@ -498,10 +498,10 @@ AOV_KINDS = (
 
 @dataclass(frozen=True)
 class Moments:
-    """First and second moments of samples beside the picture, as `moment` names them.
+    """First and second moments of samples, in additional channels as `moment` names them.
 
-    X, Y and Z of the colours under `name`, and the means of their squares under `m2_` and
-    that name; in front of both stands `within`.
+    `name` has the means of X, Y and Z, and `m2_` followed by `name` the means of their
+    squares. Both names have the prefix `within`.
     """
 
     name: str  # of the integrator inside of `moment`
@@ -552,7 +552,7 @@ class SceneDescription:
     emitter_places: tuple[int, ...] = ()
     # their names once one was taken out, or the rest would be counted anew; (): all there
     emitter_names: tuple[str, ...] = ()
-    simplified: tuple[str, ...] = ()  # what was left out of the file's scene, as asked
+    simplified: tuple[str, ...] = ()  # names of the simplifications that were applied
 
     @property
     def every_shape(self) -> tuple[Shape, ...]:

@@ -1,9 +1,9 @@
 """Which files a scene may name: regular ones in the tree below its own folder.
 
-A scene from elsewhere can name any file, and what it names is opened with the rights of
-whoever renders. So this is the one place where names become paths (docs/security.md): what
-lies outside, by `..`, an absolute path or a symbolic link, is read only if somebody has
-allowed it, and what is no file, such as a named pipe that would block, never.
+A scene from elsewhere can name any file, and the file is opened with the rights of the
+user. This module is the only place where names become paths (docs/security.md). A file
+outside of the folder, by `..`, an absolute path or a symbolic link, is read only if the
+caller has allowed it. Anything but a regular file is refused: a named pipe would block.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Bounds:
     """The folders in whose trees all files of a scene must lie, without symbolic links."""
 
     own: Path  # of the scene
-    others: tuple[Path, ...] = ()  # that somebody has allowed
+    others: tuple[Path, ...] = ()  # further folders that the caller allows
 
     @classmethod
     def of(cls, own: Path, others: str | Path | Iterable[str | Path] = ()) -> Bounds:
@@ -85,9 +85,9 @@ def find(
     Raises
     ------
     SceneError
-        If there is none.
+        If no such path exists.
     NotAllowed
-        If it leads out of the bounds.
+        If the path leads out of the bounds.
     """
     where = f"{location}: {what} {quoted(name, _LONGEST_NAME)}"
     try:

@@ -1,6 +1,6 @@
 """A user's file of plugins (`--plugins FILE.py`), which registers them when it is imported.
 
-Whoever compares with another renderer imports the same file in that one's process too.
+A comparison with another renderer imports the same file in that renderer's process too.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ registered_by: dict[str, tuple[str, ...]] = {}
 
 @contextmanager
 def neighbours_importable(path: str) -> Iterator[None]:
-    """Let a plugin file import modules beside it, as when Python runs it as a script."""
+    """Let a plugin file import modules of its folder, as a script can."""
     folder = str(Path(path).resolve().parent)
     sys.path.insert(0, folder)
     try:

@@ -23,9 +23,9 @@ UNSUPPORTED_TAGS = ("medium", "phase", "volume", "field")
 TAGS = (*_SUPPORTED, *UNSUPPORTED_TAGS, "spectrum")
 
 
-# Kinds that are read by what their own files say. They are loaded by name when a scene is
-# read, as any plugin is: they import this package, and hold kernels, so that whoever reads
-# no scene does not wait for Numba.
+# Kinds that are read by functions of their own files. Those files import this package and
+# hold kernels. They are loaded by name when a scene is read, like any plugin, so that a
+# program that reads no scene does not wait for Numba.
 _REGISTRIES = {
     "bsdf": ("renderer.plugins.bsdfs.registry", "PLUGINS"),
     "emitter": ("renderer.plugins.lights.registry", "LIGHTS"),
@@ -37,7 +37,7 @@ _REGISTRIES = {
 
 
 def registered_kinds(tag: str) -> Mapping[str, Any]:
-    """Return the kinds of a tag that have files of their own, by the plugin's name.
+    """Return the kinds of a tag that are read by their own files, by the plugin's name.
 
     Each has `read`, which makes the description from the properties of a file.
     """

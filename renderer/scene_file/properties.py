@@ -1,8 +1,8 @@
-"""Typed access to the properties of one plugin; what nobody asks for is an error.
+"""Typed access to the properties of one plugin; a property that is not read is an error.
 
-A reader asks for each property that its plugin has, by name and type, and ends with
-`finish`. Mitsuba refuses properties that a plugin does not know, and so the list of what
-was asked for is also the list that the message shows.
+The code that reads a plugin gets each property by name and type, and ends with `finish`.
+Mitsuba refuses properties that a plugin does not know. The names that were read are
+therefore the possible names, which the message lists.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 class Properties:
-    """The properties of one element, each to be asked for once or more."""
+    """The properties of one element; each may be read more than once."""
 
     def __init__(self, element: Element, reading: Reading) -> None:
         self.element = element
@@ -205,7 +205,7 @@ class Properties:
     # ------------------------------------------------------------------ the end
 
     def finish(self) -> None:
-        """Refuse what nobody asked for.
+        """Refuse properties that were not read.
 
         Raises
         ------
@@ -287,7 +287,7 @@ class Properties:
 
 
 def _of_plugin_files(element: Element) -> str:
-    """Return which names a user's plugin files have registered, for a name that is none."""
+    """Return the names that a user's plugin files have registered, for an unknown name."""
     if element.tag != "bsdf":
         return ""
     files = [

@@ -47,10 +47,10 @@ class Reading:
     def read_unused(
         self, element: Element, read: Callable[[Element, Reading], T]
     ) -> T | None:
-        """Read what no picture needs, so that its errors show.
+        """Read an element that no picture needs, so that its errors show.
 
-        A plugin that is not supported is none: Mitsuba may have it. Then there is a
-        warning, and nothing is returned.
+        An unsupported plugin is not an error here, since Mitsuba may support it. It is a
+        warning, and None is returned.
         """
         try:
             return read(element, self)

@@ -77,7 +77,7 @@ def rotate(axis: ArrayLike, angle: float) -> Matrix:
         Of length 1. As in Mitsuba it is used as it comes: any other length distorts, which
         the logger "renderer" says as a warning.
     angle : float
-        [degrees], counter-clockwise for who looks against the axis.
+        [degrees], counter-clockwise as seen from the axis's tip towards the origin.
 
     Raises
     ------

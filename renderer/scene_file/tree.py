@@ -84,7 +84,7 @@ class Element:
         return f"_arg_{unnamed.index(key)}"
 
     def add(self, name: str, value: Value, location: Location) -> None:
-        """Add a property; a nested element without a name gets one of its own.
+        """Add a property; a nested element without a name gets a generated one.
 
         Raises
         ------

@@ -45,4 +45,4 @@ def test_each_pixel_gets_a_sentence_that_says_why_there_is_no_trace():
     told = first_hit_causes(pixels, request, "whitted", ours)
     assert [(one.kind, one.replay, one.spp) for one in asked] == [("aovs", False, None)]
     assert all("No trace: whitted is followed by none" in one.cause for one in told)
-    assert "passes no edge" in told[0].cause and "beside an edge" in told[1].cause
+    assert "passes no edge" in told[0].cause and "next to an edge" in told[1].cause

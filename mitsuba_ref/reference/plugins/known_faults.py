@@ -37,7 +37,7 @@ def give_spectra_colours(mi: Any, state: Any) -> bool:
     """Replace `regular`, `irregular` and `blackbody` where something refers to them.
 
     The colour is our reader's, so a comparison says nothing about it. A replaced node
-    stays, and nobody evaluates it. Returns whether there was one.
+    stays and is never evaluated. Returns whether a node was replaced.
     """
     found = False
     for node in state.nodes:
@@ -175,7 +175,7 @@ def turn_normals_of_bump_maps(mi: Any, scene: Any, normals: NDArray[np.float32])
 
 
 def wrong_by(changes: tuple[str, ...]) -> str:
-    """Return the sentence about the faults that were undone; empty: there was none."""
+    """Return the sentence about the faults that were undone; empty without faults."""
     wrong = []
     factor = next((c.removeprefix(WRONG) for c in changes if c.startswith(WRONG)), "")
     if factor:

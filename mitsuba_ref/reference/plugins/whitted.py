@@ -1,4 +1,4 @@
-"""Whitted's recursive ray tracer (1980) for Mitsuba, which has none.
+"""Whitted's recursive ray tracer (1980) as a plugin for Mitsuba, which lacks it.
 
 Intersections, BSDFs and emitters are Mitsuba's; only the recursion is ours, so a
 comparison with our renderer tests everything but the shape of the ray tree. The tree is
@@ -37,7 +37,7 @@ def register_whitted(mi: Any) -> None:
     )
     contexts = []
     for lobe in delta_lobes:
-        # Asked for one lobe alone, a BSDF returns its full weight: the Fresnel factor,
+        # Sampled for one lobe alone, a BSDF returns its full weight: the Fresnel factor,
         # the tint and, for refraction, the scale of radiance 1 / eta^2.
         context = mi.BSDFContext()
         context.type_mask = int(lobe)

@@ -22,7 +22,7 @@ NEVER_READ = Bounce(0, None, 0.0, None, (1.0, 1.0, 1.0), BLACK, {}, (), None, BL
 
 
 class ShapesAlone:
-    """Traces single rays in scenes of one shape each, which are built when they are asked.
+    """Traces single rays in scenes of one shape each, which are built at their first use.
 
     Parameters
     ----------

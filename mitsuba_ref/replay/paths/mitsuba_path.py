@@ -45,7 +45,7 @@ class PathState:
         self.eta = np.float32(1.0)
         self.depth = 0
         self.active = True
-        # the camera counts as a mirror: its ray is not weighted beside light samples
+        # the camera counts as a mirror: its ray has the full weight, without MIS
         self.previous: Any = None
         self.pdf = 1.0
         self.delta = True

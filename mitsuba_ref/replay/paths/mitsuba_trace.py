@@ -150,7 +150,7 @@ class MitsubaTracer:
         return si
 
     def _arrive(self, state: PathState, si: Any) -> None:
-        """Add the light of what was hit, weighted beside the asking of lights."""
+        """Add the emitted light of the hit, with its MIS weight against light samples."""
         mi, scene = self._mi, self._scene
         emitter = si.emitter(scene)
         if emitter is None or (self.method.hide_emitters and state.depth == 0):

@@ -1,4 +1,4 @@
-"""Two written-down paths beside each other: every quantity, and the first that differs.
+"""Compares two recorded paths: every quantity, and the first that differs.
 
 Quantities come in the order in which a renderer computes them, so the first difference is
 the cause and the others after it are its consequences.
@@ -46,9 +46,9 @@ T = TypeVar("T")
 
 MEANINGS: dict[Kind, str] = {
     "random numbers": "the two draw other random numbers (order, seed or sampler)",
-    "hit": "another primitive is hit (a ray beside an edge, or a wrong shape)",
+    "hit": "another primitive is hit (a ray next to an edge, or a wrong shape)",
     "light choice": "another light is sampled (the choice, or the order of the lights)",
-    "shadow": "a shadow decision (a ray beside an edge, or a wrong ray)",
+    "shadow": "a shadow decision (a ray next to an edge, or a wrong ray)",
     "roulette": "Russian roulette decides otherwise (its probability, or its depth)",
     "end": "the path goes on in one of the two only (the depth limit, or a black weight)",
     "value": "a value (the formula of this quantity, or what goes into it)",
@@ -66,7 +66,7 @@ class Quantity:
     reference: Value
     error: float | None = None  # relative, infinite for decisions; None: not compared
     kind: Kind = "value"
-    at_most: float = math.inf  # error of what depends on it: more of its own does not count
+    at_most: float = math.inf  # error of dependent quantities: more is not counted
 
     def differs(self, tolerance: float) -> bool:
         """Return whether the two are apart by more than `tolerance`."""
@@ -86,7 +86,7 @@ def first_difference(
 
 
 def largest_error(quantities: Sequence[Quantity]) -> float:
-    """Return the largest error among quantities, 0 where none is compared."""
+    """Return the largest error among quantities, 0 without a compared quantity."""
     return max((q.counted_error for q in quantities), default=0.0)
 
 
@@ -139,7 +139,7 @@ def place(bounce: int) -> str:
 
 
 def value_text(value: Value) -> str:
-    """Return a quantity's value in words; "-" where there is none."""
+    """Return a quantity's value in words; "-" without a value."""
     if value is None:
         return "-"
     if isinstance(value, bool):

@@ -108,8 +108,8 @@ class LedPath:
         """Return whether rounding explains every step by which the two paths differ.
 
         A value may differ by `EXACT`, or by as much as one of `STEPS` changes it; a
-        decision must become Mitsuba's by such a move. The first one after which the two
-        are paths of their own ends the comparison.
+        decision must become Mitsuba's by such a move. The comparison ends at the first
+        decision after which the two paths are unrelated.
         """
         found = _compare(self._led, self._reference)
         explained: list[Quantity] = []
@@ -198,9 +198,10 @@ def keyed(quantities: Iterable[Quantity]) -> dict[Key, Quantity]:
 def small_moves(ray: Ray, arrived: Bounce, segment: int) -> Iterator[tuple[float, Moved]]:
     """Yield moves of a ray as rounding makes them, the smallest first, each with its size.
 
-    The direction is moved by a part of its own length; where it starts, and the point that
-    it hits, by a part of the largest coordinate of both: they have bits for that much.
-    Random numbers are the same in both, and moved for the rounding of what is made of them.
+    The direction is moved by a part of its length. The origin and the hit point are moved
+    by a part of the largest coordinate of both, which determines their rounding. Random
+    numbers are equal in both renderers; they are moved for the rounding of what is computed
+    from them.
     """
     origin, direction = ray
     size = max(map(abs, (*origin, *(arrived.position or ()))))

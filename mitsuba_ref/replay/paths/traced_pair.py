@@ -53,20 +53,20 @@ def _to_trace(description: SceneDescription, spp: int | None) -> tuple[Scene, Pl
 
 
 class NotTraceable(SceneError):
-    """Asked for what has no trace: another integrator, pixel or sample."""
+    """A trace of an unsupported integrator, pixel or sample was requested."""
 
 
 class TracedPair:
     """Both renderers with one scene; a context manager.
 
-    Mitsuba runs in a process of its own, which it may end without ending this one.
+    Mitsuba runs in a separate process: if it crashes, this process goes on.
 
     Parameters
     ----------
     request
         The scene, its parameters, seed and samples per pixel. The rest of it is set as for
-        a replay: box filter, Mitsuba's random numbers, and of its camera's matrix what it
-        rounds by, which Mitsuba is asked for if the request does not have it.
+        a replay: box filter, Mitsuba's random numbers, and the entries of its camera
+        matrix, which are read from Mitsuba if the request does not have them.
     time_limit
         Seconds for one answer of Mitsuba, its start included.
 

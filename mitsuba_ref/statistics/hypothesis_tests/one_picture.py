@@ -1,4 +1,4 @@
-"""One picture of ours against several of Mitsuba's: a bias beside noise of unknown shape.
+"""One picture of ours against several of Mitsuba's: a bias in noise of unknown shape.
 
 With one picture on our side Welch's test (`welch`) has no variance to take. But under the
 hypothesis "ours is one more picture of Mitsuba's, with another seed" the values of a pixel

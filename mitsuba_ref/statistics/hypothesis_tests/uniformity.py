@@ -14,7 +14,7 @@ of p-values; this test judges it. Four things need care:
   both sides 56 % of those of the scene "caustic" lie below a half (32 x 32 pixels, 16
   samples). A textbook test would alarm there every time. So the distance is measured from
   the distribution that relabelled pictures have, and its p-value is the rank among theirs:
-  exact for any noise (`relabelling`). The textbook's p-value is given beside it; it alone
+  exact for any noise (`relabelling`). The textbook's p-value is given as well; it alone
   sees pictures that agree too well, with the same random numbers on both sides, because
   one deal in fifty keeps each such pair apart and agrees as well.
 """

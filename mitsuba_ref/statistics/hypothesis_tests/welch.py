@@ -1,10 +1,10 @@
 """Welch's t-test for pixels, tiles and whole pictures, and Sidak's correction.
 
 The test asks whether two expectations are equal and lets the variances differ [Welch1947]:
-two samplers may differ in noise. It is exact for no distribution and close for noise that
-is roughly normal. Pixels of few samples are not; but with as many pictures on both sides
-the difference is symmetric when both renderers are right, and heavy tails raise the
-variance with the difference. Measured on Mitsuba against itself the largest |t| of a
+two samplers may differ in noise. It is not exact, but close for roughly normal noise. The
+noise of pixels with few samples is not normal. But with as many pictures on both sides the
+difference is symmetric when both renderers are right, and heavy tails raise the variance
+with the difference. Measured on Mitsuba against itself the largest |t| of a
 picture alarms no more often than it claims (docs/statistics.md).
 
 Of m independent tests the smallest p-value is below 1 - (1 - alpha)^(1/m) with probability
@@ -53,7 +53,7 @@ def welch(first: Floats, second: Floats, forgiven: float = ROUNDING) -> Welch:
     first, second
         (K, ...) and (L, ...), K and L at least 2: the same place of independent pictures.
     forgiven
-        Relative difference that counts as none. Makes p a little too large where the
+        Relative difference that is ignored. Makes p a little too large where the
         noise is as small as this.
     """
     count, other = len(first), len(second)

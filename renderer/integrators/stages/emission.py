@@ -1,4 +1,4 @@
-"""Stage 3, emission: what a path finds where it arrives, on surfaces or beyond them."""
+"""Stage 3, emission: the light that a path hits, of surfaces and environments."""
 
 from __future__ import annotations
 

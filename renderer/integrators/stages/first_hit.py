@@ -1,4 +1,4 @@
-"""What the first hit alone can tell: depth, and arbitrary output variables (AOVs)."""
+"""Quantities of the first hit: depth, and arbitrary output variables (AOVs)."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ def _store3(radiance, channel, slot, valid, value):
 
 @kernel
 def _show_front(shapes, kind_of, kind, points, i, valid):
-    """Note the BSDFs of one kind that points show, or that their front has.
+    """Store the BSDFs of one kind on the visible sides of points; return their mask.
 
-    A black back shows the colour of the front.
+    A black back counts as the front, whose albedo it gets.
     """
     seen_in_front = dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
@@ -83,7 +83,7 @@ def _show_front(shapes, kind_of, kind, points, i, valid):
 
 @method_kernel
 def show_albedo(bsdf, points, count, radiance):
-    """Write the albedo of the points that show one kind of BSDF."""
+    """Write the albedo of the points whose BSDF is of one kind."""
     for i in range(0, count, 16):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -95,7 +95,7 @@ def show_albedo(bsdf, points, count, radiance):
 
 @method_kernel
 def show_seen_albedo(bsdf, points, count, radiance):
-    """Write it for a kind whose albedo depends on where it is seen from."""
+    """Write the albedo for a kind whose albedo depends on the direction of view."""
     for i in range(0, count, 16):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -109,7 +109,7 @@ def show_seen_albedo(bsdf, points, count, radiance):
 
 @method_kernel
 def show_normal(bsdf, points, count, radiance):
-    """Write the normal of the points that show a BSDF which turns it."""
+    """Write the normal of the points whose BSDF turns it (normal and bump maps)."""
     for i in range(0, count, 16):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
@@ -126,8 +126,8 @@ def show_normal(bsdf, points, count, radiance):
 def _show_bsdfs(scene, hits, order, points, count, radiance):
     """Write k_d of all points, and the normals that BSDFs turn.
 
-    Mirrors and glass have no k_d and stay black; so do the black backs of those whose
-    albedo is that of a direction.
+    Mirrors and glass have no k_d and stay black. So do black backs, if the albedo of the
+    front depends on the direction of view.
     """
     bsdfs = scene.bsdfs
     for kind in range(bsdfs.methods.shape[0]):

@@ -56,8 +56,8 @@ def trace_shadow_rays(groups, shadow_rays, count, coherent, radiance):
     way = ANY_COHERENT if coherent else ANY_SINGLE
     for k in range(groups.shape[0]):
         call(groups[k, way], groups[k, RECORD], (shadow_rays, count, None))
-    # Who is not blocked is listed first, over what was just read: a branch for each ray
-    # would go either way as often as not.
+    # Compact the unoccluded rays to the front, in place. A branch for each ray would be
+    # mispredicted about half of the time.
     free = np.int64(0)
     for i in range(0, count, 16):
         lit = (load_row(shadow_rays.blocked, 0, i) == 0) & first_lanes(count - i)

@@ -11,7 +11,7 @@ from renderer.kernels.jit import by_columns
 
 
 def vector_columns(count: int, rows: dict[int, Any]) -> NDArray[np.float32]:
-    """Return (4, count), vectors for `gather_vectors`, zero where none is given."""
+    """Return (4, count), vectors for `gather_vectors`, zero for ids without a vector."""
     table = np.zeros((4, count), np.float32)
     for i, row in rows.items():
         table[:3, i] = row

@@ -1,4 +1,4 @@
-"""What the stages ask of a kind of light, and how the lights of a batch are sampled."""
+"""The interfaces of a kind of light, and how the lights of a batch are sampled."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class LightPlugin:
         Whether it is infinitely far away.
         With textures a further argument are the `LightTextures`, or None.
     bounds
-        description -> where it is, all of it, and what it can give: by that it is chosen
-        among others, and shadow rays pass by walls that are not before it.
+        description -> `LightBounds`: place, directions and power. Lights are chosen by
+        them, and they tell which walls can never block the light.
     texture
         The attribute of the description that may be a texture, "" for none. Lights whose
         textures are of different kinds, or without, are in tables of their own.

@@ -31,7 +31,7 @@ from renderer.plugins.textures.bitmap import wrapped
 from renderer.plugins.textures.kind import LUMINANCE
 from renderer.scene_file.description import BitmapTexture
 
-_WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}  # as `kinds.textures.bitmap` numbers them
+_WRAP = {"repeat": 0, "mirror": 1, "clamp": 2}  # as `plugins.textures.bitmap` numbers them
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _SMALLEST = np.float32(1.1754944e-38)
 

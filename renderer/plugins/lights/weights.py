@@ -1,4 +1,4 @@
-"""Multiple importance sampling: what a sample counts beside the other way to find light."""
+"""Multiple importance sampling: the weights of light samples and BSDF samples."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from renderer.plugins.sampling.numbers_and_warps import power_heuristic
 
 @kernel
 def light_probability(lights, settings):
-    """Return the probability that an asked light is sampled, the same for all of them.
+    """Return the probability of each light to be sampled, if it is the same for all.
 
-    1 where it differs: light samples and rays that find a light then have it in their
-    densities (`choice.choose`).
+    1 if it differs from light to light: the densities of light samples and of rays that hit
+    a light then contain it already (`choice.choose`).
     """
     if settings.every_light != 0 or lights.choice.shape[0] != 0:
         return np.float32(1.0)
@@ -23,7 +23,7 @@ def light_probability(lights, settings):
 
 @kernel
 def light_sample_weight(settings, light_pdf, bsdf_pdf):
-    """Return the weight of a light sample beside BSDF sampling; point lights get 1."""
+    """Return the MIS weight of a light sample; 1 for point lights, which have density 0."""
     if settings.weigh == 0:
         return splat_f32(1.0)
     weight = power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)
@@ -32,7 +32,7 @@ def light_sample_weight(settings, light_pdf, bsdf_pdf):
 
 @kernel
 def bsdf_sample_weight(settings, pdf, light_pdf):
-    """Return the weight of a BSDF sample beside light sampling; mirrors (pdf 0) get 1."""
+    """Return the MIS weight of a BSDF sample; 1 for mirrors, which have density 0."""
     if settings.weigh == 0:
         return splat_f32(1.0)
     weight = power_heuristic(pdf, light_pdf * np.float32(settings.light_share))

@@ -1,7 +1,7 @@
-"""Where directions and densities depend on how they are rounded: small, named interfaces.
+"""Interfaces for operations on directions and densities whose rounding can be replaced.
 
-The renderer computes them as the formulas say (`Plain`). Whoever must agree with another
-program to the last bit gives the kernels another record, and implementations of his own.
+The renderer uses the plain formulas (`Plain`). A replay, which must agree with Mitsuba to
+the last bit, passes the kernels another record, for which it implements the interfaces.
 """
 
 from __future__ import annotations

@@ -42,8 +42,8 @@ _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 FILM_BLOCK = 0
 BLOCKS_PER_BOUNCE = 1 << 20
 APERTURE_BLOCK = BLOCKS_PER_BOUNCE
-# What chooses by the first of a pair takes log2(count) of its 24 bits: of 4096 things, each
-# has 4096 places left, and their mean is 0.4999. More are chosen by a number of its own.
+# A choice by the first number of a pair takes log2(count) of its 24 bits. Of 4096 choices
+# each leaves 4096 values, whose mean is 0.4999. Larger choices use a separate number.
 MOST_BY_PAIR = 4096
 
 
@@ -184,8 +184,8 @@ def _inside_cell(multi, column, row, columns, rows, keys, jx, jy):
 
     Plain strata take the jitter. Correlated multi-jittering [Kensler2013] first divides
     the cell again, one part for each of the other cells of its column or row, and in the
-    same order in all columns (rows): cells beside each other then are like a lattice. With
-    an order for each of them the variance of edges is 1.2 to 1.5 times as large.
+    same order in all columns (rows): neighbouring cells then form a lattice. With a
+    separate order for each of them the variance of edges is 1.2 to 1.5 times as large.
     """
     if multi is None:
         return jx, jy
@@ -331,6 +331,6 @@ def square_to_triangle(x, y):
 
 @kernel
 def power_heuristic(pdf, other_pdf):
-    """Return the weight of a sample of `pdf` beside one of `other_pdf` [Veach1997]."""
+    """Return the power heuristic p^2 / (p^2 + q^2) of two densities [Veach1997]."""
     ratio = other_pdf / pdf  # the square of a density above 1.8e19 would overflow
     return 1.0 / (1.0 + ratio * ratio)

@@ -1,10 +1,11 @@
 """The digits of the points behind the sampler `sobol`: matrices modulo 2, as tables.
 
-A point has eight coordinates, four pairs. Each pair is the same net of two dimensions,
-asked for the point that a matrix of its own makes of the index, so that every pair is a
-(0, m, 2)-net. The matrices were found by chance and small steps, such that the first two
-pairs are a good net of four dimensions, and some threes and twos good ones of theirs: the
-cost was the share of boxes of volume 2^-m, 2^-(m-1) and 2^-(m-2) that are not hit evenly.
+A point has eight coordinates, four pairs. Each pair is a point of the same net of two
+dimensions, at an index that the pair's matrix makes of the sample's index. So every pair is
+a (0, m, 2)-net. The matrices were found by a random search with small steps, such that the
+first two pairs are a good net of four dimensions, and some sets of two and three
+coordinates are good nets: the cost was the share of boxes of volume 2^-m, 2^-(m-1) and
+2^-(m-2) that are not hit evenly.
 """
 
 from __future__ import annotations

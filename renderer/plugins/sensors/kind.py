@@ -1,4 +1,4 @@
-"""What the ray generation asks of a kind of sensor."""
+"""The interface of a kind of sensor: its records and how it makes rays."""
 
 from __future__ import annotations
 

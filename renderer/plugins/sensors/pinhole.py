@@ -29,7 +29,7 @@ class Pinhole:
     yres: int
 
     def corner(self, border: int) -> NDArray[np.float64]:
-        """Return the vector to where samples begin, so many pixels beyond the film."""
+        """Return the vector to the corner that lies `border` pixels beyond the film."""
         x, y = self.xres / 2.0 + border, self.yres / 2.0 + border
         return self.f - self.x * x - self.y * y
 

@@ -27,7 +27,7 @@ def unit_normals(edge1: Any, edge2: Any) -> NDArray[np.float32]:
 
 
 def empty_rows(rows: int) -> NDArray[np.float32]:
-    """Return a table without a column: nobody asks for it."""
+    """Return a table without columns, for values that the scene does not use."""
     return by_columns(np.zeros((rows, 0)))
 
 

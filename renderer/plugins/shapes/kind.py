@@ -1,4 +1,4 @@
-"""What a kind of shape is outside of kernels: from the description to its tables."""
+"""A kind of shape outside of kernels: from the description to its tables."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class ShapeKind:
-    """One kind of shape; its kernels are implementations of the interfaces beside this.
+    """One kind of shape; its kernels implement the interfaces of this folder.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
-"""The same three questions for every kind of primitive, resolved by type at compile time.
+"""Three functions for every kind of primitive, resolved by type at compile time.
 
-All without a branch at run time, so that an accelerator is written once for all kinds.
+They have no branch on the kind at run time, so an accelerator is written once for all
+kinds.
 """
 
 from __future__ import annotations

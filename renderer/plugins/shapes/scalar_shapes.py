@@ -1,8 +1,9 @@
 """Kinds of primitives that are intersected one at a time, in double precision.
 
 Such a kind has a record of surfaces with its own `intersect_scalar` and `point_alone`.
-This file adds what accelerators and stages need of it, in lanes or not, and what shapes
-with a space of their own have in common: rows 0 to 11 of a column are a 3 x 4 matrix.
+This file derives from them the kernels that accelerators and stages call, for one ray or
+for 16 lanes, and the transforms of shapes with an object space: rows 0 to 11 of a column
+are a 3 x 4 matrix.
 """
 
 from __future__ import annotations
@@ -38,21 +39,21 @@ class Singly(NamedTuple):
 
 @interface
 def intersect_scalar(surfaces: Any, k: Any, origin: Any, direction: Any, t_max: Any) -> Any:
-    """Return t of the first hit with 0 < t <= t_max, infinite if there is none.
+    """Return t of the first hit with 0 < t <= t_max, infinite without a hit.
 
-    Column -1 is no surface.
+    Column -1 is never hit.
     """
 
 
 @interface
 def point_alone(surfaces: Any, k: Any, hit_point: Any) -> Any:
-    """Return the point of surface k next to one that is on it but for rounding.
+    """Return the point of surface k closest to `hit_point`, which is rounded.
 
-    And its normal, and the normal for shading; all in double precision.
+    Also return its normal and its shading normal, all in double precision.
     """
 
 
-# ---------------------------------------------------------------- spaces of their own
+# --------------------------------------------------------------------- object spaces
 
 
 @kernel
@@ -110,7 +111,7 @@ def between(low, high, origin, direction, near, far):
     return max(near, a), min(far, b)
 
 
-# ------------------------------------------------- as accelerators and stages ask for it
+# ------------------------------------------------- for accelerators and stages
 
 
 def _pick(x: Any, j: int) -> Any:
@@ -205,7 +206,7 @@ def _three(rows, first):
 
 def group_of(s: Any, order: Any, ids: Any, padded: Any) -> Singly:
     """Return primitives as an accelerator keeps them."""
-    # -1 is no surface: lanes beyond the last are not worth a search for roots
+    # -1 is never hit: no search for roots in lanes beyond the last
     column = np.pad(np.asarray(order, np.int32), (0, 16), constant_values=-1)
     return Singly(column, s, ids, len(order))
 
@@ -228,5 +229,5 @@ def hull_of_box(corners: NDArray[np.float64]) -> tuple[Any, Any, Any]:
 
 
 def no_area(s: Any, k: Any) -> NDArray[np.float64]:
-    """Return zeros: nobody knows; none is a lamp."""
+    """Return zeros: the areas are unknown and unused, as these shapes cannot emit light."""
     return np.zeros(len(k))

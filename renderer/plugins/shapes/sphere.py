@@ -85,7 +85,7 @@ def ordered_roots(q, a, c):
 
 @kernel
 def hit_sphere(sphere, origin, direction, t_max):
-    """Intersect; hits have 0 < t <= t_max. u and v are 0: the surface finds its own."""
+    """Intersect; hits have 0 < t <= t_max. u and v are 0: `surface_point` computes them."""
     f = origin - sphere.center
     a = dot(direction, direction)
     b = -dot(f, direction)

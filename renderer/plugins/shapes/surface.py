@@ -1,4 +1,4 @@
-"""What the stages ask of the surface of every kind of shape, and what flat ones share."""
+"""The surface interfaces of every kind of shape, and what flat kinds share."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def surface_point(
     hit_point
         p + t d, for the curved kinds.
     with_uv
-        0 if nobody looks at the texture coordinates.
+        0 if the scene does not use texture coordinates.
     """
 
 

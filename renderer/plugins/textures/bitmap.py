@@ -43,7 +43,7 @@ _WRAP = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 class Bitmaps(NamedTuple):
     """Bitmaps whose texels have one format; columns by texture id."""
 
-    texels: Any  # see `kinds.textures.texels`; row after row from the top
+    texels: Any  # see `plugins.textures.texels`; row after row from the top
     start: NDArray[np.int32]  # (n,) first texel
     width: NDArray[np.int32]  # (n,)
     height: NDArray[np.int32]  # (n,)

@@ -1,7 +1,7 @@
 """How the brightness of bitmaps changes with u and v: for bumps.
 
-It is the slope of the plane through the four texels around a point; where a bitmap shows
-the nearest texel alone it is 0, as there are steps and nothing between them.
+It is the slope of the plane through the four texels around a point. It is 0 for a bitmap
+without interpolation, which is constant between its steps.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a kind of texture is, and what the stages ask of it."""
+"""The interface of a kind of texture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface
 
-# luminance of linear sRGB: what a bitmap's colours mean where one number is asked for
+# luminance of linear sRGB: what a bitmap of colours returns for one number
 LUMINANCE = (0.212671, 0.715160, 0.072169)
 
 
@@ -29,7 +29,7 @@ class TextureMethods(NamedTuple):
 
     table: Any  # of the kind
     to_uv: NDArray[np.float32]  # (6, n) first two rows of the affine map
-    nested: Any  # see `kinds.textures.nested`; None in scenes without such checkerboards
+    nested: Any  # see `plugins.textures.nested`; None in scenes without such checkerboards
 
 
 def _alike(texture: Any) -> Hashable:
@@ -81,4 +81,4 @@ def texture_color(table: Any, texture: Any, point: TexturePoint, mask: Any) -> A
 
 @interface
 def texture_scalar(table: Any, texture: Any, point: TexturePoint, mask: Any) -> Any:
-    """Return what textures mean as one number, for a roughness, an opacity, ..."""
+    """Return textures as one number, for a roughness, an opacity, ..."""

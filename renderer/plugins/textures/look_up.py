@@ -1,7 +1,7 @@
 """Stage 4, textures: parameters of a batch of points, looked up in one kind of texture.
 
-What can be asked for are a colour, a number and a slope (`gradient.py`), a method for each,
-so that what no BSDF of a scene asks for is not compiled.
+There is one method for each result: a colour, a number and a slope (`gradient.py`). Methods
+that no BSDF of a scene uses are not compiled.
 """
 
 from __future__ import annotations

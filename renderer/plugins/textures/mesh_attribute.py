@@ -20,7 +20,7 @@ from renderer.scene_file.numbers import quoted
 
 @table_columns("places")
 class MeshAttributes(NamedTuple):
-    """What the triangles of those meshes have that show one of the textures."""
+    """Attributes of the triangles of all meshes that have one of the textures."""
 
     first: int  # primitive id of the first triangle
     places: NDArray[np.float32]  # (12, triangles) as in `TriangleSurfaces`
@@ -45,7 +45,7 @@ def read(properties: Any, use: Use) -> MeshAttributeTexture:
 
 
 def mean(texture: MeshAttributeTexture, mean_of: Any = None) -> NoReturn:
-    """Refuse: it depends on the mesh; Mitsuba has none either.
+    """Refuse a mean: it depends on the mesh, and Mitsuba has no such mean either.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def mean(texture: MeshAttributeTexture, mean_of: Any = None) -> NoReturn:
 def check_attribute(
     texture: MeshAttributeTexture, shape: Shape, in_group: bool, as_number: bool
 ) -> None:
-    """Refuse an attribute that a shape has not, or not as it is needed, or not finite.
+    """Refuse an attribute that a shape lacks, of another size, or not finite.
 
     Raises
     ------

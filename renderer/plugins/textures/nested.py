@@ -1,6 +1,6 @@
 """Checkerboards whose colours are textures: at each point one of these is looked up.
 
-So a board is no table of its own, but what decides whose table is asked.
+So a board has no table. It only selects the texture whose table is read.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class NestedBoards(NamedTuple):
 
 
 def nested_boards(textures: list[Any]) -> NestedBoards | None:
-    """Return the boards among textures, None if there are none."""
+    """Return the boards among textures, or None without a board."""
     ids = {id(texture): k for k, texture in enumerate(textures)}
     child = np.full((2, len(textures)), -1, np.int32)
     for k, texture in enumerate(textures):
@@ -45,7 +45,7 @@ def to_uv_of(m, texture, u, v, mask):
 def chosen_texture(nested, to_uv, texture, swapped, points, i, mask):
     """Return the textures that are looked up in the end, by id.
 
-    `swapped`: the board is asked for a number; each board within a board is asked, too.
+    `swapped`: a number is looked up, for which Mitsuba exchanges a board's two colours.
     """
     if nested is None:
         return texture

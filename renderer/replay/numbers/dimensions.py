@@ -1,7 +1,7 @@
 """The keys of Mitsuba's patterns: one for each pixel, and from it one for each dimension.
 
 A pattern says where the samples of a pixel lie in one dimension (or a pair). Dimensions are
-numbered in the order in which a sample asks for them, whether it asks for one or for two.
+numbered in the order in which a sample draws them; a draw takes one or two.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def generator_states(seeds: NDArray[np.uint32], sampler: Sampler) -> NDArray[np.
 
 
 def pattern_keys(seeds: NDArray[np.uint32], sampler: Sampler) -> NDArray[np.uint32]:
-    """Return the key of each pixel: its seed, encrypted beside the sampler's own."""
+    """Return the key of each pixel: its seed, encrypted with the sampler's seed."""
     own = np.full(seeds.shape, sampler.seed, np.uint64)
     return encrypt(own, seeds.astype(np.uint64), 4)[0].astype(np.uint32)
 

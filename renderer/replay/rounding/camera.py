@@ -3,9 +3,9 @@
 A hit 9 away at a grazing angle moves by 7e-6 when the direction changes by one unit in the
 last place, so that this first rounding outweighs all later ones. Mitsuba goes through the
 matrix that leads from the crop window to the camera, and that cannot be computed here bit
-for bit: some of its factors are reciprocals from a table of the processor. Whoever has
-Mitsuba beside him can read its entries and hand them on; they are taken if they differ from
-ours by rounding only.
+for bit: some of its factors are reciprocals from a table of the processor. The harness
+reads its entries from Mitsuba and passes them on. They are used if they differ from ours by
+rounding only.
 """
 
 from __future__ import annotations

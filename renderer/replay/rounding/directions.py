@@ -152,7 +152,7 @@ def to_world_as_mitsuba(s, t, normal, local):
     return fused_sum(normal, local.z, fused_sum(t, local.y, s * local.x))
 
 
-# --------------------------------------------------- what the stages ask, in this way
+# --------------------------------------------- the interfaces that the stages call
 
 
 class AsMitsuba(NamedTuple):

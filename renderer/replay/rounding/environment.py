@@ -88,7 +88,7 @@ class RoundedEnvironment(NamedTuple):
 
 
 def rounded_environment(own: EnvironmentMaps, sky: EnvironmentMap) -> RoundedEnvironment:
-    """Return what a replay needs of an environment map beside the renderer's own table."""
+    """Return what a replay needs of an environment map in addition to the usual table."""
     luminance = rounded_luminance(*np.moveaxis(sky.pixels, -1, 0))
     compensated = sky.mis_compensation
     sine = _sines(latitudes(len(sky.pixels)))

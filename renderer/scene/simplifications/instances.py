@@ -1,4 +1,4 @@
-"""Instances as shapes of their own: more memory, and no tree above the trees of groups.
+"""Instances copied into plain shapes: more memory, and no tree above the trees of groups.
 
 Meshes can go anywhere, all copies of one as one mesh. Other shapes keep their formulas only
 where they are turned, moved and scaled the same in all directions: in copies that are

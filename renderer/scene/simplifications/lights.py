@@ -42,8 +42,8 @@ def _counted(description: SceneDescription) -> tuple[str, ...]:
 def shape_names(description: SceneDescription) -> list[str]:
     """Return the names of every shape: its id, or its class and line.
 
-    All have one, whether they shine or not, so that to leave out a thing of one shape
-    renames no other.
+    Shapes that emit no light have names too, so that leaving out a light renames no other
+    shape.
     """
     names: dict[str, None] = {}
     met: Counter[str] = Counter()  # a thousand shapes may stand on one line

@@ -1,6 +1,7 @@
-"""BSDFs with a part of them left out; what has no such part comes back as it is.
+"""BSDFs with a part left out.
 
-The same object is what tells that nothing changes, so nothing is rebuilt in vain.
+A BSDF without that part is returned as the same object, which shows that nothing changes
+and nothing has to be rebuilt.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from renderer.scene_file.description import (
 Change = Callable[[Any], Any]
 
 BLACK = ConstantTexture((0.0, 0.0, 0.0))
-# What differs from point to point and is no colour: its mean is another surface, or none.
+# Textured parameters that are not colours: their mean would describe another surface.
 SURFACE = {"normalmap", "height"}
 
 

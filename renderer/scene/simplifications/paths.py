@@ -32,7 +32,7 @@ def without_roulette(integrator: Integrator) -> Integrator:
     Raises
     ------
     SceneError
-        If there is none.
+        If paths have no max_depth: they might never end.
     """
     if integrator.name != "path":
         return integrator

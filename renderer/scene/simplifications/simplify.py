@@ -17,7 +17,7 @@ MOST_DEPTH = 2**31 - 1
 
 
 def words_of(description: SceneDescription) -> list[str]:
-    """Return every `NAME=VALUE` there is, but `depth=K`, of which there is no end."""
+    """Return every `NAME=VALUE` except for `depth=K`, whose values are unlimited."""
     named = {name: one.steps(description) for name, one in OF_EACH.items()}
     of_each = [f"{name}={thing}" for name, steps in named.items() for thing in steps]
     return [*SIMPLIFICATIONS, *of_each]
@@ -34,8 +34,8 @@ def is_endless(description: SceneDescription) -> bool:
 def offered(description: SceneDescription) -> tuple[list[str], list[str]]:
     """Return the words (`depth=K` apart) that change the scene, and those that do not.
 
-    The parts of a single BSDF are not offered where it is the only one to have them, nor
-    what is refused: endless paths without roulette, more copies than there is room for.
+    Left out are the parts of a single BSDF if no other BSDF has them, and words that would
+    be refused: endless paths without roulette, more copies than fit into memory.
     """
     words = words_of(description)
     for name in ("no-specular", "no-diffuse"):
@@ -55,7 +55,7 @@ def offered(description: SceneDescription) -> tuple[list[str], list[str]]:
 def simplified(description: SceneDescription, word: str) -> SceneDescription:
     """Return a description with one simplification; `simplified` of it says what that was.
 
-    A scene that has nothing of the kind is the same scene, and says that.
+    A scene without the feature stays the same, and its `simplified` says so.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def simplified(description: SceneDescription, word: str) -> SceneDescription:
 
 
 def differs(one: SceneDescription, other: SceneDescription) -> bool:
-    """Return whether a simplification changed anything, but what it said."""
+    """Return whether a simplification changed anything except for `simplified`."""
     return not (
         len(one.every_shape) == len(other.every_shape)
         and all(a is b for a, b in zip(one.every_shape, other.every_shape, strict=True))

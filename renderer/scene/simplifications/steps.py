@@ -1,7 +1,7 @@
 """The table of simplifications: each a name, a value, a sentence and a step.
 
-A step leads from one description to another; where there is nothing to leave out the parts
-come back as they are.
+A step maps a description to another one. Parts without anything to leave out are returned
+unchanged.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ BOX = ReconstructionFilter("box", radius=0.5)
 
 
 class Simplification(NamedTuple):
-    """A step that can be asked for."""
+    """A simplification that a user can choose."""
 
     sentence: str
     step: Step
 
 
 class OfEach(NamedTuple):
-    """Steps of one kind, one for each thing of the scene that has a name."""
+    """Steps of one kind, one for each named object of the scene."""
 
     sentence: str  # with {} for the name
     steps: Callable[[SceneDescription], Mapping[str, Step]]

@@ -117,7 +117,7 @@ def _linear_srgb(
     raw = srgb_of_spectrum(
         spectrum.wavelengths, spectrum.values, under_d65=use is not Use.EMISSION
     )
-    # what is too large is no matter of the gamut, and refused by who asked
+    # too large a value is not outside of the gamut; the caller refuses it
     lower = -np.inf if use in (None, Use.NUMBER) else 0.0
     clamped = np.clip(raw, lower, 1.0 if use is Use.REFLECTANCE else np.inf)
     # Bright white reflectances end a hair above 1, which is no news.
@@ -138,7 +138,7 @@ def read_constant_plugin(element: Element, reading: Reading, use: Use | None = N
     element, reading
         What is read.
     use
-        What the colour is for; None where nobody uses it.
+        What the colour is for; None if it is not used.
 
     Raises
     ------

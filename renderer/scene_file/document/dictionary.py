@@ -38,7 +38,7 @@ from renderer.scene_file.tree import (
 
 _DEEPEST = 100  # also what ends a dictionary that contains itself
 _VALUE_TYPES = ("rgb", "spectrum", "ref")
-# Types of pixels, by kind and bytes; of a tensor any numbers, which are what they are.
+# Types of pixels, by kind and bytes. Tensors may have any type, and are linear.
 _PIXEL_TYPES = ("u1", "u2", "f2", "f4", "f8")
 _TENSOR_TYPES = (*_PIXEL_TYPES, "i1", "i2", "i4", "i8", "u4", "u8")
 
@@ -74,7 +74,7 @@ def _element(
     if not isinstance(plugin, str):
         raise SceneError(f'{location}: the dictionary lacks a "type"')
     tag = tag_of_plugin(plugin)
-    if tag is None and key == "integrator":  # another one may be asked for to render it
+    if tag is None and key == "integrator":  # the options may choose another integrator
         tag = "integrator"
     if tag is None:
         supported = ", ".join(every_plugin())
@@ -248,7 +248,7 @@ def _triple(value: Any, location: Location, what: str) -> tuple[float, float, fl
 
 
 def _array(value: Any) -> np.ndarray | None:
-    """Return numbers as an array, or None if they are none."""
+    """Return numbers as an array, or None for anything else."""
     if isinstance(value, str | bytes | Mapping) or value is None:
         return None
     if not isinstance(value, Sequence | np.ndarray | int | float) and not hasattr(

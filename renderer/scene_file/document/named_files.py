@@ -1,8 +1,8 @@
-"""The files that a scene names, all of them, before anybody else is asked to read it.
+"""All files that a scene names, checked before another renderer reads the scene.
 
-Our reader stops at what it refuses first; another renderer may read on, and open what
-stands on the next line. Mitsuba also looks for the library of a plugin, `plugins/TYPE.so`,
-where it looks for the scene's files, and before its own: such a library would be run.
+Our reader stops at the first error. Another renderer may continue and open a file that a
+later line names. Mitsuba also looks for the library of a plugin, `plugins/TYPE.so`, in the
+folders of the scene's files before its own folder, and would run it.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _check_document(
 
 
 def _check(named: str, element: XmlElement, reading: Reading) -> Path | None:
-    """Return the file of that name, None if there is none."""
+    """Return the file of that name, or None if it does not exist."""
     for folder in reading.folders:
         try:
             there = (folder / named).exists()
@@ -99,7 +99,7 @@ def _add_folder(element: XmlElement, reading: Reading) -> None:
 def _check_no_library(folder: Path, where: str) -> None:
     try:
         beside = sorted((folder / "plugins").iterdir())
-    except OSError:  # none, or not for us to read, nor for who runs with our rights
+    except OSError:  # no such folder, or it is not readable with our rights
         return
     for file in beside:
         if file.suffix.lower() in LIBRARIES:

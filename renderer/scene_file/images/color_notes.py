@@ -1,7 +1,7 @@
-"""What files of bytes say about their colours and pixels, and Mitsuba does not look at.
+"""Warnings about colour information of 8-bit image files, which Mitsuba ignores.
 
-PNG, JPEG, BMP and TGA pixels are taken as sRGB, in the order in which they are stored,
-whatever stands beside them in the file. What says otherwise is named here, for the log.
+PNG, JPEG, BMP and TGA pixels are taken as sRGB, in the order in which they are stored.
+Entries of the file that say otherwise (profiles, gamma, orientation) are logged.
 """
 
 from __future__ import annotations

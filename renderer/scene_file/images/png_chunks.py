@@ -69,8 +69,8 @@ def bytes_held(content: bytes, at_most: int) -> int:
     zlib.error, struct.error
         If there is no telling.
     """
-    # from behind the stream's head of two bytes, so that nobody looks at its checksum, at
-    # which Pillow does not look either if it has all rows
+    # without the stream's head of two bytes, so that its checksum is not verified: Pillow
+    # does not verify it either if all rows are there
     data, inflater, found = image_data(content)[2:], zlib.decompressobj(-15), 0
     for start in range(0, len(data), _PIECE):
         piece = data[start : start + _PIECE]

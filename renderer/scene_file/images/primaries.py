@@ -26,8 +26,8 @@ def differ(one: Sequence[float], other: Sequence[float], at_least: float) -> boo
 def srgb_from(points: Sequence[float]) -> NDArray[np.float32]:
     """Return the matrix, (3, 3), from a colour space to linear sRGB.
 
-    White stays what it is in XYZ: no adaptation, as OpenEXR and Mitsuba have none. All of
-    it is NaN or infinite if the primaries span no colour space.
+    White keeps its XYZ: there is no chromatic adaptation, as in OpenEXR and Mitsuba. All
+    entries are NaN or infinite if the primaries span no colour space.
     """
     with np.errstate(all="ignore"):
         try:

@@ -74,13 +74,13 @@ def read_obj(
     Raises
     ------
     SceneError
-        With file and line: missing or unreadable file, a number that is none, a used
+        With file and line: missing or unreadable file, text in place of a number, a used
         position that is not finite, an index out of range, a face with less than three
         corners, no face.
     """
     # latin-1 maps every byte to a character: names may be in any encoding.
     content = read_mesh_bytes(path)
-    require_for_words(content, 95, path)  # texts in lists, and numbers beside them
+    require_for_words(content, 95, path)  # lists of texts, and the numbers
     tables = _Tables()
     if face_normals:
         tables.vn.width = 0  # of whose lines no number is read
@@ -298,7 +298,7 @@ def _missing(keys: NDArray[np.int64], path: Path) -> list[str]:
         if 0 < lacking < len(keys):
             found.append(
                 f"{path}: {lacking} of {len(keys)} vertices have no {word} and get "
-                f"{instead}; Mitsuba reads memory there that nobody has written"
+                f"{instead}; Mitsuba reads uninitialised memory there"
             )
     return found
 

@@ -148,7 +148,7 @@ def _version(content: bytes, at: int, what: str) -> int:
 
 
 class _Stream:
-    """A zlib stream that is unpacked as far as it is asked for."""
+    """A zlib stream that is unpacked only as far as it is read."""
 
     def __init__(self, packed: bytes, what: str) -> None:
         self.what = what  # for messages

@@ -2,7 +2,7 @@
 
 A program is what a pocket calculator with a stack does, one operation after the other. So
 kernels run any function without being compiled for it, on numbers and on intervals
-(`kinds.shapes.implicit.intervals`).
+(`plugins.shapes.implicit.intervals`).
 
 Every operation is defined everywhere, or an interval would have no value: the root of a
 negative number is 0, and a quotient by 0 has no value that could be a root.
@@ -159,7 +159,7 @@ def parse_expression(text: str) -> Program:
     Raises
     ------
     ExpressionError
-        Anything in it is none of the language's.
+        If anything in it is not part of the language.
     """
     source = text.replace("^", "**").strip()
     if len(source) > 16 * LONGEST:

@@ -21,7 +21,7 @@ def read_shapes(
 ) -> tuple[tuple[Shape, ...], tuple[Group, ...], tuple[Instance, ...]]:
     """Read all shapes of a scene; return its own, its groups and their instances.
 
-    A group that nobody uses is read, so that its errors show, and left out.
+    A group without an instance is read, so that its errors show, and left out.
 
     Raises
     ------

@@ -9,8 +9,8 @@ from renderer.scene_file.tree import Element
 def check_nesting(element: Element, deepest: int) -> None:
     """Refuse an element that holds too many of its tag inside of one another.
 
-    By references alone a file of a few lines can hold 2^30 of them, which whoever visits
-    them one by one would never finish.
+    By references alone a file of a few lines can hold 2^30 of them. A loop over all of
+    them would never end.
 
     Raises
     ------

@@ -24,7 +24,7 @@ def read_picture(properties: Properties, inline: tuple[str, ...]) -> tuple[Image
     Raises
     ------
     SceneError
-        If there is none, or it cannot be used.
+        If no picture is given, or it cannot be used.
     """
     there = [key for key in inline if key in properties.element.properties]
     if properties.has("filename") or not there:

@@ -98,10 +98,10 @@ def develop_rows(
 
 
 def compiled_development() -> Callable[..., None]:
-    """Return the kernel that develops, without Numba's look at each argument.
+    """Return the compiled `_develop_rows`, to be called without Numba's dispatcher.
 
-    Its parameters are those of `_develop_rows`. A call of the kernel itself would take as
-    long as what it does for a tile.
+    The dispatcher looks up the type of each argument, which takes as long as developing a
+    tile.
     """
     nothing = np.empty((0, 0)), TileGrid(0, 0, 0, 0, 0), np.empty((0, 0), np.float32)
     found: Callable[..., None] = compiled_for(

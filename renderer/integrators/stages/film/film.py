@@ -21,8 +21,8 @@ class FilterTable(NamedTuple):
 
     radius: float  # [pixels]
     weights: NDArray[np.float64]  # (steps + 1,) at the lower ends of equal parts
-    # (m, n) sums of the first n channels whose squares are the m channels behind these:
-    # second moments; None: there are none
+    # (m, n) linear combinations of the first n channels, whose squares are the m channels
+    # behind these: second moments; None without them
     squares: NDArray[np.float32] | None = None
 
 
@@ -143,9 +143,9 @@ def _copy(sums, splats, there):  # both ways by one kernel: a constant would mak
 def _add_one(rfilter, x, y, slot, radiance, sums, splats):
     """Add the sample of a slot, at (x, y) in the sums, to all pixels that it reaches.
 
-    A pixel's centre is a whole number here. A pixel's numbers are added together: with
-    several columns at once, what a sample has just stored the next one loads in part, and
-    has to wait for it.
+    Pixel centres are integers here. The channels of one pixel are added together. Adding
+    several columns at once is slower: the next sample would load a part of what was just
+    stored, and wait for it.
     """
     channels, size = sums.shape[0] - 1, sums.shape[2]
     pixels, groups = size * size, channels // 4 + 1
@@ -172,9 +172,9 @@ def _add_one(rfilter, x, y, slot, radiance, sums, splats):
 def add_to_tile(rfilter, tile, film, radiance, sums, splats, border):
     """Add the samples of a tile's slots, `radiance` (channels, slots), to its sums.
 
-    `film` has the samples' places on the full film, (2, slots) in pixels. But for the box,
-    samples are added to `splats`, between `open_sums` and `close_sums`. The order of what
-    is added to a pixel is the same however many samples are traced together.
+    `film` has the samples' places on the full film, (2, slots) in pixels. Except for the
+    box filter samples are added to `splats`, between `open_sums` and `close_sums`. The
+    order of the sums of a pixel does not depend on how many samples are traced together.
     """
     square_sums(rfilter.squares, radiance, tile.level)
     if rfilter.weights.size == 0:  # the box

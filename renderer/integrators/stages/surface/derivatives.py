@@ -1,4 +1,4 @@
-"""Stage 4, bumps: dp/du and dp/dv of the points whose BSDFs ask for them."""
+"""Stage 4, bumps: dp/du and dp/dv of the points whose BSDFs use them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def derive(shapes, placements, hits, order, points, row, start, stop):
 
 @kernel
 def differentiate(scene, hits, order, kind, points, start, stop):
-    """Find both derivatives for the points of one kind of BSDF, where it asks for them."""
+    """Find both derivatives for the points of one kind of BSDF, if it uses them."""
     bsdfs = scene.bsdfs
     for k in range(bsdfs.derived.shape[0]):
         if bsdfs.derived[k, 0] != kind:

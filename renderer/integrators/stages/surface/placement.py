@@ -23,7 +23,7 @@ from renderer.plugins.shapes.surface import ROUNDING, magnitude
 
 
 class Place(NamedTuple):
-    """What of a surface depends on where it is, in 16 lanes."""
+    """The parts of a surface point that an instance transforms, in 16 lanes."""
 
     position: Any
     normal: Any  # geometric, unit
@@ -33,7 +33,7 @@ class Place(NamedTuple):
 
 @kernel
 def instance_of(placements, numbers, ray, valid):
-    """Return the instance ids of rays' hits, -1 for none."""
+    """Return the instance ids of rays' hits, -1 for hits outside of instances."""
     if placements.group.size == 0:
         return splat_i32(-1)
     return select(valid, gather_row(numbers, 0, ray, valid), -1)
@@ -53,7 +53,7 @@ def object_hit_point(placements, instance, origin, direction, t):
 
 @kernel
 def in_world(placements, instance, place):
-    """Return the place in the world of a place on an object.
+    """Return an object's surface point in the world.
 
     How far off a new ray must start: along the object's normal n, a step of 1 in the world
     is a step of |A^-T n|. So what is uncertain along n in the object's space, its own

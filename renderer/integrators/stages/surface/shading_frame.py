@@ -1,4 +1,4 @@
-"""Which BSDF a surface point shows to the side that it is seen from, and in what frame."""
+"""The BSDF on the visible side of a surface point, and its local frame."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.plugins.sampling.arithmetic import Frame, tangents_of
 
 @kernel
 def show_bsdf(shapes, kind_of, kind, points, i, valid):
-    """Note the BSDFs that points i to i + 15 show, if they are of a kind; return where."""
+    """Store the visible BSDFs of points i to i + 15 that are of one kind; return a mask."""
     front = dot(load3(points.wo, i), load3(points.shading_normal, i)) > 0.0
     shape = load_row(points.shape, 0, i)
     ahead = gather_row(shapes.front, 0, shape, valid)
@@ -27,11 +27,11 @@ def show_bsdf(shapes, kind_of, kind, points, i, valid):
 
 @kernel
 def load_constants(bsdfs, kind, points, i, mask):
-    """Load the parameters of the BSDFs that points i to i + 15 show, but for textures."""
+    """Load the constant parameters of the BSDFs of points i to i + 15."""
     bsdf = load_row(points.bsdf, 0, i)
     for row in range(0, bsdfs.rows[kind], 4):
         a, b, c, d = gather_columns(bsdfs.values, row, bsdf, mask)
-        # 0 elsewhere: of another kind of BSDF they may be the index of something
+        # 0 elsewhere: a parameter of another kind of BSDF may be an index
         store_row(points.parameters, row, i, select(mask, a, 0.0))
         store_row(points.parameters, row + 1, i, select(mask, b, 0.0))
         store_row(points.parameters, row + 2, i, select(mask, c, 0.0))

@@ -1,8 +1,8 @@
 """Stage 3, the surface at a hit: position, normals, uv, and how uncertain the position is.
 
-What a point on a sphere is, the sphere knows (`kinds.shapes`). Here its kernels are called
-for those hits of a batch that are on spheres, and so on for each kind of shape. Then all
-points are put in their place in the world.
+Each kind of shape computes its surface points (`plugins.shapes`). Here its kernels are
+called for the hits of a batch that are on shapes of that kind. Then the points on instances
+are transformed to the world.
 """
 
 from __future__ import annotations
@@ -39,10 +39,9 @@ from renderer.plugins.shapes.surface import magnitude, surface_point, tangent_at
 def append_hits(scene, rays, hits, first, count, stage, order, points, end):
     """Append the hits of `count` rays that need `stage` to `points`; return the new end.
 
-    With the state of their paths, and what `locate` makes points of: position and uv are
-    the ray's origin and the primitive's own coordinates as yet. `order` notes their rays.
-    Lanes packed side by side, ray after ray: gathering them by `order` takes three times
-    as long.
+    The points get the state of their paths. Until `locate` replaces them, position is the
+    ray's origin and uv are the primitive's coordinates. `order` holds the ray of each
+    point. Packing the lanes here takes a third of the time of gathering them by `order`.
     """
     stages, shapes = scene.primitives.stages, scene.primitives.shape
     for i in range(first, first + count, 16):
@@ -69,7 +68,7 @@ def append_hits(scene, rays, hits, first, count, stage, order, points, end):
 
 @method_kernel
 def locate(surfaces, settings, shapes, placements, hits, order, count, points):
-    """Fill in what a kind of shape knows of those of `count` points that are on it."""
+    """Compute the surface of those of `count` points that are on one kind of shape."""
     for i in range(0, count, 16):
         valid = first_lanes(count - i)
         prim = load_row(points.prim, 0, i)
@@ -100,7 +99,7 @@ def locate(surfaces, settings, shapes, placements, hits, order, count, points):
 
 @kernel
 def _place(placements, settings, hits, order, count, points):
-    """Put points on instances in their place; say how far off new rays start."""
+    """Transform points on instances to the world; set the offset of new rays."""
     per_rounding = np.float32(settings.rounding_offset)
     fixed = np.float32(settings.fixed_offset)
     for i in range(0, count, 16):

@@ -1,4 +1,4 @@
-"""What is known of a light before any point asks it: where it is, which way it shines."""
+"""Bounds of one light for importance sampling: its place, power and emitted directions."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
 """One light of several for each point, with the probability that it has there.
 
-A small share of the choices is uniform, the others follow what lights can give. These go
-through a list of entries, each a light or a tree of lights; where it is a tree, down to a
-light, at every node by what its children can give [Estevez2018, section 4]. For a light
-that a path has found by itself the same way is walked, and the random number not asked.
+A small share of the choices is uniform; the others follow bounds of what each light can
+contribute. Such a choice picks an entry of a list, which is a light or a tree of lights. In
+a tree it descends to a light, at every node by the bounds of the children [Estevez2018,
+section 4]. The probability of a light that a BSDF sample has hit is computed by the same
+descent, without a random number.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ from renderer.plugins.lights.choice.importance import (
 )
 from renderer.plugins.sampling.numbers_and_warps import choose_one
 
-# The share of uniform choices: of n lights each has a probability of at least this over n,
-# so that what none of the bounds knows (a turned normal, a shadow on all the others) makes
-# noise, and never a bias. It costs a sixteenth of the samples at most.
+# The share of uniform choices: each of n lights has a probability of at least this over n.
+# So what the bounds ignore (a turned normal, shadows of all other lights) adds noise, but
+# never a bias. It costs a sixteenth of the samples at most.
 UNIFORM = np.float32(1.0 / 16.0)
 MOST_ENTRIES = 256  # sixteen numbers of each are kept on the stack
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
@@ -59,7 +60,7 @@ class LightChoice(NamedTuple):
     child: NDArray[np.int32]  # (m,) the first of them, or the light
     stop: NDArray[np.int32]  # (m,) rank behind the last light
     width: int  # children at most
-    entries: NDArray[np.int32]  # (e,) the nodes that are all asked
+    entries: NDArray[np.int32]  # (e,) the nodes that are compared at each point
     at_infinity: NDArray[np.int32]  # (e,) 1: that light is
     entry: NDArray[np.int32]  # (lights,) where in `entries` a light is
     rank: NDArray[np.int32]  # (lights,) of a light, from left to right in its tree
@@ -73,7 +74,7 @@ class Chosen(NamedTuple):
 
     light: Any
     probability: Any
-    rest: Any  # what is left of the number that chose, in [0, 1)
+    rest: Any  # the random number after the choice, rescaled to [0, 1)
 
 
 @kernel
@@ -169,7 +170,7 @@ def _descend(choice, receiver, given, found, wanted, rank, valid):
 def walk(choice, receiver, wanted, light, number, valid):
     """Choose a light for each of 16 points by a number in [0, 1).
 
-    Where the mask `wanted` is set, `light` is the one, and its probability is asked.
+    Where the mask `wanted` is set, return `light` and the probability of choosing it.
     """
     given = local_f32(4096)
     total = _ask_entries(choice, receiver, given)
@@ -243,7 +244,7 @@ def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, coun
     """
     for i in range(first, first + count, 16):
         prim, density = load_row(hits.prim, 0, i), load_row(rays.pdf, 0, i)
-        # camera, mirrors and glass ask no light
+        # density 0: the camera, mirrors and glass take no light samples
         valid = first_lanes(first + count - i) & (density > 0.0)
         met = valid & (prim >= 0)
         shape = gather_row(shape_of, 0, prim, met)
@@ -267,7 +268,7 @@ def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, coun
 
 @kernel
 def divide_by_probability(samples, numbers, count):
-    """Count the choice of their lights into light samples and their densities."""
+    """Include the probability of choosing the light in light samples and densities."""
     for i in range(0, count, 16):
         probability = load_row(numbers, 3, i)
         store_row(samples.pdf, 0, i, load_row(samples.pdf, 0, i) * probability)

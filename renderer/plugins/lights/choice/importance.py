@@ -25,10 +25,10 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import column, dot, gather3
 
-# How much of a surface's side lights are looked for on, by BSDF
+# On which sides of a surface lights can contribute, by BSDF
 IN_FRONT = 0  # it is opaque: what lies behind it gives nothing
 BOTH_SIDES = 1  # light goes through
-ANY_NORMAL = 2  # it turns its normal, nobody knows how far
+ANY_NORMAL = 2  # a normal or bump map turns the normal by an unknown angle
 
 _SMALLEST = np.float32(1.1754944e-38)
 
@@ -46,7 +46,7 @@ class LightNodes(NamedTuple):
 
 
 class Receiver(NamedTuple):
-    """Sixteen surface points that ask for light."""
+    """Sixteen surface points for which a light is chosen."""
 
     position: Any
     normal: Any  # shading normal, of the side that is seen
@@ -122,7 +122,7 @@ def importance_from_infinity(nodes, node, receiver):
 
 @kernel
 def importance_at(nodes, node, mask, receiver):
-    """Return what a node of its own can give at each of 16 points."""
+    """Return what one node per point can give at each of 16 points."""
     return _of_ball(
         receiver,
         gather3(nodes.center, node, mask),

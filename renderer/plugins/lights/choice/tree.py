@@ -2,7 +2,7 @@
 
 A node is split in the direction in which its lights (places and axes) differ most, where
 the two halves differ least within themselves, weighed by what they give: the two clusters
-that Ward's criterion asks for [Ward1963], along one direction.
+that Ward's criterion selects [Ward1963], along one direction.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from renderer.plugins.lights.choice.choose import MOST_ENTRIES, UNIFORM, LightCh
 from renderer.plugins.lights.choice.importance import LightNodes
 from renderer.plugins.sampling.numbers_and_warps import MOST_BY_PAIR
 
-# Finite lights that are all asked at each point; of more, so many trees.
+# Up to this many finite lights are compared at each point; more form as many trees.
 LISTED = 64
 WIDTH = 8  # children of a node of these trees
 # How far apart two axes a right angle apart are, in diagonals of the lights' box
@@ -61,7 +61,8 @@ def light_choice(
     sides
         (BSDFs,) `importance.IN_FRONT`, `BOTH_SIDES` or `ANY_NORMAL`.
     environment
-        The light that rays find which hit nothing, or -1, as for one that is not asked.
+        The light that rays find which hit nothing. -1 if there is none, or if it gets no
+        light samples.
     by_pair
         The first number of a draw is better spread than the fourth, and chooses where
         enough is left of it.
@@ -192,7 +193,7 @@ def _split(
 
 
 def _opened(tree: _Tree, table: _Columns, node: int, count: int) -> list[int]:
-    """Return up to `count` nodes with all lights of a node: the vaguest are opened."""
+    """Return up to `count` nodes that hold all lights of a node; loose ones are opened."""
 
     def vague(k: int) -> float:
         lights = tree.lights(k)

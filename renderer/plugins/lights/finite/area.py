@@ -1,7 +1,7 @@
 """Area lights: a point on the shape, chosen by area; on a sphere, by the cone it fills.
 
-From density per area to density per solid angle: pdf = r^2 / (|cos| A). How a point is
-chosen is a matter of the shape (`renderer.plugins.shapes`).
+From density per area to density per solid angle: pdf = r^2 / (|cos| A). The shape chooses
+the point (`renderer.plugins.shapes`).
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _emitted(areas, kind, points, i, light, mask):
 
 @method_kernel
 def add_emission(kind, settings, lights, shapes, points, count, radiance):
-    """Add L_e of the lights of one kind that `count` paths have arrived at."""
+    """Add L_e of the lights of one kind that `count` paths have hit."""
     probability = light_probability(lights, settings)
     for i in range(0, count, 16):
         valid = first_lanes(count - i)

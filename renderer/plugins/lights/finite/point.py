@@ -46,14 +46,14 @@ def table(count: int, lights: dict[int, PointLight], beyond: float) -> PointLigh
 
 
 def bounds(light: PointLight) -> LightBounds:
-    """Return what it can give, and where."""
+    """Return the bounds for importance sampling."""
     return all_around(light.position, float(np.mean(light.intensity)))
 
 
 @sample_light.by(PointLights)
 @kernel
 def sample_point(points, kind, light, mask, position, x, y, z):
-    """Look straight at the light."""
+    """Return the direction to the light, and its radiance."""
     to_light = gather_vectors(points.position, light, mask) - position
     r = length(to_light)
     radiance = gather_vectors(points.intensity, light, mask) / dot(to_light, to_light)

@@ -74,7 +74,7 @@ def table(
 
 
 def bounds(light: Projector) -> LightBounds:
-    """Return what it can give on its axis, and up to the corners of its slide."""
+    """Return the bounds: the intensity on the axis, and a cone to the slide's corners."""
     width = 2.0 * np.tan(np.radians(0.5 * light.fov_x))
     corner = float(np.arctan(0.5 * np.hypot(width, width / light.aspect)))
     intensity = float(np.pi) * light.scale * mean_of(light.irradiance)
@@ -84,7 +84,7 @@ def bounds(light: Projector) -> LightBounds:
 @sample_light.by(Projectors)
 @kernel
 def sample_projector(projectors, kind, light, mask, position, x, y, z):
-    """Look straight at the light, and see where on its slide one is."""
+    """Return the direction to the light, and the radiance through its slide."""
     to_light = gather_vectors(projectors.position, light, mask) - position
     r = length(to_light)
     along = -dot(to_light, gather_vectors(projectors.axis, light, mask))

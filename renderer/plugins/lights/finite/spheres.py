@@ -40,19 +40,19 @@ def _cone(distance2, radius):
     return sine2 / (1.0 + cosine), sine2
 
 
-_TOUCHING = np.float32(1e-7)  # of the radius: a light that is touched is still somewhere
+_TOUCHING = np.float32(1e-7)  # of the radius: least distance to the sphere
 
 
 @interface
 def near_surface(arithmetic: Any) -> Any:
-    """Return within what fraction of the radius the side that shines decides."""
+    """Return the distance, over the radius, below which a point is on the sphere."""
 
 
 @interface
 def cone_of_density(
     arithmetic: Any, one_minus_cos: Any, to_center: Any, radius: Any
 ) -> Any:
-    """Return 1 - cos of the half angle of the cone, as the density has it."""
+    """Return 1 - cos of the half angle of the cone for the density."""
 
 
 @interface
@@ -71,14 +71,14 @@ def _near_surface(arithmetic):
 @cone_of_density.by(Plain)
 @kernel
 def exact_cone_of_density(arithmetic, one_minus_cos, to_center, radius):
-    """Return it as it is."""
+    """Return `one_minus_cos` unchanged."""
     return one_minus_cos
 
 
 @part_of_cone.by(Plain)
 @kernel
 def even_part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
-    """Return it as it is: the solid angle of a cone is even in 1 - cos."""
+    """Return the share: the solid angle of a cone is proportional to 1 - cos."""
     return x * one_minus_cos
 
 
@@ -86,7 +86,8 @@ def even_part_of_cone(arithmetic, x, one_minus_cos, to_center, radius):
 def _outside(arithmetic, distance2, radius, orientation):
     """Return the mask of points that see the sphere from outside.
 
-    On the surface itself the side that shines decides, not rounding.
+    Points on the surface count as outside if the sphere emits outwards, and as inside if
+    it emits inwards, so that rounding does not decide.
     """
     limit = radius * (1.0 - near_surface(arithmetic) * orientation)
     return distance2 > limit * limit

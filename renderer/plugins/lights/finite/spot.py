@@ -111,7 +111,7 @@ def _squares(
 
 
 def bounds(light: SpotLight) -> LightBounds:
-    """Return what it can give, and where: in full up to the beam width."""
+    """Return the bounds: full intensity up to the beam width."""
     slide = 1.0 if light.texture is None else mean_of(light.texture)
     beam, cutoff = np.radians([light.beam_width, light.cutoff_angle])
     intensity = float(np.mean(light.intensity)) * slide
@@ -121,7 +121,7 @@ def bounds(light: SpotLight) -> LightBounds:
 
 @kernel
 def _through_slide(radiance, square, light, wi, cosine, mask):
-    """Return what the textures leave of a radiance in the direction -wi of the lights."""
+    """Return a radiance in the direction -wi, multiplied by the lights' textures."""
     if square is None:
         return radiance
     along = -1.0 / select(cosine > 0.0, cosine, splat_f32(1.0))
@@ -132,7 +132,7 @@ def _through_slide(radiance, square, light, wi, cosine, mask):
 
 @kernel
 def spot_falloff(spots, light, cosine, angle, mask):
-    """Return what of the intensity is left at an angle from the axis, in [0, 1]."""
+    """Return the falloff of the intensity at an angle from the axis, in [0, 1]."""
     from_cutoff = gather_row(spots.cutoff, 0, light, mask) - angle
     fading = from_cutoff * gather_row(spots.inverse_transition, 0, light, mask)
     falloff = select(
@@ -163,7 +163,7 @@ def falling_off(spots, light, to_light, cosine, falloff, mask):
 @sample_light.by(SpotLights)
 @kernel
 def sample_spot(spots, kind, light, mask, position, x, y, z):
-    """Look straight at the light, and see how far off its axis one is."""
+    """Return the direction to the light, and its radiance at that angle from the axis."""
     to_light = gather_vectors(spots.position, light, mask) - position
     cosine = axis_cosine(spots, light, to_light / length(to_light), mask)
     falloff = spot_falloff(spots, light, cosine, arccos(cosine), mask)

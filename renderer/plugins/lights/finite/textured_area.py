@@ -43,7 +43,7 @@ def _at_uv(areas, light, u, v, mask):
 @sample_light.by(TexturedAreas)
 @kernel
 def sample_textured_area(areas, kind, light, mask, position, x, y, z):
-    """Choose a point where the texture is bright."""
+    """Choose a point in proportion to the texture's luminance."""
     u, v = choose_uv(areas.choice, light, x, y, mask)
     chosen = _at_uv(areas, light, u, v, mask)
     to_light = chosen.position - position
@@ -61,7 +61,7 @@ def sample_textured_area(areas, kind, light, mask, position, x, y, z):
 @emitted_light.by(TexturedAreas)
 @kernel
 def _emitted(areas, kind, points, i, light, mask):
-    """Go back from the hit's (u, v) to the density of its texels."""
+    """Return the density of a hit, by that of its (u, v) in the texture."""
     _, distance, cosine = seen_from(kind.arithmetic, points, i)
     u, v = load_row(points.uv, 0, i), load_row(points.uv, 1, i)
     here = _at_uv(areas, light, u, v, mask)

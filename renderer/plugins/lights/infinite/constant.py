@@ -44,14 +44,14 @@ def table(count: int, lights: dict[int, ConstantLight], beyond: float) -> Consta
 
 
 def bounds(light: ConstantLight) -> LightBounds:
-    """Return what it gives: the same anywhere."""
+    """Return the bounds: the same radiance from everywhere."""
     return from_everywhere(float(np.mean(light.radiance)))
 
 
 @sample_light.by(ConstantLights)
 @kernel
 def sample_constant(constants, kind, light, mask, position, x, y, z):
-    """Look anywhere, uniformly over the whole sphere, as Mitsuba does it.
+    """Sample a direction uniformly over the whole sphere, as Mitsuba does.
 
     Half the samples of a surface point are below its horizon.
     """

@@ -61,14 +61,14 @@ def table(
 
 
 def bounds(light: DirectionalLight) -> LightBounds:
-    """Return what it gives, and from where."""
+    """Return the bounds: the irradiance and the direction."""
     return from_direction(float(np.mean(light.irradiance)), -np.array(light.direction))
 
 
 @sample_light.by(DirectionalLights)
 @kernel
 def sample_directional(directionals, kind, light, mask, position, x, y, z):
-    """Look against the light's direction, to beyond the scene."""
+    """Return the direction against the light's, and a distance beyond the scene."""
     wi = gather_vectors(directionals.to_light, light, mask)
     irradiance = gather_vectors(directionals.irradiance, light, mask)
     distance = splat_f32(np.float32(directionals.distance))

@@ -126,8 +126,8 @@ def importance(
     sine : ndarray of shape (H,)
         Of the angle from the pole.
     compensated
-        What is everywhere is left to the BSDFs' samples: it is luminance above the mean
-        that counts [Karlik2019].
+        Only luminance above the mean gets light samples; BSDF samples find the rest
+        [Karlik2019].
     """
     if compensated:
         mean = np.float32(luminance.mean(dtype=np.float64))
@@ -157,7 +157,7 @@ def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> Envir
 
 
 def bounds(sky: EnvironmentMap) -> LightBounds:
-    """Return what it gives on average over all directions."""
+    """Return the bounds: the mean radiance over all directions."""
     rows = np.maximum(sky.pixels, 0.0).mean(axis=(1, 2), dtype=np.float64)
     sine = np.sin(np.linspace(0.0, np.pi, len(rows)))
     return from_everywhere(sky.scale * float(rows @ sine / sine.sum()))
@@ -235,9 +235,9 @@ def image_density(sky, u, v, mask):
 
 @kernel
 def distant_sample(sky, wi, radiance, pdf):
-    """Return directions with what they bring over their densities, of which some are NaN.
+    """Return samples in directions: the radiance over the density [1/sr].
 
-    Those bring nothing.
+    Where the density is NaN or 0 the radiance is 0.
     """
     usable = pdf > 0.0
     pdf = select(usable, pdf, splat_f32(0.0))
@@ -262,7 +262,7 @@ def _sample_envmap(sky, kind, light, mask, position, x, y, z):
 @environment_light.by(EnvironmentMaps)
 @kernel
 def _envmap_light(sky, direction, mask):
-    """Go from the direction to (u, v)."""
+    """Return the radiance and the density of directions, by their (u, v)."""
     u, v, sine = image_point(sky, direction)
     x, y = texel_place(sky, u, v)
     density = image_density(sky, u, v, mask)

@@ -60,7 +60,7 @@ def read_cube(properties: Any, common: dict[str, Any]) -> Mesh:
 def _mesh(
     properties: Any, common: dict[str, Any], data: MeshData, sharp: bool = False
 ) -> Mesh:
-    """Place a mesh; a `sharp` one has normals of its own, and no use for face_normals."""
+    """Place a mesh; a `sharp` one keeps its vertex normals and ignores face_normals."""
     face_normals = properties.boolean("face_normals", False)
     mesh, log = build_mesh(
         data,

@@ -1,7 +1,7 @@
 """Ray against triangle, by both methods of the lecture.
 
-The renderer uses `hit_triangle`, the plane method with the normal stored beside the
-triangle: 29 multiplications and additions against 38 of Moeller-Trumbore.
+The renderer uses `hit_triangle`, the plane method with the normal stored in the triangle's
+record: 29 multiplications and additions against 38 of Moeller-Trumbore.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class TriangleSurfaces(NamedTuple):
     first: int
     end: int
     places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
-    # each of the following has no column where no mesh has it or nobody asks for it
+    # each of the following has no columns if no mesh has it or no kernel reads it
     normals: NDArray[np.float32] = empty_rows(9)  # (9, n) of the vertices, any length
     uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
     tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
@@ -120,7 +120,7 @@ class TriangleSurfaces(NamedTuple):
 
 @kernel
 def interpolated_normal(normals, index, mask, u, v, flat):
-    """Return the unit normals between the vertices' own; `flat` where there are none."""
+    """Return unit normals interpolated from the vertices; `flat` without vertex normals."""
     if normals.shape[1] == 0:
         return flat
     a = gather_columns(normals, 0, index, mask)
@@ -177,7 +177,7 @@ def choose_triangle(table: Any, light: Any, mask: Any, y: Any, z: Any) -> Any:
 @choose_triangle.by(TriangleLights)
 @kernel
 def _choose_by_alias(table, light, mask, y, z):
-    """Take constant time, and a number of its own."""
+    """Use the alias method: constant time, and the additional random number z."""
     count = to_f32(gather_row(table.count, 0, light, mask))
     scaled = z * count
     column = to_i32(minimum(scaled, count - 1.0))
@@ -256,7 +256,7 @@ def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
 
 
 def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return (9, F) vertex normals; a faceted mesh beside a smooth one repeats its own."""
+    """Return (9, F) vertex normals; those of a faceted mesh are its face normals."""
     if mesh.normals is not None:
         return mesh.normals[mesh.faces].reshape(len(p), 9).T.astype(np.float64)
     q = p.astype(np.float64)

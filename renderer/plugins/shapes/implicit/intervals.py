@@ -1,9 +1,9 @@
 """A function and its derivative along a line, on intervals that hold all their values.
 
 Interval arithmetic [Moore1966]: of operands anywhere in their intervals, the result is
-anywhere in its interval. All numbers are double precision; as there is no way to ask for a
-direction of rounding, each result is moved outwards by more than its rounding error. What
-is unbounded (a quotient by an interval with 0 in it) has infinite ends.
+anywhere in its interval. All numbers are double precision. The direction of rounding cannot
+be chosen, so each result is moved outwards by more than its rounding error. An unbounded
+result (a quotient by an interval that contains 0) has infinite ends.
 
 Derivatives go along by the chain rule. Where a function has a kink (abs, min, max, the
 square root at 0), the interval holds all slopes on both sides.

@@ -1,10 +1,10 @@
-"""The first root of g along a ray: none is missed, and none is found that is not there.
+"""The first root of g along a ray, without missed or false roots.
 
-[Mitchell1990]: an interval of t on which g cannot be 0 is left out; one on which the
-derivative cannot be 0 has at most one root, and has it if g changes its sign; any other is
-halved. Whether g can be 0 is asked in two ways: of its values on the interval, and of the
-value in the middle plus slopes times half the width, which near a root is much the better.
-Intervals are visited from the near end on, so the first root found is the first.
+[Mitchell1990]: an interval of t on which g cannot be 0 is left out. An interval on which
+the derivative cannot be 0 has at most one root, and has it if g changes its sign. Any other
+is halved. Two bounds show that g cannot be 0: its values on the interval, and the value in
+the middle plus slopes times half the width, which is much tighter near a root. Intervals
+are visited from the near end on, so the first root found is the first.
 
 How far this holds. For g in double precision along the ray as it is given, every interval
 is rounded outwards (`intervals`), so no root is missed. What is still undecided when an
@@ -77,7 +77,7 @@ def _refined(program, origin, direction, near, far, increasing):
 def first_root(program, origin, direction, near, far):
     """Return the smallest t in [near, far] with g = 0, and how often g was evaluated.
 
-    Infinite if there is none. `origin` and `direction` are double precision.
+    t is infinite if g has no root. `origin` and `direction` are double precision.
     """
     never_inline()
     ends = local_f64(64)

@@ -39,9 +39,9 @@ def _distance(distances, begin, points, x, y, z):
 def _two_slopes(below, here, above, x, points):
     """Return the slopes to both sides of the grid plane next to x, in [0, 1]^3.
 
-    And the weight of the upper one. Below the first plane there is no slope and so no
-    weight. Beyond the last one Mitsuba finds that of a constant, and gives it its weight:
-    normals in the last half of a cell are bent.
+    Also return the weight of the upper slope. Below the first plane there is no slope, and
+    its weight is 0. Beyond the last plane Mitsuba takes the slope 0 of a constant with its
+    usual weight, so normals in the last half of a cell are bent.
     """
     plane = np.round(x)
     scale = points - 1.0

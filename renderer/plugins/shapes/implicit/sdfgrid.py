@@ -204,7 +204,7 @@ def _read_distances(properties: Any) -> tuple[str, NDArray[np.float32]]:
 
 
 def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
-    """Say where the reference shows less of the shape than there is."""
+    """Warn if Mitsuba shows less of the shape than there is."""
     nz, _, nx = distances.shape
     reasons = []
     if nx != nz:
@@ -223,7 +223,7 @@ def _warn_of_mitsuba(properties: Any, distances: Any, to_world: Any) -> None:
 def occupied(distances: NDArray[np.float32]) -> NDArray[np.int64]:
     """Return z, y, x of the cells with numbers of either sign, (n, 3), in Mitsuba's order.
 
-    A cell whose eight numbers are 0 has no surface but solid zeros: none is met.
+    A cell whose eight numbers are all 0 is left out: it has no surface to hit.
     """
     low = high = distances
     for axis in range(3):

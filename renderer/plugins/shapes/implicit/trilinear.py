@@ -1,7 +1,7 @@
 """Numbers between the eight corners of a unit cube: along a ray they are a cubic.
 
 Its first root in [0, 1] is found piece by piece, between the roots of its derivative, where
-it rises or falls all the way [Marmitt2004]: so none is missed, however close two are.
+it is monotone [Marmitt2004]. So no root is missed, however close two of them are.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _bracketed_root(c, low, high, f_low, f_high):
 
 @kernel
 def first_root_of(c):
-    """Return the smallest root of a cubic in [0, 1], infinite if there is none."""
+    """Return the smallest root of a cubic in [0, 1], infinite without a root."""
     first, second = _turns(c)
     low, f_low = 0.0, c.c0
     for piece in range(3):

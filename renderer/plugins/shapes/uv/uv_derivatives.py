@@ -1,7 +1,7 @@
 """dp/du and dp/dv at points of shapes: how far apart texels lie, for bumps.
 
-Directions along u alone are asked for at each bounce and are another matter (`tangent_at`):
-these here have the right lengths, and only scenes with bumps ask for them.
+Only scenes with bump maps use them. The tangent of a shading frame, which each bounce
+needs, is cheaper and has no meaningful length (`tangent_at`).
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
 def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
     """Return dp/du (3, n), not unit; where u and v span no area, of length 1.
 
-    Where there are no texture coordinates u is the first barycentric one.
+    Without texture coordinates u is the first barycentric coordinate.
     """
     uvs = triangles.uvs.astype(np.float64)
     if uvs.shape[1] == 0:

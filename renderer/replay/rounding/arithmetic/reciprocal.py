@@ -1,8 +1,8 @@
 """1 / a as Embree computes it: a guess from a table of the processor, and one Newton step.
 
 The two roundings of that step leave the last bit of one quotient in two hundred to the
-table, and tables differ between makers and generations of processors. So a replay asks the
-instruction that Embree asks on the same machine: with it (u, v) on triangles were Mitsuba
+table, and tables differ between makers and generations of processors. So a replay executes
+the same instruction as Embree on the same machine: with it (u, v) on triangles were Mitsuba
 3.9.1's bit for bit on 4640 of 4640 hits, with a division on 99.5 %.
 """
 

@@ -1,7 +1,7 @@
 """Hits on triangles, and on rectangles as two of them, as Embree and Mitsuba round them.
 
 (u, v) by Embree's robust test, which uses Plücker coordinates [Davidovic2012]; but inside
-of groups by its fast one [Moeller1997], since Mitsuba asks for the robust one in the
+of groups by its fast one [Moeller1997], since Mitsuba sets the robust flag for the
 structure of the scene only. Then the vertices weighted by (1 - u - v, u, v). Each agreed in
 all bits with Mitsuba 3.9.1 on thousands of hits.
 """

@@ -1,8 +1,8 @@
 """Stage 3 in a replay: the surface points as Mitsuba rounds them.
 
 A mirror ball multiplies the distance of two paths by ten at each bounce, and (u, v) on a
-floor of 140 x 140 are known to 8e-6. With roundings of its own a path would leave its twin
-after a few bounces; so the points of hits are rounded as Mitsuba and Embree do it. Which
+floor of 140 x 140 are known to 8e-6. With other roundings a path would leave Mitsuba's path
+after a few bounces. So the points of hits are rounded as Mitsuba and Embree do it. Which
 operations are fused, and in which order sums are taken, was found by trying; a test
 (tests/replay/test_replay_hits.py) compares bits.
 """
@@ -160,7 +160,7 @@ def round_surface_points(rounding, placements, rays, hits, order, count, points)
             points.previous[c, i] = rays.previous[c, ray]
         prim, u, v = hits.prim[ray], hits.u[ray], hits.v[ray]
         if not _is_known(surfaces, prim):
-            continue  # it keeps the roundings of its own
+            continue  # it keeps our roundings
         instance = _instance_number(placements, hits.instance, ray)
         o, d = column(rays.origin, ray), column(rays.direction, ray)
         probe = embree_ray(exact.instances, instance, o, d)

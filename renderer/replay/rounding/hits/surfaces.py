@@ -31,7 +31,7 @@ class HitPoint(NamedTuple):
 
     position: Any
     normal: Any  # geometric, unit, before any flip: outwards of a curved surface
-    vertex_normal: Any  # interpolated, unit; the geometric one where there are none
+    vertex_normal: Any  # interpolated, unit; the geometric normal without vertex normals
     tangent: Any  # dp/du
     u: Any  # texture coordinates of triangles and rectangles
     v: Any

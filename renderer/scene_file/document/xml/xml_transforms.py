@@ -31,7 +31,7 @@ def fold_steps(steps: list[XmlElement], reading: Reading) -> Matrix:
     Parameters
     ----------
     reading
-        Gets a warning for a rotation that is none.
+        Gets a warning for an axis that is not of unit length.
 
     Raises
     ------

@@ -65,7 +65,7 @@ def _next_run(fields: list[str]) -> list[str]:
 
 
 def _name_of(run: list[str], element: str) -> str | None:
-    """Return the attribute that fields make, None if they make none."""
+    """Return the attribute that fields make, or None if they make no attribute."""
     prefix = run[0].rpartition("_")[0]
     letters = "".join(field.rpartition("_")[2] for field in run)
     possible = [s for s in _SEQUENCES if letters in (s, s[:1])]

@@ -8,8 +8,8 @@ from renderer.scene_file.properties import Properties
 from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import Element
 
-# Pixels of the crop window: the samplers number them in 32 bits. What fits into memory is
-# another question, which whoever renders asks.
+# Pixels of the crop window: the samplers number them in 32 bits. Whether they fit into
+# memory is checked when the scene is rendered.
 _LARGEST = 2**32
 _LONGEST = 2**20  # pixels of a side
 _PIXELS = ("rgb", "rgba", "luminance", "luminance_alpha", "xyz", "xyza")
@@ -67,10 +67,10 @@ def _crop(properties: Properties, side: str, axis: str, size: int) -> tuple[int,
 
 
 def _file_properties(properties: Properties) -> None:
-    """Check what says how Mitsuba stores the picture.
+    """Check the properties that say how Mitsuba stores the picture.
 
-    It does not change the picture: that is linear sRGB in float32 here, whatever the
-    file asks for, and the output file's name decides its format.
+    They do not change our picture, which is always linear sRGB in float32. The name of the
+    output file decides its format.
     """
     properties.choice(
         "file_format", "openexr", ("openexr", "exr", "pfm", "rgbe"), any_case=True

@@ -44,7 +44,7 @@ def read_sampler(element: Element | None, reading: Reading) -> Sampler:
 
 
 def round_sample_count(sampler: str, count: int) -> int:
-    """Return the number of samples per pixel that Mitsuba takes when asked for `count`.
+    """Return the number of samples per pixel that Mitsuba takes for a `count`.
 
     Parameters
     ----------
