@@ -28,6 +28,7 @@ from renderer.simple.bsdfs import (
     color,
     number,
 )
+from renderer.simple.measured import Measured
 from renderer.simple.principled import Principled, PrincipledThin
 from renderer.simple.rough import RoughConductor, RoughDielectric, RoughPlastic
 from renderer.simple.shapes import Hit
@@ -222,6 +223,7 @@ BSDFS: dict[str, type[Bsdf]] = {
     "principled": Principled,
     "principled with spec_trans": Principled,
     "principledthin": PrincipledThin,
+    "merl": Measured,
     "twosided": TwoSided,
     "mask": Mask,
     "blendbsdf": Blend,

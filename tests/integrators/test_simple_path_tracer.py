@@ -112,6 +112,7 @@ CASES = [
             "blendbsdf",
             "normalmap",
             "bumpmap",
+            "merl",
         )
     ),
     # new rays start 64 roundings of a primitive's size off it: of a floor 140 wide that
