@@ -113,6 +113,7 @@ CASES = [
             "normalmap",
             "bumpmap",
             "merl",
+            "no_sky",
         )
     ),
     # new rays start 64 roundings of a primitive's size off it: of a floor 140 wide that
