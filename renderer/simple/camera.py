@@ -6,8 +6,7 @@ import numpy as np
 
 from renderer.plugins.sensors.pinhole import pinhole
 from renderer.scene_file.description import PerspectiveCamera, Sensor, ThinLensCamera
-from renderer.simple.vectors import Vector, normalize
-from renderer.simple.warps import square_to_disk
+from renderer.simple.vectors import Vector, normalize, square_to_disk
 
 Ray = tuple[Vector, Vector, float, float]
 

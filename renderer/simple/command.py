@@ -19,7 +19,7 @@ from renderer.command.outputs import check_outputs
 from renderer.process.version import VERSION
 from renderer.process.working_folder import leave_deleted_folder
 from renderer.simple.path_tracer import estimates
-from renderer.simple.scene import Scene
+from renderer.simple.scene import INTEGRATORS, Scene
 
 if TYPE_CHECKING:  # needs Numba, which `--help` does not wait for
     from renderer.rendering.picture.image import Image
@@ -32,6 +32,7 @@ OPTIONS = {
     "-o": f"the picture, .exr, .png or .npy by its ending; may be given several times "
     f"(default: {OUTPUT})",
     "--spp": f"samples per pixel (default: {SPP})",
+    "--integrator": f"{', '.join(INTEGRATORS)} (default: the file's)",
     "-D": "",
     "--simplify": "",
     "--allow-outside": "",
@@ -77,7 +78,8 @@ def _render(
     from renderer.rendering.progress_display import ProgressDisplay
     from renderer.rendering.render_loop import Progress
 
-    scene, camera = Scene(description), description.camera
+    name = "" if options.integrator in (None, "auto") else options.integrator
+    scene, camera = Scene(description, name), description.camera
     size = (camera.film.crop_height, camera.film.crop_width)
     sums, samples = np.zeros((*size, 3)), np.zeros((*size, 1), np.int64)
     done, total = 0, samples.size * options.spp
@@ -92,7 +94,10 @@ def _render(
             display(Progress("render", done, total, time.perf_counter() - start))
             if interrupts.count:
                 break
-    metadata = {"lightproof": VERSION, "integrator": "path, by renderer.simple"}
+    metadata = {
+        "lightproof": VERSION,
+        "integrator": f"{scene.integrator}, by renderer.simple",
+    }
     if done < total:
         metadata["interrupted"] = f"after {done} of {total} samples"
     return Image(
@@ -102,7 +107,7 @@ def _render(
         samples=done,
         seconds=time.perf_counter() - start,
         threads=1,
-        integrator="path",
+        integrator=scene.integrator,
         metadata=metadata,
         complete=done == total,
     )

@@ -19,9 +19,13 @@ from renderer.scene_file.description import (
     Sphere,
     SpotLight,
 )
-from renderer.simple.surfaces.surfaces import Hit, Surface
-from renderer.simple.vectors import Vector, normalize, orthonormal_basis
-from renderer.simple.warps import square_to_sphere
+from renderer.simple.shapes import Hit, Surface
+from renderer.simple.vectors import (
+    Vector,
+    normalize,
+    orthonormal_basis,
+    square_to_sphere,
+)
 
 Light = Emitter | Surface
 EMITTERS = (PointLight, SpotLight, DirectionalLight, ConstantLight)
@@ -94,9 +98,10 @@ def pdf_light(light: ConstantLight | Surface, p: Vector, hit: Hit | None) -> flo
 def power_heuristic(pdf: float, other_pdf: float) -> float:
     """Return the weight of a direction drawn with `pdf` that `other_pdf` could have drawn.
 
-    Two ways lead to the same light; their weights add up to 1 [Veach1997].
+    Two ways lead to the same light; their weights add up to 1 [Veach1997]. A way that is
+    taken several times counts with the sum of its densities.
     """
-    return pdf**2 / (pdf**2 + other_pdf**2)
+    return 1.0 / (1.0 + (other_pdf / pdf) ** 2)
 
 
 def choose_face(mesh: Surface, z: float) -> int:

@@ -9,8 +9,9 @@ L_i in turn is the L_o of the point that the ray x(t) = x + t w_i meets first. M
 replaces the integral by one direction chosen with density pdf(w_i): f L_i cos / pdf has
 the integral as its mean. So the integral in the integral in the integral becomes a path.
 
-The kernels of this renderer walk the same paths, thousands at a time, in single precision.
-Given the same random numbers both find the same light
+The two integrators before it stand below: direct light alone, and the tree of rays through
+mirrors and glass. The kernels of this renderer walk the same paths and trees, thousands at
+a time, in single precision. Given the same random numbers both find the same light
 (tests/integrators/test_simple_path_tracer.py).
 """
 
@@ -22,17 +23,19 @@ from functools import partial
 
 import numpy as np
 
-from renderer.scene_file.description import Diffuse, SceneDescription, Sensor
+from renderer.scene_file.description import SceneDescription, Sensor
+from renderer.simple.bsdfs import BsdfSample, Lobe
 from renderer.simple.camera import Ray, camera_ray
 from renderer.simple.lights import pdf_light, power_heuristic, sample_light
+from renderer.simple.materials import Material
 from renderer.simple.scene import Scene, closest_hit, visible
-from renderer.simple.surfaces.bsdfs import albedo, sample_bsdf
-from renderer.simple.surfaces.surfaces import Hit
+from renderer.simple.shapes import Hit
 from renderer.simple.vectors import Vector
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
-# pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the block after it the light
+# pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the blocks after it the lights
 Numbers = Callable[[int, int, int], Sequence[float]]
+Draw = Callable[[int], Sequence[float]]  # for one sample of one pixel
 BLOCKS_PER_BOUNCE = 1 << 20
 
 
@@ -56,7 +59,7 @@ def estimates(
     scene: Scene, camera: Sensor, spp: int, numbers: Numbers = numpy_numbers
 ) -> Iterator[tuple[int, int, Vector]]:
     """Give row, column and an estimate of the light there: of all pixels, `spp` times."""
-    film = camera.film
+    film, integrator = camera.film, INTEGRATORS[scene.integrator]
     pixels = list(np.ndindex(film.crop_height, film.crop_width))
     for sample, (row, column) in itertools.product(range(spp), pixels):
         x, y = film.crop_offset_x + column, film.crop_offset_y + row
@@ -64,31 +67,37 @@ def estimates(
         dx, dy, _, _ = draw(0)
         u, v, _, _ = draw(BLOCKS_PER_BOUNCE)  # the lens, if there is one
         ray = camera_ray(camera, x + dx, y + dy, (u, v))
-        yield row, column, path_radiance(scene, ray, draw)
+        yield row, column, integrator(scene, ray, draw)
 
 
-def path_radiance(scene: Scene, ray: Ray, draw: Callable[[int], Sequence[float]]) -> Vector:
+def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
     """Return an estimate of the light that arrives against the direction of a ray."""
     p, d, near, far = ray  # the camera's planes end the first ray alone
     radiance = np.zeros(3)
     throughput = np.ones(3)  # product of f cos / pdf along the path
-    pdf = 0.0  # [1/sr] of d; 0: the camera, a mirror or glass chose it, with certainty
-    before: Hit | None = None  # the surface point that the ray comes from
+    share = 1.0 / max(len(scene.lights), 1)  # one light is sampled, each as often
+    came_by: BsdfSample | None = None  # what chose d; None: the camera
+    only_holes = True  # nothing but holes has been met
     eta = 1.0  # product of the relative indices of refraction
     for bounce in itertools.count() if scene.max_depth < 0 else range(scene.max_depth):
-        block = 1 + BLOCKS_PER_BOUNCE * bounce
+        block, last = 1 + BLOCKS_PER_BOUNCE * bounce, bounce + 1 == scene.max_depth
         hit = closest_hit(scene, p, d, near, far)
-        radiance += throughput * emission(scene, p, hit, pdf, before)
-        if hit is None or bounce + 1 == scene.max_depth:
+        radiance += throughput * emission(scene, p, hit, came_by, share)
+        if only_holes and nothing_is_seen(scene, hit, last):
+            return np.zeros(3)
+        if hit is None or last:
             break
-        radiance += throughput * direct_light(scene, hit, draw(block + 1))
+        material = Material(hit)
+        *place, which = draw(block + 1)
+        if scene.lights:
+            light = int(which * len(scene.lights))
+            reflected = light_of(scene, hit, material, light, place, share)
+            radiance += throughput * reflected / share
 
         x, y, choice, roulette = draw(block)
-        scattered = sample_bsdf(hit, x, y, choice)
-        if scattered is None:
-            break
-        throughput = throughput * scattered.weight
-        eta *= scattered.eta
+        came_by = material.sample((x, y, choice))
+        throughput = throughput * came_by.weight
+        eta *= came_by.eta
         if bounce + 1 >= scene.rr_depth:
             # Russian roulette [Arvo1990]: a dim path ends, or stands for those that ended.
             # eta^2 undoes what radiance loses in glass and gains again on leaving it.
@@ -98,56 +107,132 @@ def path_radiance(scene: Scene, ray: Ray, draw: Callable[[int], Sequence[float]]
             throughput = throughput / survival
         if not throughput.any():
             break
-        p, d, pdf, before = hit.x, scattered.wi, scattered.pdf, hit
-        near, far = 0.0, np.inf
+        only_holes = only_holes and came_by.lobe is Lobe.STRAIGHT
+        p, d, near, far = hit.x, came_by.wi, 0.0, np.inf
     return radiance
 
 
+def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
+    """Return the light of one surface, lit by the lights alone [Appel1968].
+
+    Of a lamp with an extent the BSDF's own directions find a part, `share` says which.
+    """
+    p, d, near, far = ray
+    if scene.max_depth < 1:
+        return np.zeros(3)
+    hit = closest_hit(scene, p, d, near, far)
+    radiance = emission(scene, p, hit, None)
+    if hit is None or scene.max_depth < 2:
+        return radiance
+    material, count = Material(hit), scene.bsdf_samples
+    share = scene.emitter_samples / count if count > 0 else np.inf
+    for k in range(scene.emitter_samples):
+        block = 2 + BLOCKS_PER_BOUNCE * k
+        reflected = light_of_all(scene, hit, material, draw, block, share)
+        radiance = radiance + reflected / scene.emitter_samples
+    for k in range(count):
+        x, y, choice, _ = draw(1 + BLOCKS_PER_BOUNCE * k)
+        scattered = material.sample((x, y, choice))
+        if scattered.weight.any():
+            found = closest_hit(scene, hit.x, scattered.wi, 0.0, np.inf)
+            light = emission(scene, hit.x, found, scattered, share)
+            radiance = radiance + scattered.weight * light / count
+    return radiance
+
+
+def whitted_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
+    """Return the light along all branches of a tree of rays [Whitted1980].
+
+    A branch whose weight is below the cutoff in all colours is left out [Hall1983].
+    """
+    radiance = np.zeros(3)
+    waiting = [(ray, np.ones(3), 0)]
+    while waiting:
+        (p, d, near, far), weight, depth = waiting.pop()
+        if depth >= scene.max_depth:
+            continue
+        hit = closest_hit(scene, p, d, near, far)
+        radiance += weight * emission(scene, p, hit, None)
+        if hit is None or depth + 1 >= scene.max_depth:
+            continue
+        material, block = Material(hit), 2 + BLOCKS_PER_BOUNCE * depth
+        radiance += weight * light_of_all(scene, hit, material, draw, block)
+        for branch in material.branches():
+            carried = weight * branch.weight
+            if carried.max() >= scene.cutoff:
+                waiting.append(((hit.x, branch.wi, 0.0, np.inf), carried, depth + 1))
+    return radiance
+
+
+INTEGRATORS = {
+    "path": path_radiance,
+    "direct": direct_radiance,
+    "whitted": whitted_radiance,
+}
+
+
 def emission(
-    scene: Scene, p: Vector, hit: Hit | None, pdf: float, before: Hit | None
+    scene: Scene, p: Vector, hit: Hit | None, came_by: BsdfSample | None, share: float = 1.0
 ) -> Vector:
     """Return L_e of what a ray from p has met, as far as it counts for this way to it.
 
-    `pdf` is that of the ray, 0 where no light was asked instead, at the point `before`; the
-    sky is never asked.
+    A direction that a density has chosen could have been a sample of the light as well. Of
+    such there are `share` for each of these.
     """
     light = scene.environment if hit is None else hit.light
     if light is None:
         return np.zeros(3)
     weight = 1.0
-    if pdf > 0 and before is not None and light is not scene.environment:
-        chosen = scene.choice.probability(
-            before.x, before.normal, scene.lights.index(light)
-        )
-        weight = power_heuristic(pdf, pdf_light(light, p, hit) * chosen)
+    if came_by is not None and came_by.lobe is Lobe.SMOOTH:
+        weight = power_heuristic(came_by.pdf, pdf_light(light, p, hit) * share)
     return weight * np.array(light.radiance)
 
 
-def direct_light(scene: Scene, hit: Hit, numbers: Sequence[float]) -> Vector:
-    """Return the reflected light of one light, chosen by what it can give."""
-    if not scene.lights:
-        return np.zeros(3)
-    *place, choice = numbers
-    chosen = scene.choice.choose(hit.x, hit.normal, choice)
-    probability = scene.choice.probability(hit.x, hit.normal, chosen)
-    return light_of(scene, hit, chosen, place, probability) / probability
+def light_of_all(
+    scene: Scene,
+    hit: Hit,
+    material: Material,
+    draw: Draw,
+    block: int,
+    share: float = np.inf,
+) -> Vector:
+    """Return the reflected light of all lights; their numbers begin with a block."""
+    radiance = np.zeros(3)
+    for light in range(len(scene.lights)):
+        *place, _ = draw(block + light)
+        radiance += light_of(scene, hit, material, light, place, share)
+    return radiance
 
 
 def light_of(
-    scene: Scene, hit: Hit, light: int, place: Sequence[float], probability: float = 1.0
+    scene: Scene,
+    hit: Hit,
+    material: Material,
+    light: int,
+    place: Sequence[float],
+    share: float,
 ) -> Vector:
     """Return the reflected light of a place on a light, given by number: f L / pdf V cos.
 
-    The light is asked with this probability, which the weight beside BSDF sampling needs. A
-    mirror reflects a light only if the path meets it by itself.
+    `share` is the number of such samples for each direction of the BSDF; infinite where no
+    other way leads to the light. A mirror reflects a light only if the path meets it.
     """
-    if not isinstance(hit.bsdf, Diffuse):
-        return np.zeros(3)
     sample = sample_light(scene.lights[light], hit.x, *place)
-    cosine = float(sample.wi @ hit.normal)
-    if cosine <= 0 or not visible(scene, hit.x, sample.wi, sample.distance):
+    if not sample.radiance.any():
         return np.zeros(3)
-    f = albedo(hit.bsdf, hit) / np.pi  # Lambert [Lambert1760]
-    pdf = sample.pdf * probability
-    weight = power_heuristic(pdf, cosine / np.pi) if pdf > 0 else 1.0
-    return f * cosine * sample.radiance * weight
+    f_cos, bsdf_pdf = material.eval_pdf(sample.wi)
+    if not f_cos.any() or not visible(scene, hit.x, sample.wi, sample.distance):
+        return np.zeros(3)
+    weight = power_heuristic(sample.pdf * share, bsdf_pdf) if sample.pdf > 0 else 1.0
+    return f_cos * sample.radiance * weight
+
+
+def nothing_is_seen(scene: Scene, hit: Hit | None, last: bool) -> bool:
+    """Return whether a ray through holes ends at no lamp, and there is no sky.
+
+    Mitsuba's `path` takes such a sample for transparent, and forgets the light that the
+    rims of the holes have reflected.
+    """
+    if scene.environment is not None:
+        return False
+    return hit is None or (last and not hit.surface.radiance)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 from renderer.errors import SceneError
 from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
-    Bsdf,
-    Conductor,
+    CheckerboardTexture,
     ConstantLight,
-    Dielectric,
-    Diffuse,
+    MeshAttributeTexture,
     SceneDescription,
-    TwoSided,
 )
-from renderer.simple.light_choice import LightChoice
+from renderer.simple.bsdfs import Bsdf
 from renderer.simple.lights import EMITTERS, Light
-from renderer.simple.surfaces.surfaces import Hit, Surface
-from renderer.simple.surfaces.unit_shapes import UNIT_SHAPES
+from renderer.simple.materials import BSDFS, HOLD
+from renderer.simple.shapes import UNIT_SHAPES, Hit, Surface
 from renderer.simple.vectors import Vector
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
@@ -24,9 +24,20 @@ from renderer.simple.vectors import Vector
 # fraction before its light.
 EPSILON = 1e-9
 
+INTEGRATORS = ("path", "direct", "whitted")
+# of a tree of rays: where the file gives no limit, and at most; the kernels' own
+USUAL_TREE, DEEPEST_TREE = 8, 256
+
 
 class Scene:
-    """What the description says, as the path tracer asks for it.
+    """What the description says, as the integrators ask for it.
+
+    Parameters
+    ----------
+    description
+        The scene file.
+    integrator
+        Its name, "" for that of the file.
 
     Raises
     ------
@@ -34,53 +45,112 @@ class Scene:
         For what this renderer leaves to the kernels.
     """
 
-    def __init__(self, description: SceneDescription) -> None:
-        integrator = description.integrator
-        _check(description)
-        self.max_depth, self.rr_depth = integrator.max_depth, integrator.rr_depth
+    def __init__(self, description: SceneDescription, integrator: str = "") -> None:
+        asked = description.integrator
+        self.integrator = integrator or asked.name
+        _check(description, self.integrator)
+        self.max_depth, self.rr_depth = asked.max_depth, asked.rr_depth
+        self.cutoff = asked.cutoff
+        if self.integrator == "direct":
+            self.max_depth = 2 if self.max_depth < 0 else min(self.max_depth, 2)
+        if self.integrator == "whitted":
+            deep = USUAL_TREE if self.max_depth < 0 else self.max_depth
+            self.max_depth = min(deep, DEEPEST_TREE)
+        # of `direct`, at each point
+        self.emitter_samples, self.bsdf_samples = asked.emitter_samples, asked.bsdf_samples
         self.surfaces = [Surface(shape) for shape in description.shapes]
         order = light_order(description)
         numbered: dict[int, Light] = dict(
             zip(order.of_emitters, description.emitters, strict=True)
         )
         numbered |= dict(zip(order.of_shapes, self.surfaces, strict=True))
+        self.lights = [numbered[i] for i in sorted(numbered) if i >= 0]
         skies = [e for e in description.emitters if isinstance(e, ConstantLight)]
         self.environment = skies[0] if skies else None
-        # Those that are sampled. The sky shines alike from everywhere: directions that the
-        # BSDF chooses find it best.
-        lights = [numbered[i] for i in sorted(numbered) if i >= 0]
-        self.lights = [light for light in lights if light is not self.environment]
-        self.choice = LightChoice(self.lights)
 
 
-def _check(description: SceneDescription) -> None:
+def _check(description: SceneDescription, name: str) -> None:
+    """Refuse what this renderer has no formula for.
+
+    Raises
+    ------
+    SceneError
+        Naming it, where it stands, and what is possible.
+    """
+
+    def refuse(what: str, where: object = description.source) -> None:
+        raise SceneError(f"{where}: the simple path tracer has no {what}")
+
     integrator, rfilter = description.integrator, description.camera.film.rfilter
-    covered = {
-        f"integrator {integrator.name!r}; possible is 'path'": integrator.name == "path",
-        "hide_emitters; possible is false": not integrator.hide_emitters,
-        f"rfilter {rfilter.name!r}; possible is 'box'": rfilter.name == "box",
-        "instances; possible are shapes alone": not description.instances,
-    }
+    if name not in INTEGRATORS:
+        possible = " and ".join((", ".join(map(repr, INTEGRATORS[:-1])), "'whitted'"))
+        refuse(f"integrator {name!r}; possible are {possible}")
+    if name == integrator.name and integrator.refusal:
+        raise SceneError(integrator.refusal)
+    if integrator.moments is not None:
+        refuse("integrator 'moment'; possible is the one inside of it")
+    if integrator.hide_emitters:
+        refuse("hide_emitters; possible is false")
+    if integrator.strategy != "both" or not integrator.caustics:
+        refuse("paths without caustics, or with one way to find light")
+    if rfilter.name != "box":
+        refuse(f"rfilter {rfilter.name!r}; possible is 'box'")
+    if description.instances:
+        refuse("instances; possible are shapes alone")
     for shape in description.shapes:
-        covered[f"shape {type(shape).__name__.lower()!r}"] = type(shape) in UNIT_SHAPES
-    for bsdf in (side for shape in description.shapes for side in _sides(shape.bsdf)):
-        covered[f"bsdf {getattr(bsdf, 'plugin', '')!r}"] = isinstance(
-            bsdf, Diffuse | Conductor | Dielectric
-        )
-    covered["textures on lights; possible is one colour"] = not any(
-        shape.radiance is not None and not isinstance(shape.radiance, tuple)
-        for shape in description.shapes
-    ) and all(getattr(e, "texture", None) is None for e in description.emitters)
+        if type(shape) not in UNIT_SHAPES:
+            possible = ", ".join(kind.__name__.lower() for kind in UNIT_SHAPES)
+            refuse(
+                f"shape {type(shape).__name__.lower()!r}; possible are {possible}",
+                shape.location,
+            )
+        if shape.radiance is not None and not isinstance(shape.radiance, tuple):
+            refuse("textures on lights; possible is one colour", shape.location)
+        bsdfs = list(_with_nested(shape.bsdf))
+        for bsdf in bsdfs:
+            if bsdf.plugin not in BSDFS:
+                possible = ", ".join(BSDFS)
+                refuse(f"bsdf {bsdf.plugin!r}; possible are {possible}", shape.location)
+            if any(isinstance(t, MeshAttributeTexture) for t in _textures(bsdf)):
+                refuse("texture mesh_attribute", shape.location)
+        for bsdf in bsdfs if name == "whitted" else ():
+            if not _has_all_branches(bsdf):
+                refuse(
+                    f"branches for the bsdf {bsdf.plugin!r}; possible are the integrators "
+                    "path and direct, or whitted without it",
+                    shape.location,
+                )
     for emitter in description.emitters:
-        possible = isinstance(emitter, EMITTERS)
-        covered[f"emitter {getattr(emitter, 'plugin', '')!r}"] = possible
-    for what, possible in covered.items():
-        if not possible:
-            raise SceneError(f"{description.source}: the simple path tracer has no {what}")
+        if not isinstance(emitter, EMITTERS):
+            refuse(f"emitter {getattr(emitter, 'plugin', '')!r}")
+        if getattr(emitter, "texture", None) is not None:
+            refuse("textures on lights; possible is one colour")
 
 
-def _sides(bsdf: Bsdf) -> tuple[Bsdf, ...]:
-    return (bsdf.front, bsdf.back) if isinstance(bsdf, TwoSided) else (bsdf,)
+def _with_nested(bsdf: Any) -> Iterator[Any]:
+    """Yield a BSDF of the description, and all that are inside of it."""
+    yield bsdf
+    for name in HOLD.get(bsdf.plugin, ()):
+        yield from _with_nested(getattr(bsdf, name))
+
+
+def _has_all_branches(bsdf: Any) -> bool:
+    """Return whether `branches` has all mirrors, glass and holes of a BSDF and in it.
+
+    Those that hold others have none, but `twosided`.
+    """
+    inside = [BSDFS[one.plugin].branches for one in _with_nested(bsdf)]
+    delta = any(branches is not Bsdf.branches for branches in inside)
+    own = BSDFS[bsdf.plugin].branches is not Bsdf.branches
+    return own or not (delta or bsdf.plugin == "mask")
+
+
+def _textures(record: Any) -> Iterator[Any]:
+    """Yield what may be a texture among the parameters of a BSDF or a checkerboard."""
+    for value in getattr(record, "values", vars(record)).values():
+        yield value
+        if isinstance(value, CheckerboardTexture):
+            yield from _textures(value)
 
 
 def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> Hit | None:

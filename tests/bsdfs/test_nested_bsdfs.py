@@ -17,7 +17,6 @@ from renderer.errors import SceneError
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.materials import sides
-from renderer.simple.scene import Scene as SimpleScene
 
 
 def rgb(*value):
@@ -246,14 +245,6 @@ def test_trees_of_rays_refuse_holes():
     content = scene(CAMERA, "whitted", floor(), sphere(mask(0.5, GLASS)))
     with pytest.raises(SceneError, match=r"no branches for the bsdf mask\(dielectric\)"):
         make_plan(renderer.load_dict(content), integrator="whitted")
-
-
-@pytest.mark.parametrize("bsdf", ["null", "mask of glass"])
-def test_the_simple_path_tracer_refuses_what_it_has_no_formula_for(bsdf):
-    content = scene(CAMERA, "path", floor(), sphere(SETS[bsdf]))
-    name = SETS[bsdf]["type"]
-    with pytest.raises(SceneError, match=f"the simple path tracer has no bsdf '{name}'"):
-        SimpleScene(renderer.load_dict(content).description)
 
 
 def test_turned_normals_are_shown():

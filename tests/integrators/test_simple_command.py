@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import os
 import re
@@ -91,11 +92,30 @@ def test_what_is_wrong_is_the_line_of_lightproof_before_anything_is_rendered(
     assert not list(Path().iterdir())
 
 
-@pytest.mark.parametrize("scene", ["whitted-spheres", "nowhere"])
-def test_scenes_that_it_cannot_render_are_one_line(scene, capsys):
-    assert main([str(ROOT / "scenes" / scene)]) == 1
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["instances"], "has no instances; possible are shapes alone"),
+        (["nowhere"], "nowhere"),
+        (["cornell-box", "--integrator", "depth"], "possible are 'path', 'direct' and"),
+    ],
+)
+def test_scenes_that_it_cannot_render_are_one_line(words, message, capsys):
+    assert main([str(ROOT / "scenes" / words[0]), *words[1:]]) == 1
     said = capsys.readouterr().err
-    assert said.startswith("error: ") and said.count("\n") == 1
+    assert said.startswith("error: ") and said.count("\n") == 1 and message in said
+
+
+def test_another_integrator_than_that_of_the_file():
+    """A ball in a white sky: one bounce finds all of its light."""
+    assert main([*SMALL, "-o", "a.exr", "--integrator", "direct", "--quiet"]) == 0
+    with OpenEXR.File("a.exr") as file:
+        found, header = file.channels()["RGB"].pixels, dict(file.header())
+    assert header["integrator"] == "direct, by renderer.simple"
+    description = read_file(FOLDER / "scene.xml", width=8, height=6)
+    direct = dataclasses.replace(description.integrator, name="direct")
+    expected = render(dataclasses.replace(description, integrator=direct), 4)
+    assert np.allclose(found, expected, rtol=1e-6)
 
 
 def test_options_of_lightproof_that_mean_nothing_here_are_refused(capsys):

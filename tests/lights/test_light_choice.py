@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from kernel_probes import Inputs
+from light_probes import Bounds, importance
 from numpy.typing import NDArray
 from small_scenes import rgb
 
@@ -40,9 +41,6 @@ from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.render_mode import mode_for
 from renderer.scene.light_bounds import light_bounds, lit_sides
 from renderer.scene.materials import kind_of
-from renderer.simple.light_choice import Bounds, importance
-from renderer.simple.light_choice import LightChoice as SlowChoice
-from renderer.simple.scene import Scene as SlowScene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 NUMBERS = 1 << 14  # that fill [0, 1) evenly
@@ -370,16 +368,6 @@ def test_a_node_gives_at_least_something_where_a_light_below_does(many):
             if given > 1e-6 * strength:
                 found = importance(mine, place, normal)
                 assert found > 0.0, f"node {node} of {len(leaves)} lights at {place}"
-
-
-def test_the_simple_path_tracer_chooses_alike(few):
-    """Its bounds are made from the description by code of its own."""
-    scene = SlowScene(few.scene.description)
-    slow = SlowChoice([*scene.lights, scene.environment])  # the sky is the last
-    for place in PLACES:
-        expected = walked(few.choice, place, UP)
-        chosen = [slow.probability(np.array(place), UP, k) for k in range(few.choice.count)]
-        np.testing.assert_allclose(chosen, expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize("which", ["few", "many"])

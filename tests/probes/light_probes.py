@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -179,3 +180,51 @@ class LightProbe:
         light = np.empty(len(number), np.int32)
         run_choose_one(float32(number), self.inputs.record.lights.count, light)
         return light
+
+
+# -------------------------------------------------------- importance, in double precision
+
+LEAST_REACH = 0.01  # [rad]
+
+
+class Bounds(NamedTuple):
+    """A ball that holds the light, and the cone that it shines into.
+
+    It shines in full within the angle `spread` of the axis, then as the cosine of the angle
+    from there, and not at all `reach` farther on [rad].
+    """
+
+    strength: float  # [W/sr], mean of RGB; at infinity the irradiance
+    center: Array
+    radius: float
+    axis: Array  # at infinity towards the light
+    spread: float
+    reach: float
+    at_infinity: bool = False
+
+
+def importance(bounds: Bounds, p: Array, n: Array) -> float:
+    """Return what a light can give at most at a point p with normal n.
+
+    Strength / max(d^2, r^2), times the largest cosines that any point of the ball can have,
+    at the light and at the surface [Estevez2018, section 5.3].
+    """
+    if bounds.at_infinity:
+        off = _angle(float(bounds.axis @ n)) - bounds.spread
+        return bounds.strength * max(math.cos(max(off, 0.0)), 0.0)
+    to_light = bounds.center - p
+    d2 = float(to_light @ to_light)
+    ball = math.pi  # the half angle under which the ball is seen; from inside all
+    if d2 > bounds.radius**2:
+        ball = math.asin(bounds.radius / math.sqrt(d2))
+    wi = to_light / math.sqrt(d2)
+    at_light = _angle(-float(bounds.axis @ wi)) - bounds.spread - ball
+    at_surface = _angle(float(n @ wi)) - ball
+    if at_light >= max(bounds.reach, LEAST_REACH):
+        return 0.0
+    cosines = math.cos(max(at_light, 0.0)) * max(math.cos(max(at_surface, 0.0)), 0.0)
+    return bounds.strength * cosines / max(d2, bounds.radius**2)
+
+
+def _angle(cosine: float) -> float:
+    return math.acos(min(max(cosine, -1.0), 1.0))

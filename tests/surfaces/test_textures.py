@@ -32,7 +32,7 @@ from renderer.scene_file.description import (
     Mask,
     NormalMap,
 )
-from renderer.simple.surfaces.textures import eval_texture
+from renderer.simple.textures import eval_number, eval_texture
 
 POINTS = 600
 
@@ -377,6 +377,7 @@ def test_boards_of_boards():
     for (u, v), number in zip(uv.tolist(), numbers.tolist(), strict=True):
         si.uv = (u, v)
         assert texture.eval_1(si) == pytest.approx(number, abs=1e-6)
+        assert eval_number(outer, u, v) == pytest.approx(number, abs=1e-6)
     assert mean_of(outer) == pytest.approx(texture.mean(), rel=1e-6)
 
 

@@ -21,10 +21,10 @@ from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedRender
 from renderer.errors import SceneError
 from renderer.scene_file import read_file
+from renderer.simple.materials import Material
 from reports.commands import speed_accuracy as command
 from reports.speed_accuracy import contenders, noiseless
 from reports.speed_accuracy import noisy as noisy_scenes
-from reports.speed_accuracy import truth as truths
 from reports.speed_accuracy.large_meshes import LARGE, written
 from reports.speed_accuracy.noiseless import different, distance, has_noise, some_pixels
 from reports.speed_accuracy.record import OURS
@@ -151,9 +151,9 @@ def test_the_truth_is_what_the_kernels_draw(monkeypatch):
     picture = np.asarray(renderer.render(renderer.load_file(path, **size)), np.float64)
     error, off = distance(picture[pixels[:, 0], pixels[:, 1]], truth)
     assert error < 1e-4 and off <= 1
-    both = truths.branches
+    both = Material.branches
     for one in (0, 1):  # either branch of glass would be missed
-        monkeypatch.setattr(truths, "branches", lambda hit, i=one: list(both(hit))[i::2])
+        monkeypatch.setattr(Material, "branches", lambda at, i=one: both(at)[i::2])
         less = true_pixels(read_file(path, **size), pixels, lambda _: None)
         assert distance(less, truth)[0] > 0.1
 

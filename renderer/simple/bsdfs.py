@@ -1,0 +1,291 @@
+"""Smooth surfaces, and what a BSDF is: how much light goes where, and a way to go on.
+
+Directions are local: z is the shading normal, wo points to where the path comes from, wi to
+where it goes on. Both are unit vectors away from the surface, so that reflected light has
+wo.z wi.z > 0, and transmitted light the opposite.
+
+A mirror and glass scatter into single directions, for which f and the density are infinite
+alike. Their quotient is not: `sample` returns it, and `eval_pdf` finds them black.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.scene_file.description import Texture
+from renderer.simple.shapes import Hit
+from renderer.simple.textures import eval_number, eval_texture
+from renderer.simple.vectors import Vector, normalize, square_to_cosine_hemisphere
+
+BLACK, WHITE = np.zeros(3), np.ones(3)
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class Lobe(Enum):
+    """What chose a direction."""
+
+    SMOOTH = "a density"
+    DELTA = "a mirror or glass, which know one direction"
+    STRAIGHT = "a hole: it went straight on"
+
+
+class BsdfSample(NamedTuple):
+    """Where a path goes on."""
+
+    wi: Vector  # unit, local
+    weight: Vector  # f |cos| / pdf, or of a single direction f over its probability
+    pdf: float  # [1/sr] of wi, or the probability of the single direction
+    eta: float = 1.0  # index of refraction of the side of wi over that of wo
+    lobe: Lobe = Lobe.SMOOTH
+
+
+NOTHING = BsdfSample(UP, BLACK, 0.0)
+
+
+class Bsdf:
+    """A BSDF at a surface point; as it stands here it is black.
+
+    Parameters
+    ----------
+    bsdf
+        Of the description, with textures as parameters.
+    hit
+        Where they are looked up.
+    """
+
+    oriented = False  # whether x of the local frame has to be along dp/du
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None: ...
+
+    def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
+        """Return f |cos| as RGB, and the density [1/sr] with which `sample` chooses wi."""
+        return BLACK, 0.0
+
+    def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
+        """Choose wi by three numbers in [0, 1): two for a direction, one for a lobe."""
+        return NOTHING
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return all single directions; the weight of each is the light that it carries."""
+        return []
+
+    def chosen(self, wo: Vector, wi: Vector, eta: float = 1.0) -> BsdfSample:
+        """Return the sample of a direction that was chosen by the density."""
+        f_cos, pdf = self.eval_pdf(wo, wi)
+        return BsdfSample(wi, f_cos / pdf, pdf, eta) if pdf > 0.0 else NOTHING
+
+
+# ---------------------------------------------------------------------------- the formulas
+
+
+def reflect(wo: Vector, n: Vector) -> Vector:
+    """Return wo mirrored at n [Whitted1980]."""
+    return 2.0 * (wo @ n) * n - wo
+
+
+def refract(wo: Vector, n: Vector, eta: float) -> Vector:
+    """Return wo bent by Snell's law, sin_t = sin_i / eta, to the other side of n.
+
+    There has to be such a direction: below the critical angle.
+    """
+    across = (wo - (wo @ n) * n) / eta
+    return normalize(-across - np.sqrt(max(1.0 - float(across @ across), 0.0)) * n)
+
+
+def fresnel(cosine: float, eta: Any) -> Any:
+    """Return how much light a smooth surface reflects, the mean of both polarisations.
+
+    `eta` is the index of refraction behind the surface over that before it; for a metal it
+    is complex, and an array for several colours. Beyond the critical angle the root is
+    imaginary, and all is reflected.
+    """
+    eta2 = np.asarray(eta, np.complex128) ** 2
+    if np.all(eta2 == 1.0):
+        return np.zeros(eta2.shape)  # there is no surface
+    root = np.sqrt(eta2 - (1.0 - cosine**2))
+    perpendicular = (cosine - root) / (cosine + root)
+    parallel = (eta2 * cosine - root) / (eta2 * cosine + root)
+    return (abs(perpendicular) ** 2 + abs(parallel) ** 2) / 2.0
+
+
+def reflectance_of_glass(cosine: float, eta: float) -> float:
+    """Return Fresnel's reflectance for cos(wo, n): from outside, or if negative inside.
+
+    `eta` is the index of refraction inside over that outside.
+    """
+    behind = eta if cosine >= 0.0 else 1.0 / eta
+    if 1.0 - cosine**2 >= behind**2 and behind != 1.0:
+        return 1.0  # beyond the critical angle exactly
+    return float(fresnel(abs(cosine), behind))
+
+
+def complex_index(bsdf: Any, hit: Hit) -> Vector:
+    """Return the index of refraction of a metal for red, green and blue."""
+    index: Vector = color(bsdf.eta, hit) + 1j * color(bsdf.k, hit)
+    return index
+
+
+def color(texture: Texture, hit: Hit) -> Vector:
+    """Return a parameter that is a colour."""
+    return eval_texture(texture, *hit.uv)
+
+
+def number(texture: Texture | float, hit: Hit) -> float:
+    """Return a parameter that is a number."""
+    return eval_number(texture, *hit.uv)
+
+
+# ---------------------------------------------------------------------------- the surfaces
+
+
+class Diffuse(Bsdf):
+    """The same radiance into all directions: f = albedo / pi [Lambert1760]."""
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.albedo = color(bsdf.reflectance, hit)
+
+    def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
+        """Return f cos and the density of the cosine."""
+        if wo[2] <= 0.0 or wi[2] <= 0.0:
+            return BLACK, 0.0
+        return self.albedo / math.pi * wi[2], wi[2] / math.pi
+
+    def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
+        """Choose by the cosine: f cos / pdf is the albedo."""
+        return self.chosen(wo, square_to_cosine_hemisphere(*numbers[:2]))
+
+
+class Conductor(Bsdf):
+    """A mirror of metal."""
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.index = complex_index(bsdf, hit)
+        self.tint = color(bsdf.specular_reflectance, hit)
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return the mirrored direction."""
+        if wo[2] <= 0.0:
+            return []
+        weight = self.tint * fresnel(float(wo[2]), self.index)
+        return [BsdfSample(reflect(wo, UP), weight, 1.0, lobe=Lobe.DELTA)]
+
+    def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
+        """Choose the one direction there is."""
+        return next(iter(self.branches(wo)), NOTHING)
+
+
+class Dielectric(Bsdf):
+    """Glass: a mirrored and a refracted direction, each as often as Fresnel says."""
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.eta = bsdf.eta
+        self.tints = (
+            color(bsdf.specular_reflectance, hit),
+            color(bsdf.specular_transmittance, hit),
+        )
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return both directions, with the share of light that takes each."""
+        mirrored = reflectance_of_glass(wo[2], self.eta)
+        n, eta = (UP, self.eta) if wo[2] >= 0.0 else (-UP, 1.0 / self.eta)
+        found = [
+            BsdfSample(reflect(wo, n), self.tints[0] * mirrored, mirrored, lobe=Lobe.DELTA)
+        ]
+        if mirrored < 1.0:
+            # radiance thins out by eta^2 where its rays spread [Veach1997, 5.2]
+            weight = self.tints[1] * (1.0 - mirrored) / eta**2
+            wi = refract(wo, n, eta)
+            found.append(BsdfSample(wi, weight, 1.0 - mirrored, eta, Lobe.DELTA))
+        return found
+
+    def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
+        """Choose one of the two, in proportion to their light."""
+        mirrored, *refracted = self.branches(wo)
+        chosen = mirrored if numbers[2] <= mirrored.pdf else refracted[0]
+        return chosen._replace(weight=chosen.weight / chosen.pdf)
+
+
+class ThinDielectric(Dielectric):
+    """A pane of glass, both of its surfaces at once: light is mirrored or goes straight on.
+
+    With the reflectance R and T = 1 - R of one surface, the reflections back and forth
+    between the two add up to R + T R T + T R^3 T + ... = 2 R / (1 + R) [Stokes1862].
+    """
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return both directions, with the share of light that takes each."""
+        once = reflectance_of_glass(abs(wo[2]), self.eta)
+        mirrored, through = 2.0 * once / (1.0 + once), (1.0 - once) / (1.0 + once)
+        back = np.array([-wo[0], -wo[1], wo[2]])
+        found = [BsdfSample(back, self.tints[0] * mirrored, mirrored, lobe=Lobe.DELTA)]
+        if through > 0.0:
+            straight = self.tints[1] * through
+            found.append(BsdfSample(-wo, straight, through, lobe=Lobe.STRAIGHT))
+        return found
+
+
+class Null(Bsdf):
+    """A surface that is not there."""
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return the direction straight on."""
+        return [BsdfSample(-wo, WHITE, 1.0, lobe=Lobe.STRAIGHT)]
+
+    def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
+        """Go straight on."""
+        return self.branches(wo)[0]
+
+
+class Coated(Bsdf):
+    """What smooth and rough plastic share: a diffuse base under a clear coat.
+
+    Light enters through the coat, the base scatters it, the coat throws a share of it back
+    (`thrown_back`, a mean over all angles, which the reader of the scene computes), and so
+    on: a geometric series [Saunderson1942]. With `nonlinear` it takes on the base's colour
+    each time that it comes back.
+    """
+
+    def __init__(self, bsdf: Any, hit: Hit) -> None:
+        self.eta, self.specular_share = bsdf.eta, bsdf.specular_share
+        self.tint = color(bsdf.specular_reflectance, hit)
+        base = color(bsdf.diffuse_reflectance, hit)
+        again = bsdf.thrown_back * (base if bsdf.nonlinear else 1.0)
+        self.base = base / (1.0 - again) / self.eta**2
+
+    def coat_probability(self, mirrored: float) -> float:
+        """Return how often the coat is sampled, which reflects this share of the light."""
+        coat = mirrored * self.specular_share
+        base = (1.0 - mirrored) * (1.0 - self.specular_share)
+        return float(coat / (coat + base)) if coat + base > 0.0 else 0.0
+
+
+class Plastic(Coated):
+    """A smooth coat, which mirrors."""
+
+    def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
+        """Return f cos and density of the base."""
+        if wo[2] <= 0.0 or wi[2] <= 0.0:
+            return BLACK, 0.0
+        out, into = (reflectance_of_glass(w[2], self.eta) for w in (wo, wi))
+        f_cos = self.base * (1.0 - out) * (1.0 - into) / math.pi * wi[2]
+        return f_cos, (1.0 - self.coat_probability(out)) * wi[2] / math.pi
+
+    def branches(self, wo: Vector) -> list[BsdfSample]:
+        """Return the direction that the coat mirrors."""
+        if wo[2] <= 0.0:
+            return []
+        mirrored = reflectance_of_glass(wo[2], self.eta)
+        probability = self.coat_probability(mirrored)
+        wi = reflect(wo, UP)
+        return [BsdfSample(wi, self.tint * mirrored, probability, lobe=Lobe.DELTA)]
+
+    def sample(self, wo: Vector, numbers: tuple[float, float, float]) -> BsdfSample:
+        """Choose the coat or the base."""
+        for mirrored in self.branches(wo):
+            if numbers[2] < mirrored.pdf:
+                return mirrored._replace(weight=mirrored.weight / mirrored.pdf)
+        return self.chosen(wo, square_to_cosine_hemisphere(*numbers[:2]))

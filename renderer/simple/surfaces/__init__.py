@@ -1,1 +1,0 @@
-"""What a ray of the simple tracer meets: shapes, textures, BSDFs."""
