@@ -67,7 +67,7 @@ def _second_child_first(bounds, child, direction):
 
 @traverse_coherent.by(Bvh)
 @kernel
-def _trace_packets(bvh, query, first, count, tally):
+def trace_bvh_packets(bvh, query, first, count, tally):
     """Answer a query for rays first to first + count - 1, 16 at a time."""
     bounds, primitives, any_hit = bvh.bounds, bvh.primitives, query.any_hit
     stack = local_i32(STACK)
@@ -121,7 +121,7 @@ traverse.by(Bvh)(trace_ray_by_ray)
 
 @trace_ray.by(Bvh)
 @kernel
-def _trace_ray(bvh, origin, direction, hit, any_hit, tally, i):
+def trace_bvh_ray(bvh, origin, direction, hit, any_hit, tally, i):
     """Return the nearest hit of one ray, or the first one found if any hit will do.
 
     The children of a node are put in order for a nearest hit only: in order, shadow rays

@@ -163,7 +163,7 @@ def _count(tally, lists, place, count, primitives):
 
 @traverse.by(Boxes)
 @kernel
-def _visit(accel, query, first, count, tally):
+def trace_boxes(accel, query, first, count, tally):
     """Test the rays that enter a box against its primitives, one box after the other."""
     lists, many = local_i32(_LISTS), local_i32(MOST)
     origins, directions = query.origin, query.direction

@@ -38,7 +38,7 @@ def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
 
 @traverse.by(BruteForce)
 @kernel
-def _test_all(accel, query, first, count, tally):
+def trace_brute_force(accel, query, first, count, tally):
     """Test rays first to first + count - 1, 16 at a time, against all primitives."""
     primitives, end = accel.primitives, accel.primitives.count
     for i in range(first, first + count, 16):
