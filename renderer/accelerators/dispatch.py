@@ -1,44 +1,33 @@
-"""Which kernels trace rays through which structure; they are called by their addresses."""
+"""The kernels that trace rays through each structure; stages call them by their addresses.
+
+A structure implements `traverse` (`rays.query`), and `traverse_coherent` if it has a faster
+way for rays that go nearly the same way.
+"""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from renderer.accelerators.bvh.bvh import (
-    Bvh,
-    any_hit_bvh,
-    any_hit_bvh_packets,
-    closest_hit_bvh,
-    closest_hit_bvh_packets,
-)
-from renderer.accelerators.bvh.wide_bvh import (
-    WideBvh,
-    any_hit_wide,
-    any_hit_wide_bundles,
-    closest_hit_wide,
-    closest_hit_wide_bundles,
-)
+import numpy as np
+
+from renderer.accelerators.bvh.bvh import Bvh
+from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
 from renderer.accelerators.grids.uniform_grid import UniformGrid
-from renderer.accelerators.instances.instances import (
-    Instances,
-    any_hit_instances,
-    closest_hit_instances,
-)
+from renderer.accelerators.instances.instances import Instances
 from renderer.accelerators.kd_tree.kd_tree import KdTree
 from renderer.accelerators.octree_and_bsp.bsp import Bsp
 from renderer.accelerators.octree_and_bsp.octree import Octree
-from renderer.accelerators.rays.boxes import (
-    Boxes,
-    any_hit_boxes,
-    closest_hit_boxes,
+from renderer.accelerators.rays.boxes import Boxes
+from renderer.accelerators.rays.brute_force import BruteForce
+from renderer.accelerators.rays.query import (
+    any_hits,
+    nearest_hits,
+    traverse,
+    traverse_coherent,
 )
-from renderer.accelerators.rays.brute_force import (
-    BruteForce,
-    any_hit_brute_force,
-    closest_hit_brute_force,
-)
-from renderer.accelerators.rays.ray_by_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
+from renderer.accelerators.rays.ray_by_ray import trace_ray_by_ray
+from renderer.kernels.jit import method_kernel
 
 
 class Traversals(NamedTuple):
@@ -50,20 +39,36 @@ class Traversals(NamedTuple):
     any_hit: Any
 
 
-def _alike(closest_hit: Any, any_hit: Any) -> Traversals:
-    return Traversals(closest_hit, closest_hit, any_hit, any_hit)
+@method_kernel
+def closest_hit(accel, rays, hits, first, count, tally):
+    """Update `hits` of rays first to first + count - 1 with nearer hits."""
+    traverse(accel, nearest_hits(rays, hits), first, count, tally)
 
+
+@method_kernel
+def closest_hit_coherent(accel, rays, hits, first, count, tally):
+    """Update `hits` of coherent rays first to first + count - 1 with nearer hits."""
+    traverse_coherent(accel, nearest_hits(rays, hits), first, count, tally)
+
+
+@method_kernel
+def any_hit(accel, shadow_rays, count, tally):
+    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
+    traverse(accel, any_hits(shadow_rays), np.int64(0), count, tally)
+
+
+@method_kernel
+def any_hit_coherent(accel, shadow_rays, count, tally):
+    """Set `blocked` of the first `count` coherent shadow rays."""
+    traverse_coherent(accel, any_hits(shadow_rays), np.int64(0), count, tally)
+
+
+_RAY_BY_RAY = (Bsp, UniformGrid, HierarchicalGrid, KdTree, Octree)
+traverse.by(*_RAY_BY_RAY)(trace_ray_by_ray)
 
 TRAVERSALS = {
-    BruteForce: _alike(closest_hit_brute_force, any_hit_brute_force),
-    Boxes: _alike(closest_hit_boxes, any_hit_boxes),
-    Bvh: Traversals(
-        closest_hit_bvh_packets, closest_hit_bvh, any_hit_bvh_packets, any_hit_bvh
-    ),
-    WideBvh: Traversals(
-        closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
-    ),
-    Instances: _alike(closest_hit_instances, any_hit_instances),
+    structure: Traversals(closest_hit_coherent, closest_hit, any_hit_coherent, any_hit)
+    if traverse_coherent.has(structure)
+    else Traversals(closest_hit, closest_hit, any_hit, any_hit)
+    for structure in (BruteForce, Boxes, Bvh, WideBvh, Instances, *_RAY_BY_RAY)
 }
-for _structure in (Bsp, UniformGrid, HierarchicalGrid, KdTree, Octree):
-    TRAVERSALS[_structure] = _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray)

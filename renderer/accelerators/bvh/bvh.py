@@ -15,30 +15,18 @@ from numpy.typing import NDArray
 from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.box_entry import origin_margins, packet_enters, ray_enters
-from renderer.accelerators.rays.packets import (
-    Nearest,
-    blocked_by,
-    load_nearest,
-    nearest_of,
-    store_nearest,
-)
+from renderer.accelerators.rays.packets import begin_packet, end_packet, intersect_packet
+from renderer.accelerators.rays.query import traverse, traverse_coherent
+from renderer.accelerators.rays.ray_by_ray import trace_ray, trace_ray_by_ray
 from renderer.accelerators.rays.single_ray import (
+    RayHit,
     blocked_in_range,
-    load_hit,
     nearest_in_range,
-    store_hit,
 )
-from renderer.kernels.jit import kernel, method_kernel
-from renderer.kernels.lanes.functions import (
-    first_lanes,
-    lane,
-    mask_bits,
-    select,
-    splat_i32,
-)
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import first_lanes, lane, mask_bits
 from renderer.kernels.lanes.local import local_f32, local_i32
-from renderer.kernels.lanes.memory import load_row, store_row
-from renderer.kernels.lanes.vectors import column, load3, vec3
+from renderer.kernels.lanes.vectors import load3, vec3
 from renderer.kernels.records.tally import (
     BOXES,
     NODES,
@@ -77,82 +65,97 @@ def _second_child_first(bounds, child, direction):
     return x * direction.x + y * direction.y + z * direction.z < 0.0
 
 
-@method_kernel
-def closest_hit_bvh_packets(bvh, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
-    bounds, primitives = bvh.bounds, bvh.primitives
+@traverse_coherent.by(Bvh)
+@kernel
+def trace_bvh_packets(bvh, query, first, count, tally):
+    """Answer a query for rays first to first + count - 1, 16 at a time."""
+    bounds, primitives, any_hit = bvh.bounds, bvh.primitives, query.any_hit
     stack = local_i32(STACK)
     for i in range(first, first + count, 16):
-        origin = load3(rays.origin, i)
-        direction = load3(rays.direction, i)
+        origin, direction = load3(query.origin, i), load3(query.direction, i)
         inverse = 1.0 / direction
         low, high = origin_margins(origin)
-        # lanes beyond the last ray end before they begin
         left = first + count - i
-        given = load_nearest(hits, i)
-        t = select(first_lanes(left), given.t, -1.0)
-        nearest = Nearest(t, given.prim, given.u, given.v)
+        traced = first_lanes(left)
+        packet = begin_packet(query, i, traced)
         leading = vec3(lane(direction.x, 0), lane(direction.y, 0), lane(direction.z, 0))
         stack[0] = 0
         depth = 1
-        while depth > 0:
+        while depth > 0 and mask_bits(packet.blocked) != 0xFFFF:
             note_packet_stack(tally, i, left, depth)
             depth -= 1
             node = stack[depth]
             add_to_packet(tally, BOXES, i, left, 1)
-            enters = packet_enters(bounds, node, low, high, inverse, nearest.t)
-            if mask_bits(enters) == 0:
+            enters = packet_enters(bounds, node, low, high, inverse, packet.nearest.t)
+            if mask_bits(enters & ~packet.blocked) == 0:
                 continue
             add_to_packet(tally, NODES, i, left, 1)
             child = bvh.child[node]
             if bvh.count[node] == 0:
                 near = child
-                if _second_child_first(bounds, child, leading):
+                # shadow rays visit children in any order
+                if any_hit != 0 or _second_child_first(bounds, child, leading):
                     near = child + 1
                 stack[depth] = 2 * child + 1 - near
                 stack[depth + 1] = near
                 depth += 2
                 continue
             end = child + bvh.count[node]
-            nearest = nearest_of(
-                primitives, child, end, origin, direction, nearest, tally, i, left
+            packet = intersect_packet(
+                primitives,
+                child,
+                end,
+                origin,
+                direction,
+                packet,
+                any_hit,
+                tally,
+                i,
+                left,
             )
-        store_nearest(hits, i, nearest)
+        end_packet(query, i, packet, traced)
 
 
-@method_kernel
-def closest_hit_bvh(bvh, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1, one ray at a time."""
-    for i in range(first, first + count):
-        origin = column(rays.origin, i)
-        direction = column(rays.direction, i)
-        hit = nearest_of_ray(bvh, origin, direction, load_hit(hits, i), tally, i)
-        store_hit(hits, i, hit)
+traverse.by(Bvh)(trace_ray_by_ray)
 
 
+@trace_ray.by(Bvh)
 @kernel
-def nearest_of_ray(bvh, origin, direction, hit, tally, i):
-    """Return the nearest hit of one ray after the whole tree was tested."""
+def trace_bvh_ray(bvh, origin, direction, hit, any_hit, tally, i):
+    """Return the nearest hit of one ray, or the first one found if any hit will do.
+
+    The children of a node are put in order for a nearest hit only: in order, shadow rays
+    take 1.18 times as long (smooth-mesh, random rays).
+    """
     bounds, primitives = bvh.bounds, bvh.primitives
     inverse = np.float32(1.0) / direction
     low, high = origin_margins(origin)
-    stack = local_i32(STACK)
-    entries = local_f32(STACK)
+    stack, entries = local_i32(STACK), local_f32(STACK)
     stack[0] = 0
-    entries[0] = ray_enters(bounds, np.int64(0), low, high, inverse, hit.t)
-    add_to(tally, BOXES, i, 1)
-    depth = 1 if entries[0] < _INFINITY else 0
+    depth = np.int64(1)
+    if any_hit == 0:
+        entries[0] = ray_enters(bounds, np.int64(0), low, high, inverse, hit.t)
+        add_to(tally, BOXES, i, 1)
+        depth = np.int64(1 if entries[0] < _INFINITY else 0)
     while depth > 0:
         note_stack(tally, i, depth)
         depth -= 1
-        if entries[depth] > hit.t:
-            continue
         node = np.int64(stack[depth])
+        if any_hit != 0:
+            add_to(tally, BOXES, i, 1)
+            if ray_enters(bounds, node, low, high, inverse, hit.t) == _INFINITY:
+                continue
+        elif entries[depth] > hit.t:
+            continue
         add_to(tally, NODES, i, 1)
         child = np.int64(bvh.child[node])
-        if bvh.count[node] == 0:
-            near = child
-            far = child + 1
+        end = child + bvh.count[node]
+        if child == end and any_hit != 0:
+            stack[depth] = child
+            stack[depth + 1] = child + 1
+            depth += 2
+        elif child == end:
+            near, far = child, child + 1
             enter_near = ray_enters(bounds, near, low, high, inverse, hit.t)
             enter_far = ray_enters(bounds, far, low, high, inverse, hit.t)
             add_to(tally, BOXES, i, 2)
@@ -167,89 +170,8 @@ def nearest_of_ray(bvh, origin, direction, hit, tally, i):
                 stack[depth] = near
                 entries[depth] = enter_near
                 depth += 1
-            continue
-        end = child + bvh.count[node]
-        hit = nearest_in_range(primitives, child, end, origin, direction, hit, tally, i)
+        elif any_hit == 0:
+            hit = nearest_in_range(primitives, child, end, origin, direction, hit, tally, i)
+        elif blocked_in_range(primitives, child, end, origin, direction, hit.t, tally, i):
+            return RayHit(hit.t, np.int32(0), hit.u, hit.v)
     return hit
-
-
-@method_kernel
-def any_hit_bvh_packets(bvh, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
-    bounds, primitives = bvh.bounds, bvh.primitives
-    stack = local_i32(STACK)
-    for i in range(0, count, 16):
-        origin = load3(shadow_rays.origin, i)
-        direction = load3(shadow_rays.direction, i)
-        inverse = 1.0 / direction
-        low, high = origin_margins(origin)
-        left = count - i
-        t_max = load_row(shadow_rays.t_max, 0, i)
-        blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(left)
-        stack[0] = 0
-        depth = 1
-        while depth > 0 and mask_bits(blocked) != 0xFFFF:
-            note_packet_stack(tally, i, left, depth)
-            depth -= 1
-            node = stack[depth]
-            add_to_packet(tally, BOXES, i, left, 1)
-            enters = packet_enters(bounds, node, low, high, inverse, t_max)
-            if mask_bits(enters & ~blocked) == 0:
-                continue
-            add_to_packet(tally, NODES, i, left, 1)
-            child = bvh.child[node]
-            if bvh.count[node] == 0:
-                stack[depth] = child
-                stack[depth + 1] = child + 1
-                depth += 2
-                continue
-            end = child + bvh.count[node]
-            blocked = blocked_by(
-                primitives, child, end, origin, direction, t_max, blocked, tally, i, left
-            )
-        store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))
-
-
-@method_kernel
-def any_hit_bvh(bvh, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays, one ray at a time."""
-    for i in range(count):
-        if shadow_rays.blocked[i] != 0:
-            continue
-        origin = column(shadow_rays.origin, i)
-        direction = column(shadow_rays.direction, i)
-        if ray_is_blocked(bvh, origin, direction, shadow_rays.t_max[i], tally, i):
-            shadow_rays.blocked[i] = 1
-
-
-@kernel
-def ray_is_blocked(bvh, origin, direction, t_max, tally, i):
-    """Return whether one ray meets anything up to t_max.
-
-    A traversal of its own: `nearest_of_ray`, ended by its first hit, takes 1.18 times as
-    long, as it puts children in order (smooth-mesh, random rays).
-    """
-    bounds, primitives = bvh.bounds, bvh.primitives
-    inverse = np.float32(1.0) / direction
-    low, high = origin_margins(origin)
-    stack = local_i32(STACK)
-    stack[0] = 0
-    depth = np.int64(1)
-    while depth > 0:
-        note_stack(tally, i, depth)
-        depth -= 1
-        node = np.int64(stack[depth])
-        add_to(tally, BOXES, i, 1)
-        if ray_enters(bounds, node, low, high, inverse, t_max) == _INFINITY:
-            continue
-        add_to(tally, NODES, i, 1)
-        child = np.int64(bvh.child[node])
-        if bvh.count[node] == 0:
-            stack[depth] = child
-            stack[depth + 1] = child + 1
-            depth += 2
-            continue
-        end = child + bvh.count[node]
-        if blocked_in_range(primitives, child, end, origin, direction, t_max, tally, i):
-            return True
-    return False

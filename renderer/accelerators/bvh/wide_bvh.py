@@ -19,16 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.bvh.streams.ray_packets import (
-    PairedBvh,
-    any_hit_bundles,
-    closest_hit_bundles,
-)
+from renderer.accelerators.bvh.streams.ray_packets import PairedBvh, trace_bundles
 from renderer.accelerators.bvh.streams.ray_streams import trace_stream
 from renderer.accelerators.bvh.wide.wide_bvh_build import collapse, far_to_near, pack_pairs
-from renderer.accelerators.bvh.wide.wide_rays import any_hits, nearest_hits
 from renderer.accelerators.extents import Extents, PrimitiveGroup
-from renderer.kernels.jit import method_kernel
+from renderer.accelerators.rays.query import traverse, traverse_coherent
 from renderer.plugins.shapes.blocks import WIDTH, blocks_of
 
 # Fewer rays than this are no stream, or it takes up to 1.6 times as long as rays one by one
@@ -97,25 +92,5 @@ def _boxes_in_blocks(extents: Extents, columns: NDArray[np.int64]) -> NDArray[np
     return found.reshape(len(found), 6 * WIDTH)
 
 
-@method_kernel
-def closest_hit_wide_bundles(accel, rays, hits, first, count, tally):
-    """Update `hits` of coherent rays first to first + count - 1."""
-    closest_hit_bundles(accel, rays, hits, first, count, tally)
-
-
-@method_kernel
-def any_hit_wide_bundles(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` coherent shadow rays."""
-    any_hit_bundles(accel, shadow_rays, count, tally)
-
-
-@method_kernel
-def closest_hit_wide(accel, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1."""
-    trace_stream(accel, nearest_hits(rays, hits), first, count, tally)
-
-
-@method_kernel
-def any_hit_wide(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays."""
-    trace_stream(accel, any_hits(shadow_rays), np.int64(0), count, tally)
+traverse_coherent.by(WideBvh)(trace_bundles)
+traverse.by(WideBvh)(trace_stream)

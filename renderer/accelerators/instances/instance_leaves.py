@@ -42,44 +42,44 @@ LEAF_WORDS = 4
 
 
 @kernel
-def intersect_leaf(instances, leaf, any_will_do, rows, lists, place, m):
+def intersect_leaf(instances, leaf, any_hit, rows, lists, place, m):
     """Test the rays of a list against the primitives of a leaf, which are of one kind."""
     first = np.int64(load_one(instances.leaves, 0, leaf + FIRST))
     end = np.int64(load_one(instances.leaves, 0, leaf + END))
     kind = load_one(instances.leaves, 0, leaf + KIND)
     if kind == 0:
-        _meet(instances.triangles, first, end, any_will_do, rows, lists, place, m)
+        _meet(instances.triangles, first, end, any_hit, rows, lists, place, m)
     elif kind == 1:
-        _meet(instances.rectangles, first, end, any_will_do, rows, lists, place, m)
+        _meet(instances.rectangles, first, end, any_hit, rows, lists, place, m)
     elif kind == 2:
-        _meet(instances.disks, first, end, any_will_do, rows, lists, place, m)
+        _meet(instances.disks, first, end, any_hit, rows, lists, place, m)
     elif kind == 3:
-        _meet(instances.spheres, first, end, any_will_do, rows, lists, place, m)
+        _meet(instances.spheres, first, end, any_hit, rows, lists, place, m)
     elif kind == 4:
-        _meet(instances.cylinders, first, end, any_will_do, rows, lists, place, m)
+        _meet(instances.cylinders, first, end, any_hit, rows, lists, place, m)
     elif kind == 5:
-        _meet_together(instances.implicits, first, end, any_will_do, rows, lists, place, m)
+        _meet_together(instances.implicits, first, end, any_hit, rows, lists, place, m)
     else:
-        _meet_together(instances.sdf_cells, first, end, any_will_do, rows, lists, place, m)
+        _meet_together(instances.sdf_cells, first, end, any_hit, rows, lists, place, m)
 
 
 @kernel
-def _meet(primitives, first, end, any_will_do, rows, lists, place, m):
+def _meet(primitives, first, end, any_hit, rows, lists, place, m):
     """Test the rays of a list against primitives in blocks of eight."""
     if primitives is None:
         return
     if m > SHORT and not HAS_AVX2_ONLY:
-        _meet_together(primitives, first, end, any_will_do, rows, lists, place, m)
+        _meet_together(primitives, first, end, any_hit, rows, lists, place, m)
         return
     for j in range(m):
         ray = np.int64(load_one(lists, 0, place + j))
         for block in range(first >> 3, (end + 7) >> 3):
             if load_one(rows.floats, T, ray) >= 0.0:
-                _meet_block(primitives, block, any_will_do, rows, ray)
+                _meet_block(primitives, block, any_hit, rows, ray)
 
 
 @kernel
-def _meet_block(blocks, block, any_will_do, rows, ray):
+def _meet_block(blocks, block, any_hit, rows, ray):
     """Test one ray against eight primitives."""
     floats, integers = rows.floats, rows.integers
     t_before = load_one(floats, T, ray)
@@ -87,7 +87,7 @@ def _meet_block(blocks, block, any_will_do, rows, ray):
     x = hit_block(blocks, block, origin, direction, t_before)
     if mask_bits(x.hit) == 0:
         return
-    if any_will_do != 0:
+    if any_hit != 0:
         store_one(floats, T, ray, ENDED)
         return
     near = nearest_in_block(blocks, block, x)
@@ -100,7 +100,7 @@ def _meet_block(blocks, block, any_will_do, rows, ray):
 
 
 @kernel
-def _meet_together(primitives, first, end, any_will_do, rows, lists, place, m):
+def _meet_together(primitives, first, end, any_hit, rows, lists, place, m):
     """Test each 16 rays against one primitive after the other."""
     if primitives is None:
         return
@@ -120,7 +120,7 @@ def _meet_together(primitives, first, end, any_will_do, rows, lists, place, m):
         found = live & (near.prim != prim)
         if mask_bits(found) == 0:
             continue
-        if any_will_do != 0:
+        if any_hit != 0:
             scatter_row(floats, T, ray, splat_f32(ENDED), found)
             continue
         scatter_row(floats, T, ray, near.t, found)

@@ -81,7 +81,7 @@ def lay_out(query, begin, end, reach, beyond, rows):
         side = select(distance <= reach, splat_i32(0), splat_i32(1))
         mine = (side == np.int32(beyond)) & is_finite_ray(origin, direction)
         mine &= first_lanes(end - i)
-        if query.any_will_do != 0:
+        if query.any_hit != 0:
             mine &= load_row(query.prim, 0, i) == 0
         append_row(rows.integers, NUMBER, n, lane_index() + np.int32(i), mine)
         n += popcount(mask_bits(mine))
@@ -140,7 +140,7 @@ def enter_instance(placements, k, rows, lists, place, m):
 
 
 @kernel
-def leave_instance(query, instance, k, rows, n):
+def leave_instance(query, k, rows, n):
     """Keep what the n rays met in instance k where it is the nearest so far.
 
     Of equal t the smallest primitive id wins, then the smallest instance id.
@@ -150,7 +150,7 @@ def leave_instance(query, instance, k, rows, n):
         ray = load_row(rows.integers, NUMBER, i)
         t = load_row(rows.floats, T, i)
         number = gather_row(rows.integers, NUMBER, ray, live)
-        if query.any_will_do != 0:
+        if query.any_hit != 0:
             met = live & (t < 0.0)
             scatter_row(rows.floats, T, ray, splat_f32(ENDED), met)
             scatter_row(query.prim, 0, number, splat_i32(1), met)
@@ -161,7 +161,7 @@ def leave_instance(query, instance, k, rows, n):
             continue
         t_before = gather_row(rows.floats, T, ray, found)
         prim_before = gather_row(query.prim, 0, number, found)
-        instance_before = gather_row(instance, 0, number, found)
+        instance_before = gather_row(query.instance, 0, number, found)
         wins = (t < t_before) | (prim_before < 0) | (prim < prim_before)
         wins |= (prim == prim_before) & (instance_before > np.int32(k))
         wins &= found
@@ -170,4 +170,4 @@ def leave_instance(query, instance, k, rows, n):
         scatter_row(query.prim, 0, number, prim, wins)
         scatter_row(query.u, 0, number, load_row(rows.floats, U, i), wins)
         scatter_row(query.v, 0, number, load_row(rows.floats, V, i), wins)
-        scatter_row(instance, 0, number, splat_i32(k), wins)
+        scatter_row(query.instance, 0, number, splat_i32(k), wins)

@@ -86,8 +86,11 @@ class _Stream(NamedTuple):
 
 
 @kernel
-def trace_placed(instances, query, instance, first, count, tally):
-    """Answer what is asked of rays first to first + count - 1."""
+def trace_placed(instances, query, first, count, tally):
+    """Answer a query for rays first to first + count - 1; the last structure to do so."""
+    if query.any_hit == 0:
+        for i in range(first, first + count, 16):
+            store_row(query.instance, 0, i, splat_i32(-1))
     stream = _Stream(
         empty_rows(),
         local_i32(_LISTS),
@@ -105,11 +108,11 @@ def trace_placed(instances, query, instance, first, count, tally):
             # from beyond the reach that boxes are padded for: to every instance
             for k in range(size if beyond != 0 else 1):
                 start = ~k if beyond != 0 else 0
-                _descend(instances, query, instance, stream, n, np.int64(start), tally)
+                _descend(instances, query, stream, n, np.int64(start), tally)
 
 
 @kernel
-def _descend(instances, query, instance, stream, n, node, tally):
+def _descend(instances, query, stream, n, node, tally):
     """Let n rays go down from a node of the world on, the nearest child first."""
     rows, lists = stream.rows, stream.lists
     size = np.int64(instances.placements.group.shape[0])
@@ -138,9 +141,9 @@ def _descend(instances, query, instance, stream, n, node, tally):
             end = leaf + LEAF_WORDS * load_one(instances.leaves, 0, leaf + TOGETHER)
             for at in range(leaf, end, LEAF_WORDS):
                 _add_primitives(tally, instances.leaves, at, stream, place, m)
-                intersect_leaf(instances, at, query.any_will_do, rows, lists, place, m)
+                intersect_leaf(instances, at, query.any_hit, rows, lists, place, m)
         if inside >= 0 and depth == floor:
-            leave_instance(query, instance, inside, rows, guests)
+            leave_instance(query, inside, rows, guests)
             inside = np.int64(-1)
         if depth == 0:
             break

@@ -13,11 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bvh.wide.wide_rays import any_hits, nearest_hits
 from renderer.accelerators.instances.instance_streams import trace_placed
-from renderer.kernels.jit import method_kernel
-from renderer.kernels.lanes.functions import splat_i32
-from renderer.kernels.lanes.memory import store_row
+from renderer.accelerators.rays.query import traverse
 from renderer.kernels.records.kernel_scene import Placements
 
 
@@ -43,17 +40,4 @@ class Instances(NamedTuple):
     sdf_cells: Any
 
 
-@method_kernel
-def closest_hit_instances(instances, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1; the last of all kinds to do so."""
-    for i in range(first, first + count, 16):
-        store_row(hits.instance, 0, i, splat_i32(-1))
-    query = nearest_hits(rays, hits)
-    trace_placed(instances, query, hits.instance, first, count, tally)
-
-
-@method_kernel
-def any_hit_instances(instances, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays."""
-    query = any_hits(shadow_rays)
-    trace_placed(instances, query, query.prim, np.int64(0), count, tally)
+traverse.by(Instances)(trace_placed)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.box_entry import origin_margins, packet_enters
 from renderer.accelerators.rays.packets import Nearest, blocked_by, nearest_in_order
-from renderer.kernels.jit import interface, kernel, method_kernel
+from renderer.accelerators.rays.query import traverse
+from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
@@ -30,7 +31,6 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.local import local_i32
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, scatter_row
 from renderer.kernels.lanes.vectors import gather3, load3
-from renderer.kernels.records.batch import Hits, ShadowRays
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, add_to_packet
 
 MOST = 8  # boxes: their lists lie on the processor's stack, 35 KB
@@ -161,26 +161,16 @@ def _count(tally, lists, place, count, primitives):
         add_to(tally, PRIMITIVES, lists[k], primitives)
 
 
-@method_kernel
-def closest_hit_boxes(accel, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1 with nearer hits."""
-    _visit(accel, rays, hits.t, hits, first, count, tally)
-
-
-@method_kernel
-def any_hit_boxes(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
-    _visit(accel, shadow_rays, shadow_rays.t_max, shadow_rays, 0, count, tally)
-
-
+@traverse.by(Boxes)
 @kernel
-def _visit(accel, rays, ends, found, first, count, tally):
+def trace_boxes(accel, query, first, count, tally):
     """Test the rays that enter a box against its primitives, one box after the other."""
     lists, many = local_i32(_LISTS), local_i32(MOST)
+    origins, directions = query.origin, query.direction
     for begin in range(first, first + count, _BATCH):
         n = min(first + count - begin, _BATCH)
         _list_entering(
-            accel.bounds, rays.origin, rays.direction, ends, begin, n, lists, many, tally
+            accel.bounds, origins, directions, query.ends, begin, n, lists, many, tally
         )
         for box in range(accel.bounds.shape[0]):
             start, end = accel.start[box], accel.start[box + 1]
@@ -188,38 +178,29 @@ def _visit(accel, rays, ends, found, first, count, tally):
             for j in range(0, many[box], 16):
                 live = first_lanes(many[box] - j)
                 ray = load_row(lists, 0, box * _ROW + j)
-                origin = gather3(rays.origin, ray, live)
-                direction = gather3(rays.direction, ray, live)
-                t = select(live, gather_row(ends, 0, ray, live), splat_f32(-1.0))
-                _meet(found, accel.primitives, start, end, origin, direction, t, ray, live)
+                _test(accel.primitives, start, end, query, ray, live)
 
 
-@interface
-def _meet(found, primitives, start, end, origin, direction, t, ray, live):
-    """Test 16 rays up to t against the primitives of a box, and store what they meet."""
-
-
-@_meet.by(Hits)
 @kernel
-def _meet_nearest(hits, primitives, start, end, origin, direction, t, ray, live):
-    prim = gather_row(hits.prim, 0, ray, live)
-    before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
+def _test(primitives, start, end, query, ray, live):
+    """Test 16 rays against the primitives of a box, and store what they meet."""
+    origin = gather3(query.origin, ray, live)
+    direction = gather3(query.direction, ray, live)
+    t = select(live, gather_row(query.ends, 0, ray, live), splat_f32(-1.0))
+    prim = gather_row(query.prim, 0, ray, live)
+    if query.any_hit != 0:
+        given = (prim != 0) | ~live
+        zero = np.int64(0)
+        blocked = blocked_by(
+            primitives, start, end, origin, direction, t, given, None, zero, zero
+        )
+        scatter_row(query.prim, 0, ray, splat_i32(1), blocked & live)
+        return
+    before = Nearest(t, prim, t, t)  # any u and v: no hit yet
     near = nearest_in_order(primitives, start, end, origin, direction, before)
     found = near.prim != prim
     if mask_bits(found) != 0:  # scattering nothing takes as long as something
-        scatter_row(hits.t, 0, ray, near.t, found)
-        scatter_row(hits.prim, 0, ray, near.prim, found)
-        scatter_row(hits.u, 0, ray, near.u, found)
-        scatter_row(hits.v, 0, ray, near.v, found)
-
-
-@_meet.by(ShadowRays)
-@kernel
-def _meet_any(shadow_rays, primitives, start, end, origin, direction, t, ray, live):
-    before = gather_row(shadow_rays.blocked, 0, ray, live) != 0
-    given = before | ~live
-    zero = np.int64(0)
-    blocked = blocked_by(
-        primitives, start, end, origin, direction, t, given, None, zero, zero
-    )
-    scatter_row(shadow_rays.blocked, 0, ray, splat_i32(1), blocked & live)
+        scatter_row(query.ends, 0, ray, near.t, found)
+        scatter_row(query.prim, 0, ray, near.prim, found)
+        scatter_row(query.u, 0, ray, near.u, found)
+        scatter_row(query.v, 0, ray, near.v, found)

@@ -11,13 +11,15 @@ import numpy as np
 
 from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.packets import (
-    blocked_by,
-    load_nearest,
+    Nearest,
+    begin_packet,
+    end_packet,
+    intersect_packet,
     nearest_in_order,
-    store_nearest,
 )
-from renderer.kernels.jit import method_kernel
-from renderer.kernels.lanes.functions import first_lanes, select, splat_i32
+from renderer.accelerators.rays.query import traverse
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
@@ -34,40 +36,28 @@ def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
     return BruteForce(group(np.arange(extents.lower.shape[1])))
 
 
-@method_kernel
-def closest_hit_brute_force(accel, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1 with nearer hits."""
-    primitives = accel.primitives
+@traverse.by(BruteForce)
+@kernel
+def trace_brute_force(accel, query, first, count, tally):
+    """Test rays first to first + count - 1, 16 at a time, against all primitives."""
+    primitives, end = accel.primitives, accel.primitives.count
     for i in range(first, first + count, 16):
-        origin = load3(rays.origin, i)
-        direction = load3(rays.direction, i)
-        before = load_nearest(hits, i)
-        add_to_packet(tally, PRIMITIVES, i, first + count - i, primitives.count)
-        nearest = nearest_in_order(
-            primitives, 0, primitives.count, origin, direction, before
-        )
-        store_nearest(hits, i, nearest)
-
-
-@method_kernel
-def any_hit_brute_force(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays that meet a primitive before t_max."""
-    primitives = accel.primitives
-    for i in range(0, count, 16):
-        origin = load3(shadow_rays.origin, i)
-        direction = load3(shadow_rays.direction, i)
-        t_max = load_row(shadow_rays.t_max, 0, i)
-        blocked = (load_row(shadow_rays.blocked, 0, i) != 0) | ~first_lanes(count - i)
-        blocked = blocked_by(
-            primitives,
-            0,
-            primitives.count,
-            origin,
-            direction,
-            t_max,
-            blocked,
-            tally,
-            i,
-            count - i,
-        )
-        store_row(shadow_rays.blocked, 0, i, select(blocked, splat_i32(1), splat_i32(0)))
+        origin, direction = load3(query.origin, i), load3(query.direction, i)
+        left = first + count - i
+        if query.any_hit != 0:
+            traced = first_lanes(left)
+            packet = begin_packet(query, i, traced)
+            packet = intersect_packet(
+                primitives, 0, end, origin, direction, packet, query.any_hit, tally, i, left
+            )
+            end_packet(query, i, packet, traced)
+            continue
+        add_to_packet(tally, PRIMITIVES, i, left, end)
+        t, prim = load_row(query.ends, 0, i), load_row(query.prim, 0, i)
+        u, v = load_row(query.u, 0, i), load_row(query.v, 0, i)
+        nearest = Nearest(t, prim, u, v)
+        nearest = nearest_in_order(primitives, 0, end, origin, direction, nearest)
+        store_row(query.ends, 0, i, nearest.t)
+        store_row(query.prim, 0, i, nearest.prim)
+        store_row(query.u, 0, i, nearest.u)
+        store_row(query.v, 0, i, nearest.v)

@@ -16,6 +16,7 @@ from renderer.kernels.lanes.functions import (
     mask_bits,
     select,
     splat_i32,
+    splat_mask,
     upper_half,
 )
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
@@ -27,7 +28,7 @@ from renderer.plugins.shapes.primitives import hit_primitive, primitive_at
 
 
 class Nearest(NamedTuple):
-    """The nearest hits so far of 16 rays."""
+    """The nearest hits of 16 rays so far."""
 
     t: Any  # the ray's end before the first hit
     prim: Any  # primitive id, -1: none yet
@@ -35,24 +36,40 @@ class Nearest(NamedTuple):
     v: Any
 
 
-@kernel
-def load_nearest(hits, i):
-    """Return the hits of rays i to i + 15."""
-    return Nearest(
-        load_row(hits.t, 0, i),
-        load_row(hits.prim, 0, i),
-        load_row(hits.u, 0, i),
-        load_row(hits.v, 0, i),
-    )
+class Packet(NamedTuple):
+    """What 16 rays have found so far."""
+
+    nearest: Nearest
+    blocked: Any  # mask of the rays that any hit has ended; no ray if the nearest counts
 
 
 @kernel
-def store_nearest(hits, i, nearest):
-    """Store the hits of rays i to i + 15."""
-    store_row(hits.t, 0, i, nearest.t)
-    store_row(hits.prim, 0, i, nearest.prim)
-    store_row(hits.u, 0, i, nearest.u)
-    store_row(hits.v, 0, i, nearest.v)
+def begin_packet(query, i, traced):
+    """Return what rays i to i + 15 have found; those not `traced` end before they begin."""
+    t = select(traced, load_row(query.ends, 0, i), -1.0)
+    prim = load_row(query.prim, 0, i)
+    blocked = splat_mask(False)
+    if query.any_hit != 0:
+        blocked = (prim != 0) | ~traced
+    return Packet(Nearest(t, prim, t, t), blocked)  # any u and v: no hit yet
+
+
+@kernel
+def end_packet(query, i, packet, traced):
+    """Store what rays i to i + 15 have found."""
+    before = load_row(query.prim, 0, i)
+    if query.any_hit != 0:
+        met = (before != 0) | (packet.blocked & traced)
+        store_row(query.prim, 0, i, select(met, splat_i32(1), splat_i32(0)))
+        return
+    nearest = packet.nearest
+    found = nearest.prim != before
+    if mask_bits(found) == 0:
+        return  # and leave alone what is not in the cache
+    store_row(query.ends, 0, i, select(found, nearest.t, load_row(query.ends, 0, i)))
+    store_row(query.prim, 0, i, nearest.prim)
+    store_row(query.u, 0, i, select(found, nearest.u, load_row(query.u, 0, i)))
+    store_row(query.v, 0, i, select(found, nearest.v, load_row(query.v, 0, i)))
 
 
 @kernel
@@ -134,3 +151,20 @@ def blocked_by(primitives, start, end, origin, direction, t_max, blocked, tally,
         if mask_bits(blocked) == 0xFFFF:
             break
     return blocked
+
+
+@kernel
+def intersect_packet(
+    primitives, start, end, origin, direction, packet, any_hit, tally, i, count
+):
+    """Return what 16 rays have found after primitives start .. end - 1 were tested."""
+    nearest, blocked = packet.nearest, packet.blocked
+    if any_hit != 0:
+        blocked = blocked_by(
+            primitives, start, end, origin, direction, nearest.t, blocked, tally, i, count
+        )
+    else:
+        nearest = nearest_of(
+            primitives, start, end, origin, direction, nearest, tally, i, count
+        )
+    return Packet(nearest, blocked)

@@ -27,18 +27,18 @@ class RayHit(NamedTuple):
 
 
 @kernel
-def load_hit(hits, i):
+def load_hit(query, i):
     """Return the hit of ray i."""
-    return RayHit(hits.t[i], hits.prim[i], hits.u[i], hits.v[i])
+    return RayHit(query.ends[i], query.prim[i], query.u[i], query.v[i])
 
 
 @kernel
-def store_hit(hits, i, hit):
+def store_hit(query, i, hit):
     """Store the hit of ray i."""
-    hits.t[i] = hit.t
-    hits.prim[i] = hit.prim
-    hits.u[i] = hit.u
-    hits.v[i] = hit.v
+    query.ends[i] = hit.t
+    query.prim[i] = hit.prim
+    query.u[i] = hit.u
+    query.v[i] = hit.v
 
 
 @kernel

@@ -28,9 +28,10 @@ from renderer.accelerators.bvh.wide.one_ray_leaves import (
 from renderer.accelerators.bvh.wide.wide_bvh_build import PAIR_CHILD, PAIR_COUNT, PAIR_WORDS
 from renderer.accelerators.rays.box_entry import STRETCH, origin_margins, safe_reciprocal
 from renderer.accelerators.rays.packets import (
-    Nearest,
-    blocked_by,
-    nearest_of,
+    Packet,
+    begin_packet,
+    end_packet,
+    intersect_packet,
 )
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
@@ -41,9 +42,7 @@ from renderer.kernels.lanes.functions import (
     mask_bits,
     maximum,
     minimum,
-    select,
     splat_f32,
-    splat_i32,
 )
 from renderer.kernels.lanes.local import (
     local_f32,
@@ -52,7 +51,7 @@ from renderer.kernels.lanes.local import (
     local_rows_i32,
 )
 from renderer.kernels.lanes.mathematics.fused import multiply_add
-from renderer.kernels.lanes.memory import load_one, load_row, store_one, store_row
+from renderer.kernels.lanes.memory import load_one, store_one
 from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.tally import (
     BOXES,
@@ -123,8 +122,8 @@ def _signs(direction):
 
 
 @kernel
-def closest_hit_bundles(accel, rays, hits, first, count, tally):
-    """Update `hits` of rays first to first + count - 1, 16 rays at a time."""
+def trace_bundles(accel, query, first, count, tally):
+    """Answer a query for rays first to first + count - 1, 16 at a time."""
     entries = Entries(
         local_rows_f32(6, _LISTS),
         local_rows_i32(2, _LISTS),
@@ -133,22 +132,20 @@ def closest_hit_bundles(accel, rays, hits, first, count, tally):
     )
     for begin in range(first, first + count, BATCH):
         n = min(first + count - begin, BATCH)
-        _closest_hits(accel, rays, hits, begin, n, tally, entries)
+        _trace_batch(accel, query, begin, n, tally, entries)
 
 
 @kernel
-def _closest_hits(accel, rays, hits, first, count, tally, entries):
-    pairs = accel.pairs
+def _trace_batch(accel, query, first, count, tally, entries):
+    """Trace the bundles of a batch from where its beam enters the tree."""
+    pairs, any_hit, stack = accel.pairs, query.any_hit, entries.stack
     floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
-    stack = entries.stack
-    beam, alike, begin, n = find_entries(accel, rays, hits.t, first, count, entries)
+    beam, alike, begin, n = find_entries(accel, query, query.ends, first, count, entries)
     if n == 0:
         return
     for i in range(first, first + count, 16):
         left = first + count - i
-        origin = load3(rays.origin, i)
-        direction = load3(rays.direction, i)
-        # lanes beyond the last ray end before they begin
+        origin, direction = load3(query.origin, i), load3(query.direction, i)
         traced = first_lanes(left) & is_finite_ray(origin, direction)
         own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
         add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
@@ -156,120 +153,39 @@ def _closest_hits(accel, rays, hits, first, count, tally, entries):
             continue
         bundle = _bundle_of(origin, direction)
         signs = _signs(direction)
-        t = select(traced, load_row(hits.t, 0, i), -1.0)
-        prim = load_row(hits.prim, 0, i)
-        nearest = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
-        while depth > 0:
+        packet = begin_packet(query, i, traced)
+        while depth > 0 and mask_bits(packet.blocked) != 0xFFFF:
             note_packet_stack(tally, i, left, depth)
             depth -= 1
             node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
             add_to_packet(tally, BOXES, i, left, 1)
-            if mask_bits(_bundle_enters(floats, node, bundle, nearest.t)) == 0:
+            enters = _bundle_enters(floats, node, bundle, packet.nearest.t)
+            entering = mask_bits(enters & ~packet.blocked)
+            if entering == 0:
                 continue
             add_to_packet(tally, NODES, i, left, 1)
             child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
             size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
-            if size > 0:
-                add_to_packet(tally, BOXES, i, left, 1)
-                bits = meets_in_leaf(accel.boxes, child >> 3, own) & ((1 << size) - 1)
-                while bits != 0:
-                    k = child + lowest_bit(bits)
-                    bits &= bits - 1
-                    nearest = nearest_of(
-                        primitives, k, k + 1, origin, direction, nearest, tally, i, left
-                    )
+            if size < 0:
+                order = -1 - size
+                second = ((signs >> (order >> 1)) ^ order) & 1
+                store_one(stack, 0, depth, child + 1 - second)
+                store_one(stack, 0, depth + 1, child + second)
+                depth += 2
                 continue
-            order = -1 - size
-            second = ((signs >> (order >> 1)) ^ order) & 1
-            store_one(stack, 0, depth, child + 1 - second)
-            store_one(stack, 0, depth + 1, child + second)
-            depth += 2
-        found = nearest.prim != prim
-        if mask_bits(found) == 0:
-            continue  # and leave alone what is not in the cache
-        store_row(hits.t, 0, i, select(found, nearest.t, load_row(hits.t, 0, i)))
-        store_row(hits.prim, 0, i, nearest.prim)
-        store_row(hits.u, 0, i, select(found, nearest.u, load_row(hits.u, 0, i)))
-        store_row(hits.v, 0, i, select(found, nearest.v, load_row(hits.v, 0, i)))
-
-
-@kernel
-def any_hit_bundles(accel, shadow_rays, count, tally):
-    """Set `blocked` of the first `count` shadow rays, 16 rays at a time."""
-    entries = Entries(
-        local_rows_f32(6, _LISTS),
-        local_rows_i32(2, _LISTS),
-        local_f32(48),
-        local_i32(STACK),
-    )
-    for begin in range(0, count, BATCH):
-        n = min(count - begin, BATCH)
-        _any_hits(accel, shadow_rays, np.int64(begin), n, tally, entries)
-
-
-@kernel
-def _any_hits(accel, shadow_rays, first, count, tally, entries):
-    pairs = accel.pairs
-    floats, integers, primitives = pairs.floats, pairs.integers, pairs.primitives
-    stack = entries.stack
-    ends = shadow_rays.t_max
-    beam, alike, begin, n = find_entries(accel, shadow_rays, ends, first, count, entries)
-    if n == 0:
-        return
-    for i in range(first, first + count, 16):
-        left = first + count - i
-        origin = load3(shadow_rays.origin, i)
-        direction = load3(shadow_rays.direction, i)
-        traced = first_lanes(left) & is_finite_ray(origin, direction)
-        t_max = select(traced, load_row(shadow_rays.t_max, 0, i), -1.0)
-        before = load_row(shadow_rays.blocked, 0, i) != 0
-        blocked = before | ~traced
-        own, depth = begin_bundle(entries, begin, n, beam, alike, origin, direction, traced)
-        add_to_packet(tally, BOXES, i, left, (n + 15) // 16)
-        if depth == 0:
-            continue
-        bundle = _bundle_of(origin, direction)
-        signs = _signs(direction)
-        while depth > 0 and mask_bits(blocked) != 0xFFFF:
-            note_packet_stack(tally, i, left, depth)
-            depth -= 1
-            node = np.int64(load_one(stack, 0, depth)) * PAIR_WORDS
             add_to_packet(tally, BOXES, i, left, 1)
-            enters = mask_bits(_bundle_enters(floats, node, bundle, t_max) & ~blocked)
-            if enters == 0:
+            block = child >> 3
+            bits = meets_in_leaf(accel.boxes, block, own) & ((1 << size) - 1)
+            if any_hit != 0 and better_one_by_one(entering, bits):
+                blocked = blocked_one_by_one(
+                    primitives, block, entering, query, i, packet.blocked, tally
+                )
+                packet = Packet(packet.nearest, blocked)
                 continue
-            add_to_packet(tally, NODES, i, left, 1)
-            child = np.int64(load_one(integers, 0, node + PAIR_CHILD))
-            size = np.int64(load_one(integers, 0, node + PAIR_COUNT))
-            if size > 0:
-                add_to_packet(tally, BOXES, i, left, 1)
-                block = child >> 3
-                bits = meets_in_leaf(accel.boxes, block, own) & ((1 << size) - 1)
-                if better_one_by_one(enters, bits):
-                    blocked = blocked_one_by_one(
-                        primitives, block, enters, shadow_rays, i, blocked, tally
-                    )
-                    continue
-                while bits != 0:
-                    k = child + lowest_bit(bits)
-                    bits &= bits - 1
-                    blocked = blocked_by(
-                        primitives,
-                        k,
-                        k + 1,
-                        origin,
-                        direction,
-                        t_max,
-                        blocked,
-                        tally,
-                        i,
-                        left,
-                    )
-                continue
-            order = -1 - size
-            second = ((signs >> (order >> 1)) ^ order) & 1
-            store_one(stack, 0, depth, child + 1 - second)
-            store_one(stack, 0, depth + 1, child + second)
-            depth += 2
-        met = before | (blocked & traced)
-        store_row(shadow_rays.blocked, 0, i, select(met, splat_i32(1), splat_i32(0)))
+            while bits != 0:
+                k = child + lowest_bit(bits)
+                bits &= bits - 1
+                packet = intersect_packet(
+                    primitives, k, k + 1, origin, direction, packet, any_hit, tally, i, left
+                )
+        end_packet(query, i, packet, traced)

@@ -67,7 +67,7 @@ def _meet_together(blocks, block, query, rows, lists, place, m):
         origin, direction = vec3(ox, oy, oz), vec3(dx, dy, dz)
         t = select(live, gather_row(rows.for_boxes, T, ray, live), ENDED)
         prim = gather_row(query.prim, 0, number, live)
-        prim = splat_i32(-1) if query.any_will_do != 0 else prim
+        prim = splat_i32(-1) if query.any_hit != 0 else prim
         before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
         near = nearest_of(blocks, start, end, origin, direction, before, None, zero, zero)
         found = live & (near.prim != prim)
@@ -77,7 +77,7 @@ def _meet_together(blocks, block, query, rows, lists, place, m):
 
 @kernel
 def _store(query, rows, ray, number, near, found):
-    if query.any_will_do != 0:
+    if query.any_hit != 0:
         scatter_row(rows.for_boxes, T, ray, splat_f32(ENDED), found)
         scatter_row(query.prim, 0, number, splat_i32(1), found)
         return

@@ -72,7 +72,7 @@ def write_octants(query, begin, end, few, near, rows):
 @kernel
 def _shut(query, i):
     """Return which of 16 rays are blocked already."""
-    if query.any_will_do == 0:
+    if query.any_hit == 0:
         return splat_mask(False)
     return load_row(query.prim, 0, i) != 0
 

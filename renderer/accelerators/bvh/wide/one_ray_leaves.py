@@ -88,7 +88,7 @@ def intersect_block(blocks, block, query, rows, ray, tally):
     x = hit_block(blocks, block, origin, direction, t_max)
     if mask_bits(x.hit) == 0:
         return
-    if query.any_will_do != 0:
+    if query.any_hit != 0:
         store_one(query.prim, 0, i, 1)
         store_one(rows.for_boxes, T, ray, ENDED)
         return
@@ -112,15 +112,15 @@ def better_one_by_one(live, bits):
 
 
 @kernel
-def blocked_one_by_one(blocks, block, live, shadow_rays, i, blocked, tally):
+def blocked_one_by_one(blocks, block, live, query, i, blocked, tally):
     """Test the `live` rays (bits) one by one; return which of the 16 are blocked."""
     while live != 0:
         j = lowest_bit(live)
         live &= live - 1
         count_block(tally, blocks, block, i + j)
-        origin = column3(shadow_rays.origin, 0, i + j)
-        direction = column3(shadow_rays.direction, 0, i + j)
-        t_max = load_one(shadow_rays.t_max, 0, i + j)
+        origin = column3(query.origin, 0, i + j)
+        direction = column3(query.direction, 0, i + j)
+        t_max = load_one(query.ends, 0, i + j)
         x = hit_block(blocks, block, origin, direction, t_max)
         if mask_bits(x.hit) != 0:
             blocked = blocked | (lane_index() == np.int32(j))

@@ -71,41 +71,6 @@ _WORD = 8
 _WORDS = RAYS * _WORD
 
 
-class Query(NamedTuple):
-    """What is asked of some rays: of one type, so that one traversal answers both kinds."""
-
-    origin: Any  # (3, n) float32
-    direction: Any  # (3, n) float32
-    ends: Any  # (n,) float32 of a nearest hit, its t
-    prim: Any  # (n,) int32 of the nearest hit; or 1 where a ray is blocked
-    u: Any  # (n,) float32 of the nearest hit
-    v: Any
-    any_will_do: int  # not 0: any hit ends a ray and blocks it
-
-
-@kernel
-def nearest_hits(rays, hits):
-    """Ask for the nearest hit of each ray."""
-    return Query(
-        rays.origin, rays.direction, hits.t, hits.prim, hits.u, hits.v, np.int64(0)
-    )
-
-
-@kernel
-def any_hits(shadow_rays):
-    """Ask which of the rays are blocked."""
-    ends = shadow_rays.t_max
-    return Query(
-        shadow_rays.origin,
-        shadow_rays.direction,
-        ends,
-        shadow_rays.blocked,
-        ends,
-        ends,
-        np.int64(1),
-    )
-
-
 class _Flight(NamedTuple):
     """The rays under way."""
 
