@@ -192,7 +192,7 @@ IN_KERNELS = {
     "unknown keyword": (SAMPLED, "    return BsdfSample(wi, weight, wi.z, etta=wi.z)\n",
                         "etta", ("no 'etta'", "did you mean eta")),
     "too few fields": (SAMPLED, "    return BsdfSample(wi, weight, wi.z)\n", RETURNED,
-                       ("BsdfSample(wi, weight, pdf, eta)", "'eta'")),
+                       ("BsdfSample(wi, weight, pdf, eta", "'eta'")),
     "number for a vector": each_lane("dot(wi, 1.0)", ("dot is given one number", ".x")),
     "number for lanes": each_lane("power(wi.z, 2.0)", ("the kernel power", "splat_f32(x)")),
     "vector for a number": each_lane("maximum(wi, 0.0).z", ("a vector", "components")),

@@ -122,7 +122,7 @@ def density_towards(inputs: Inputs, origin: Any, direction: Any) -> np.ndarray:
 def run_directions(bsdf, points, count, x, y, direction):
     """Directions that diffuse hits go on in, x and y by hit."""
     for i in range(0, count, 16):
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wo, u, v = load3(points.wo, i), load_row(x, 0, i), load_row(y, 0, i)
         parameters = parameters_at(bsdf.form, points, i)
         numbers = Numbers(u, v, v, bsdf.arithmetic)

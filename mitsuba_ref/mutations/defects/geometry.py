@@ -215,8 +215,8 @@ DEFECTS = (
         (
             Edit(
                 "integrators/stages/direct_light.py",
-                "frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)",
-                "frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)\n"
+                "frame = frame_at(bsdf, points, i)",
+                "frame = frame_at(bsdf, points, i)\n"
                 "        seen = dot(load3(points.wo, i), load3(points.shading_normal, i))\n"
                 "        flat = load3(points.normal, i)\n"
                 "        flat = select3(seen > 0.0, flat, -flat)\n"

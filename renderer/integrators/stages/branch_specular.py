@@ -7,11 +7,17 @@ import numpy as np
 from renderer.integrators.stages.scatter import append_rays, largest
 from renderer.integrators.stages.surface.shading_frame import frame_at
 from renderer.kernels.jit import count_of, kernel, method_kernel
-from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32
+from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32, splat_i32
 from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import load3, vec3
 from renderer.kernels.records.kernel_scene import RECORD, SPLIT
-from renderer.plugins.bsdfs.kind import BsdfSample, outgoing, reflection_of, transmission_of
+from renderer.plugins.bsdfs.kind import (
+    DELTA,
+    BsdfSample,
+    outgoing,
+    reflection_of,
+    transmission_of,
+)
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.arithmetic import to_local
 
@@ -25,10 +31,11 @@ def append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end):
     heavy = mine & (brightest > 0.0) & (brightest >= np.float32(settings.cutoff))
     none = splat_f32(0.0)
     local = vec3(none, none, branch.cos_t)  # a delta direction goes by its sign alone
-    chosen = BsdfSample(local, branch.weight, none, branch.eta)
+    lobe = splat_i32(DELTA)
+    chosen = BsdfSample(local, branch.weight, none, branch.eta, lobe)
     direction = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
     eta = load_row(points.eta, 0, i) * branch.eta
-    return append_rays(rays, end, points, i, direction, throughput, none, eta, heavy)
+    return append_rays(rays, end, points, i, direction, throughput, none, eta, lobe, heavy)
 
 
 @method_kernel
@@ -38,7 +45,7 @@ def split_mirror(bsdf, settings, points, start, stop, rays, end):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wo = to_local(frame, load3(points.wo, i))
         parameters = parameters_at(bsdf.form, points, i)
         branch = reflection_of(parameters, wo)
@@ -53,7 +60,7 @@ def split_glass(bsdf, settings, points, start, stop, rays, end):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wo = to_local(frame, load3(points.wo, i))
         parameters = parameters_at(bsdf.form, points, i)
         branch = reflection_of(parameters, wo)

@@ -143,8 +143,9 @@ def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: An
     """
     for other in known.values():
         # the stages find a kind's kernels by the class of its parameters
+        known_kernels = dict(other.users_kernels)
         same = other.name == name and all(
-            getattr(other, key) is kernel for key, kernel in kernels.items()
+            known_kernels.get(key) is kernel for key, kernel in kernels.items()
         )
         if other.parameters is parameters and not same:
             raise PluginError(

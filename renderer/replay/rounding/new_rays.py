@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.vectors import column, dot, vec3
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
 from renderer.replay.rounding.arithmetic.rounded_once import fused_cross, fused_sum, unit
@@ -61,7 +60,7 @@ def scattering_bsdfs(bsdfs: Sequence[Any]) -> ScatteringBsdfs:
     rows = [(False, False, 1.0)] * (not bsdfs)
     for bsdf in bsdfs:
         kind = kind_of(bsdf)
-        nested = isinstance(kind, Structure)
+        nested = bool(kind.inside)
         transmits = kind.transmits and kind.delta and not nested
         eta = 0.0 if kind.straight else bsdf.eta if transmits else 1.0
         rows.append((nested, transmits, eta))

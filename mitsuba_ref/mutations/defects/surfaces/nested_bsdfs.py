@@ -22,8 +22,8 @@ DEFECTS = (
         ),
         Edit(
             "plugins/bsdfs/wrappers/mask.py",
-            "lobe.pdf * opacity, 1.0 - opacity",
-            "lobe.pdf, 1.0 - opacity",
+            "chosen.pdf * opacity, 1.0 - opacity",
+            "chosen.pdf, 1.0 - opacity",
         ),
     ),
     _mutation(
@@ -115,8 +115,8 @@ DEFECTS = (
         (
             Edit(
                 "plugins/bsdfs/wrappers/mask.py",
-                "select(met, lobe.delta, splat_f32(2.0))",
-                "select(met, lobe.delta, splat_f32(1.0))",
+                "select(met, chosen.lobe, splat_i32(STRAIGHT))",
+                "select(met, chosen.lobe, splat_i32(1))",
             ),
         ),
         scene="no_sky",
@@ -127,8 +127,8 @@ DEFECTS = (
         (
             Edit(
                 "plugins/bsdfs/smooth/null.py",
-                "vec3(one, one, one), splat_f32(-1.0), one)",
-                "vec3(one, one, one), splat_f32(0.0), one)",
+                "one, one, splat_i32(STRAIGHT))",
+                "one, one, splat_i32(1))",
             ),
         ),
         scene="no_sky",
@@ -138,10 +138,9 @@ DEFECTS = (
         "glass in a medium of its own index counts as a hole, as light goes straight on",
         (
             Edit(
-                "plugins/bsdfs/adapters.py",
-                "select(sample.pdf < 0.0, splat_f32(2.0), 1.0)",
-                "select((sample.pdf < 0.0) | (sample.wi.z * sample.eta < 0.0), "
-                "splat_f32(2.0), 1.0)",
+                "plugins/bsdfs/smooth/dielectric.py",
+                "splat_i32(DELTA))",
+                "select(reflected | (crossing != 1.0), splat_i32(DELTA), 2))",
             ),
         ),
         scene="no_sky",
@@ -152,10 +151,10 @@ DEFECTS = (
         (
             Edit(
                 "integrators/stages/straight_through.py",
-                "if rays.pdf[k] < 0.0 and not points.pdf[rays.point[k]] < 0.0:",
-                "if points.pdf[rays.point[k]] < 0.0:\n"
-                "            rays.pdf[k] = np.float32(-1.0)\n"
-                "        elif rays.pdf[k] < 0.0:",
+                "if rays.lobe[k] != STRAIGHT:",
+                "if rays.lobe[k] == STRAIGHT:\n"
+                "            rays.met[rays.slot[k]] |= HOLES_ALONE\n"
+                "        else:",
             ),
         ),
         scene="no_sky",
@@ -171,8 +170,8 @@ DEFECTS = (
                 "            bounce + 1,\n"
                 "            throughput,\n"
                 "            eta,\n"
-                "            minimum(load_row(numbers, 3, i), chosen.pdf * chosen.pdf "
-                "* 0.0 + minimum(splat_f32(1.0), 1.0 + chosen.pdf)),\n"
+                "            select(lobe_of(chosen) == np.int32(2), "
+                "splat_f32(0.0), load_row(numbers, 3, i)),\n"
                 "            alive,",
             ),
         ),

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.functions import select, splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.kind import DELTA, Branch, BsdfKind, BsdfSample, Color, Float
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_dielectric
 from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
@@ -95,7 +95,8 @@ def sample(glass, wo, numbers):
     across = select(reflected, splat_f32(-1.0), -1.0 / crossing)
     wi = vec3(wo.x * across, wo.y * across, select(reflected, wo.z, cos_t))
     eta = select(reflected, splat_f32(1.0), crossing)
-    return BsdfSample(wi, weight, splat_f32(0.0), eta)
+    probability = select(reflected, fresnel, 1.0 - fresnel)
+    return BsdfSample(wi, weight, probability, eta, splat_i32(DELTA))
 
 
 @kernel
@@ -121,5 +122,6 @@ DIELECTRIC = BsdfKind(
     sample,
     reflection=reflection,
     transmission=transmission,
+    delta=True,
     transmits=True,
 )
