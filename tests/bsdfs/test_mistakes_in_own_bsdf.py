@@ -479,6 +479,7 @@ def test_two_kernels_that_call_each_other_are_named(tmp_path):
     assert "cannot call itself, as it does through " in said_of(path)
 
 
+@pytest.mark.filterwarnings("ignore:BSDF .lunar.. reflection:FutureWarning")
 def test_branches_of_delta_lobes_are_checked_too(tmp_path):
     """`reflection` returns a `Branch`: whichever integrator renders, before it does."""
     more = (

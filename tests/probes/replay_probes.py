@@ -18,11 +18,11 @@ from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, Workspace
-from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, outgoing, sample_bsdf
+from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE
 from renderer.plugins.lights.finite.area import AreaLights
-from renderer.plugins.sampling.arithmetic import seen_from, to_local
+from renderer.plugins.sampling.arithmetic import seen_from, to_local, to_world
 from renderer.plugins.sampling.numbers_and_warps import choose_one
 from renderer.plugins.shapes.surface import pdf_shape
 from renderer.rendering.planning.make_plan import make_plan
@@ -127,7 +127,7 @@ def run_directions(bsdf, points, count, x, y, direction):
         parameters = parameters_at(bsdf.form, points, i)
         numbers = Numbers(u, v, v, bsdf.arithmetic)
         chosen = sample_bsdf(parameters, to_local(frame, wo), numbers)
-        wi = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
+        wi = to_world(bsdf.arithmetic, frame, chosen.wi)
         store3(direction, i, wi)
 
 

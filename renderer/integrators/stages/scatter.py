@@ -29,9 +29,9 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     SCATTER,
 )
-from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, outgoing, sample_bsdf
+from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import to_local
+from renderer.plugins.sampling.arithmetic import to_local, to_world
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
@@ -79,7 +79,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
             continue
         # the BSDF chooses a direction, in the local frame
         frame = frame_at(bsdf, points, i)
-        wo = load3(points.wo, i)
+        wo = to_local(frame, load3(points.wo, i))
         drawn = Numbers(
             load_row(numbers, 0, i),
             load_row(numbers, 1, i),
@@ -87,7 +87,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
             bsdf.arithmetic,
         )
         parameters = parameters_at(bsdf.form, points, i)
-        chosen = sample_bsdf(parameters, to_local(frame, wo), drawn)
+        chosen = sample_bsdf(parameters, wo, drawn)
 
         # throughput, and who goes on
         throughput = load3(points.throughput, i) * chosen.weight
@@ -99,7 +99,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         )
 
         # the next ray
-        direction = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
+        direction = to_world(bsdf.arithmetic, frame, chosen.wi)
         lobe = lobe_of(chosen)
         pdf = select(lobe == SMOOTH, chosen.pdf, 0.0)  # no light sample meets the others
         end = append_rays(

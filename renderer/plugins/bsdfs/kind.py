@@ -17,8 +17,7 @@ from numba.extending import overload
 
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import select, splat_f32, splat_i32
-from renderer.kernels.lanes.vectors import dot, select3, vec3
-from renderer.plugins.bsdfs.mirror import reflect, refract
+from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.plugins.bsdfs.parameters import (
     ROWS,
     Derivatives,
@@ -29,7 +28,6 @@ from renderer.plugins.bsdfs.parameters import (
 from renderer.plugins.bsdfs.parameters import Color as Color
 from renderer.plugins.bsdfs.parameters import Float as Float
 from renderer.plugins.sampling.arithmetic import cosine_direction as cosine_direction
-from renderer.plugins.sampling.arithmetic import to_world
 
 # what lobe a direction was sampled from
 SMOOTH = np.int32(0)  # many directions: diffuse and glossy ones
@@ -57,7 +55,7 @@ class BsdfSample(NamedTuple):
 
 
 class Branch(NamedTuple):
-    """A delta lobe as Whitted's trees follow it."""
+    """A delta lobe as users described it in version 1 (`old_delta_lobes`)."""
 
     weight: Any  # RGB
     share: Any  # of the radiance, by Fresnel
@@ -93,8 +91,6 @@ class BsdfKind:
         (parameters, wo, numbers) -> BsdfSample.
     eval_pdf
         (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes; None: there are none.
-    reflection, transmission
-        (parameters, wo) -> Branch; None: there is no such delta lobe.
     albedo
         parameters -> RGB that the AOV shows, or (parameters, wo) -> RGB; None: black.
     normal
@@ -128,8 +124,6 @@ class BsdfKind:
     about: str
     sample: Any
     eval_pdf: Any = None
-    reflection: Any = None
-    transmission: Any = None
     albedo: Any = None
     normal: Any = None
     delta: bool = False
@@ -262,69 +256,6 @@ def eval_pdf_bsdf(parameters: Any, wo: Any, wi: Any) -> Any:
 
 
 @interface
-def reflection_of(parameters: Any, wo: Any) -> Branch:
-    """Return the mirrored branch."""
-
-
-@interface
-def transmission_of(parameters: Any, wo: Any) -> Branch:
-    """Return the refracted branch."""
-
-
-@interface
-def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample) -> Any:
-    """Return a sample's direction in the world; wo is in the world too."""
-
-
-@kernel
-def _from_the_frame(form, arithmetic, frame, wo, sample):
-    return to_world(arithmetic, frame, sample.wi)
-
-
-@kernel
-def _mirrored(form, arithmetic, frame, wo, sample):
-    """Go by the normal alone: the way through the local frame would add its rounding."""
-    return reflect(wo, frame.n)
-
-
-@kernel
-def _mirrored_or_bent(form, arithmetic, frame, wo, sample):
-    same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
-    bent = refract(wo, frame.n, sample.wi.z, sample.eta)
-    return select3(same_side, reflect(wo, frame.n), bent)
-
-
-@kernel
-def _mirrored_or_straight(form, arithmetic, frame, wo, sample):
-    same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
-    return select3(same_side, reflect(wo, frame.n), -wo)
-
-
-@kernel
-def _smooth_or_mirrored(form, arithmetic, frame, wo, sample):
-    smooth = to_world(arithmetic, frame, sample.wi)
-    return select3(lobe_of(sample) == SMOOTH, smooth, reflect(wo, frame.n))
-
-
-@kernel
-def _any_of_three(form, arithmetic, frame, wo, sample):
-    smooth = to_world(arithmetic, frame, sample.wi)
-    delta = _mirrored_or_bent(form, arithmetic, frame, wo, sample)
-    return select3(lobe_of(sample) == SMOOTH, smooth, delta)
-
-
-# (smooth lobes, delta lobes, transmits) -> how a direction is turned into the world
-_OUTGOING = {
-    (True, False, False): _from_the_frame,
-    (True, False, True): _from_the_frame,
-    (False, True, False): _mirrored,
-    (False, True, True): _mirrored_or_bent,
-    (True, True, False): _smooth_or_mirrored,
-    (True, True, True): _any_of_three,
-}
-
-
-@interface
 def albedo_of(parameters: Any, wo: Any) -> Any:
     """Return the colour that the AOV `albedo` shows; black where there is none."""
 
@@ -433,13 +364,3 @@ def register_kernels(kind: BsdfKind) -> None:
         _albedo_from_anywhere.by(cls)(kind.albedo)
     if kind.normal is not None:
         normal_of.by(cls)(kind.normal)
-    if kind.reflection is not None:
-        reflection_of.by(cls)(kind.reflection)
-    if kind.transmission is not None:
-        transmission_of.by(cls)(kind.transmission)
-    if wrapper:
-        outgoing.by(cls)(_from_the_frame)
-    elif kind.straight:
-        outgoing.by(cls)(_mirrored_or_straight)
-    else:
-        outgoing.by(cls)(_OUTGOING[kind.smooth, kind.delta, kind.transmits])

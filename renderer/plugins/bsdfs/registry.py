@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import uuid
+import warnings
 from collections import ChainMap
 from collections.abc import Callable
 from dataclasses import replace
@@ -108,12 +109,13 @@ def register_bsdf(
     *,
     sample: Any,
     eval_pdf: Any = None,
-    reflection: Any = None,
-    transmission: Any = None,
     albedo: Any = None,
+    delta: bool = False,
     transmits: bool = False,
     read: Callable[[Any], Any] | None = None,
     about: str = "",
+    reflection: Any = None,
+    transmission: Any = None,
 ) -> None:
     """Make a BSDF of your own known: scenes can then say `<bsdf type="name">`.
 
@@ -129,20 +131,24 @@ def register_bsdf(
         A NamedTuple class. Its fields are annotated `Color` or `Float`; a default is what
         a file that does not give the property means.
     sample : kernel
-        (parameters, wo, numbers) -> BsdfSample.
+        (parameters, wo, numbers) -> BsdfSample. If there are two delta lobes, the least
+        `numbers.choice` chooses one and the largest the other, as Whitted's trees need.
     eval_pdf : kernel, optional
         (parameters, wo, wi) -> f |cos| (RGB), density [1/sr]; None where there are delta
         lobes only.
-    reflection, transmission : kernel, optional
-        (parameters, wo) -> Branch, the delta lobes; Whitted's trees follow them.
     albedo : kernel, optional
         parameters -> RGB, for the AOV; black without it.
+    delta : bool
+        Whether there are lobes of a single direction; samples then say their `lobe`.
     transmits : bool
         Whether light goes through.
     read : callable, optional
         Makes the description from `Properties`; None reads each parameter by its name.
     about : str
         A few words for `--explain`.
+    reflection, transmission : kernel, optional
+        The delta lobes in the form of version 1, see `old_delta_lobes`; they work for one
+        more version, with a FutureWarning.
 
     Raises
     ------
@@ -161,7 +167,7 @@ def register_bsdf(
         "albedo": albedo,
     }
     check_name(name, _OURS)
-    check_kernels(name, kernels, transmits)
+    check_kernels(name, kernels, transmits=transmits, delta=delta)
     hints = check_parameters(name, parameters)
     check_new(name, parameters, kernels, BSDFS)
     if read is not None:
@@ -180,6 +186,12 @@ def register_bsdf(
         return OtherBsdf(name, values)
 
     if reflection is not None:
+        warnings.warn(
+            f"BSDF {name!r}: reflection and transmission will go; give delta=True, and let "
+            "sample return the direction, the probability and the lobe of a delta lobe",
+            FutureWarning,
+            stacklevel=2,
+        )
         register_old_kernels(parameters, sample, reflection, transmission)
     given = {key: kernel for key, kernel in kernels.items() if kernel is not None}
     _register(
@@ -190,10 +202,8 @@ def register_bsdf(
             about or "a kind of your own",
             sample if reflection is None else whole_sample,
             eval_pdf,
-            reflection,
-            transmission,
             albedo,
-            delta=reflection is not None,
+            delta=delta or reflection is not None,
             transmits=transmits,
             # compiled kernels name the module that they come from, and are found by it
             source=_source_of([kernel.py_func for kernel in given.values()]),

@@ -9,7 +9,7 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from renderer.integrators.stages.branch_specular import split_glass, split_mirror
+from renderer.integrators.stages.branch_specular import split
 from renderer.integrators.stages.direct_light import reflect_light
 from renderer.integrators.stages.first_hit import show_albedo, show_normal
 from renderer.integrators.stages.scatter import scatter_kind
@@ -140,7 +140,6 @@ def _row(
     lights = (given, FLOAT, work.points, work.light_samples, INT, INT)
     reflect = (reflect_light, (*lights, work.shadow_rays, INT), INT)
     along = (given, INT, work.points, ROWS, INT, INT, work.rays, INT)
-    split = split_glass if kind.transmission is not None else split_mirror
     shown = (work.points, INT, ROWS)
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)

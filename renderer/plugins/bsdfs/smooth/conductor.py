@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.bsdfs.kind import DELTA, Branch, BsdfKind, BsdfSample, Color
+from renderer.plugins.bsdfs.kind import DELTA, BsdfKind, BsdfSample, Color
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_conductor
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.colors.conductor_materials import MATERIALS
@@ -67,13 +67,4 @@ def sample(metal, wo, numbers):
     return BsdfSample(wi, reflectance(metal, wo.z), one, one, splat_i32(DELTA))
 
 
-@kernel
-def reflection(metal, wo):
-    """Return the mirrored ray of a tree."""
-    one = splat_f32(1.0)
-    return Branch(reflectance(metal, wo.z), one, wo.z, one)
-
-
-CONDUCTOR = BsdfKind(
-    "conductor", Conductor, read, "smooth metal", sample, reflection=reflection, delta=True
-)
+CONDUCTOR = BsdfKind("conductor", Conductor, read, "smooth metal", sample, delta=True)

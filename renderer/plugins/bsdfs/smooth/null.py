@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.bsdfs.kind import STRAIGHT, Branch, BsdfKind, BsdfSample
+from renderer.plugins.bsdfs.kind import STRAIGHT, BsdfKind, BsdfSample
 from renderer.scene_file.description import Null as Description
 
 
@@ -30,28 +30,12 @@ def sample(null, wo, numbers):
     return BsdfSample(-wo, vec3(one, one, one), one, one, splat_i32(STRAIGHT))
 
 
-@kernel
-def reflection(null, wo):
-    """Return the mirrored ray of a tree: it carries nothing."""
-    none, one = splat_f32(0.0), splat_f32(1.0)
-    return Branch(vec3(none, none, none), none, wo.z, one)
-
-
-@kernel
-def transmission(null, wo):
-    """Return the ray of a tree that goes on."""
-    one = splat_f32(1.0)
-    return Branch(vec3(one, one, one), one, -wo.z, one)
-
-
 NULL = BsdfKind(
     "null",
     Null,
     read,
     "not there: light goes straight on",
     sample,
-    reflection=reflection,
-    transmission=transmission,
     delta=True,
     transmits=True,
     straight=True,

@@ -15,7 +15,6 @@ from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.plugins.bsdfs.kind import (
     DELTA,
     SMOOTH,
-    Branch,
     BsdfKind,
     BsdfSample,
     Color,
@@ -126,13 +125,6 @@ def sample(plastic, wo, numbers):
 
 
 @kernel
-def reflection(plastic, wo):
-    """Return the mirrored ray of a tree."""
-    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
-    return Branch(plastic.specular_reflectance, reflected, wo.z, splat_f32(1.0))
-
-
-@kernel
 def albedo(plastic):
     """Return the colour of the base without its coat, as Mitsuba does."""
     return plastic.diffuse_reflectance
@@ -145,7 +137,6 @@ PLASTIC = BsdfKind(
     "a diffuse base under a smooth coat",
     sample,
     eval_pdf,
-    reflection=reflection,
     albedo=albedo,
     delta=True,
 )

@@ -14,7 +14,6 @@ from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.plugins.bsdfs.kind import (
     DELTA,
     STRAIGHT,
-    Branch,
     BsdfKind,
     BsdfSample,
     Color,
@@ -57,28 +56,12 @@ def sample(pane, wo, numbers):
     return BsdfSample(wi, weight, probability, splat_f32(1.0), lobe)
 
 
-@kernel
-def reflection(pane, wo):
-    """Return the mirrored ray of a tree."""
-    share = _reflectance(pane, wo)
-    return Branch(pane.specular_reflectance, share, wo.z, splat_f32(1.0))
-
-
-@kernel
-def transmission(pane, wo):
-    """Return the ray of a tree that goes on."""
-    share = 1.0 - _reflectance(pane, wo)
-    return Branch(pane.specular_transmittance, share, -wo.z, splat_f32(1.0))
-
-
 THIN_DIELECTRIC = BsdfKind(
     "thindielectric",
     ThinDielectric,
     read,
     "a thin pane of glass",
     sample,
-    reflection=reflection,
-    transmission=transmission,
     delta=True,
     transmits=True,
     straight=True,
