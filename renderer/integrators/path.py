@@ -17,12 +17,9 @@ from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.scatter import scatter
-from renderer.integrators.stages.straight_through import (
-    drop_transparent,
-    keep_marks,
-    mark_camera_rays,
-)
+from renderer.integrators.stages.straight_through import drop_transparent, keep_marks
 from renderer.kernels.jit import call, kernel, method_kernel
+from renderer.kernels.records.batch import HOLES_ALONE
 from renderer.kernels.records.kernel_scene import BEGIN_BOUNCE, RECORD
 from renderer.scene_file.description import Integrator
 from renderer.scene_file.properties import Properties
@@ -48,9 +45,9 @@ def trace_paths(scene, tile, sample, work):
     if settings.max_depth < 1:
         return
     intersect(scene.camera_groups, rays, hits, np.int64(0), count, True, None)
+    for k in range(count):
+        rays.met[rays.slot[k]] = HOLES_ALONE
     transparent = settings.transparent != 0
-    if transparent:
-        mark_camera_rays(rays, count)
     bounce = np.int64(0)  # a literal would compile every stage twice
     while count > 0:
         see_sky = bounce > 0 or settings.hide_emitters == 0
@@ -65,7 +62,7 @@ def trace_paths(scene, tile, sample, work):
         direct_light(scene, tile, sample, bounce, work)
         count = scatter(scene, tile, sample, bounce, work)
         if transparent:
-            keep_marks(rays, work.points, count)
+            keep_marks(rays, count)
         reset_hits(hits, np.int64(0), count)
         intersect(scene.groups, rays, hits, np.int64(0), count, False, None)
         bounce += 1

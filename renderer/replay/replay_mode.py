@@ -35,7 +35,7 @@ from renderer.replay.rounding.hits.triangle_arithmetic import (
     triangle_tangents,
 )
 from renderer.replay.rounding.mesh_lights import triangle_shares
-from renderer.replay.rounding.new_rays import round_rays, scattering_bsdfs
+from renderer.replay.rounding.new_rays import Leaving, round_rays
 from renderer.replay.rounding.spots import rounded_spots
 from renderer.replay.rounding.texture_means import rounded_shares
 from renderer.replay.sequences import make_sequence
@@ -145,10 +145,9 @@ class Replayed:
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Round camera rays, surface points and scattered rays."""
-        scattering = scattering_bsdfs(scene.materials.bsdfs)
         camera = replay_camera(scene.description.camera, self._measured_camera)
         return [
             (round_camera_rays, camera),
             (round_surface_points, rounding_of(scene.description, surfaces)),
-            (round_rays, scattering),
+            (round_rays, Leaving()),
         ]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure
+from renderer.plugins.bsdfs.kind import BsdfKind
 from renderer.plugins.lights.choice.bounds import LightBounds, on_surface
 from renderer.plugins.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
 from renderer.plugins.lights.registry import plugin_of
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.plugins.textures.registry import mean_of
 from renderer.scene.light_order import light_order
-from renderer.scene.materials import Kind
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Rectangle
 
@@ -60,14 +59,12 @@ def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int64]) -> Light
     )
 
 
-def lit_sides(kind: Kind) -> int:
+def lit_sides(kind: BsdfKind) -> int:
     """Return on which side of a surface lights can matter, see `LightChoice.sides`."""
     if _turns_normals(kind):
         return ANY_NORMAL
     return BOTH_SIDES if kind.transmits else IN_FRONT
 
 
-def _turns_normals(kind: Kind) -> bool:
-    return isinstance(kind, Structure) and (
-        kind.wrapper.normal is not None or any(map(_turns_normals, kind.inside))
-    )
+def _turns_normals(kind: BsdfKind) -> bool:
+    return kind.normal is not None or any(map(_turns_normals, kind.inside))

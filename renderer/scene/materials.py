@@ -22,7 +22,6 @@ from renderer.kernels.records.kernel_scene import (
     MOST_BSDF_KINDS,
 )
 from renderer.plugins.bsdfs.kind import BsdfKind
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure, goes_straight
 from renderer.plugins.bsdfs.parameters import Rows
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.plugins.bsdfs.registry import kind_of as kind_of
@@ -40,8 +39,6 @@ from renderer.scene_file.description import (
     TwoSided,
 )
 
-Kind = BsdfKind | Structure
-
 # rows of a parameter -> the method that looks up a texture for it
 _REQUESTS = {3: LOOK_UP_COLOR, 2: LOOK_UP_GRADIENT, 1: LOOK_UP_SCALAR}
 
@@ -53,10 +50,10 @@ def sides(bsdf: Bsdf) -> tuple[Any, Any]:
     """
     if isinstance(bsdf, TwoSided):
         both = bsdf.front, bsdf.back
-        nested = any(isinstance(kind_of(side), Structure) for side in both)
+        nested = any(kind_of(side).inside for side in both)
         return (bsdf, bsdf) if nested else both
     kind = kind_of(bsdf)
-    return bsdf, bsdf if kind.transmits or isinstance(kind, Structure) else None
+    return bsdf, bsdf if kind.both_sides else None
 
 
 def value_of(bsdf: Any, name: str) -> Any:
@@ -102,7 +99,7 @@ class MaterialTables:
     front: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     back: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     light: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    loaded: list[Kind] = field(default_factory=list)  # the kind of each as it was built
+    loaded: list[BsdfKind] = field(default_factory=list)  # the kind of each as it was built
 
     @classmethod
     def of(cls, description: SceneDescription) -> MaterialTables:
@@ -131,7 +128,7 @@ class MaterialTables:
         return tables
 
     @property
-    def kinds(self) -> list[Kind]:
+    def kinds(self) -> list[BsdfKind]:
         """The kinds present: those with smooth lobes first, else as they are registered.
 
         After these come nestings, each structure a kind.
@@ -164,12 +161,12 @@ class MaterialTables:
     @property
     def straight(self) -> bool:
         """Whether rays go straight on through any surface."""
-        return any(goes_straight(kind) for kind in self.kinds)
+        return any(kind.straight for kind in self.kinds)
 
     @property
     def half_open(self) -> bool:
         """Whether lights are sampled at a surface that rays go straight through."""
-        return any(kind.smooth and goes_straight(kind) for kind in self.kinds)
+        return any(kind.smooth and kind.straight for kind in self.kinds)
 
     @property
     def chooses(self) -> bool:
@@ -234,7 +231,7 @@ class MaterialTables:
                 table[first : first + count, k] = constant_of(value_of(bsdf, name), count)
         return by_columns(table)
 
-    def tables_of(self, kind: Kind) -> dict[str, Rows]:
+    def tables_of(self, kind: BsdfKind) -> dict[str, Rows]:
         """Return the tables of a kind by their names; what BSDFs share is there once."""
         tables = {}
         for name in kind.tables:
@@ -262,7 +259,7 @@ class MaterialTables:
         return table
 
     def look_ups(
-        self, kinds: Sequence[Kind | None], tables: Sequence[tuple[TextureKind, Any]]
+        self, kinds: Sequence[BsdfKind | None], tables: Sequence[tuple[TextureKind, Any]]
     ) -> NDArray[np.int64]:
         """Return (kind of BSDF, texture table, first row, request) of all that is textured.
 

@@ -41,7 +41,8 @@ JOBS_PER_THREAD = 16
 def _rays_of(rays, batch, integers):  # type: ignore[no-untyped-def]
     """Return a batch as the renderer's own record; what no traversal reads is anything."""
     origin, row = rays.origin[batch], rays.t_max[batch]
-    return Rays(origin, rays.direction[batch], origin, row, row, integers, integers, origin)
+    direction, ids = rays.direction[batch], integers
+    return Rays(origin, direction, origin, row, row, ids, ids, ids, origin, ids)
 
 
 @kernel

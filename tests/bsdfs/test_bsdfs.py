@@ -9,12 +9,12 @@ from scene_file_samples import mi
 
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
-from renderer.kernels.lanes.vectors import dot, load3, orthonormal_basis, store3, vec3
+from renderer.kernels.lanes.vectors import load3, orthonormal_basis, store3, vec3
 from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers
-from renderer.plugins.bsdfs.mirror import reflect, refract
+from renderer.plugins.bsdfs.mirror import reflect
 from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE, Diffuse, eval_pdf, sample
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_conductor, fresnel_dielectric
-from renderer.plugins.sampling.arithmetic import Frame, Plain, to_world
+from renderer.plugins.sampling.arithmetic import Frame, Plain, refracted, to_local, to_world
 
 
 @entry_kernel
@@ -30,12 +30,15 @@ def run_fresnel(cos_i, eta, k, out):
 
 
 @entry_kernel
-def run_mirror(wo, normal, eta, reflected, refracted):
+def run_mirror(bsdf, wo, normal, eta, mirrored, bent):
     for i in range(0, eta.size, 16):
         w, n = load3(wo, i), load3(normal, i)
-        _, cos_t, crossing = fresnel_dielectric(dot(w, n), load_row(eta, 0, i))
-        store3(reflected, i, reflect(w, n))
-        store3(refracted, i, refract(w, n, cos_t, crossing))
+        s, t = orthonormal_basis(n)
+        local, index = to_local(Frame(s, t, n), w), load_row(eta, 0, i)
+        _, cos_t, _ = fresnel_dielectric(local.z, index)
+        store3(mirrored, i, reflect(w, n))
+        wi = refracted(bsdf.arithmetic, local, index, cos_t)
+        store3(bent, i, to_world(bsdf.arithmetic, Frame(s, t, n), wi))
 
 
 @entry_kernel
@@ -220,7 +223,8 @@ def mirrored(wo, normal, eta):
     n = len(wo)
     out = np.empty((2, 3, n), np.float32)
     eta = np.ascontiguousarray(np.broadcast_to(np.float32(eta), n))
-    run_mirror(float32(wo.T), float32(normal.T), eta, *out)
+    methods = pack(BsdfMethods(DIFFUSE.form(), Plain()))
+    run_mirror(methods, float32(wo.T), float32(normal.T), eta, *out)
     return out[0].T.astype(float), out[1].T.astype(float)
 
 

@@ -192,7 +192,7 @@ IN_KERNELS = {
     "unknown keyword": (SAMPLED, "    return BsdfSample(wi, weight, wi.z, etta=wi.z)\n",
                         "etta", ("no 'etta'", "did you mean eta")),
     "too few fields": (SAMPLED, "    return BsdfSample(wi, weight, wi.z)\n", RETURNED,
-                       ("BsdfSample(wi, weight, pdf, eta)", "'eta'")),
+                       ("BsdfSample(wi, weight, pdf, eta", "'eta'")),
     "number for a vector": each_lane("dot(wi, 1.0)", ("dot is given one number", ".x")),
     "number for lanes": each_lane("power(wi.z, 2.0)", ("the kernel power", "splat_f32(x)")),
     "vector for a number": each_lane("maximum(wi, 0.0).z", ("a vector", "components")),
@@ -479,6 +479,7 @@ def test_two_kernels_that_call_each_other_are_named(tmp_path):
     assert "cannot call itself, as it does through " in said_of(path)
 
 
+@pytest.mark.filterwarnings("ignore:BSDF .lunar.. reflection:FutureWarning")
 def test_branches_of_delta_lobes_are_checked_too(tmp_path):
     """`reflection` returns a `Branch`: whichever integrator renders, before it does."""
     more = (

@@ -43,10 +43,11 @@ from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.command.cli import main as render_command
 from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.functions import splat_f32, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3, vec3
 from renderer.plugins.bsdfs.kind import (
+    DELTA,
     Branch,
     BsdfMethods,
     BsdfSample,
@@ -253,8 +254,19 @@ class Polished(NamedTuple):
 
 @renderer.kernel
 def sample_polished(polished, wo, numbers):
-    wi = vec3(-wo.x, -wo.y, wo.z)
-    return BsdfSample(wi, polished.tint, splat_f32(0.0), splat_f32(1.0))
+    wi, one = vec3(-wo.x, -wo.y, wo.z), splat_f32(1.0)
+    return BsdfSample(wi, polished.tint, one, one, splat_i32(DELTA))
+
+
+class PolishedBefore(NamedTuple):
+    tint: Color = 1.0
+
+
+@renderer.kernel
+def sample_polished_before(polished, wo, numbers):
+    """Say by a density of 0 that the lobe is delta; of the direction only z counts."""
+    none = splat_f32(0.0)
+    return BsdfSample(vec3(none, none, wo.z), polished.tint, none, splat_f32(1.0))
 
 
 @renderer.kernel
@@ -263,12 +275,17 @@ def polished_branch(polished, wo):
     return Branch(polished.tint, one, wo.z, one)
 
 
+@pytest.mark.parametrize("form", ["present", "version 1"])
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
-def test_a_mirror_of_ones_own_shows_what_the_renderers_own_shows(integrator):
+def test_a_mirror_of_ones_own_shows_what_the_renderers_own_shows(integrator, form):
     """A delta lobe is sampled by paths and followed by trees: bit for bit a conductor."""
-    renderer.register_bsdf(
-        "polished", Polished, sample=sample_polished, reflection=polished_branch
-    )
+    name = f"polished, {form}"
+    if form == "present":
+        renderer.register_bsdf(name, Polished, sample=sample_polished, delta=True)
+    else:
+        kernels = {"sample": sample_polished_before, "reflection": polished_branch}
+        with pytest.warns(FutureWarning, match="1': reflection and transmission"):
+            renderer.register_bsdf(name, PolishedBefore, **kernels)
     camera = sensor((0, -3, 4), (0, 0, 0.5), fov=40, size=(16, 16), spp=4)
     found, expected = (
         pixels(
@@ -281,7 +298,7 @@ def test_a_mirror_of_ones_own_shows_what_the_renderers_own_shows(integrator):
                 max_depth=4,
             )
         )
-        for bsdf in ({"type": "polished", "tint": rgb(0.7)}, mirror(0.7))
+        for bsdf in ({"type": name, "tint": rgb(0.7)}, mirror(0.7))
     )
     np.testing.assert_array_equal(found, expected)
 
@@ -448,8 +465,7 @@ def test_a_scene_does_not_mix_a_kind_with_its_successor():
 
     old, registered = renderer.load_file(SCENE), BSDFS["lunar"]
     try:
-        kernels = {"sample": sample_polished, "reflection": polished_branch}
-        renderer.register_bsdf("lunar", Successor, **kernels)
+        renderer.register_bsdf("lunar", Successor, sample=sample_polished, delta=True)
         with pytest.raises(renderer.SceneError, match="'lunar' was registered anew"):
             renderer.render(old, spp=1)
     finally:

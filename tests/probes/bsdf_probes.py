@@ -16,7 +16,16 @@ import renderer
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3
-from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, eval_pdf_bsdf, sample_bsdf
+from renderer.plugins.bsdfs.kind import (
+    DELTA,
+    SMOOTH,
+    STRAIGHT,
+    BsdfMethods,
+    Numbers,
+    eval_pdf_bsdf,
+    lobe_of,
+    sample_bsdf,
+)
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.arithmetic import Plain
 from renderer.scene.materials import MaterialTables, kind_of
@@ -41,7 +50,7 @@ def run_eval(bsdf, points, wo, wi, f_cos, pdf):
 
 
 @entry_kernel
-def run_sample(bsdf, points, wo, numbers, wi, weight, pdf_eta):
+def run_sample(bsdf, points, wo, numbers, wi, weight, pdf_eta, lobe):
     for i in range(0, numbers.shape[1], 16):
         drawn = Numbers(
             load_row(numbers, 0, i),
@@ -55,6 +64,7 @@ def run_sample(bsdf, points, wo, numbers, wi, weight, pdf_eta):
         store3(weight, i, chosen.weight)
         store_row(pdf_eta, 0, i, chosen.pdf + 0.0 * chosen.weight.x)
         store_row(pdf_eta, 1, i, chosen.eta + 0.0 * chosen.weight.x)
+        store_row(lobe, 0, i, lobe_of(chosen))
 
 
 class Sampled(NamedTuple):
@@ -62,8 +72,9 @@ class Sampled(NamedTuple):
 
     wi: Array  # (n, 3)
     weight: Array  # (n, 3)
-    pdf: Array  # (n,) [1/sr]; 0: a delta lobe
+    pdf: Array  # (n,) [1/sr], or of a delta lobe its probability
     eta: Array  # (n,)
+    lobe: Array  # (n,) SMOOTH, DELTA or STRAIGHT
 
 
 class BsdfProbe:
@@ -109,10 +120,11 @@ class BsdfProbe:
         n, a, u = len(a), _columns(a), _columns(numbers)
         wi, weight = np.empty_like(a), np.empty_like(a)
         rest = np.empty((2, a.shape[1]), np.float32)
-        run_sample(self._bsdf, self._points(a.shape[1]), a, u, wi, weight, rest)
+        lobe = np.empty(a.shape[1], np.int32)
+        run_sample(self._bsdf, self._points(a.shape[1]), a, u, wi, weight, rest, lobe)
         rows = (x[..., :n].astype(float) for x in (wi, weight, rest[0], rest[1]))
         wi, weight, pdf, eta = rows
-        return Sampled(wi.T, weight.T, pdf, eta)
+        return Sampled(wi.T, weight.T, pdf, eta, lobe[:n])
 
 
 def _columns(rows: Any) -> NDArray[np.float32]:
@@ -140,7 +152,7 @@ class MitsubaProbe:
         return table[:, :3], table[:, 3]
 
     def sample(self, wo: Any, numbers: Any) -> Sampled:
-        """Sample with rows x, y, choice of numbers (n, 3); delta lobes have density 0."""
+        """Sample with rows x, y, choice of numbers (n, 3)."""
         rows = []
         wo, _ = np.broadcast_arrays(wo, numbers)
         for a, (x, y, choice) in zip(wo.tolist(), numbers.tolist(), strict=True):
@@ -148,11 +160,11 @@ class MitsubaProbe:
             s, weight = self.bsdf.sample(self._context, self._point, choice, (x, y))
             lobe = mi.BSDFFlags(s.sampled_type or 2)
             straight = mi.has_flag(lobe, mi.BSDFFlags.Null)
-            delta = -1.0 if straight else 0.0  # as a `BsdfSample` says it
-            pdf = delta if mi.has_flag(lobe, mi.BSDFFlags.Delta) else s.pdf
-            rows.append((*s.wo, *weight, pdf, s.eta))
+            delta = DELTA if mi.has_flag(lobe, mi.BSDFFlags.Delta) else SMOOTH
+            kind = STRAIGHT if straight else delta
+            rows.append((*s.wo, *weight, s.pdf, s.eta, kind))
         table = np.array(rows, float)
-        return Sampled(table[:, :3], table[:, 3:6], table[:, 6], table[:, 7])
+        return Sampled(table[:, :3], table[:, 3:6], *table[:, 6:].T)
 
 
 # ----------------------------------------------------------------------------- directions

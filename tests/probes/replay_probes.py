@@ -18,11 +18,11 @@ from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, Workspace
-from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, outgoing, sample_bsdf
+from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE
 from renderer.plugins.lights.finite.area import AreaLights
-from renderer.plugins.sampling.arithmetic import seen_from, to_local
+from renderer.plugins.sampling.arithmetic import seen_from, to_local, to_world
 from renderer.plugins.sampling.numbers_and_warps import choose_one
 from renderer.plugins.shapes.surface import pdf_shape
 from renderer.rendering.planning.make_plan import make_plan
@@ -122,12 +122,12 @@ def density_towards(inputs: Inputs, origin: Any, direction: Any) -> np.ndarray:
 def run_directions(bsdf, points, count, x, y, direction):
     """Directions that diffuse hits go on in, x and y by hit."""
     for i in range(0, count, 16):
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wo, u, v = load3(points.wo, i), load_row(x, 0, i), load_row(y, 0, i)
         parameters = parameters_at(bsdf.form, points, i)
         numbers = Numbers(u, v, v, bsdf.arithmetic)
         chosen = sample_bsdf(parameters, to_local(frame, wo), numbers)
-        wi = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
+        wi = to_world(bsdf.arithmetic, frame, chosen.wi)
         store3(direction, i, wi)
 
 

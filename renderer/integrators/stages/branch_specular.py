@@ -9,57 +9,50 @@ from renderer.integrators.stages.surface.shading_frame import frame_at
 from renderer.kernels.jit import count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.kernels.lanes.memory import load_row
-from renderer.kernels.lanes.vectors import load3, vec3
+from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.kernel_scene import RECORD, SPLIT
-from renderer.plugins.bsdfs.kind import BsdfSample, outgoing, reflection_of, transmission_of
+from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import to_local
+from renderer.plugins.sampling.arithmetic import to_local, to_world
+
+_LARGEST = np.float32(1.0 - 2.0**-24)  # of a random number
 
 
 @kernel
-def append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end):
-    """Append the rays of a branch that are worth following; return the new end."""
-    wo = load3(points.wo, i)
-    throughput = load3(points.throughput, i) * branch.weight * branch.share
-    brightest = largest(throughput)
+def _append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end):
+    """Append the rays of a delta lobe that are worth following; return the new end."""
+    # the value of the lobe, whatever the probability that it is sampled with
+    throughput = load3(points.throughput, i) * branch.weight * branch.pdf
+    brightest, lobe = largest(throughput), lobe_of(branch)
     heavy = mine & (brightest > 0.0) & (brightest >= np.float32(settings.cutoff))
+    heavy &= lobe != SMOOTH
+    direction = to_world(bsdf.arithmetic, frame, branch.wi)
+    none, eta = splat_f32(0.0), load_row(points.eta, 0, i) * branch.eta
+    return append_rays(rays, end, points, i, direction, throughput, none, eta, lobe, heavy)
+
+
+@method_kernel
+def split(bsdf, settings, points, start, stop, rays, end):
+    """Follow the delta lobes of one kind, of which it may have two; return the new end.
+
+    The least number chooses the one of `sample`, the largest number the other.
+    """
     none = splat_f32(0.0)
-    local = vec3(none, none, branch.cos_t)  # a delta direction goes by its sign alone
-    chosen = BsdfSample(local, branch.weight, none, branch.eta)
-    direction = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
-    eta = load_row(points.eta, 0, i) * branch.eta
-    return append_rays(rays, end, points, i, direction, throughput, none, eta, heavy)
-
-
-@method_kernel
-def split_mirror(bsdf, settings, points, start, stop, rays, end):
-    """Follow the reflected rays of one kind; return the new end."""
     for i in range(start, stop, 16):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wo = to_local(frame, load3(points.wo, i))
         parameters = parameters_at(bsdf.form, points, i)
-        branch = reflection_of(parameters, wo)
-        end = append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end)
-    return end
-
-
-@method_kernel
-def split_glass(bsdf, settings, points, start, stop, rays, end):
-    """Follow the reflected and the refracted rays of one kind; return the new end."""
-    for i in range(start, stop, 16):
-        mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
-        if mask_bits(mine) == 0:
-            continue
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
-        wo = to_local(frame, load3(points.wo, i))
-        parameters = parameters_at(bsdf.form, points, i)
-        branch = reflection_of(parameters, wo)
-        end = append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end)
-        branch = transmission_of(parameters, wo)
-        end = append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end)
+        least = Numbers(none, none, none, bsdf.arithmetic)
+        one = sample_bsdf(parameters, wo, least)
+        end = _append_branch(bsdf, settings, one, frame, points, i, mine, rays, end)
+        if bsdf.both_sides is not None:  # known when it is compiled
+            most = Numbers(none, none, none + _LARGEST, bsdf.arithmetic)
+            other = sample_bsdf(parameters, wo, most)
+            both = mine & ((one.wi.z > 0.0) ^ (other.wi.z > 0.0))
+            end = _append_branch(bsdf, settings, other, frame, points, i, both, rays, end)
     return end
 
 

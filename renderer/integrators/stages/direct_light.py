@@ -113,7 +113,7 @@ def reflect_light(
         if mask_bits(mine) == 0:
             continue
         # f cos of the BSDF, in the local frame
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wi = load3(samples.wi, i)
         f_cos, bsdf_pdf = eval_pdf_bsdf(
             parameters_at(bsdf.form, points, i),

@@ -33,7 +33,7 @@ from renderer.kernels.records.kernel_scene import (
     SHOW_ALBEDO,
     SHOW_NORMAL,
 )
-from renderer.plugins.bsdfs.kind import albedo_of, normal_of, seen_albedo_of
+from renderer.plugins.bsdfs.kind import albedo_of, normal_of
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.arithmetic import to_local, to_world
 
@@ -88,21 +88,8 @@ def show_albedo(bsdf, points, count, radiance):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        color = albedo_of(parameters_at(bsdf.form, points, i))
-        valid = select(mine, splat_f32(1.0), splat_f32(0.0))
-        _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
-
-
-@method_kernel
-def show_seen_albedo(bsdf, points, count, radiance):
-    """Write the albedo for a kind whose albedo depends on the direction of view."""
-    for i in range(0, count, 16):
-        mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
-        if mask_bits(mine) == 0:
-            continue
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
-        wo = to_local(frame, load3(points.wo, i))
-        color = seen_albedo_of(parameters_at(bsdf.form, points, i), wo)
+        wo = to_local(frame_at(bsdf, points, i), load3(points.wo, i))
+        color = albedo_of(parameters_at(bsdf.form, points, i), wo)
         valid = select(mine, splat_f32(1.0), splat_f32(0.0))
         _store3(radiance, ALBEDO, load_row(points.slot, 0, i), valid, color)
 
@@ -114,7 +101,7 @@ def show_normal(bsdf, points, count, radiance):
         mine = first_lanes(count - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
+        frame = frame_at(bsdf, points, i)
         wo = to_local(frame, load3(points.wo, i))
         turned = normal_of(parameters_at(bsdf.form, points, i), wo)
         normal = to_world(bsdf.arithmetic, frame, turned)

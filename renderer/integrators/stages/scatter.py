@@ -18,6 +18,7 @@ from renderer.kernels.lanes.functions import (
     maximum,
     minimum,
     popcount,
+    select,
     splat_f32,
 )
 from renderer.kernels.lanes.memory import append_row, load_row
@@ -28,9 +29,9 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     SCATTER,
 )
-from renderer.plugins.bsdfs.kind import Numbers, is_possible, outgoing, sample_bsdf
+from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import to_local
+from renderer.plugins.sampling.arithmetic import to_local, to_world
 from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
@@ -56,13 +57,14 @@ def _survive(settings, depth, throughput, eta, number, alive):
 
 
 @kernel
-def append_rays(rays, end, points, i, direction, throughput, pdf, eta, alive):
+def append_rays(rays, end, points, i, direction, throughput, pdf, eta, lobe, alive):
     """Append the rays of the masked lanes to `rays`; return the new end."""
     append3(rays.origin, end, leave_surface(points, i, direction), alive)
     append3(rays.direction, end, direction, alive)
     append3(rays.throughput, end, throughput, alive)
     append_row(rays.pdf, 0, end, pdf, alive)
     append_row(rays.eta, 0, end, eta, alive)
+    append_row(rays.lobe, 0, end, lobe, alive)
     append_row(rays.slot, 0, end, load_row(points.slot, 0, i), alive)
     append_row(rays.point, 0, end, lane_index() + np.int32(i), alive)
     return end + popcount(mask_bits(alive))
@@ -76,8 +78,8 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         if mask_bits(mine) == 0:
             continue
         # the BSDF chooses a direction, in the local frame
-        frame = frame_at(bsdf.form, bsdf.arithmetic, points, i)
-        wo = load3(points.wo, i)
+        frame = frame_at(bsdf, points, i)
+        wo = to_local(frame, load3(points.wo, i))
         drawn = Numbers(
             load_row(numbers, 0, i),
             load_row(numbers, 1, i),
@@ -85,21 +87,23 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
             bsdf.arithmetic,
         )
         parameters = parameters_at(bsdf.form, points, i)
-        chosen = sample_bsdf(parameters, to_local(frame, wo), drawn)
+        chosen = sample_bsdf(parameters, wo, drawn)
 
         # throughput, and who goes on
         throughput = load3(points.throughput, i) * chosen.weight
         eta = load_row(points.eta, 0, i) * chosen.eta
         # of images reflectances may be negative: a path ends at 0 alone, as in Mitsuba
-        alive = mine & is_possible(bsdf.form, chosen) & (fabs(largest(throughput)) > 0.0)
+        alive = mine & (chosen.pdf > 0.0) & (fabs(largest(throughput)) > 0.0)
         alive, throughput = _survive(
             settings, bounce + 1, throughput, eta, load_row(numbers, 3, i), alive
         )
 
         # the next ray
-        direction = outgoing(bsdf.form, bsdf.arithmetic, frame, wo, chosen)
+        direction = to_world(bsdf.arithmetic, frame, chosen.wi)
+        lobe = lobe_of(chosen)
+        pdf = select(lobe == SMOOTH, chosen.pdf, 0.0)  # no light sample meets the others
         end = append_rays(
-            rays, end, points, i, direction, throughput, chosen.pdf, eta, alive
+            rays, end, points, i, direction, throughput, pdf, eta, lobe, alive
         )
     return end
 

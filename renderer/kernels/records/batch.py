@@ -17,6 +17,11 @@ from renderer.kernels.records.tally import make_tally
 CAPACITY = 1024  # camera rays of a batch: a part of a tile (`records.tile`)
 PADDING = 48
 
+# bits of what a path has met
+HOLES_ALONE = np.int32(1)  # nothing yet but what rays go straight through
+ROUGH = np.int32(2)  # a smooth lobe
+CAUSTIC = np.int32(4)  # a mirror or glass after that
+
 
 class Rays(NamedTuple):
     """Rays to be traced, each with the state of its path."""
@@ -26,10 +31,12 @@ class Rays(NamedTuple):
     throughput: NDArray[np.float32]  # (3, n) product of BSDF * cos / pdf so far
     pdf: NDArray[np.float32]  # (n,) [1/sr] of the direction; 0: a mirror or the camera
     eta: NDArray[np.float32]  # (n,) product of relative indices of refraction
+    lobe: NDArray[np.int32]  # (n,) of the BSDF that was left, see `bsdfs.kind`
     slot: NDArray[np.int32]  # (n,) sample of a pixel of the tile: whose path it is
     point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
     # (3, n) that point's position, off which the origin is; (3, 0): kept for nobody
     previous: NDArray[np.float32]
+    met: NDArray[np.int32]  # (slots,) bits of what each path has met; for those who need it
 
 
 class Hits(NamedTuple):
@@ -74,6 +81,7 @@ class SurfacePoints(NamedTuple):
     bsdf: NDArray[np.int32]  # (n,) seen from wo; -1: of another kind than the group's
     parameters: NDArray[np.float32]  # (rows, n) of that BSDF, textures looked up
     previous: NDArray[np.float32]  # (3, n) as in `Rays`
+    met: NDArray[np.int32]  # (slots,) that of `Rays`
 
 
 class LightSamples(NamedTuple):
@@ -165,6 +173,7 @@ def make_workspace(
     slots : int
         Samples of a tile that are added to its sums together: of one batch or more.
     """
+    met = _numbers(slots)
     rays = Rays(
         _rows(3, ray_capacity),
         _rows(3, ray_capacity),
@@ -173,7 +182,9 @@ def make_workspace(
         _row(ray_capacity),
         _numbers(ray_capacity),
         _numbers(ray_capacity),
+        _numbers(ray_capacity),
         _rows(3, ray_capacity) if previous_points else np.zeros((3, 0), np.float32),
+        met,
     )
     hits = Hits(
         _row(ray_capacity),
@@ -210,6 +221,7 @@ def make_workspace(
         _numbers(n),
         _rows(-(-parameters // 4) * 4, n),  # they are loaded by fours
         _rows(3, n) if previous_points else np.zeros((3, 0), np.float32),
+        met,
     )
     light_samples = LightSamples(_numbers(n), _rows(3, n), _row(n), _rows(3, n), _row(n))
     return Workspace(

@@ -1,31 +1,38 @@
-"""What a kind of BSDF is: its parameters, its formulas, and how it is made known.
+"""What a kind of BSDF is: its parameters, its formulas, and how stages find these.
 
 Formulas are written in the local frame of a surface point: z is the shading normal, wo and
-wi point away from the surface. A reflecting kind is seen from the side of +z only (on a
-two-sided surface the frame is turned); a transmitting one has wo.z < 0 inside.
+wi point away from the surface. A kind that only reflects is seen from the side of +z (on a
+two-sided surface the frame is turned); one that transmits has wo.z < 0 inside.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+import numpy as np
+from numba.extending import overload
+
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.vectors import dot, select3
-from renderer.plugins.bsdfs.mirror import reflect, refract
+from renderer.kernels.lanes.functions import select, splat_f32, splat_i32
+from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.plugins.bsdfs.parameters import (
     ROWS,
+    Derivatives,
+    Nested,
     Table,
     hints_of,
-    make_loader,
-    parameters_from,
-    rows_of,
 )
 from renderer.plugins.bsdfs.parameters import Color as Color
 from renderer.plugins.bsdfs.parameters import Float as Float
 from renderer.plugins.sampling.arithmetic import cosine_direction as cosine_direction
-from renderer.plugins.sampling.arithmetic import to_world
+
+# what lobe a direction was sampled from
+SMOOTH = np.int32(0)  # many directions: diffuse and glossy ones
+DELTA = np.int32(1)  # a single direction, which no light sample meets: mirrors, glass
+STRAIGHT = np.int32(2)  # a single one, straight on, as through a hole
 
 
 class Numbers(NamedTuple):
@@ -42,12 +49,13 @@ class BsdfSample(NamedTuple):
 
     wi: Any  # unit, local
     weight: Any  # f cos / pdf, or of a delta lobe f / its probability; 0: the path ends
-    pdf: Any  # [1/sr]; 0: a delta lobe; -1: one that goes straight on, as through a hole
+    pdf: Any  # [1/sr], or of a delta lobe its probability; 0: the path ends
     eta: Any  # relative index of refraction that was crossed; 1: reflected
+    lobe: Any = None  # `SMOOTH`, `DELTA` or `STRAIGHT`; may be left out if all are smooth
 
 
 class Branch(NamedTuple):
-    """A delta lobe as Whitted's trees follow it."""
+    """A delta lobe as users described it in version 1 (`old_delta_lobes`)."""
 
     weight: Any  # RGB
     share: Any  # of the radiance, by Fresnel
@@ -60,19 +68,21 @@ class BsdfMethods(NamedTuple):
 
     form: Any  # of the kind's class: None for what each point has, arrays for tables
     arithmetic: Any
+    both_sides: Any = None  # None: the frame is turned, so that wo.z is never negative
 
 
 @dataclass(frozen=True)
 class BsdfKind:
-    """One kind of BSDF.
+    """One kind of BSDF, or one with others inside of it.
 
     Parameters
     ----------
     name
         Of the plugin in scene files.
     parameters
-        A NamedTuple class; its fields are annotated `Color`, `Float` or `Table` and are
-        named as the properties of the description.
+        A NamedTuple class; its fields are annotated with the classes of
+        `renderer.plugins.bsdfs.parameters` and are named as the properties of the
+        description.
     read
         Makes the description from the properties of a file.
     about
@@ -80,27 +90,32 @@ class BsdfKind:
     sample
         (parameters, wo, numbers) -> BsdfSample.
     eval_pdf
-        (parameters, wo, wi) -> f |cos|, pdf; None: there are delta lobes only.
-    reflection, transmission
-        (parameters, wo) -> Branch; None: there is no such delta lobe.
+        (parameters, wo, wi) -> f |cos|, pdf of the smooth lobes; None: there are none.
     albedo
         parameters -> RGB that the AOV shows, or (parameters, wo) -> RGB; None: black.
+    normal
+        (parameters, wo) -> local normal that the AOV `sh_normal` shows; None: z.
+    delta
+        Whether there are lobes of a single direction.
     transmits
         Whether light goes through, so that the back of a surface shows the same BSDF.
-    source
-        Module and hash of the file that holds the kernels; empty for the renderer's own.
+    straight
+        Whether light goes straight through.
     oriented
         Whether x and y of the local frame matter: x is along dp/du then.
-    delta_pdf
-        (parameters, wo, sample) -> probability of the delta lobe that was chosen, which a
-        blend weighs it by; None: as `reflection` and `transmission` say.
-    straight
-        Whether the transmitted lobe goes straight on.
+    opaque
+        Whether what is inside must let no light through.
+    source
+        Module and hash of the file that holds the kernels; empty for the renderer's own.
     variants
         Kinds that `read` may choose in its place; they are no plugins themselves.
     reaches_all
         BSDF of the description -> whether `sample` goes wherever `eval_pdf` is not 0, and
         neglects no lobe; None: so it is for all of the kind.
+    inside
+        The kinds of the parameters that are annotated `Nested`.
+    users_kernels
+        Those that a user has registered, by name; none of the renderer's own kinds.
     """
 
     name: str
@@ -109,22 +124,18 @@ class BsdfKind:
     about: str
     sample: Any
     eval_pdf: Any = None
-    reflection: Any = None
-    transmission: Any = None
     albedo: Any = None
+    normal: Any = None
+    delta: bool = False
     transmits: bool = False
-    source: str = ""
-    oriented: bool = False
-    delta_pdf: Any = None
     straight: bool = False
+    oriented: bool = False
+    opaque: bool = False
+    source: str = ""
     variants: tuple[BsdfKind, ...] = ()
     reaches_all: Callable[[Any], bool] | None = None
-    normal = None  # the AOV `sh_normal` shows that of the surface
-
-    @property
-    def seen_albedo(self) -> bool:
-        """Whether the albedo depends on where it is seen from."""
-        return self.albedo is not None and self.albedo.py_func.__code__.co_argcount == 2
+    inside: tuple[BsdfKind, ...] = ()
+    users_kernels: tuple[tuple[str, Any], ...] = ()
 
     @property
     def smooth(self) -> bool:
@@ -132,45 +143,106 @@ class BsdfKind:
         return self.eval_pdf is not None
 
     @property
-    def delta(self) -> bool:
-        """Whether it has lobes of a single direction."""
-        return self.reflection is not None or self.transmission is not None
+    def seen_albedo(self) -> bool:
+        """Whether the albedo depends on where it is seen from."""
+        return self.albedo is not None and self.albedo.py_func.__code__.co_argcount == 2
 
     @property
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
-        others = self.smooth or self.transmission is not None
-        return self.reflection is not None and others
+        return self.delta and (self.smooth or self.transmits or bool(self.inside))
 
-    def form(self, tables: dict[str, Any] | None = None) -> Any:
-        """Return the kind's record: arrays of its tables, None for what points have."""
-        given = tables or {}
-        fields = self.parameters._fields  # type: ignore[attr-defined]
-        return self.parameters(*(given.get(name) for name in fields))
+    @property
+    def both_sides(self) -> bool:
+        """Whether the kernels tell the sides of a surface apart by themselves."""
+        return self.transmits or bool(self.inside)
+
+    @property
+    def leaves(self) -> tuple[BsdfKind, ...]:
+        """The kinds in it that nothing is inside of."""
+        return tuple(k for one in self.inside for k in one.leaves) or (self,)
+
+    @property
+    def nested_fields(self) -> tuple[str, ...]:
+        """The names of the parameters that are BSDFs."""
+        hints = hints_of(self.parameters).items()
+        return tuple(name for name, annotation in hints if annotation is Nested)
+
+    def _fields(self) -> list[tuple[str, int, Any]]:
+        """Return (name, first row, annotation) of all parameters; inside "child.name"."""
+        fields, at, inside = [], 0, iter(self.inside)
+        for name, annotation in hints_of(self.parameters).items():
+            if annotation is Nested:
+                kind = next(inside)
+                fields += [(f"{name}.{n}", at + row, a) for n, row, a in kind._fields()]
+                at += kind.row_count
+            else:
+                fields.append((name, at, annotation))
+                at += ROWS[annotation]
+        return fields
 
     def layout(self) -> list[tuple[str, int, int]]:
-        """Return (name, first row, rows) of the parameters that each point has."""
-        rows, at = [], 0
-        for name, kind in hints_of(self.parameters).items():
-            count = ROWS[kind]
-            if count:
-                rows.append((name, at, count))
-            at += count
-        return rows
+        """Return (name, first row, rows) of the parameters that a file gives each point."""
+        return [
+            (name, first, ROWS[annotation])
+            for name, first, annotation in self._fields()
+            if ROWS[annotation] and annotation is not Derivatives
+        ]
 
     @property
     def tables(self) -> list[str]:
         """The names of the parameters that are tables."""
-        hints = hints_of(self.parameters)
-        return [name for name, kind in hints.items() if kind is Table]
+        return [name for name, _, annotation in self._fields() if annotation is Table]
+
+    @property
+    def derived(self) -> list[int]:
+        """The first rows of what surfaces give."""
+        return [first for _, first, what in self._fields() if what is Derivatives]
 
     @property
     def row_count(self) -> int:
         """Rows of all parameters."""
-        return sum(count for _, _, count in self.layout())
+        own = hints_of(self.parameters).values()
+        rows = sum(ROWS[annotation] for annotation in own if annotation is not Nested)
+        return rows + sum(kind.row_count for kind in self.inside)
+
+    def form(self, tables: dict[str, Any] | None = None, start: str = "") -> Any:
+        """Return the kind's record: arrays of its tables, None for what points have.
+
+        Parameters
+        ----------
+        tables
+            By the names of `tables`, which begin with `start`.
+        """
+        inside = iter(self.inside)
+        return self.parameters(
+            *(
+                next(inside).form(tables, f"{start}{name}.")
+                if annotation is Nested
+                else (tables or {}).get(start + name)
+                for name, annotation in hints_of(self.parameters).items()
+            )
+        )
 
 
-# ------------------------------------------- what the stages ask of every kind of BSDF
+@functools.cache
+def around(kind: BsdfKind, inside: tuple[BsdfKind, ...]) -> BsdfKind:
+    """Return a wrapper with what is inside of it: to the stages a kind like any other."""
+    return replace(
+        kind,
+        name=f"{kind.name}({', '.join(one.name for one in inside)})",
+        eval_pdf=kind.eval_pdf if any(one.smooth for one in inside) else None,
+        albedo=kind.albedo if any(one.albedo is not None for one in inside) else None,
+        delta=kind.delta or any(one.delta for one in inside),
+        transmits=kind.transmits or any(one.transmits for one in inside),
+        straight=kind.straight or any(one.straight for one in inside),
+        oriented=kind.oriented or any(one.oriented for one in inside),
+        source=" ".join(sorted({k.source for one in inside for k in one.leaves} - {""})),
+        inside=inside,
+    )
+
+
+# ------------------------------------------------------- what the stages call of each kind
 
 
 @interface
@@ -184,23 +256,8 @@ def eval_pdf_bsdf(parameters: Any, wo: Any, wi: Any) -> Any:
 
 
 @interface
-def reflection_of(parameters: Any, wo: Any) -> Branch:
-    """Return the mirrored branch."""
-
-
-@interface
-def transmission_of(parameters: Any, wo: Any) -> Branch:
-    """Return the refracted branch."""
-
-
-@interface
-def albedo_of(parameters: Any) -> Any:
-    """Return the colour that the AOV `albedo` shows."""
-
-
-@interface
-def seen_albedo_of(parameters: Any, wo: Any) -> Any:
-    """Return it for a BSDF whose albedo depends on the direction."""
+def albedo_of(parameters: Any, wo: Any) -> Any:
+    """Return the colour that the AOV `albedo` shows; black where there is none."""
 
 
 @interface
@@ -208,108 +265,102 @@ def normal_of(parameters: Any, wo: Any) -> Any:
     """Return the local normal that the AOV `sh_normal` shows, where it is not z."""
 
 
-@interface
-def visible_side(form: Any, front: Any, normal: Any) -> Any:
-    """Return the z axis of the local frame: turned to where a reflecting BSDF is seen."""
+def lobe_of(sample: BsdfSample) -> Any:
+    """Return the lobe of a sample; where it is left out, all are smooth."""
+    raise TypeError("lobe_of can be called inside kernels only")
+
+
+@overload(lobe_of)
+def _lobe_of(sample):
+    if len(sample.types) == len(BsdfSample._fields):
+        return lambda sample: sample.lobe
+    return lambda sample: splat_i32(SMOOTH)
+
+
+# ------------------------------------------- what BSDFs call of those inside of them
 
 
 @interface
-def outgoing(form: Any, arithmetic: Any, frame: Any, wo: Any, sample: BsdfSample) -> Any:
-    """Return a sample's direction in the world; wo is in the world too."""
+def sample_nested(parameters: Any, wo: Any, numbers: Any) -> BsdfSample:
+    """Choose a direction, whatever side wo is on; the sample has its lobe."""
 
 
 @interface
-def is_possible(form: Any, sample: BsdfSample) -> Any:
-    """Return which samples are no failures, as far as the density tells."""
+def eval_pdf_nested(parameters: Any, wo: Any, wi: Any) -> Any:
+    """Return f |cos| and the density of smooth lobes, whatever sides wo and wi are on."""
 
 
 @kernel
-def _turned(form, front, normal):
-    return select3(front, normal, -normal)
+def black():
+    """Return no light."""
+    none = splat_f32(0.0)
+    return vec3(none, none, none)
 
 
 @kernel
-def _as_it_is(form, front, normal):
-    return normal
+def _sample(parameters, wo, numbers):
+    s = sample_bsdf(parameters, wo, numbers)
+    weight = select3(s.pdf > 0.0, s.weight, black())
+    return BsdfSample(s.wi, weight, s.pdf, s.eta, lobe_of(s))
 
 
 @kernel
-def _smooth(form, arithmetic, frame, wo, sample):
-    return to_world(arithmetic, frame, sample.wi)
-
-
-@kernel
-def _mirrored(form, arithmetic, frame, wo, sample):
-    """Go by the normal alone: the way through the local frame would add its rounding."""
-    return reflect(wo, frame.n)
-
-
-@kernel
-def _mirrored_or_bent(form, arithmetic, frame, wo, sample):
-    same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
-    bent = refract(wo, frame.n, sample.wi.z, sample.eta)
-    return select3(same_side, reflect(wo, frame.n), bent)
-
-
-@kernel
-def _mirrored_or_straight(form, arithmetic, frame, wo, sample):
-    same_side = (sample.wi.z > 0.0) ^ ~(dot(wo, frame.n) > 0.0)
-    return select3(same_side, reflect(wo, frame.n), -wo)
-
-
-@kernel
-def _smooth_or_mirrored(form, arithmetic, frame, wo, sample):
-    smooth = to_world(arithmetic, frame, sample.wi)
-    return select3(sample.pdf > 0.0, smooth, reflect(wo, frame.n))
-
-
-@kernel
-def _any_of_three(form, arithmetic, frame, wo, sample):
-    smooth = to_world(arithmetic, frame, sample.wi)
-    delta = _mirrored_or_bent(form, arithmetic, frame, wo, sample)
-    return select3(sample.pdf > 0.0, smooth, delta)
-
-
-# (smooth lobes, delta lobes, transmits) -> how a direction is turned into the world
-_OUTGOING = {
-    (True, False, False): _smooth,
-    (True, False, True): _smooth,
-    (False, True, False): _mirrored,
-    (False, True, True): _mirrored_or_bent,
-    (True, True, False): _smooth_or_mirrored,
-    (True, True, True): _any_of_three,
-}
-
-
-@kernel
-def _by_density(form, sample):
-    return sample.pdf > 0.0
-
-
-@kernel
-def _by_weight_alone(form, sample):
-    return sample.pdf == sample.pdf
-
-
-def make_known(kind: BsdfKind) -> None:
-    """Let the stages find the kernels of a kind."""
-    cls = kind.parameters
-    load, count = make_loader(cls)
-    parameters_from.by(cls)(load)
-    rows_of.by(cls)(count)
-    sample_bsdf.by(cls)(kind.sample)
-    for function, chosen in (
-        (eval_pdf_bsdf, kind.eval_pdf),
-        (reflection_of, kind.reflection),
-        (transmission_of, kind.transmission),
-        (seen_albedo_of if kind.seen_albedo else albedo_of, kind.albedo),
-    ):
-        if chosen is not None:
-            function.by(cls)(chosen)
-    visible_side.by(cls)(_as_it_is if kind.transmits else _turned)
-    outgoing.by(cls)(
-        _mirrored_or_straight
-        if kind.straight
-        else _OUTGOING[kind.smooth, kind.delta, kind.transmits]
+def _sample_in_front(parameters, wo, numbers):
+    """Sample a BSDF that does not transmit; from behind it is black."""
+    s, front = sample_bsdf(parameters, wo, numbers), wo.z > 0.0
+    return BsdfSample(
+        select3(front, s.wi, black()),
+        select3(front & (s.pdf > 0.0), s.weight, black()),
+        select(front, s.pdf, 0.0),
+        s.eta,
+        lobe_of(s),
     )
-    is_possible.by(cls)(_by_weight_alone if kind.delta else _by_density)
+
+
+@kernel
+def _eval_pdf_in_front(parameters, wo, wi):
+    f_cos, pdf = eval_pdf_bsdf(parameters, wo, wi)
+    front = wo.z > 0.0
+    return select3(front, f_cos, black()), select(front, pdf, 0.0)
+
+
+@kernel
+def _no_smooth_lobes(parameters, wo, wi):
+    return black(), splat_f32(0.0)
+
+
+@interface
+def _albedo_from_anywhere(parameters: Any) -> Any:
+    """Return the albedo of a kind that looks the same from everywhere."""
+
+
+@kernel
+def _albedo(parameters, wo):
+    return _albedo_from_anywhere(parameters)
+
+
+@kernel
+def _no_albedo(parameters, wo):
+    return black()
+
+
+def register_kernels(kind: BsdfKind) -> None:
+    """Let stages and other BSDFs find the kernels of a kind."""
+    cls, wrapper = kind.parameters, bool(kind.nested_fields)
+    sample_bsdf.by(cls)(kind.sample)
+    eval_pdf = kind.eval_pdf
+    if eval_pdf is not None:
+        eval_pdf_bsdf.by(cls)(eval_pdf)
+    if wrapper or kind.transmits:
+        sample_nested.by(cls)(kind.sample if wrapper else _sample)
+        eval_pdf_nested.by(cls)(eval_pdf or _no_smooth_lobes)
+    else:
+        sample_nested.by(cls)(_sample_in_front)
+        eval_pdf_nested.by(cls)(_eval_pdf_in_front if eval_pdf else _no_smooth_lobes)
+    if kind.albedo is None or kind.seen_albedo:
+        albedo_of.by(cls)(kind.albedo or _no_albedo)
+    else:
+        albedo_of.by(cls)(_albedo)
+        _albedo_from_anywhere.by(cls)(kind.albedo)
+    if kind.normal is not None:
+        normal_of.by(cls)(kind.normal)

@@ -1,25 +1,28 @@
 """The parameters of BSDFs: how a kind annotates them, and how they are loaded at points.
 
-A kind's parameters are a NamedTuple class. From its annotations a program writes the kernel
-that loads them for 16 points at once (`make_loader`).
+A kind's parameters are a NamedTuple class. Each field is annotated with one of the classes
+below; `parameters_at` loads the fields for 16 surface points at once.
 """
 
 from __future__ import annotations
 
 import functools
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
 
-from renderer.kernels.jit import interface, kernel
+from renderer.kernels.jit import kernel
+from renderer.kernels.jit.records import record_class
 from renderer.kernels.lanes.memory import gather_row, load_row
 from renderer.kernels.lanes.vectors import load3, vec3
 
 
-@functools.cache  # a scene asks for those of each BSDF a dozen times, 20 us each
+@functools.cache  # a scene needs those of each BSDF a dozen times, 20 us each
 def hints_of(parameters: type) -> Mapping[str, Any]:
     """Return the annotations of a kind's parameters by name."""
     return MappingProxyType(typing.get_type_hints(parameters))
@@ -45,7 +48,7 @@ class Rows(NamedTuple):
 
 
 class Nested:
-    """Annotation of a parameter that is a BSDF itself; these come last (`adapters.py`)."""
+    """Annotation of a parameter that is a BSDF itself; see `plugins.bsdfs.wrappers`."""
 
 
 class Gradient:
@@ -56,34 +59,61 @@ class Derivatives:
     """Annotation of a parameter that the surface gives: dp/du and dp/dv."""
 
 
-class Surface:
-    """Annotation of a parameter that is in the records of the surface points."""
+class ShadingNormal:
+    """Annotation of a parameter that the surface gives: its shading normal in the world."""
 
 
-# of the parameters that each point has
-ROWS = {Color: 3, Gradient: 2, Float: 1, Derivatives: 6, Table: 0, Surface: 0}
-
-
-@interface
-def parameters_from(form: Any, points: Any, first: int, i: int) -> Any:
-    """Return the parameters of points i to i + 15 that begin in row `first`."""
-
-
-@interface
-def rows_of(form: Any) -> int:
-    """Return how many rows the parameters take."""
+class GeometricNormal:
+    """Annotation of a parameter that the surface gives: its true normal in the world."""
 
 
 @kernel
-def parameters_at(form, points, i):
-    """Return the parameters of points i to i + 15, as a record of the kind's class."""
-    return parameters_from(form, points, np.int64(0), i)
+def _color(table, points, row, i):
+    return rows3(points.parameters, row, i)
 
 
 @kernel
-def rows2(rows, first, i):
-    """Load columns i to i + 15 of two rows."""
-    return load_row(rows, first, i), load_row(rows, first + 1, i)
+def _float(table, points, row, i):
+    return load_row(points.parameters, row, i)
+
+
+@kernel
+def _gradient(table, points, row, i):
+    return load_row(points.parameters, row, i), load_row(points.parameters, row + 1, i)
+
+
+@kernel
+def _derivatives(table, points, row, i):
+    return rows3(points.parameters, row, i), rows3(points.parameters, row + 3, i)
+
+
+@kernel
+def _table(table, points, row, i):
+    bsdf = load_row(points.bsdf, 0, i)
+    return Rows(table.numbers, gather_row(table.first, 0, bsdf, bsdf >= 0))
+
+
+@kernel
+def _shading_normal(table, points, row, i):
+    return load3(points.shading_normal, i)
+
+
+@kernel
+def _geometric_normal(table, points, row, i):
+    return load3(points.normal, i)
+
+
+# annotation -> rows that it takes of `points.parameters`, and what loads it from there
+_LOADED: dict[Any, tuple[int, Any]] = {
+    Color: (3, _color),
+    Gradient: (2, _gradient),
+    Float: (1, _float),
+    Derivatives: (6, _derivatives),
+    Table: (0, _table),
+    ShadingNormal: (0, _shading_normal),
+    GeometricNormal: (0, _geometric_normal),
+}
+ROWS = {annotation: rows for annotation, (rows, _) in _LOADED.items()}
 
 
 @kernel
@@ -95,46 +125,70 @@ def rows3(rows, first, i):
 
 
 @kernel
-def entries_at(table, bsdf):
-    """Return where the entries of each point's BSDF are."""
-    return Rows(table.numbers, gather_row(table.first, 0, bsdf, bsdf >= 0))
-
-
-@kernel
 def entry_of(table, i):
     """Return entry i of the point's own rows of a `Table`, lane by lane."""
     return gather_row(table.numbers, 0, table.first + i, i >= 0)
 
 
-def make_loader(parameters: type) -> tuple[Any, Any]:
-    """Return `parameters_from` and `rows_of`, made from the annotations."""
-    parts, rows, nested = [], 0, ""
-    for name, kind in hints_of(parameters).items():
-        if kind is Nested:
-            parts.append(f"parameters_from(form.{name}, points, first + {rows}{nested}, i)")
-            nested += f" + rows_of(form.{name})"
-            continue
-        row = f"points.parameters, first + {rows}"
-        load = {
-            Color: f"rows3({row}, i)",
-            Float: f"load_row({row}, i)",
-            Gradient: f"rows2({row}, i)",
-            Derivatives: f"(rows3({row}, i), rows3({row} + 3, i))",
-            Table: f"entries_at(form.{name}, load_row(points.bsdf, 0, i))",
-            Surface: f"load3(points.{name}, i)",
-        }
-        parts.append(load[kind])
-        rows += ROWS[kind]
-    names = {
-        "record": parameters,
-        "load_row": load_row,
-        "load3": load3,
-        "rows2": rows2,
-        "rows3": rows3,
-        "entries_at": entries_at,
-        "parameters_from": parameters_from,
-        "rows_of": rows_of,
-    }
-    load_all = f"lambda form, points, first, i: record({', '.join(parts)})"
-    count = f"lambda form: {rows}{nested}"
-    return kernel(eval(load_all, names)), kernel(eval(count, names))
+@intrinsic
+def parameters_at(typingctx: Any, form: Any, points: Any, i: Any) -> Any:
+    """Return the parameters of points i to i + 15, as a record of the kind's class."""
+    loaded, load, _ = _loader(typingctx, form, (points, types.int64, i), 0)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return load(context, builder, *args)
+
+    return loaded(form, points, i), codegen
+
+
+def _loader(typingctx: Any, form: Any, given: Any, row: int) -> tuple[Any, Any, int]:
+    """Return the type of a record, what generates code that loads it, and the next row.
+
+    Parameters
+    ----------
+    form
+        Numba type of the kind's record.
+    given
+        Numba types of the points, of a row and of the first point.
+    row
+        The first of the record.
+    """
+    cls = record_class(form)
+    assert cls is not None
+    fields: list[tuple[str, Any, Callable[..., Any]]] = []
+    for name, annotation in hints_of(cls).items():
+        part = typingctx.resolve_getattr(form, name)
+        if annotation is Nested:
+            loaded, load, row = _loader(typingctx, part, given, row)
+        else:
+            rows, kernel_of = _LOADED[annotation]
+            loaded, load = _field_loader(typingctx, kernel_of, part, given, row)
+            row += rows
+        fields.append((name, loaded, load))
+    record = types.BaseTuple.from_types(tuple(loaded for _, loaded, _ in fields), cls)
+
+    def load_all(context: Any, builder: Any, value: Any, points: Any, i: Any) -> Any:
+        values = []
+        for name, _, load in fields:
+            part = context.get_getattr(form, name)(context, builder, form, value, name)
+            values.append(load(context, builder, part, points, i))
+        return context.make_tuple(builder, record, values)
+
+    return record, load_all, row
+
+
+def _field_loader(
+    typingctx: Any, load: Any, part: Any, given: Any, row: int
+) -> tuple[Any, Any]:
+    """Return the type of a field, and what generates a call of the kernel that loads it."""
+    function = typingctx.resolve_value_type(load)
+    signature = typingctx.resolve_function_type(function, (part, *given), {})
+
+    def call(context: Any, builder: Any, value: Any, points: Any, i: Any) -> Any:
+        # in another process the signature is known, and the kernel is not compiled yet
+        context.typing_context.resolve_function_type(function, signature.args, {})
+        place = ir.Constant(ir.IntType(64), row)
+        code = context.get_function(function, signature)
+        return code(builder, (value, points, place, i))
+
+    return signature.return_type, call

@@ -43,20 +43,23 @@ def check_name(name: Any, own: tuple[str, ...]) -> None:
         raise PluginError(f"BSDF {name!r} is the renderer's own; choose another name")
 
 
-def check_kernels(name: str, kernels: Mapping[str, Any], transmits: bool) -> None:
+def check_kernels(name: str, kernels: Mapping[str, Any], **flags: Any) -> None:
     """Refuse kernels that are none, take other arguments, or do not go together.
 
     Parameters
     ----------
     kernels
         Those of `CALLED_WITH`; None for one that is not given.
+    **flags
+        `transmits` and `delta` of `register_bsdf`.
     """
-    if not isinstance(transmits, bool):
-        raise PluginError(f"BSDF {name!r}: transmits is {transmits!r}; it is True or False")
+    for key, value in flags.items():
+        if not isinstance(value, bool):
+            raise PluginError(f"BSDF {name!r}: {key} is {value!r}; it is True or False")
     given = {key: kernel for key, kernel in kernels.items() if kernel is not None}
     if "sample" not in given:
         raise PluginError(f"BSDF {name!r} has no sample")
-    if not given.keys() - {"sample", "albedo"}:
+    if not given.keys() - {"sample", "albedo"} and not flags["delta"]:
         raise PluginError(f"BSDF {name!r} has neither eval_pdf nor a delta lobe")
     for key, kernel in given.items():
         if not hasattr(kernel, "py_func"):
@@ -66,7 +69,7 @@ def check_kernels(name: str, kernels: Mapping[str, Any], transmits: bool) -> Non
                 "decorate it with renderer.kernel",
                 definition_of(kernel),
             )
-    if "transmission" in given and ("reflection" not in given or not transmits):
+    if "transmission" in given and ("reflection" not in given or not flags["transmits"]):
         raise PluginError(
             f"BSDF {name!r}: transmission needs transmits=True, and reflection beside it"
         )
@@ -143,8 +146,9 @@ def check_new(name: str, parameters: type, kernels: Mapping[str, Any], known: An
     """
     for other in known.values():
         # the stages find a kind's kernels by the class of its parameters
+        known_kernels = dict(other.users_kernels)
         same = other.name == name and all(
-            getattr(other, key) is kernel for key, kernel in kernels.items()
+            known_kernels.get(key) is kernel for key, kernel in kernels.items()
         )
         if other.parameters is parameters and not same:
             raise PluginError(

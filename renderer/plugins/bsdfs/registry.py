@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import uuid
+import warnings
 from collections import ChainMap
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,11 +13,9 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.kernels.jit.cache import file_digest
-from renderer.plugins.bsdfs.adapters import Wrapper, make_nestable, make_wrapper_known
-from renderer.plugins.bsdfs.kind import BsdfKind, Color, make_known
+from renderer.plugins.bsdfs.kind import BsdfKind, Color, around, register_kernels
 from renderer.plugins.bsdfs.merl import MERL
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure
-from renderer.plugins.bsdfs.parameters import Nested, hints_of
+from renderer.plugins.bsdfs.old_delta_lobes import register_old_kernels, whole_sample
 from renderer.plugins.bsdfs.registration import (
     check_kernels,
     check_name,
@@ -46,39 +45,38 @@ from renderer.scene_file.objects.textures import read_scalar_texture, read_textu
 
 BSDFS: dict[str, BsdfKind] = {}
 VARIANTS: dict[str, BsdfKind] = {}  # of these, that files do not name
-WRAPPERS: dict[str, Wrapper] = {}
-# of both kinds, as the reader asks for them
-PLUGINS: ChainMap[str, Any] = ChainMap(WRAPPERS, BSDFS)  # type: ignore[arg-type]
+WRAPPERS: dict[str, BsdfKind] = {}  # that others are inside of
+# what files name, for the reader
+PLUGINS: ChainMap[str, BsdfKind] = ChainMap(WRAPPERS, BSDFS)
 
 
 def _register(kind: BsdfKind) -> None:
-    make_known(kind)
-    make_nestable(kind)
-    BSDFS[kind.name] = kind
+    register_kernels(kind)
+    if kind.opaque:
+        kind = replace(kind, read=_reader_of_opaque(kind))
+    (WRAPPERS if kind.nested_fields else BSDFS)[kind.name] = kind
     for variant in kind.variants:
-        make_known(variant)
-        make_nestable(variant)
+        register_kernels(variant)
         VARIANTS[variant.name] = variant
 
 
-def _register_wrapper(wrapper: Wrapper) -> None:
-    make_wrapper_known(wrapper)
+def _reader_of_opaque(kind: BsdfKind) -> Callable[[Any], Any]:
+    """Return the `read` of a kind that refuses what light goes through inside of it."""
 
-    def read_opaque(properties: Any) -> Any:
-        description = wrapper.read(properties)
+    def read(properties: Any) -> Any:
+        description = kind.read(properties)
         for _, element in properties.children("bsdf"):
             # the same record again, see `Reading.once`
             if kind_of(read_bsdf(element, properties.reading)).transmits:
-                possible = [name for name, kind in BSDFS.items() if not kind.transmits]
+                possible = [name for name, other in BSDFS.items() if not other.transmits]
                 raise SceneError(
-                    f"{element.location}: {element} cannot be inside of {wrapper.name}, as "
+                    f"{element.location}: {element} cannot be inside of {kind.name}, as "
                     f"light goes through it; supported: {', '.join(possible)} and what "
                     "holds these"
                 )
         return description
 
-    read = read_opaque if wrapper.opaque else wrapper.read
-    WRAPPERS[wrapper.name] = replace(wrapper, read=read)
+    return read
 
 
 for _kind in (
@@ -94,10 +92,14 @@ for _kind in (
     THIN_DIELECTRIC,
     NULL,
     MERL,
+    ONE_FOR_BOTH,
+    ONE_FOR_EACH,
+    MASK,
+    BLEND,
+    NORMAL_MAP,
+    BUMP_MAP,
 ):
     _register(_kind)
-for _wrapper in (ONE_FOR_BOTH, ONE_FOR_EACH, MASK, BLEND, NORMAL_MAP, BUMP_MAP):
-    _register_wrapper(_wrapper)
 _OURS = tuple(PLUGINS)
 
 
@@ -107,12 +109,13 @@ def register_bsdf(
     *,
     sample: Any,
     eval_pdf: Any = None,
-    reflection: Any = None,
-    transmission: Any = None,
     albedo: Any = None,
+    delta: bool = False,
     transmits: bool = False,
     read: Callable[[Any], Any] | None = None,
     about: str = "",
+    reflection: Any = None,
+    transmission: Any = None,
 ) -> None:
     """Make a BSDF of your own known: scenes can then say `<bsdf type="name">`.
 
@@ -128,20 +131,24 @@ def register_bsdf(
         A NamedTuple class. Its fields are annotated `Color` or `Float`; a default is what
         a file that does not give the property means.
     sample : kernel
-        (parameters, wo, numbers) -> BsdfSample.
+        (parameters, wo, numbers) -> BsdfSample. If there are two delta lobes, the least
+        `numbers.choice` chooses one and the largest the other, as Whitted's trees need.
     eval_pdf : kernel, optional
         (parameters, wo, wi) -> f |cos| (RGB), density [1/sr]; None where there are delta
         lobes only.
-    reflection, transmission : kernel, optional
-        (parameters, wo) -> Branch, the delta lobes; Whitted's trees follow them.
     albedo : kernel, optional
         parameters -> RGB, for the AOV; black without it.
+    delta : bool
+        Whether there are lobes of a single direction; samples then say their `lobe`.
     transmits : bool
         Whether light goes through.
     read : callable, optional
         Makes the description from `Properties`; None reads each parameter by its name.
     about : str
         A few words for `--explain`.
+    reflection, transmission : kernel, optional
+        The delta lobes in the form of version 1, see `old_delta_lobes`; they work for one
+        more version, with a FutureWarning.
 
     Raises
     ------
@@ -160,7 +167,7 @@ def register_bsdf(
         "albedo": albedo,
     }
     check_name(name, _OURS)
-    check_kernels(name, kernels, transmits)
+    check_kernels(name, kernels, transmits=transmits, delta=delta)
     hints = check_parameters(name, parameters)
     check_new(name, parameters, kernels, BSDFS)
     if read is not None:
@@ -178,33 +185,41 @@ def register_bsdf(
             )
         return OtherBsdf(name, values)
 
+    if reflection is not None:
+        warnings.warn(
+            f"BSDF {name!r}: reflection and transmission will go; give delta=True, and let "
+            "sample return the direction, the probability and the lobe of a delta lobe",
+            FutureWarning,
+            stacklevel=2,
+        )
+        register_old_kernels(parameters, sample, reflection, transmission)
+    given = {key: kernel for key, kernel in kernels.items() if kernel is not None}
     _register(
         BsdfKind(
             name,
             parameters,
             read or read_by_name,
             about or "a kind of your own",
-            sample,
+            sample if reflection is None else whole_sample,
             eval_pdf,
-            reflection,
-            transmission,
             albedo,
-            transmits,
+            delta=delta or reflection is not None,
+            transmits=transmits,
             # compiled kernels name the module that they come from, and are found by it
-            source=_source_of([f.py_func for f in kernels.values() if f is not None]),
+            source=_source_of([kernel.py_func for kernel in given.values()]),
+            users_kernels=tuple(given.items()),
         )
     )
 
 
-def kind_of(bsdf: Any) -> BsdfKind | Structure:
+def kind_of(bsdf: Any) -> BsdfKind:
     """Return the kind of a BSDF of the description, with all that is inside of it."""
     if (kind := BSDFS.get(bsdf.plugin) or VARIANTS.get(bsdf.plugin)) is not None:
         return kind
-    wrapper = WRAPPERS[bsdf.plugin]
+    kind = WRAPPERS[bsdf.plugin]
     if isinstance(bsdf, TwoSided) and bsdf.front is bsdf.back:
-        wrapper = ONE_FOR_BOTH
-    inside = (kind_of(getattr(bsdf, name)) for name in _nested_in(wrapper))
-    return Structure(wrapper, tuple(inside))
+        kind = ONE_FOR_BOTH
+    return around(kind, tuple(kind_of(getattr(bsdf, name)) for name in kind.nested_fields))
 
 
 def reaches_all(bsdf: Any) -> bool:
@@ -215,20 +230,13 @@ def reaches_all(bsdf: Any) -> bool:
     if names := nested_names(bsdf):
         return all(reaches_all(getattr(bsdf, name)) for name in names)
     kind = kind_of(bsdf)
-    if isinstance(kind, Structure):
-        return True
     return not kind.source and (kind.reaches_all is None or kind.reaches_all(bsdf))
 
 
 def nested_names(bsdf: Any) -> tuple[str, ...]:
     """Return the attributes of a BSDF of the description that are BSDFs themselves."""
-    wrapper = WRAPPERS.get(bsdf.plugin)
-    return () if wrapper is None else _nested_in(wrapper)
-
-
-def _nested_in(wrapper: Wrapper) -> tuple[str, ...]:
-    hints = hints_of(wrapper.parameters)
-    return tuple(name for name, hint in hints.items() if hint is Nested)
+    kind = WRAPPERS.get(bsdf.plugin)
+    return () if kind is None else kind.nested_fields
 
 
 def _source_of(functions: list[Any]) -> str:

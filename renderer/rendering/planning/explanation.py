@@ -12,7 +12,6 @@ from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
 from renderer.accelerators.non_occluders import find_non_occluders
 from renderer.integrators.registry import INTEGRATORS
-from renderer.plugins.bsdfs.nested_bsdf_type import leaves_of
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.plugins.lights.registry import LIGHTS, plugin_of
 from renderer.plugins.sampling.sobol_digits import net_digits
@@ -145,7 +144,7 @@ def explain_shadow_rays(
 def explain_materials_and_lights(scene: Scene, why: Explanation) -> None:
     """List BSDFs and lights, and what of these the scene does not have."""
     materials = scene.materials
-    used = {leaf.name for kind in materials.kinds for leaf in leaves_of(kind)}
+    used = {leaf.name for kind in materials.kinds for leaf in kind.leaves}
     why.say("BSDFs", ", ".join(kind.name for kind in materials.kinds) or "none")
     lights = _lights(scene)
     listed = ", ".join(f"{count} {kind}" for kind, count in lights.items() if count)

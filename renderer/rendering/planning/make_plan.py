@@ -309,7 +309,7 @@ def _check_tree(scene: Scene) -> None:
         Naming the first.
     """
     for kind in scene.materials.kinds:
-        if kind.delta and kind.reflection is None and kind.transmission is None:
+        if kind.delta and kind.inside:
             raise SceneError(
                 f"{scene.description.source}: integrator 'whitted' has no branches for the "
                 f"bsdf {kind.name}; possible are path and direct, or whitted without it"

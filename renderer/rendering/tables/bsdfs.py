@@ -9,9 +9,9 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from renderer.integrators.stages.branch_specular import split_glass, split_mirror
+from renderer.integrators.stages.branch_specular import split
 from renderer.integrators.stages.direct_light import reflect_light
-from renderer.integrators.stages.first_hit import show_albedo, show_normal, show_seen_albedo
+from renderer.integrators.stages.first_hit import show_albedo, show_normal
 from renderer.integrators.stages.scatter import scatter_kind
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
@@ -21,8 +21,7 @@ from renderer.kernels.records.kernel_scene import (
     Bsdfs,
     Settings,
 )
-from renderer.plugins.bsdfs.kind import BsdfMethods
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure
+from renderer.plugins.bsdfs.kind import BsdfKind, BsdfMethods
 from renderer.plugins.sampling.arithmetic import along_u
 from renderer.plugins.textures.gradient import look_up_gradient
 from renderer.plugins.textures.kind import TextureMethods
@@ -39,7 +38,7 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.user_kernels.check import blame_users
-from renderer.scene.materials import Kind, MaterialTables, kind_of, leaves, table_of
+from renderer.scene.materials import MaterialTables, kind_of, leaves, table_of
 from renderer.scene.scene import Scene
 
 # in the order of their columns
@@ -81,7 +80,7 @@ def bsdf_tables(
     derived = [
         (k, row)
         for k, kind in enumerate(needed)
-        if isinstance(kind, Structure)
+        if kind is not None
         for row in kind.derived
     ]
     bsdfs = Bsdfs(
@@ -129,7 +128,7 @@ def bsdf_tables(
 def _row(
     tables: MethodTables,
     materials: MaterialTables,
-    kind: Kind,
+    kind: BsdfKind,
     plan: Plan,
     settings: Settings,
     arithmetic: Any,
@@ -141,7 +140,6 @@ def _row(
     lights = (given, FLOAT, work.points, work.light_samples, INT, INT)
     reflect = (reflect_light, (*lights, work.shadow_rays, INT), INT)
     along = (given, INT, work.points, ROWS, INT, INT, work.rays, INT)
-    split = split_glass if kind.transmission is not None else split_mirror
     shown = (work.points, INT, ROWS)
 
     goes_on = (kind.smooth and plan.follow) or (kind.delta and plan.mirrors)
@@ -151,12 +149,14 @@ def _row(
     turns = kind.normal is not None and plan.kind.first_hit
     form = kind.form(materials.tables_of(kind))
     rounded = along_u(arithmetic) if kind.oriented else arithmetic
-    record = tables.pack(BsdfMethods(form, rounded), kind.source)
+    record = tables.pack(
+        BsdfMethods(form, rounded, True if kind.both_sides else None), kind.source
+    )
     return record, [
         reflect if kind.smooth and lit else None,
         (scatter_kind, along, INT) if scatters else None,
         (split, (given, *group, work.rays, INT), INT) if splits else None,
         (show_albedo, shown, NOTHING) if shows and not kind.seen_albedo else None,
-        (show_seen_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
+        (show_albedo, shown, NOTHING) if shows and kind.seen_albedo else None,
         (show_normal, shown, NOTHING) if turns else None,
     ]

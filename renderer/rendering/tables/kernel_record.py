@@ -185,7 +185,7 @@ class _SceneTables:
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)
         if not plan.caustics:  # a plan for a replay has them
-            hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks(-1.0))
+            hooks[AFTER_SCATTERING] = (mark_caustics, CausticMarks())
         self.record = KernelScene(
             groups,
             camera_groups,

@@ -16,10 +16,9 @@ from numba.core import types
 
 from renderer.errors import PluginError
 from renderer.kernels.jit import record_type
-from renderer.kernels.lanes.types import Lanes, Mask, f32x16
+from renderer.kernels.lanes.types import Lanes, Mask, f32x16, i32x16
 from renderer.kernels.lanes.vectors import Vec3Type
 from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Numbers
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure, leaves_of
 from renderer.plugins.bsdfs.parameters import hints_of
 from renderer.plugins.bsdfs.registration import CALLED_WITH
 from renderer.plugins.sampling.arithmetic import along_u
@@ -28,11 +27,14 @@ from renderer.rendering.user_kernels.diagnosis import explain
 from renderer.rendering.user_kernels.statements import check_statements, tree_of
 from renderer.rendering.user_kernels.words import core_of, in_words
 
-LANES, VECTOR = f32x16, Vec3Type(f32x16)
+LANES, VECTOR, LOBES = f32x16, Vec3Type(f32x16), i32x16
 _BRANCH = (Branch, {"weight": VECTOR, "share": LANES, "cos_t": LANES, "eta": LANES})
 # of each kernel: the class of what it returns, and the types of its fields
 _RETURNS: dict[str, tuple[type, dict[str, Any]]] = {
-    "sample": (BsdfSample, {"wi": VECTOR, "weight": VECTOR, "pdf": LANES, "eta": LANES}),
+    "sample": (
+        BsdfSample,
+        {"wi": VECTOR, "weight": VECTOR, "pdf": LANES, "eta": LANES, "lobe": LOBES},
+    ),
     "eval_pdf": (tuple, {"f |cos|": VECTOR, "the density": LANES}),
     "reflection": _BRANCH,
     "transmission": _BRANCH,
@@ -43,7 +45,7 @@ _RETURNS: dict[str, tuple[type, dict[str, Any]]] = {
 _PASSED: WeakKeyDictionary[BsdfKind, set[Any]] = WeakKeyDictionary()
 
 
-def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: Any) -> None:
+def check_kernels_of_users(kinds: Iterable[BsdfKind], arithmetic: Any) -> None:
     """Check the kernels of all kinds that are not the renderer's own.
 
     Parameters
@@ -67,7 +69,7 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind | Structure], arithmetic: An
                 passed.add(record_type(rounded))
 
 
-def blame_users(error: Exception, kinds: Iterable[BsdfKind | Structure]) -> None:
+def blame_users(error: Exception, kinds: Iterable[BsdfKind]) -> None:
     """Say which BSDFs of users a scene has whose kernels raised, or cannot be compiled.
 
     The renderer's own kernels raise nothing. A user's do where a tuple is indexed beyond
@@ -81,14 +83,14 @@ def blame_users(error: Exception, kinds: Iterable[BsdfKind | Structure]) -> None
     users = {leaf.name: leaf for kind in kinds for leaf in _users(kind)}
     if users:
         said = f"a kernel of BSDF {' or '.join(map(repr, users))} failed:"
-        first = next(iter(users.values())).sample
+        first = dict(next(iter(users.values())).users_kernels)["sample"]
         what = f"{said} {type(error).__name__}: {core_of(str(error))}"
         raise PluginError(what, definition_of(first)) from error
 
 
-def _users(kind: BsdfKind | Structure) -> list[BsdfKind]:
+def _users(kind: BsdfKind) -> list[BsdfKind]:
     """Return the kinds, of those in a structure, that are not the renderer's own."""
-    return [leaf for leaf in leaves_of(kind) if leaf.source]
+    return [leaf for leaf in kind.leaves if leaf.source]
 
 
 def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
@@ -102,10 +104,8 @@ def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
         "wo": VECTOR,
         "wi": VECTOR,
     }
-    for name, words in CALLED_WITH.items():
-        kernel = getattr(kind, name)
-        if kernel is None:
-            continue
+    for name, kernel in kind.users_kernels:
+        words = CALLED_WITH[name]
         if name == "albedo" and not kind.seen_albedo:
             words = words[:1]
         check_statements(kernel)
@@ -130,7 +130,8 @@ def _compiled(kernel: Any, signature: tuple[Any, ...]) -> Any:
 
 def what_is_wrong(found: Any, cls: type, fields: dict[str, Any]) -> tuple[int, str] | None:
     """Return the number of the field that is wrong (-1: all) and in what way; or None."""
-    needed = f"({', '.join(fields)})"
+    may_be_left_out = "lobe"
+    needed = f"({', '.join(name for name in fields if name != may_be_left_out)})"
     if cls is not tuple:
         needed = cls.__name__ + needed if fields else "a vector (RGB) of 16 lanes"
     if found == types.none:
@@ -144,6 +145,8 @@ def what_is_wrong(found: Any, cls: type, fields: dict[str, Any]) -> tuple[int, s
     parts = getattr(found, "types", None) if named is cls else None
     if parts is None or not isinstance(found, types.BaseTuple):
         return -1, f"returns {_short(found)}; {needed} is needed"
+    if len(parts) == len(fields) - 1 and may_be_left_out in fields:
+        fields = {name: fields[name] for name in fields if name != may_be_left_out}
     if len(parts) != len(fields):
         return -1, f"returns {len(parts)} values; {needed} is needed"
     for k, (name, expected) in enumerate(fields.items()):
@@ -159,12 +162,15 @@ def _unlike(found: Any, expected: Any) -> str:
     Parameters
     ----------
     expected
-        `LANES` or `VECTOR`.
+        `LANES`, `VECTOR` or `LOBES`.
     """
     if found == expected:
         return ""
     scalar = isinstance(found, types.Number | types.Boolean)
-    if expected is LANES:
+    if expected is LOBES:
+        needed = "16 lanes of SMOOTH, DELTA or STRAIGHT are needed"
+        remedy = "use splat_i32(DELTA), or select(mask, splat_i32(DELTA), SMOOTH)"
+    elif expected is LANES:
         needed = "16 lanes are needed"
         if isinstance(found, Vec3Type):
             remedy = "take one component, such as v.z, or dot(a, b)"

@@ -1,4 +1,4 @@
-"""Directions from diffuse surfaces in a replay, with Mitsuba's roundings.
+"""Directions from surfaces in a replay, with Mitsuba's roundings.
 
 Mitsuba's wheels fuse multiplications and additions, and its sine and cosine are other
 arrangements of Cephes' polynomials than ours. With the same ones a direction is the same
@@ -43,6 +43,7 @@ from renderer.plugins.lights.finite.spheres import (
 from renderer.plugins.sampling.arithmetic import (
     cosine_direction,
     density_normal,
+    refracted,
     seen_from,
     tangents_of,
     to_world,
@@ -163,6 +164,16 @@ class AsMitsuba(NamedTuple):
 @kernel
 def _cosine_direction(arithmetic, x, y):
     return cosine_hemisphere_as_mitsuba(x, y)
+
+
+@refracted.by(AsMitsuba)
+@kernel
+def _refracted(arithmetic, wo, eta, cos_t):
+    ratio = select(wo.z >= 0.0, 1.0 / eta, eta)
+    sine2 = fused(-wo.z, wo.z, splat_f32(1.0))
+    cosine = sqrt(maximum(fused(-sine2, ratio * ratio, splat_f32(1.0)), splat_f32(0.0)))
+    z = select(wo.z >= 0.0, -cosine, cosine)
+    return vec3(-(wo.x * ratio), -(wo.y * ratio), z)
 
 
 @to_world.by(AsMitsuba)

@@ -6,8 +6,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import select
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row
-from renderer.kernels.lanes.vectors import dot, load3
-from renderer.plugins.bsdfs.kind import visible_side
+from renderer.kernels.lanes.vectors import dot, load3, select3
 from renderer.plugins.sampling.arithmetic import Frame, tangents_of
 
 
@@ -39,12 +38,17 @@ def load_constants(bsdfs, kind, points, i, mask):
 
 
 @kernel
-def frame_at(form, arithmetic, points, i):
-    """Return the local frames of points i to i + 15 for one kind of BSDF."""
+def frame_at(bsdf, points, i):
+    """Return the local frames of points i to i + 15 for one kind of BSDF.
+
+    If the kind reflects only, z is turned to the side that is seen.
+    """
     normal = load3(points.shading_normal, i)
-    s, t = tangents_of(arithmetic, points, i, normal)
-    front = dot(load3(points.wo, i), normal) > 0.0
-    return Frame(s, t, visible_side(form, front, normal))
+    s, t = tangents_of(bsdf.arithmetic, points, i, normal)
+    if bsdf.both_sides is None:  # known when it is compiled
+        front = dot(load3(points.wo, i), normal) > 0.0
+        return Frame(s, t, select3(front, normal, -normal))
+    return Frame(s, t, normal)
 
 
 @kernel

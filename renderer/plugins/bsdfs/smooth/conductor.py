@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.functions import splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color
+from renderer.plugins.bsdfs.kind import DELTA, BsdfKind, BsdfSample, Color
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_conductor
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.colors.conductor_materials import MATERIALS
@@ -64,16 +64,7 @@ def sample(metal, wo, numbers):
     """Mirror wo at the normal: the angle of incidence is that of exit."""
     one = splat_f32(1.0)
     wi = vec3(-wo.x, -wo.y, wo.z)
-    return BsdfSample(wi, reflectance(metal, wo.z), splat_f32(0.0), one)
+    return BsdfSample(wi, reflectance(metal, wo.z), one, one, splat_i32(DELTA))
 
 
-@kernel
-def reflection(metal, wo):
-    """Return the mirrored ray of a tree."""
-    one = splat_f32(1.0)
-    return Branch(reflectance(metal, wo.z), one, wo.z, one)
-
-
-CONDUCTOR = BsdfKind(
-    "conductor", Conductor, read, "smooth metal", sample, reflection=reflection
-)
+CONDUCTOR = BsdfKind("conductor", Conductor, read, "smooth metal", sample, delta=True)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.functions import select, splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.kind import DELTA, BsdfKind, BsdfSample, Color, Float
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_dielectric
+from renderer.plugins.sampling.arithmetic import refracted
 from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
 from renderer.scene_file.description import Texture
@@ -92,25 +93,11 @@ def sample(glass, wo, numbers):
     weight = select3(
         reflected, glass.specular_reflectance, glass.specular_transmittance * squeeze
     )
-    across = select(reflected, splat_f32(-1.0), -1.0 / crossing)
-    wi = vec3(wo.x * across, wo.y * across, select(reflected, wo.z, cos_t))
+    bent = refracted(numbers.arithmetic, wo, glass.eta, cos_t)
+    wi = select3(reflected, vec3(-wo.x, -wo.y, wo.z), bent)
     eta = select(reflected, splat_f32(1.0), crossing)
-    return BsdfSample(wi, weight, splat_f32(0.0), eta)
-
-
-@kernel
-def reflection(glass, wo):
-    """Return the mirrored ray of a tree."""
-    fresnel, _, _ = fresnel_dielectric(wo.z, glass.eta)
-    return Branch(glass.specular_reflectance, fresnel, wo.z, splat_f32(1.0))
-
-
-@kernel
-def transmission(glass, wo):
-    """Return the refracted ray of a tree."""
-    fresnel, cos_t, crossing = fresnel_dielectric(wo.z, glass.eta)
-    squeezed = (1.0 - fresnel) / (crossing * crossing)
-    return Branch(glass.specular_transmittance, squeezed, cos_t, crossing)
+    probability = select(reflected, fresnel, 1.0 - fresnel)
+    return BsdfSample(wi, weight, probability, eta, splat_i32(DELTA))
 
 
 DIELECTRIC = BsdfKind(
@@ -119,7 +106,6 @@ DIELECTRIC = BsdfKind(
     read,
     "smooth glass",
     sample,
-    reflection=reflection,
-    transmission=transmission,
+    delta=True,
     transmits=True,
 )

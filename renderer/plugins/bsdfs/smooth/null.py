@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.functions import splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample
+from renderer.plugins.bsdfs.kind import STRAIGHT, BsdfKind, BsdfSample
 from renderer.scene_file.description import Null as Description
 
 
@@ -27,21 +27,7 @@ def read(properties: Any) -> Description:
 def sample(null, wo, numbers):
     """Go straight on."""
     one = splat_f32(1.0)
-    return BsdfSample(-wo, vec3(one, one, one), splat_f32(-1.0), one)
-
-
-@kernel
-def reflection(null, wo):
-    """Return the mirrored ray of a tree: it carries nothing."""
-    none, one = splat_f32(0.0), splat_f32(1.0)
-    return Branch(vec3(none, none, none), none, wo.z, one)
-
-
-@kernel
-def transmission(null, wo):
-    """Return the ray of a tree that goes on."""
-    one = splat_f32(1.0)
-    return Branch(vec3(one, one, one), one, -wo.z, one)
+    return BsdfSample(-wo, vec3(one, one, one), one, one, splat_i32(STRAIGHT))
 
 
 NULL = BsdfKind(
@@ -50,8 +36,7 @@ NULL = BsdfKind(
     read,
     "not there: light goes straight on",
     sample,
-    reflection=reflection,
-    transmission=transmission,
+    delta=True,
     transmits=True,
     straight=True,
 )

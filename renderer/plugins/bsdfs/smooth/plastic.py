@@ -10,9 +10,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import maximum, select, splat_f32
+from renderer.kernels.lanes.functions import maximum, select, splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.kind import (
+    DELTA,
+    SMOOTH,
+    BsdfKind,
+    BsdfSample,
+    Color,
+    Float,
+)
 from renderer.plugins.bsdfs.smooth.dielectric import read_relative_index
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_dielectric
 from renderer.plugins.sampling.arithmetic import cosine_direction
@@ -111,23 +118,10 @@ def sample(plastic, wo, numbers):
     return BsdfSample(
         select3(mirrored, vec3(-wo.x, -wo.y, wo.z), scattered),
         select3(mirrored, coat, base),
-        select(mirrored, 0.0, rest * (INV_PI * cosine)),
+        select(mirrored, probability, rest * (INV_PI * cosine)),
         splat_f32(1.0),
+        select(mirrored, splat_i32(DELTA), SMOOTH),
     )
-
-
-@kernel
-def reflection(plastic, wo):
-    """Return the mirrored ray of a tree."""
-    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
-    return Branch(plastic.specular_reflectance, reflected, wo.z, splat_f32(1.0))
-
-
-@kernel
-def delta_pdf(plastic, wo, sample):
-    """Return how often the coat is sampled."""
-    reflected, _, _ = fresnel_dielectric(wo.z, plastic.eta)
-    return specular_probability(plastic, reflected)
 
 
 @kernel
@@ -143,7 +137,6 @@ PLASTIC = BsdfKind(
     "a diffuse base under a smooth coat",
     sample,
     eval_pdf,
-    reflection=reflection,
     albedo=albedo,
-    delta_pdf=delta_pdf,
+    delta=True,
 )

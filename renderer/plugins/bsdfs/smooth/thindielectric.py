@@ -9,9 +9,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import fabs, select, splat_f32
+from renderer.kernels.lanes.functions import fabs, select, splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.kind import (
+    DELTA,
+    STRAIGHT,
+    BsdfKind,
+    BsdfSample,
+    Color,
+    Float,
+)
 from renderer.plugins.bsdfs.smooth.dielectric import read_glass
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_dielectric
 from renderer.scene_file.description import ThinDielectric as Description
@@ -40,25 +47,13 @@ def _reflectance(pane, wo):
 @kernel
 def sample(pane, wo, numbers):
     """Reflect or pass, at random in proportion to the reflectance."""
-    reflected = numbers.choice <= _reflectance(pane, wo)
+    reflectance = _reflectance(pane, wo)
+    reflected = numbers.choice <= reflectance
     weight = select3(reflected, pane.specular_reflectance, pane.specular_transmittance)
     wi = vec3(-wo.x, -wo.y, select(reflected, wo.z, -wo.z))
-    pdf = select(reflected, splat_f32(0.0), -1.0)
-    return BsdfSample(wi, weight, pdf, splat_f32(1.0))
-
-
-@kernel
-def reflection(pane, wo):
-    """Return the mirrored ray of a tree."""
-    share = _reflectance(pane, wo)
-    return Branch(pane.specular_reflectance, share, wo.z, splat_f32(1.0))
-
-
-@kernel
-def transmission(pane, wo):
-    """Return the ray of a tree that goes on."""
-    share = 1.0 - _reflectance(pane, wo)
-    return Branch(pane.specular_transmittance, share, -wo.z, splat_f32(1.0))
+    probability = select(reflected, reflectance, 1.0 - reflectance)
+    lobe = select(reflected, splat_i32(DELTA), STRAIGHT)
+    return BsdfSample(wi, weight, probability, splat_f32(1.0), lobe)
 
 
 THIN_DIELECTRIC = BsdfKind(
@@ -67,8 +62,7 @@ THIN_DIELECTRIC = BsdfKind(
     read,
     "a thin pane of glass",
     sample,
-    reflection=reflection,
-    transmission=transmission,
+    delta=True,
     transmits=True,
     straight=True,
 )

@@ -13,15 +13,16 @@ from typing import Any, NamedTuple
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select
 from renderer.kernels.lanes.vectors import select3
-from renderer.plugins.bsdfs.adapters import (
-    Lobe,
-    Wrapper,
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Float,
+    Numbers,
+    albedo_of,
     black,
-    eval_pdf_lobes,
-    nested_albedo,
-    sample_lobe,
+    eval_pdf_nested,
+    sample_nested,
 )
-from renderer.plugins.bsdfs.kind import Float, Numbers
 from renderer.plugins.bsdfs.parameters import Nested
 from renderer.plugins.bsdfs.wrappers.mask import in_unit_interval
 from renderer.scene_file.description import Blend as Description
@@ -54,19 +55,19 @@ def sample(blend, wo, numbers):
     second = (choice <= w) & (w > 0.0)
     rest = select(second, choice / w, (choice - w) / other)
     inner = Numbers(numbers.x, numbers.y, rest, numbers.arithmetic)
-    a, b = sample_lobe(blend.first, wo, inner), sample_lobe(blend.second, wo, inner)
+    a, b = sample_nested(blend.first, wo, inner), sample_nested(blend.second, wo, inner)
     wi = select3(second, b.wi, a.wi)
-    f_a, pdf_a = eval_pdf_lobes(blend.first, wo, wi)
-    f_b, pdf_b = eval_pdf_lobes(blend.second, wo, wi)
+    f_a, pdf_a = eval_pdf_nested(blend.first, wo, wi)
+    f_b, pdf_b = eval_pdf_nested(blend.second, wo, wi)
     f_a = select3(second, f_a, a.weight * a.pdf) * other
     f_b = select3(second, b.weight * b.pdf, f_b) * w
     pdf = select(second, pdf_a, a.pdf) * other + select(second, b.pdf, pdf_b) * w
-    return Lobe(
+    return BsdfSample(
         wi,
         select3(pdf > 0.0, (f_a + f_b) * (1.0 / pdf), black()),
         pdf,
         select(second, b.eta, a.eta),
-        select(second, b.delta, a.delta),
+        select(second, b.lobe, a.lobe),
     )
 
 
@@ -74,8 +75,8 @@ def sample(blend, wo, numbers):
 def eval_pdf(blend, wo, wi):
     """Return f |cos| and density of the mixture."""
     w = in_unit_interval(blend.weight)
-    f_a, pdf_a = eval_pdf_lobes(blend.first, wo, wi)
-    f_b, pdf_b = eval_pdf_lobes(blend.second, wo, wi)
+    f_a, pdf_a = eval_pdf_nested(blend.first, wo, wi)
+    f_b, pdf_b = eval_pdf_nested(blend.second, wo, wi)
     return f_a * (1.0 - w) + f_b * w, pdf_a * (1.0 - w) + pdf_b * w
 
 
@@ -83,8 +84,8 @@ def eval_pdf(blend, wo, wi):
 def albedo(blend, wo):
     """Return that of the mixture."""
     w = in_unit_interval(blend.weight)
-    first, second = nested_albedo(blend.first, wo), nested_albedo(blend.second, wo)
+    first, second = albedo_of(blend.first, wo), albedo_of(blend.second, wo)
     return first * (1.0 - w) + second * w
 
 
-BLEND = Wrapper("blendbsdf", Blended, read, "two in one", sample, eval_pdf, albedo)
+BLEND = BsdfKind("blendbsdf", Blended, read, "two in one", sample, eval_pdf, albedo=albedo)

@@ -19,9 +19,17 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.plugins.bsdfs.adapters import Wrapper
-from renderer.plugins.bsdfs.kind import Float
-from renderer.plugins.bsdfs.parameters import Derivatives, Gradient, Nested, Surface
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    Float,
+)
+from renderer.plugins.bsdfs.parameters import (
+    Derivatives,
+    GeometricNormal,
+    Gradient,
+    Nested,
+    ShadingNormal,
+)
 from renderer.plugins.bsdfs.wrappers.normalmap import (
     albedo,
     eval_pdf,
@@ -46,8 +54,8 @@ class Bumped(NamedTuple):
     flip_invalid_normals: Float  # as of a normal map
     use_shadowing_function: Float
     derivatives: Derivatives
-    shading_normal: Surface
-    normal: Surface  # geometric
+    shading_normal: ShadingNormal
+    normal: GeometricNormal
     nested: Nested
 
 
@@ -99,14 +107,14 @@ def _turned_frame(bumped, wo):
     return frame_along(facing(bumped, wo, local), select3(there, dp_du, s))
 
 
-BUMP_MAP = Wrapper(
+BUMP_MAP = BsdfKind(
     "bumpmap",
     Bumped,
     read,
     "with bumps of an image",
     sample,
     eval_pdf,
-    albedo,
-    oriented=True,
+    albedo=albedo,
     normal=normal,
+    oriented=True,
 )

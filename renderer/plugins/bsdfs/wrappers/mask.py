@@ -8,16 +8,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32
+from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import select3, vec3
-from renderer.plugins.bsdfs.adapters import (
-    Lobe,
-    Wrapper,
-    eval_pdf_lobes,
-    nested_albedo,
-    sample_lobe,
+from renderer.plugins.bsdfs.kind import (
+    STRAIGHT,
+    BsdfKind,
+    BsdfSample,
+    Float,
+    Numbers,
+    albedo_of,
+    eval_pdf_nested,
+    sample_nested,
 )
-from renderer.plugins.bsdfs.kind import Float, Numbers
 from renderer.plugins.bsdfs.parameters import Nested
 from renderer.scene_file.description import Mask as Description
 from renderer.scene_file.objects.bsdfs import read_nested
@@ -50,16 +52,16 @@ def sample(mask, wo, numbers):
     opacity, choice = in_unit_interval(mask.opacity), numbers.choice
     met = choice < opacity
     rest = select(met, choice / opacity, choice)
-    lobe = sample_lobe(
+    chosen = sample_nested(
         mask.nested, wo, Numbers(numbers.x, numbers.y, rest, numbers.arithmetic)
     )
     one = splat_f32(1.0)
-    return Lobe(
-        select3(met, lobe.wi, -wo),
-        select3(met, lobe.weight, vec3(one, one, one)),
-        select(met, lobe.pdf * opacity, 1.0 - opacity),
-        select(met, lobe.eta, one),
-        select(met, lobe.delta, splat_f32(2.0)),
+    return BsdfSample(
+        select3(met, chosen.wi, -wo),
+        select3(met, chosen.weight, vec3(one, one, one)),
+        select(met, chosen.pdf * opacity, 1.0 - opacity),
+        select(met, chosen.eta, one),
+        select(met, chosen.lobe, splat_i32(STRAIGHT)),
     )
 
 
@@ -67,14 +69,25 @@ def sample(mask, wo, numbers):
 def eval_pdf(mask, wo, wi):
     """Return f |cos| and density of what is masked, by its share."""
     opacity = in_unit_interval(mask.opacity)
-    f_cos, pdf = eval_pdf_lobes(mask.nested, wo, wi)
+    f_cos, pdf = eval_pdf_nested(mask.nested, wo, wi)
     return f_cos * opacity, pdf * opacity
 
 
 @kernel
 def albedo(mask, wo):
     """Return that of what is masked, as Mitsuba does."""
-    return nested_albedo(mask.nested, wo)
+    return albedo_of(mask.nested, wo)
 
 
-MASK = Wrapper("mask", Masked, read, "with holes", sample, eval_pdf, albedo, passes=True)
+MASK = BsdfKind(
+    "mask",
+    Masked,
+    read,
+    "with holes",
+    sample,
+    eval_pdf,
+    albedo=albedo,
+    delta=True,
+    transmits=True,
+    straight=True,
+)

@@ -14,15 +14,16 @@ import numpy as np
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
 from renderer.kernels.lanes.vectors import cross, dot, normalize, select3, vec3
-from renderer.plugins.bsdfs.adapters import (
-    Lobe,
-    Wrapper,
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Color,
+    Float,
+    albedo_of,
     black,
-    eval_pdf_lobes,
-    nested_albedo,
-    sample_lobe,
+    eval_pdf_nested,
+    sample_nested,
 )
-from renderer.plugins.bsdfs.kind import Color, Float
 from renderer.plugins.bsdfs.parameters import Nested
 from renderer.plugins.sampling.arithmetic import Frame, to_local
 from renderer.scene_file.description import BitmapTexture, ConstantTexture
@@ -108,16 +109,16 @@ def _shadowing(parameters, n, wi):
 def sample(turned, wo, numbers):
     """Sample what is inside in its own frame."""
     frame, there = turned_frame(turned, wo)
-    lobe = sample_lobe(turned.nested, to_local(frame, wo), numbers)
-    wi = frame.s * lobe.wi.x + frame.t * lobe.wi.y + frame.n * lobe.wi.z
-    possible = there & (wi.z * lobe.wi.z > 0.0)
-    weight = lobe.weight * _shadowing(turned, frame.n, wi)
-    return Lobe(
+    chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
+    wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
+    possible = there & (wi.z * chosen.wi.z > 0.0)
+    weight = chosen.weight * _shadowing(turned, frame.n, wi)
+    return BsdfSample(
         wi,
         select3(possible, weight, black()),
-        select(possible, lobe.pdf, 0.0),
-        lobe.eta,
-        lobe.delta,
+        select(possible, chosen.pdf, 0.0),
+        chosen.eta,
+        chosen.lobe,
     )
 
 
@@ -126,7 +127,7 @@ def eval_pdf(turned, wo, wi):
     """Return f |cos| and density of what is inside, in its own frame."""
     frame, there = turned_frame(turned, wo)
     inner = to_local(frame, wi)
-    f_cos, pdf = eval_pdf_lobes(turned.nested, to_local(frame, wo), inner)
+    f_cos, pdf = eval_pdf_nested(turned.nested, to_local(frame, wo), inner)
     possible = there & (wi.z * inner.z > 0.0)
     f_cos = f_cos * _shadowing(turned, frame.n, wi)
     return select3(possible, f_cos, black()), select(possible, pdf, 0.0)
@@ -142,17 +143,17 @@ def normal(turned, wo):
 @kernel
 def albedo(turned, wo):
     """Return that of what is inside; Mitsuba does not turn it for this."""
-    return nested_albedo(turned.nested, wo)
+    return albedo_of(turned.nested, wo)
 
 
-NORMAL_MAP = Wrapper(
+NORMAL_MAP = BsdfKind(
     "normalmap",
     NormalMapped,
     read,
     "with normals of an image",
     sample,
     eval_pdf,
-    albedo,
-    oriented=True,
+    albedo=albedo,
     normal=normal,
+    oriented=True,
 )

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.plugins.bsdfs.nested_bsdf_type import Structure
 from renderer.scene.materials import is_textured, kind_of
 from renderer.scene_file.description import (
     Blend,
@@ -98,4 +97,4 @@ def _one_sided(bsdf: Any) -> bool:
     if isinstance(bsdf, Blend):
         return _one_sided(bsdf.first) or _one_sided(bsdf.second)
     kind = kind_of(bsdf)
-    return not isinstance(kind, Structure) and not kind.transmits
+    return not kind.both_sides
