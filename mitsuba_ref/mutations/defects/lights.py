@@ -110,7 +110,7 @@ DEFECTS = (
         "a sphere light counts as the solid angle pi sin^2 instead of 2 pi (1 - cos)",
         (
             Edit(
-                "plugins/lights/finite/spheres.py",
+                "plugins/shapes/sphere.py",
                 "select(outside, 1.0 / (TWO_PI * one_minus_cos), by_area)",
                 "select(outside, 1.0 / (TWO_PI * 0.5 * one_minus_cos "
                 "* (2.0 - one_minus_cos)), by_area)",
@@ -254,7 +254,7 @@ DEFECTS = (
         "the middle of the cone that a sphere light fills is chosen too often",
         (
             Edit(
-                "plugins/lights/finite/spheres.py",
+                "plugins/shapes/sphere.py",
                 "return x * one_minus_cos",
                 "return x * x * one_minus_cos",
             ),

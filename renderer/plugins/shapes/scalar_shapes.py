@@ -1,8 +1,8 @@
 """Kinds of primitives that are intersected one at a time, in double precision.
 
-Such a kind has a record of surfaces with its own `intersect_scalar` and `point_alone`.
-This file adds what accelerators and stages need of it, in lanes or not, and what shapes
-with a space of their own have in common: rows 0 to 11 of a column are a 3 x 4 matrix.
+Such a kind implements `intersect_scalar` and `point_alone` for its table. This file adds
+what accelerators and stages need of it, in lanes or not, and what shapes with a space of
+their own have in common: rows 0 to 11 of a column are a 3 x 4 matrix.
 """
 
 from __future__ import annotations
@@ -20,14 +20,25 @@ from renderer.kernels.lanes.local import local_f32
 from renderer.kernels.lanes.memory import load_eight, load_row
 from renderer.kernels.lanes.types import Lanes
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.shapes.flat.patch import Intersection
-from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.plugins.shapes.primitives import (
+    Intersection,
+    intersect,
+    primitive_at,
+    primitives_from,
+)
 
 INFINITY = np.float32(np.inf)
 _WIDER = 1.0 + 2.0**-40  # boxes, against the rounding of where a ray meets them
 
 
-class Singly(NamedTuple):
+class ScalarPrimitive(NamedTuple):
+    """One primitive, or 16 in lanes."""
+
+    column: Any  # of the table
+    surfaces: Any
+
+
+class ScalarGroup(NamedTuple):
     """Primitives in the order of an accelerator."""
 
     column: NDArray[np.int32]  # (n,) of `surfaces`; padded by -1
@@ -156,22 +167,22 @@ def _hit_in_lanes(surfaces, k, origin, direction, t_max):
     return each
 
 
-@primitive_at.by(Singly)
+@primitive_at.by(ScalarGroup)
 @kernel
 def _column_at(group, k):
-    return group.column[k]
+    return ScalarPrimitive(group.column[k], group.surfaces)
 
 
-@primitives_from.by(Singly)
+@primitives_from.by(ScalarGroup)
 @kernel
 def _columns_from(group, k):
-    return load_row(group.column, 0, k)
+    return ScalarPrimitive(load_row(group.column, 0, k), group.surfaces)
 
 
-@hit_primitive.by(Singly)
+@intersect.by(ScalarPrimitive)
 @kernel
-def _hit_column(group, primitive, origin, direction, t_max):
-    return _hit(group.surfaces, primitive, origin, direction, t_max)
+def _intersect(primitive, origin, direction, t_max):
+    return _hit(primitive.surfaces, primitive.column, origin, direction, t_max)
 
 
 @kernel
@@ -203,13 +214,6 @@ def _three(rows, first):
 # ------------------------------------------------------------------------------- tables
 
 
-def group_of(s: Any, order: Any, ids: Any, padded: Any) -> Singly:
-    """Return primitives as an accelerator keeps them."""
-    # -1 is no surface: lanes beyond the last are not worth a search for roots
-    column = np.pad(np.asarray(order, np.int32), (0, 16), constant_values=-1)
-    return Singly(column, s, ids, len(order))
-
-
 def box_corners(lower: Any, upper: Any, to_world: Any) -> NDArray[np.float64]:
     """Return the corners of boxes (3, n) in the world, (8, 3, n); to_world is (12, n)."""
     ends = np.stack([lower, upper])  # (2, 3, n)
@@ -225,8 +229,3 @@ def hull_of_box(corners: NDArray[np.float64]) -> tuple[Any, Any, Any]:
     radius = np.linalg.norm(corners - middle, axis=1).max(axis=0)
     points = np.repeat(middle[:, None], 4, axis=1)
     return points, radius, np.zeros((3, corners.shape[2]), np.float32)
-
-
-def no_area(s: Any, k: Any) -> NDArray[np.float64]:
-    """Return zeros: nobody knows; none is a lamp."""
-    return np.zeros(len(k))

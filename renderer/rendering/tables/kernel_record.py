@@ -28,8 +28,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.sampling.source import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
-from renderer.plugins.shapes.arrays import empty_rows
-from renderer.plugins.shapes.uv.uv_derivatives import texture_tangents
+from renderer.plugins.shapes.registry import SHAPES
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (
@@ -240,16 +239,12 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
 
 
 def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
-    """Return the scene's surfaces, without uv where nobody looks at it."""
-    surfaces = variant.surfaces(scene.surfaces)
-    if "triangles" not in surfaces:
-        return surfaces
-    triangles = surfaces["triangles"]
-    if settings.with_tangents and triangles.tangents.shape[1] == 0:
-        triangles = triangles._replace(tangents=texture_tangents(triangles))
-    if not settings.with_uv:
-        triangles = triangles._replace(uvs=empty_rows(6))
-    return surfaces | {"triangles": triangles}
+    """Return the scene's surfaces, with what the kernels look at."""
+    uv, tangents = bool(settings.with_uv), bool(settings.with_tangents)
+    return {
+        kind: SHAPES[kind].prepared(table, with_uv=uv, with_tangents=tangents)
+        for kind, table in variant.surfaces(scene.surfaces).items()
+    }
 
 
 def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:

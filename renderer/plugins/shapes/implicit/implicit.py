@@ -19,19 +19,15 @@ from renderer.kernels.lanes.vectors import orthonormal_basis, vec3
 from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.implicit.intervals import Interval, Steps, along_line
 from renderer.plugins.shapes.implicit.roots import first_root
-from renderer.plugins.shapes.kind import ShapeKind, flipped
+from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.scalar_shapes import (
     INFINITY,
     between,
     box_corners,
-    group_of,
     hull_of_box,
     in_double,
-    intersect_scalar,
-    no_area,
     placed_point,
     placed_vector,
-    point_alone,
     points_alone,
     unit_normal,
 )
@@ -39,8 +35,6 @@ from renderer.plugins.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     nowhere,
-    surface_point,
-    tangent_at,
 )
 from renderer.scene_file.description import Implicit
 from renderer.scene_file.objects.expressions import (
@@ -78,7 +72,6 @@ def _program(surfaces, k):
     )
 
 
-@intersect_scalar.by(ImplicitSurfaces)
 @kernel
 def _hit_surface(surfaces, k, origin, direction, t_max):
     never_inline()
@@ -110,7 +103,6 @@ def _gradient(program, p):
     return 0.5 * (value.low + value.high), slope
 
 
-@point_alone.by(ImplicitSurfaces)
 @kernel
 def point_and_normal(surfaces, k, hit_point):
     """Take a Newton step along the gradient.
@@ -137,7 +129,6 @@ def point_and_normal(surfaces, k, hit_point):
     return placed_point(surfaces.to_world, k, p), n, n
 
 
-@surface_point.by(ImplicitSurfaces)
 @kernel
 def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
     """Return the point; it has no texture coordinates."""
@@ -147,7 +138,6 @@ def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
     return SurfacePoint(position, normal, normal, nowhere(mask), offset, nothing, nothing)
 
 
-@tangent_at.by(ImplicitSurfaces)
 @kernel
 def _tangent_of_implicit(surfaces, index, mask, u, v, normal):
     """Return any direction across the normal: there is no u."""
@@ -243,14 +233,16 @@ def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
 
 
 IMPLICITS = ShapeKind(
-    "implicits",
-    Implicit,
-    surfaces,
-    flipped,
-    _corners,
-    _hull,
-    no_area,
-    group_of,
-    {"implicit": read},
-    wide=False,
+    name="implicits",
+    plugins={"implicit": read},
+    description=Implicit,
+    record=ImplicitSurfaces,
+    surfaces=surfaces,
+    primitive=None,
+    intersect=_hit_surface,
+    point=point_and_normal,
+    surface_point=_point_on_implicit,
+    tangent=_tangent_of_implicit,
+    corners=_corners,
+    hull=_hull,
 )

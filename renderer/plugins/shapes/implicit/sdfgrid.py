@@ -33,14 +33,10 @@ from renderer.plugins.shapes.scalar_shapes import (
     INFINITY,
     between,
     box_corners,
-    group_of,
     hull_of_box,
     in_double,
-    intersect_scalar,
-    no_area,
     placed_point,
     placed_vector,
-    point_alone,
     points_alone,
     unit_normal,
 )
@@ -48,8 +44,6 @@ from renderer.plugins.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     nowhere,
-    surface_point,
-    tangent_at,
 )
 from renderer.scene_file.description import SdfGrid
 from renderer.scene_file.meshes.grid_file import check_distances, read_grid
@@ -84,7 +78,6 @@ def _place(cells, k):
     return np.float64(x), np.float64(y), np.float64(z)
 
 
-@intersect_scalar.by(SdfCells)
 @kernel
 def hit_cell(cells, k, origin, direction, t_max):
     """Return t of the first hit, see `intersect_scalar`."""
@@ -110,7 +103,6 @@ def hit_cell(cells, k, origin, direction, t_max):
     return rounded if rounded > 0.0 else INFINITY
 
 
-@point_alone.by(SdfCells)
 @kernel
 def point_of_cell(cells, k, hit_point):
     """Take a Newton step along the gradient; where that is 0 the normal is z."""
@@ -134,7 +126,6 @@ def point_of_cell(cells, k, hit_point):
     return placed_point(cells.to_world, grid, p), n, shading_normal
 
 
-@surface_point.by(SdfCells)
 @kernel
 def _point_on_cell(cells, index, mask, u, v, hit_point, with_uv):
     """Return the point; it has no texture coordinates."""
@@ -147,7 +138,6 @@ def _point_on_cell(cells, index, mask, u, v, hit_point, with_uv):
     )
 
 
-@tangent_at.by(SdfCells)
 @kernel
 def _no_tangent(cells, index, mask, u, v, normal):
     """Return 0: there is no u, and frames are made of their normal alone."""
@@ -284,15 +274,18 @@ def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
 
 
 SDF_CELLS = ShapeKind(
-    "sdf_cells",
-    SdfGrid,
-    surfaces,
-    lambda shape: 1.0,
-    _corners,
-    _hull,
-    no_area,
-    group_of,
-    {"sdfgrid": read},
-    wide=False,
-    primitives=lambda shape: len(occupied(shape.distances)),
+    name="sdf_cells",
+    plugins={"sdfgrid": read},
+    description=SdfGrid,
+    record=SdfCells,
+    surfaces=surfaces,
+    primitive=None,
+    intersect=hit_cell,
+    point=point_of_cell,
+    surface_point=_point_on_cell,
+    tangent=_no_tangent,
+    corners=_corners,
+    hull=_hull,
+    orientation=lambda shape: 1.0,
+    faces=lambda shape: np.arange(len(occupied(shape.distances))),
 )
