@@ -21,6 +21,7 @@ from renderer.integrators.stages.film.camera_rays import fill_rays
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
+    AFTER_SURFACE_POINTS,
     KernelScene,
     Placements,
     Primitives,
@@ -281,12 +282,13 @@ def _hooks(
     settings: Settings,
     placements: Placements,
 ) -> NDArray[np.int64]:
-    """Return what is done after camera rays, surface points and scattering."""
+    """Return what is done after camera rays, scattering and surface points."""
     work = work_types()
+    of_points = record_type(placements), work.rays, work.hits, COLUMN, INT, work.points
     arguments: tuple[tuple[Any, ...], ...] = (
         (work.rays, INT, ROWS),
-        (record_type(placements), work.rays, work.hits, COLUMN, INT, work.points),
         (record_type(settings), work.rays, INT, work.points),
+        *(of_points for _ in given[AFTER_SURFACE_POINTS:]),
     )
     rows = [
         (None, [None])
