@@ -21,6 +21,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.arrays import unit_normals as unit_normals
+from renderer.plugins.shapes.registry import KINDS as KINDS
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.scene.attributes import check_attributes
 from renderer.scene.materials import MaterialTables
@@ -34,7 +35,6 @@ from renderer.scene.placed_groups import (
 from renderer.scene_file.coordinate_limits import FARTHEST
 from renderer.scene_file.description import SceneDescription
 
-KINDS = tuple(SHAPES)
 # tables may hold copies of textures, or more for each triangle
 RECENT = {"plan": 32, "structures": 32, "tables": 2}
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.fields import Number, Vector
-from renderer.kernels.lanes.functions import select, splat_f32, sqrt
+from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.mathematics.mathematics import sincos
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3, normalize, vec3
@@ -19,7 +19,7 @@ from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.flat.patch import ZERO
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.primitives import Intersection
-from renderer.plugins.shapes.sphere import ordered_roots
+from renderer.plugins.shapes.sphere import meet_round
 from renderer.plugins.shapes.surface import (
     ROUNDING,
     LightPoint,
@@ -55,14 +55,7 @@ def hit_cylinder(cylinder, origin, direction, t_max):
     d_axis = dot(direction, cylinder.axis)
     f_across = f - cylinder.axis * f_axis
     d_across = direction - cylinder.axis * d_axis
-    a = dot(d_across, d_across)
-    b = -dot(f_across, d_across)
-    nearest = f_across + d_across * (b / a)
-    discriminant = cylinder.radius * cylinder.radius - dot(nearest, nearest)
-    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
-    q = b + select(b < 0.0, -root, root)
-    c = dot(f_across, f_across) - cylinder.radius * cylinder.radius
-    first, second = ordered_roots(q, a, c)
+    discriminant, first, second = meet_round(f_across, d_across, cylinder.radius)
     h_first = f_axis + first * d_axis
     h_second = f_axis + second * d_axis
     near = (first > 0.0) & (h_first >= 0.0) & (h_first <= cylinder.height)

@@ -12,12 +12,15 @@ from renderer.plugins.shapes.kind import ShapeKind, ShapePlugin
 from renderer.plugins.shapes.sphere import SPHERES
 
 SHAPES: dict[str, ShapeKind] = {}
+KINDS: list[str] = []  # names of the kinds in their order
 PLUGINS: dict[str, ShapePlugin] = {}
 
 
 def register_shape(kind: ShapeKind) -> None:
     """Make a kind of shape known to the reader and to the kernels."""
     kind.register_kernels()
+    if kind.name not in SHAPES:
+        KINDS.append(kind.name)
     SHAPES[kind.name] = kind
     for name, make in kind.plugins.items():
         PLUGINS[name] = ShapePlugin(kind, make)

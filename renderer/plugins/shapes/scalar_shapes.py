@@ -14,6 +14,7 @@ from numba.core import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import lane, mask_bits
 from renderer.kernels.lanes.local import local_f32
@@ -121,7 +122,22 @@ def between(low, high, origin, direction, near, far):
     return max(near, a), min(far, b)
 
 
-# ------------------------------------------------- as accelerators and stages ask for it
+@kernel
+def within_box(lower, upper, o, d, t_max):
+    """Return where a ray is inside of a box: near <= t <= far, or near > far if nowhere.
+
+    A ray without end leaves the box, unless it goes nowhere: that is no hit either.
+    """
+    near, far = 0.0, np.float64(t_max)
+    near, far = between(lower.x, upper.x, o.x, d.x, near, far)
+    near, far = between(lower.y, upper.y, o.y, d.y, near, far)
+    near, far = between(lower.z, upper.z, o.z, d.z, near, far)
+    if not near <= far < np.inf:
+        return 1.0, 0.0
+    return near, far
+
+
+# -------------------------------------------------------- for accelerators and stages
 
 
 def _pick(x: Any, j: int) -> Any:
@@ -212,6 +228,21 @@ def _three(rows, first):
 
 
 # ------------------------------------------------------------------------------- tables
+
+
+def matrix_rows(matrices: NDArray[np.float64]) -> Any:
+    """Return the upper three rows of maps (n, 4, 4) and of their inverses, (12, n) each."""
+    both = (matrices, np.linalg.inv(matrices))
+    return (np.ascontiguousarray(m[:, :3].reshape(-1, 12).T) for m in both)
+
+
+def refuse_lamp(properties: Any, common: dict[str, Any]) -> None:
+    """Raise SceneError for a shape that emits."""
+    if common["radiance"] is not None:
+        raise SceneError(
+            f"{properties.location}: {properties.element} cannot emit: its area is not "
+            "known; a mesh or a sphere can"
+        )
 
 
 def box_corners(lower: Any, upper: Any, to_world: Any) -> NDArray[np.float64]:

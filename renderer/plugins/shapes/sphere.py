@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import interface, kernel
+from renderer.kernels.jit import always_inline, interface, kernel
 from renderer.kernels.lanes.fields import Number, Vector
 from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
 from renderer.kernels.lanes.mathematics.mathematics import arccos, sincos
@@ -55,29 +55,31 @@ class Sphere(NamedTuple):
 
 
 @kernel
-def ordered_roots(q, a, c):
-    """Return both roots of a t^2 - 2 b t + c in order, from q = b +- sqrt(b^2 - a c).
+def meet_round(f, d, radius):
+    """Return the discriminant and both t in order where |f + t d| = radius.
 
-    Vieta: their product is c / a, so neither is a difference of nearly equal numbers.
+    Or the discriminant alone is valid, if it is negative. Vieta: the product of the roots
+    is c / a, so neither is a difference of nearly equal numbers.
     """
+    always_inline()
+    a = dot(d, d)
+    b = -dot(f, d)
+    # the point of the line nearest to the centre, relative to it
+    nearest = f + d * (b / a)
+    discriminant = radius * radius - dot(nearest, nearest)
+    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
+    q = b + select(b < 0.0, -root, root)
+    c = dot(f, f) - radius * radius
     t_q = q / a
     t_c = c / q
-    return select(t_q < t_c, t_q, t_c), select(t_q < t_c, t_c, t_q)
+    return discriminant, select(t_q < t_c, t_q, t_c), select(t_q < t_c, t_c, t_q)
 
 
 @kernel
 def hit_sphere(sphere, origin, direction, t_max):
     """Intersect; hits have 0 < t <= t_max. u and v are 0: the surface finds its own."""
     f = origin - sphere.center
-    a = dot(direction, direction)
-    b = -dot(f, direction)
-    # the point of the line nearest to the centre, relative to it
-    nearest = f + direction * (b / a)
-    discriminant = sphere.radius * sphere.radius - dot(nearest, nearest)
-    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
-    q = b + select(b < 0.0, -root, root)
-    c = dot(f, f) - sphere.radius * sphere.radius
-    first, second = ordered_roots(q, a, c)
+    discriminant, first, second = meet_round(f, direction, sphere.radius)
     t = select(first > 0.0, first, second)
     hit = (discriminant >= 0.0) & (t > 0.0) & (t <= t_max)
     return Intersection(hit, t, t * ZERO, t * ZERO)

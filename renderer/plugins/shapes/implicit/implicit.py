@@ -12,24 +12,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernels.jit import kernel, never_inline
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import orthonormal_basis, vec3
+from renderer.kernels.lanes.vectors import column, orthonormal_basis, vec3
 from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.implicit.intervals import Interval, Steps, along_line
 from renderer.plugins.shapes.implicit.roots import first_root
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.scalar_shapes import (
     INFINITY,
-    between,
     box_corners,
     hull_of_box,
     in_double,
+    matrix_rows,
     placed_point,
     placed_vector,
     points_alone,
+    refuse_lamp,
     unit_normal,
+    within_box,
 )
 from renderer.plugins.shapes.surface import (
     ROUNDING,
@@ -79,13 +80,9 @@ def _hit_surface(surfaces, k, origin, direction, t_max):
         return INFINITY
     o = placed_point(surfaces.to_object, k, in_double(origin))
     d = placed_vector(surfaces.to_object, k, in_double(direction))
-    near, far = 0.0, np.float64(t_max)
-    low, high = surfaces.lower, surfaces.upper
-    near, far = between(low[0, k], high[0, k], o.x, d.x, near, far)
-    near, far = between(low[1, k], high[1, k], o.y, d.y, near, far)
-    near, far = between(low[2, k], high[2, k], o.z, d.z, near, far)
-    if not near <= far < np.inf:
-        # a ray without end leaves the box, unless it goes nowhere
+    lower, upper = column(surfaces.lower, k), column(surfaces.upper, k)
+    near, far = within_box(lower, upper, o, d, t_max)
+    if near > far:
         return INFINITY
     t, _ = first_root(_program(surfaces, k), o, d, near, far)
     rounded = np.float32(t)
@@ -150,11 +147,7 @@ def _tangent_of_implicit(surfaces, index, mask, u, v, normal):
 
 def read(properties: Any, common: dict[str, Any]) -> Implicit:
     """Read the properties of a file."""
-    if common["radiance"] is not None:
-        raise SceneError(
-            f"{properties.location}: {properties.element} cannot emit: its area is not "
-            "known; a mesh or a sphere can"
-        )
+    refuse_lamp(properties, common)
     lower = np.array(properties.vector("bounds_min", (-1.0, -1.0, -1.0)))
     upper = np.array(properties.vector("bounds_max", (1.0, 1.0, 1.0)))
     if not (lower < upper).all():
@@ -201,7 +194,6 @@ def _read_program(properties: Any) -> Program:
 def surfaces(shapes: list[Implicit], first: int) -> ImplicitSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     placed = np.array([shape.to_world for shape in shapes])
-    rows = (m[:, :3].reshape(-1, 12).T for m in (placed, np.linalg.inv(placed)))
     bounds = np.array([shape.bounds for shape in shapes])  # (n, 2, 3)
     steps = [len(shape.program.operations) for shape in shapes]
     ends = np.cumsum(steps)
@@ -210,7 +202,7 @@ def surfaces(shapes: list[Implicit], first: int) -> ImplicitSurfaces:
         first + len(shapes),
         np.ascontiguousarray(bounds[:, 0].T),
         np.ascontiguousarray(bounds[:, 1].T),
-        *(np.ascontiguousarray(m) for m in rows),
+        *matrix_rows(placed),
         np.zeros(len(shapes), np.float32),
         ends - steps,
         ends,

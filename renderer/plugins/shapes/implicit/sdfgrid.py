@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernels.jit import kernel, never_inline
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import vec3
@@ -31,14 +30,16 @@ from renderer.plugins.shapes.implicit.trilinear import (
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.scalar_shapes import (
     INFINITY,
-    between,
     box_corners,
     hull_of_box,
     in_double,
+    matrix_rows,
     placed_point,
     placed_vector,
     points_alone,
+    refuse_lamp,
     unit_normal,
+    within_box,
 )
 from renderer.plugins.shapes.surface import (
     ROUNDING,
@@ -88,12 +89,9 @@ def hit_cell(cells, k, origin, direction, t_max):
     o = placed_point(cells.to_grid, grid, in_double(origin))
     d = placed_vector(cells.to_grid, grid, in_double(direction))
     x, y, z = _place(cells, k)
-    near, far = 0.0, np.float64(t_max)
-    near, far = between(x, x + 1.0, o.x, d.x, near, far)
-    near, far = between(y, y + 1.0, o.y, d.y, near, far)
-    near, far = between(z, z + 1.0, o.z, d.z, near, far)
-    if not near <= far < np.inf:
-        # a ray without end leaves the cell, unless it goes nowhere
+    lower, upper = vec3(x, y, z), vec3(x + 1.0, y + 1.0, z + 1.0)
+    near, far = within_box(lower, upper, o, d, t_max)
+    if near > far:
         return INFINITY
     begin = vec3(o.x + near * d.x - x, o.y + near * d.y - y, o.z + near * d.z - z)
     reach = far - near
@@ -149,11 +147,7 @@ def _no_tangent(cells, index, mask, u, v, normal):
 
 def read(properties: Any, common: dict[str, Any]) -> SdfGrid:
     """Read the properties of a file."""
-    if common["radiance"] is not None:
-        raise SceneError(
-            f"{properties.location}: {properties.element} cannot emit: its area is not "
-            "known; a mesh or a sphere can"
-        )
+    refuse_lamp(properties, common)
     name, distances = _read_distances(properties)
     if not len(occupied(distances)):
         properties.fail(
@@ -232,7 +226,6 @@ def surfaces(shapes: list[SdfGrid], first: int) -> SdfCells:
     points = np.array([shape.distances.shape[::-1] for shape in shapes], np.int64)
     to_world = np.array([shape.to_world for shape in shapes])
     to_world[:, :3, :3] /= (points - 1)[:, None, :]
-    rows = (m[:, :3].reshape(-1, 12).T for m in (to_world, np.linalg.inv(to_world)))
     sizes = [shape.distances.size for shape in shapes]
     cells = SdfCells(
         first,
@@ -242,7 +235,7 @@ def surfaces(shapes: list[SdfGrid], first: int) -> SdfCells:
             [_corner_values(s.distances, c) for s, c in zip(shapes, found, strict=True)]
         ),
         np.repeat(np.arange(len(shapes), dtype=np.int32), counts),
-        *(np.ascontiguousarray(m) for m in rows),
+        *matrix_rows(to_world),
         np.zeros(len(shapes), np.float32),
         np.array([shape.smooth for shape in shapes], np.int32),
         points,
