@@ -41,7 +41,7 @@ from renderer.accelerators.rays.boxes import build_boxes
 from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
 from renderer.kernels.records.kernel_scene import EMIT
-from renderer.plugins.shapes.flat.triangle import Triangles
+from renderer.plugins.shapes.flat.flat import FlatSurfaces
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import KINDS, Scene
@@ -66,16 +66,9 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
 }
 
 
-def _padded(rows: NDArray[Any]) -> NDArray[Any]:
-    """Append 16 columns of zeros, so that 16 primitives can be loaded from any column."""
-    widths = [(0, 0)] * (rows.ndim - 1) + [(0, 16)]
-    return np.ascontiguousarray(np.pad(rows, widths))
-
-
 def primitive_group(kind: str, surfaces: Any, order: NDArray[np.int64]) -> Any:
     """Return the group of a kind's primitives in the given order (column numbers)."""
-    ids = _padded((order + surfaces.first).astype(np.int32))
-    return SHAPES[kind].group(surfaces, order, ids, _padded)
+    return SHAPES[kind].group(surfaces, order)
 
 
 def build_accelerator(
@@ -120,10 +113,9 @@ def _one_point() -> Extents:
     return Extents(zero, zero, 1.0, 1e-6, lambda: hulls)
 
 
-def _points(columns: NDArray[np.int64]) -> Triangles:
-    zeros = np.zeros((3, len(columns) + 16), np.float32)
-    ids = np.zeros(len(columns) + 16, np.int32)
-    return Triangles(zeros, zeros, zeros, zeros, zeros[0], ids, len(columns))
+def _points(columns: NDArray[np.int64]) -> Any:
+    points = FlatSurfaces(0, 1, np.zeros((12, 1), np.float32))
+    return SHAPES["triangles"].group(points, columns * 0)
 
 
 class LeftOut(NamedTuple):

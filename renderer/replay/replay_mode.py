@@ -28,8 +28,7 @@ from renderer.replay.numbers.pixel_seeds import pixel_seeds
 from renderer.replay.rounding.camera import replay_camera, round_camera_rays
 from renderer.replay.rounding.directions import AsMitsuba
 from renderer.replay.rounding.environment import rounded_environment
-from renderer.replay.rounding.hits.hit_points import round_surface_points
-from renderer.replay.rounding.hits.surfaces import rounding_of
+from renderer.replay.rounding.hits.hit_points import hooks_of_hits
 from renderer.replay.rounding.hits.triangle_arithmetic import (
     face_normals,
     triangle_tangents,
@@ -148,6 +147,6 @@ class Replayed:
         camera = replay_camera(scene.description.camera, self._measured_camera)
         return [
             (round_camera_rays, camera),
-            (round_surface_points, rounding_of(scene.description, surfaces)),
             (round_rays, Leaving()),
+            *hooks_of_hits(scene.description, surfaces),
         ]

@@ -9,11 +9,10 @@ from renderer.plugins.bsdfs.kind import BsdfKind
 from renderer.plugins.lights.choice.bounds import LightBounds, on_surface
 from renderer.plugins.lights.choice.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT
 from renderer.plugins.lights.registry import plugin_of
-from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
+from renderer.plugins.shapes.registry import kind_of_shape
 from renderer.plugins.textures.registry import mean_of
 from renderer.scene.light_order import light_order
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import Rectangle
 
 
 def light_bounds(scene: Scene) -> list[LightBounds]:
@@ -40,16 +39,12 @@ def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int64]) -> Light
     kind = kind_of_shape(shape)
     surfaces = scene.surfaces[kind.name]
     columns = primitives - surfaces.first
-    points, margin, normals = SHAPES[kind.name].hull(surfaces, columns)
+    points, margin, normals = kind.hull(surfaces, columns)
     radiance = shape.radiance
     mean = float(np.mean(radiance)) if isinstance(radiance, tuple) else mean_of(radiance)
     side = float(scene.shapes.orientation[number])
-    if (
-        isinstance(shape, Rectangle)
-        and shape.flip_normals
-        and not isinstance(radiance, tuple)
-    ):
-        side = 0.0  # a texture there is sampled on the other side, see `light_tables`
+    if not isinstance(radiance, tuple) and kind.textured_side(shape) != side:
+        side = 0.0  # it is sampled on one side, and shines on the other
     return on_surface(
         np.asarray(points, np.float64),
         np.asarray(margin, np.float64),

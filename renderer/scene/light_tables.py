@@ -22,7 +22,6 @@ from renderer.plugins.textures.registry import kind_of_texture
 from renderer.scene.light_order import light_order
 from renderer.scene.materials import table_of
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import Rectangle
 
 # (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
 MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
@@ -152,7 +151,7 @@ def _areas(
         number_column(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
         surfaces,
         mesh_choice(count, scene.surfaces[kind], by_primitive)
-        if kind == "triangles"
+        if SHAPES[kind].mesh
         else None,
     )
 
@@ -166,16 +165,9 @@ def _textured_areas(
     lights: dict[int, NDArray[np.int32]],
     textures: LightTextures,
 ) -> TexturedAreas:
-    """Return the area lights with textures on one kind of shape.
-
-    Mitsuba ignores `flip_normals` when it samples a texture on a rectangle. Light samples
-    of a flipped rectangle see its front emit; BSDF samples see its back emit.
-    """
+    """Return the area lights with textures on one kind of shape."""
     shapes = scene.description.shapes
-    sides = {i: scene.shapes.orientation[shining[i]] for i in lights}
-    for i in lights:
-        if isinstance(shape := shapes[shining[i]], Rectangle) and shape.flip_normals:
-            sides[i] = -sides[i]
+    sides = {i: SHAPES[kind].textured_side(shapes[shining[i]]) for i in lights}
     prims = np.zeros(count, np.int32)
     for light, ids in lights.items():
         prims[light] = ids[0]
@@ -185,7 +177,7 @@ def _textured_areas(
         prims,
         number_column(count, sides),
         surfaces,
-        uv_chart(count, surfaces, lights) if kind == "triangles" else None,
+        uv_chart(count, surfaces, lights) if SHAPES[kind].mesh else None,
     )
 
 

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from renderer.kernels.records.kernel_scene import (
     ANY,
-    HALVES,
     Placements,
     Shapes,
 )
 from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.arrays import unit_normals as unit_normals
+from renderer.plugins.shapes.registry import KINDS as KINDS
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.scene.attributes import check_attributes
 from renderer.scene.materials import MaterialTables
@@ -33,13 +33,8 @@ from renderer.scene.placed_groups import (
     shape_numbers,
 )
 from renderer.scene_file.coordinate_limits import FARTHEST
-from renderer.scene_file.description import (
-    Mesh,
-    Rectangle,
-    SceneDescription,
-)
+from renderer.scene_file.description import SceneDescription
 
-KINDS = tuple(SHAPES)
 # tables may hold copies of textures, or more for each triangle
 RECENT = {"plan": 32, "structures": 32, "tables": 2}
 
@@ -186,14 +181,8 @@ def _build_scene(description: SceneDescription) -> Scene:
         shapes = [shape for _, shape in entries]
         record = surfaces[kind] = SHAPES[kind].surfaces(shapes, first)
         for index, shape in entries:
-            if isinstance(shape, Mesh):
-                count = len(shape.faces)
-                faces.append(np.arange(count) if shape.face_ids is None else shape.face_ids)
-            else:
-                count = SHAPES[kind].primitives(shape)
-                halves = isinstance(shape, Rectangle)
-                faces.append(np.full(1, HALVES) if halves else np.arange(count))
-            shape_ids.append(np.full(count, index))
+            faces.append(SHAPES[kind].faces(shape))
+            shape_ids.append(np.full(len(faces[-1]), index))
         columns = [ids.size for ids in shape_ids[-len(entries) :]]
         groups = group_of[[index for index, _ in entries]]
         sizes = np.bincount(groups, columns, minlength=group_of[-1] + 1)

@@ -100,7 +100,7 @@ def test_a_box_has_rectangles_and_nothing_else():
     assert light_kinds(inputs)[0].record.lights.choice is None
     assert rows(kernels.lights.methods) == [columns(SAMPLE_LIGHT, EMISSION)]
     assert rows(kernels.sampler) == [columns(DRAW_FILM, DRAW, CHOOSE_LIGHT)]
-    assert rows(kernels.hooks) == [[], [], []]
+    assert rows(kernels.hooks) == [[], []]
     settings = kernels.settings
     assert settings.roulette_depth == NO_LIMIT
     assert settings.every_light == settings.with_uv == settings.with_tangents == 0

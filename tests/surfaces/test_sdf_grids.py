@@ -24,13 +24,13 @@ from renderer.errors import SceneError  # noqa: E402
 from renderer.kernels.jit import entry_kernel  # noqa: E402
 from renderer.kernels.lanes.vectors import vec3  # noqa: E402
 from renderer.plugins.shapes.implicit.sdfgrid import (  # noqa: E402
+    SDF_CELLS,
     hit_cell,
     occupied,
     point_of_cell,
     surfaces,
 )
 from renderer.plugins.shapes.implicit.trilinear import Cubic, first_root_of  # noqa: E402
-from renderer.plugins.shapes.uv.uv_derivatives import derivatives_of  # noqa: E402
 from renderer.scene_file import read_dict  # noqa: E402
 from renderer.scene_file.description import Diffuse, SdfGrid  # noqa: E402
 from renderer.scene_file.meshes.grid_file import read_grid  # noqa: E402
@@ -243,7 +243,7 @@ def test_cells_without_a_surface_are_none():
 
 def test_bump_maps_find_that_it_has_no_u_and_v():
     cells = cells_of(torus(13, 9, 11))
-    flat = derivatives_of("sdf_cells", cells, [])
+    flat = SDF_CELLS.derivatives_of(cells, [])
     assert flat.along_u.shape == flat.along_v.shape == (3, cells.end)
     assert not flat.along_u.any()
     assert not flat.along_v.any()

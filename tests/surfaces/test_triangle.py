@@ -10,8 +10,8 @@ from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
-from renderer.plugins.shapes.flat.patch import patch_of
 from renderer.plugins.shapes.flat.triangle import (
+    Triangle,
     hit_triangle,
     hit_triangle_moeller_trumbore,
 )
@@ -23,8 +23,8 @@ N = 16_384
 def run_both(corner, edge1, edge2, normal, origin, direction, t_max, out):
     """Lane k is triangle k against ray k; out[method] has rows hit, t, u, v."""
     for i in range(0, t_max.size, 16):
-        patch = patch_of(
-            load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i)
+        patch = Triangle(
+            load3(corner, i), load3(edge1, i), load3(edge2, i), load3(normal, i), None
         )
         o, d, end = load3(origin, i), load3(direction, i), load_row(t_max, 0, i)
         method = 0

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import sys
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from numba.np.arrayobj import make_array
 from numba.np.numpy_support import as_dtype, from_dtype
 
 from renderer.kernels.jit.columns import by_columns, column_fields, lies_by_columns
+from renderer.kernels.jit.neighbours import file_digest
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()
@@ -51,7 +53,8 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
     def __init__(self, record: Any, source: str = "") -> None:
         self.record, self.source = record, source
         cls = record.instance_class
-        exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source}"
+        files = " ".join(sorted(_files_of(record)))
+        exact = f"{cls.__module__}.{cls.__qualname__} {record.name} {source} {files}"
         digest = hashlib.sha256(exact.encode()).hexdigest()[:12]
         super().__init__(name=f"Record.{cls.__name__}.{digest}")
         self.words = _words(record)
@@ -70,6 +73,23 @@ def _restored(record: bytes, source: str, name: str) -> Any:
         return RecordType(pickle.loads(record), source)
     except (ImportError, AttributeError):
         return _UnknownRecord(name=f"Unknown.{name}")
+
+
+def _files_of(record: Any) -> set[str]:
+    """Return the files, outside of this package, that define classes in a record, hashed.
+
+    Numba names a class without its module, and the kernels that are chosen by the class may
+    have changed with the file.
+    """
+    found: set[str] = set()
+    if isinstance(record, types.BaseTuple):
+        found.update(*map(_files_of, record.types))
+    if isinstance(record, types.BaseNamedTuple):
+        module = record.instance_class.__module__
+        file = getattr(sys.modules.get(module), "__file__", None)
+        if file and not module.startswith("renderer."):
+            found.add(f"{module} {file_digest(file)}")
+    return found
 
 
 @register_model(RecordType)

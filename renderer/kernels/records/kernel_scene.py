@@ -46,8 +46,8 @@ CHOOSE_BY_IMPORTANCE, WEIGH_FOUND = 1, 2
 FILL_RAYS = 1
 # the sampler
 DRAW_FILM, BEGIN_BOUNCE, DRAW, CHOOSE_LIGHT, DRAW_APERTURE = 1, 2, 3, 4, 5
-# what may be done after a stage, a row each
-AFTER_CAMERA_RAYS, AFTER_SURFACE_POINTS, AFTER_SCATTERING = 0, 1, 2
+# what may be done after a stage, a row each; after surface points, any number of rows
+AFTER_CAMERA_RAYS, AFTER_SCATTERING, AFTER_SURFACE_POINTS = 0, 1, 2
 
 Methods = NDArray[np.int64]  # (kinds, columns) addresses; 0 where there is no such method
 

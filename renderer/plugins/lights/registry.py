@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import renderer.plugins.lights.finite.spheres  # noqa: F401  (how spheres are sampled)
 from renderer.plugins.lights.finite.area import AREA
 from renderer.plugins.lights.finite.point import POINT
 from renderer.plugins.lights.finite.projector import PROJECTOR

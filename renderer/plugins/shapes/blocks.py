@@ -8,24 +8,42 @@ lane k % 8 of block k // 8; a block that is not full ends with NaN, which no ray
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.memory import load_eight, load_one
-from renderer.kernels.lanes.vectors import vec3
+from renderer.kernels.lanes.fields import lanes_from_block, one_from_block, size_of
+from renderer.plugins.shapes.primitives import primitive_at
 
 WIDTH = 8
 
 
-BLOCKS_OF: dict[type, type] = {}  # record of a group -> record of its blocks
+class Blocks(NamedTuple):
+    """The primitives of a group in blocks, without the numbers that follow from others."""
+
+    form: Any  # stands for the class of the primitives
+    rows: NDArray[np.float32]  # (blocks, numbers of a primitive * 8)
+    id: NDArray[np.int32]  # (blocks * 8,) primitive id in the scene, -1 in the padding
+    count: int  # blocks * 8
 
 
 @interface
 def primitives_in(blocks: Any, block: int) -> Any:
     """Return the eight primitives of a block as lanes."""
+
+
+@primitive_at.by(Blocks)
+@kernel
+def _one_of_block(blocks, k):
+    return one_from_block(blocks.form, blocks.rows, k >> 3, k & 7)
+
+
+@primitives_in.by(Blocks)
+@kernel
+def _lanes_of_block(blocks, block):
+    return lanes_from_block(blocks.form, blocks.rows, block, 0)
 
 
 def aligned_bytes(count: int) -> NDArray[np.uint8]:
@@ -45,40 +63,12 @@ def blocks_of(group: Callable[[NDArray[np.int64]], Any], columns: NDArray[np.int
     columns
         (blocks * 8,) the column of each place; -1 leaves it empty.
     """
-    record = group(np.maximum(columns, 0))
-    *fields, ids, count = (
-        field
-        for name, field in zip(record._fields, record, strict=True)
-        if name != "breadth"
-    )
-    rows = np.concatenate([np.atleast_2d(field)[:, :count] for field in fields])
-    rows[:, columns < 0] = np.nan  # zeros would be a sphere at the origin
+    form, rows, ids, count = group(np.maximum(columns, 0))
+    rows = rows[: size_of(type(form), derived=False), :count]
     eights = rows.reshape(len(rows), -1, WIDTH).swapaxes(0, 1)
     blocks = aligned_bytes(4 * eights.size).view(np.float32).reshape(eights.shape)
     blocks[...] = eights
-    return BLOCKS_OF[type(record)](
-        blocks.reshape(len(blocks), -1),
-        np.where(columns < 0, np.int32(-1), ids[:count]),
-        count,
-    )
-
-
-@kernel
-def three_in(rows, block, row):
-    """Return a vector of the eight primitives of a block as lanes, from three rows."""
-    return vec3(
-        load_eight(rows, block, 8 * row),
-        load_eight(rows, block, 8 * row + 8),
-        load_eight(rows, block, 8 * row + 16),
-    )
-
-
-@kernel
-def column_in(rows, block, row, j):
-    """Return a vector of primitive j of a block as scalars, from three rows."""
-    place = 8 * row + j
-    return vec3(
-        load_one(rows, block, place),
-        load_one(rows, block, place + 8),
-        load_one(rows, block, place + 16),
-    )
+    empty = columns.reshape(-1, 1, WIDTH) < 0  # zeros would be a sphere at the origin
+    np.copyto(blocks, np.nan, where=empty)
+    ids = np.where(columns < 0, np.int32(-1), ids[:count])
+    return Blocks(form, blocks.reshape(len(blocks), -1), ids, count)

@@ -9,24 +9,17 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import select, sqrt
+from renderer.kernels.lanes.fields import Number, Vector
+from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.mathematics.mathematics import sincos
-from renderer.kernels.lanes.memory import gather_row, load_eight, load_one, load_row
-from renderer.kernels.lanes.vectors import (
-    column,
-    dot,
-    gather3,
-    gather_rows3,
-    load3,
-    normalize,
-)
+from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3, normalize, vec3
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI
 from renderer.plugins.shapes.arrays import float32
-from renderer.plugins.shapes.blocks import BLOCKS_OF, column_in, primitives_in, three_in
-from renderer.plugins.shapes.flat.patch import ZERO, Intersection
-from renderer.plugins.shapes.kind import ShapeKind, flipped
-from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
-from renderer.plugins.shapes.sphere import ordered_roots
+from renderer.plugins.shapes.flat.patch import ZERO
+from renderer.plugins.shapes.kind import ShapeKind
+from renderer.plugins.shapes.primitives import Intersection
+from renderer.plugins.shapes.sphere import meet_round
 from renderer.plugins.shapes.surface import (
     ROUNDING,
     LightPoint,
@@ -34,11 +27,6 @@ from renderer.plugins.shapes.surface import (
     around_axis,
     magnitude,
     nowhere,
-    pdf_by_area,
-    pdf_shape,
-    sample_shape,
-    surface_point,
-    tangent_at,
     turn,
 )
 from renderer.scene_file import transforms
@@ -46,46 +34,13 @@ from renderer.scene_file.description import Cylinder as Description
 from renderer.scene_file.objects.shapes import STRETCH, placed
 
 
-class Cylinders(NamedTuple):
-    """Tubes without caps, in the order of an accelerator."""
-
-    base: NDArray[np.float32]  # (3, n) centre of the lower end
-    axis: NDArray[np.float32]  # (3, n) unit
-    radius: NDArray[np.float32]  # (n,)
-    height: NDArray[np.float32]  # (n,)
-    id: NDArray[np.int32]  # (n,) primitive id in the scene
-    count: int  # n without the padding
-
-
 class Cylinder(NamedTuple):
-    """One cylinder, or 16 in lanes."""
+    """One tube without caps, or 16 in lanes."""
 
-    base: Any
-    axis: Any
-    radius: Any
-    height: Any
-
-
-@kernel
-def cylinder_at(cylinders, k):
-    """Return cylinder k as scalars."""
-    return Cylinder(
-        column(cylinders.base, k),
-        column(cylinders.axis, k),
-        cylinders.radius[k],
-        cylinders.height[k],
-    )
-
-
-@kernel
-def cylinders_from(cylinders, k):
-    """Return cylinders k to k + 15 as lanes."""
-    return Cylinder(
-        load3(cylinders.base, k),
-        load3(cylinders.axis, k),
-        load_row(cylinders.radius, 0, k),
-        load_row(cylinders.height, 0, k),
-    )
+    base: Vector  # centre of the lower end
+    axis: Vector  # unit
+    radius: Number
+    height: Number
 
 
 @kernel
@@ -100,14 +55,7 @@ def hit_cylinder(cylinder, origin, direction, t_max):
     d_axis = dot(direction, cylinder.axis)
     f_across = f - cylinder.axis * f_axis
     d_across = direction - cylinder.axis * d_axis
-    a = dot(d_across, d_across)
-    b = -dot(f_across, d_across)
-    nearest = f_across + d_across * (b / a)
-    discriminant = cylinder.radius * cylinder.radius - dot(nearest, nearest)
-    root = sqrt(a * select(discriminant > 0.0, discriminant, ZERO * discriminant))
-    q = b + select(b < 0.0, -root, root)
-    c = dot(f_across, f_across) - cylinder.radius * cylinder.radius
-    first, second = ordered_roots(q, a, c)
+    discriminant, first, second = meet_round(f_across, d_across, cylinder.radius)
     h_first = f_axis + first * d_axis
     h_second = f_axis + second * d_axis
     near = (first > 0.0) & (h_first >= 0.0) & (h_first <= cylinder.height)
@@ -130,8 +78,12 @@ class CylinderSurfaces(NamedTuple):
     height: NDArray[np.float32]  # (n,)
     frame: NDArray[np.float32]  # (9, n) unit local x, y, z axes in world space
 
+    @property
+    def axis(self) -> NDArray[np.float32]:
+        """(3, n) unit, from the lower end to the upper one."""
+        return self.frame[6:9]
 
-@surface_point.by(CylinderSurfaces)
+
 @kernel
 def _point_on_cylinder(cylinders, index, mask, u, height, hit_point, with_uv):
     """Return the point; its texture coordinates are (angle / 2 pi, height)."""
@@ -152,10 +104,6 @@ def _point_on_cylinder(cylinders, index, mask, u, height, hit_point, with_uv):
     return SurfacePoint(position, normal, normal, nowhere(mask), offset, angle, height)
 
 
-tangent_at.by(CylinderSurfaces)(around_axis)
-
-
-@sample_shape.by(CylinderSurfaces)
 @kernel
 def _sample_cylinder(cylinders, kind, light, mask, position, x, y, z):
     """Choose a point of the tube, uniformly."""
@@ -174,50 +122,13 @@ def _sample_cylinder(cylinders, kind, light, mask, position, x, y, z):
     return LightPoint(point - position, n, side)
 
 
-pdf_shape.by(CylinderSurfaces)(pdf_by_area)
+@kernel
+def _uv_axes(cylinders, q, radius):
+    none = splat_f32(0.0)
+    return vec3(-q.y, q.x, none) * TWO_PI, vec3(none, none, splat_f32(1.0))
 
 
 # ---------------------------------------------------------------------------- tables
-
-
-class CylinderBlocks(NamedTuple):
-    """Base, axis, radius and height of eight cylinders a block."""
-
-    rows: NDArray[np.float32]  # (blocks, 8 * 8)
-    id: NDArray[np.int32]
-    count: int
-
-
-@kernel
-def cylinders_in(blocks, block):
-    """Return the eight cylinders of a block as lanes."""
-    return Cylinder(
-        three_in(blocks.rows, block, 0),
-        three_in(blocks.rows, block, 3),
-        load_eight(blocks.rows, block, 48),
-        load_eight(blocks.rows, block, 56),
-    )
-
-
-@kernel
-def cylinder_in(blocks, k):
-    """Return cylinder k as scalars."""
-    block, j = k >> 3, k & 7
-    rows = blocks.rows
-    return Cylinder(
-        column_in(rows, block, 0, j),
-        column_in(rows, block, 3, j),
-        load_one(rows, block, 48 + j),
-        load_one(rows, block, 56 + j),
-    )
-
-
-BLOCKS_OF[Cylinders] = CylinderBlocks
-primitive_at.by(Cylinders)(cylinder_at)
-primitives_from.by(Cylinders)(cylinders_from)
-primitive_at.by(CylinderBlocks)(cylinder_in)
-primitives_in.by(CylinderBlocks)(cylinders_in)
-hit_primitive.by(Cylinders, CylinderBlocks, drop_first=True)(hit_cylinder)
 
 
 def read(properties: Any, common: dict[str, Any]) -> Description:
@@ -274,7 +185,7 @@ def surfaces(shapes: list[Description], first: int) -> CylinderSurfaces:
 
 
 def _corners(s: Any) -> list[NDArray[np.float32]]:
-    axis = s.frame[6:9]
+    axis = s.axis
     x, y, z = axis  # not sqrt(1 - axis^2), which is 0 for a slightly tilted axis
     reach = s.radius * np.hypot([y, z, x], [z, x, y])
     top = s.base + axis * s.height
@@ -282,7 +193,7 @@ def _corners(s: Any) -> list[NDArray[np.float32]]:
 
 
 def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
-    base, axis = s.base[:, order], s.frame[6:9, order]
+    base, axis = s.base[:, order], s.axis[:, order]
     top = base + axis * s.height[order]
     points = np.stack([base, top, base, top], 1)
     return points, s.radius[order], np.zeros((3, len(order)), np.float32)
@@ -292,25 +203,19 @@ def _areas(s: Any, k: Any) -> NDArray[np.float64]:
     return 2.0 * np.pi * s.radius[k].astype(np.float64) * s.height[k]
 
 
-def _group(s: Any, order: Any, ids: Any, padded: Any) -> Cylinders:
-    return Cylinders(
-        padded(s.base[:, order]),
-        padded(s.frame[6:9, order]),
-        padded(s.radius[order]),
-        padded(s.height[order]),
-        ids,
-        len(order),
-    )
-
-
 CYLINDERS = ShapeKind(
-    "cylinders",
-    Description,
-    surfaces,
-    flipped,
-    _corners,
-    _hull,
-    _areas,
-    _group,
-    {"cylinder": read},
+    name="cylinders",
+    plugins={"cylinder": read},
+    description=Description,
+    record=CylinderSurfaces,
+    surfaces=surfaces,
+    primitive=Cylinder,
+    intersect=hit_cylinder,
+    surface_point=_point_on_cylinder,
+    tangent=around_axis,
+    sample=_sample_cylinder,
+    uv_axes=_uv_axes,
+    corners=_corners,
+    hull=_hull,
+    areas=_areas,
 )

@@ -11,23 +11,31 @@ from renderer.plugins.shapes.implicit.sdfgrid import SDF_CELLS
 from renderer.plugins.shapes.kind import ShapeKind, ShapePlugin
 from renderer.plugins.shapes.sphere import SPHERES
 
-SHAPES: dict[str, ShapeKind] = {
-    kind.name: kind
-    for kind in (
-        TRIANGLES,
-        RECTANGLES,
-        DISKS,
-        SPHERES,
-        CYLINDERS,
-        IMPLICITS,
-        SDF_CELLS,
-    )
-}
-PLUGINS = {
-    name: ShapePlugin(kind, make)
-    for kind in SHAPES.values()
-    for name, make in kind.plugins.items()
-}
+SHAPES: dict[str, ShapeKind] = {}
+KINDS: list[str] = []  # names of the kinds in their order
+PLUGINS: dict[str, ShapePlugin] = {}
+
+
+def register_shape(kind: ShapeKind) -> None:
+    """Make a kind of shape known to the reader and to the kernels."""
+    kind.register_kernels()
+    if kind.name not in SHAPES:
+        KINDS.append(kind.name)
+    SHAPES[kind.name] = kind
+    for name, make in kind.plugins.items():
+        PLUGINS[name] = ShapePlugin(kind, make)
+
+
+for _kind in (
+    TRIANGLES,
+    RECTANGLES,
+    DISKS,
+    SPHERES,
+    CYLINDERS,
+    IMPLICITS,
+    SDF_CELLS,
+):
+    register_shape(_kind)
 
 
 def kind_of_shape(shape: object) -> ShapeKind:

@@ -15,20 +15,32 @@ from numba.core import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from renderer.errors import SceneError
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import lane, mask_bits
 from renderer.kernels.lanes.local import local_f32
 from renderer.kernels.lanes.memory import load_eight, load_row
 from renderer.kernels.lanes.types import Lanes
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.shapes.flat.patch import Intersection
-from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.plugins.shapes.primitives import (
+    Intersection,
+    intersect,
+    primitive_at,
+    primitives_from,
+)
 
 INFINITY = np.float32(np.inf)
 _WIDER = 1.0 + 2.0**-40  # boxes, against the rounding of where a ray meets them
 
 
-class Singly(NamedTuple):
+class ScalarPrimitive(NamedTuple):
+    """One primitive, or 16 in lanes."""
+
+    column: Any  # of the table
+    surfaces: Any
+
+
+class ScalarGroup(NamedTuple):
     """Primitives in the order of an accelerator."""
 
     column: NDArray[np.int32]  # (n,) of `surfaces`; padded by -1
@@ -111,7 +123,22 @@ def between(low, high, origin, direction, near, far):
     return max(near, a), min(far, b)
 
 
-# ------------------------------------------------- for accelerators and stages
+@kernel
+def within_box(lower, upper, o, d, t_max):
+    """Return where a ray is inside of a box: near <= t <= far, or near > far if nowhere.
+
+    A ray without end leaves the box, unless it goes nowhere: that is no hit either.
+    """
+    near, far = 0.0, np.float64(t_max)
+    near, far = between(lower.x, upper.x, o.x, d.x, near, far)
+    near, far = between(lower.y, upper.y, o.y, d.y, near, far)
+    near, far = between(lower.z, upper.z, o.z, d.z, near, far)
+    if not near <= far < np.inf:
+        return 1.0, 0.0
+    return near, far
+
+
+# -------------------------------------------------------- for accelerators and stages
 
 
 def _pick(x: Any, j: int) -> Any:
@@ -157,22 +184,22 @@ def _hit_in_lanes(surfaces, k, origin, direction, t_max):
     return each
 
 
-@primitive_at.by(Singly)
+@primitive_at.by(ScalarGroup)
 @kernel
 def _column_at(group, k):
-    return group.column[k]
+    return ScalarPrimitive(group.column[k], group.surfaces)
 
 
-@primitives_from.by(Singly)
+@primitives_from.by(ScalarGroup)
 @kernel
 def _columns_from(group, k):
-    return load_row(group.column, 0, k)
+    return ScalarPrimitive(load_row(group.column, 0, k), group.surfaces)
 
 
-@hit_primitive.by(Singly)
+@intersect.by(ScalarPrimitive)
 @kernel
-def _hit_column(group, primitive, origin, direction, t_max):
-    return _hit(group.surfaces, primitive, origin, direction, t_max)
+def _intersect(primitive, origin, direction, t_max):
+    return _hit(primitive.surfaces, primitive.column, origin, direction, t_max)
 
 
 @kernel
@@ -204,11 +231,19 @@ def _three(rows, first):
 # ------------------------------------------------------------------------------- tables
 
 
-def group_of(s: Any, order: Any, ids: Any, padded: Any) -> Singly:
-    """Return primitives as an accelerator keeps them."""
-    # -1 is never hit: no search for roots in lanes beyond the last
-    column = np.pad(np.asarray(order, np.int32), (0, 16), constant_values=-1)
-    return Singly(column, s, ids, len(order))
+def matrix_rows(matrices: NDArray[np.float64]) -> Any:
+    """Return the upper three rows of maps (n, 4, 4) and of their inverses, (12, n) each."""
+    both = (matrices, np.linalg.inv(matrices))
+    return (np.ascontiguousarray(m[:, :3].reshape(-1, 12).T) for m in both)
+
+
+def refuse_lamp(properties: Any, common: dict[str, Any]) -> None:
+    """Raise SceneError for a shape that emits."""
+    if common["radiance"] is not None:
+        raise SceneError(
+            f"{properties.location}: {properties.element} cannot emit: its area is not "
+            "known; a mesh or a sphere can"
+        )
 
 
 def box_corners(lower: Any, upper: Any, to_world: Any) -> NDArray[np.float64]:
@@ -226,8 +261,3 @@ def hull_of_box(corners: NDArray[np.float64]) -> tuple[Any, Any, Any]:
     radius = np.linalg.norm(corners - middle, axis=1).max(axis=0)
     points = np.repeat(middle[:, None], 4, axis=1)
     return points, radius, np.zeros((3, corners.shape[2]), np.float32)
-
-
-def no_area(s: Any, k: Any) -> NDArray[np.float64]:
-    """Return zeros: the areas are unknown and unused, as these shapes cannot emit light."""
-    return np.zeros(len(k))

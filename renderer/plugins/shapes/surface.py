@@ -39,6 +39,15 @@ class LightPoint(NamedTuple):
     side: Any  # unit normal of the side that shines
 
 
+class UvPoint(NamedTuple):
+    """A point of a shape in 16 lanes, given by its (u, v)."""
+
+    position: Any  # in the world
+    side: Any  # unit normal of the side that shines
+    area: Any  # |dp/du x dp/dv|: turns a density over (u, v) into one over the area
+    found: Any  # mask: the shape has a point there
+
+
 @interface
 def surface_point(
     surfaces: Any, index: Any, mask: Any, u: Any, v: Any, hit_point: Any, with_uv: int
@@ -97,6 +106,30 @@ def pdf_shape(
     """
 
 
+@interface
+def point_at_uv(
+    surfaces: Any,
+    chart: Any,
+    light: Any,
+    prim: Any,
+    orientation: Any,
+    u: Any,
+    v: Any,
+    mask: Any,
+) -> UvPoint:
+    """Return the points of area lights at (u, v), where a texture that shines is sampled.
+
+    Parameters
+    ----------
+    chart
+        Of meshes: where each triangle lies in (u, v).
+    prim
+        The primitive, where the light has only one.
+    orientation
+        -1 where the outward normal is flipped.
+    """
+
+
 @kernel
 def magnitude(a):
     """Return the largest absolute component."""
@@ -140,6 +173,17 @@ def flat_point(surfaces, index, mask, u, v):
     position = p.corner + p.edge1 * u + p.edge2 * v
     size = magnitude(p.corner) + magnitude(p.edge1) + magnitude(p.edge2)
     return position, p.normal, size * ROUNDING
+
+
+@kernel
+def flat_light_point(surfaces, kind, light, mask, position, u, v):
+    """Return the points at (u, v) of flat area lights, which are one primitive each."""
+    areas = kind.lights
+    index = gather_row(areas.prim, 0, light, mask) - surfaces.first
+    p = gather_flat(surfaces, index, mask)
+    point = p.corner + p.edge1 * u + p.edge2 * v
+    side = p.normal * gather_row(areas.orientation, 0, light, mask)
+    return LightPoint(point - position, p.normal, side)
 
 
 @kernel

@@ -15,8 +15,7 @@ from renderer.integrators.stages.surface.derivatives import derive
 from renderer.integrators.stages.surface.surface import locate
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Placements, Settings, Shapes
-from renderer.plugins.shapes.registry import kind_of_shape
-from renderer.plugins.shapes.uv.uv_derivatives import derivatives_of
+from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     COLUMN,
@@ -102,6 +101,6 @@ def derivative_methods(
     rows = []
     for kind, surfaces in scene.surfaces.items():
         of_kind = [shape for shape in shapes if kind_of_shape(shape).name == kind]
-        record = tables.pack(derivatives_of(kind, surfaces, of_kind))
+        record = tables.pack(SHAPES[kind].derivatives_of(surfaces, of_kind))
         rows.append((record, [(derive, arguments, NOTHING)]))
     return tables.table(rows, 1)

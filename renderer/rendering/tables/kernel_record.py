@@ -21,6 +21,7 @@ from renderer.integrators.stages.film.camera_rays import fill_rays
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
+    AFTER_SURFACE_POINTS,
     KernelScene,
     Placements,
     Primitives,
@@ -28,8 +29,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.sampling.source import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
-from renderer.plugins.shapes.arrays import empty_rows
-from renderer.plugins.shapes.uv.uv_derivatives import texture_tangents
+from renderer.plugins.shapes.registry import SHAPES
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.bsdfs import bsdf_tables
 from renderer.rendering.tables.geometry import (
@@ -240,16 +240,12 @@ def _settings(scene: Scene, plan: Plan, variant: Variant) -> Settings:
 
 
 def _surfaces(scene: Scene, settings: Settings, variant: Variant) -> dict[str, Any]:
-    """Return the scene's surfaces, without uv where nobody looks at it."""
-    surfaces = variant.surfaces(scene.surfaces)
-    if "triangles" not in surfaces:
-        return surfaces
-    triangles = surfaces["triangles"]
-    if settings.with_tangents and triangles.tangents.shape[1] == 0:
-        triangles = triangles._replace(tangents=texture_tangents(triangles))
-    if not settings.with_uv:
-        triangles = triangles._replace(uvs=empty_rows(6))
-    return surfaces | {"triangles": triangles}
+    """Return the scene's surfaces, with what the kernels look at."""
+    uv, tangents = bool(settings.with_uv), bool(settings.with_tangents)
+    return {
+        kind: SHAPES[kind].prepared(table, with_uv=uv, with_tangents=tangents)
+        for kind, table in variant.surfaces(scene.surfaces).items()
+    }
 
 
 def _sensor_methods(tables: MethodTables, sensor: Sensor) -> NDArray[np.int64]:
@@ -286,12 +282,13 @@ def _hooks(
     settings: Settings,
     placements: Placements,
 ) -> NDArray[np.int64]:
-    """Return what is done after camera rays, surface points and scattering."""
+    """Return what is done after camera rays, scattering and surface points."""
     work = work_types()
+    of_points = record_type(placements), work.rays, work.hits, COLUMN, INT, work.points
     arguments: tuple[tuple[Any, ...], ...] = (
         (work.rays, INT, ROWS),
-        (record_type(placements), work.rays, work.hits, COLUMN, INT, work.points),
         (record_type(settings), work.rays, INT, work.points),
+        *(of_points for _ in given[AFTER_SURFACE_POINTS:]),
     )
     rows = [
         (None, [None])

@@ -52,7 +52,11 @@ class Variant(Protocol):
         """Return the constant parameters of BSDFs, (rows, BSDFs)."""
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
-        """Return (kernel, record) of what is done after stages; None for nothing."""
+        """Return (kernel, record) of what is done after stages.
+
+        After camera rays, then after scattering, None for nothing; all others are called
+        after the surface points are found.
+        """
 
 
 class RenderMode:
@@ -86,7 +90,7 @@ class RenderMode:
 
     def hooks(self, scene: Scene, surfaces: dict[str, Any]) -> list[tuple[Any, Any]]:
         """Do nothing more."""
-        return [(None, None)] * 3
+        return [(None, None)] * 2
 
 
 def kernel_sampler(plan: Plan, seed: int) -> Any:

@@ -33,13 +33,6 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.plugins.lights.finite.spheres import (
-    cone_of_density,
-    even_part_of_cone,
-    exact_cone_of_density,
-    near_surface,
-    part_of_cone,
-)
 from renderer.plugins.sampling.arithmetic import (
     cosine_direction,
     density_normal,
@@ -47,6 +40,13 @@ from renderer.plugins.sampling.arithmetic import (
     seen_from,
     tangents_of,
     to_world,
+)
+from renderer.plugins.shapes.sphere import (
+    cone_of_density,
+    even_part_of_cone,
+    exact_cone_of_density,
+    near_surface,
+    part_of_cone,
 )
 from renderer.replay.rounding.arithmetic.fused_lanes import fused
 

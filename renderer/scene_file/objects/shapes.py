@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.scene_file import transforms
 from renderer.scene_file.coordinate_limits import check_reach
-from renderer.scene_file.description import Bsdf, ConstantTexture, Diffuse, Mesh, Shape
+from renderer.scene_file.description import Bsdf, ConstantTexture, Diffuse, Shape
 from renderer.scene_file.objects.bsdfs import read_bsdf
 from renderer.scene_file.objects.emitters import read_radiance
 from renderer.scene_file.plugins import registered_kinds
@@ -52,10 +52,7 @@ def read_shape(element: Element, reading: Reading) -> Shape:
     shape: Shape = plugin.read(properties, common)
     properties.finish()
     with np.errstate(all="ignore"):
-        if isinstance(shape, Mesh):  # the tables of a large one take a while
-            check_reach([shape.vertices[shape.faces]], properties)
-        else:
-            check_reach(plugin.kind.corners(plugin.kind.surfaces([shape], 0)), properties)
+        check_reach(plugin.kind.corners_of(shape), properties)
         has_area = radiance is None or _area(plugin.kind, shape) > 0.0
     if not has_area:
         raise SceneError(

@@ -152,4 +152,4 @@ def test_the_tally_says_what_was_tested(scene, tree, brute):
 
 
 def test_leaves_name_kinds_by_their_place_in_the_record():
-    assert Instances._fields[-len(KINDS) :] == KINDS
+    assert Instances._fields[-len(KINDS) :] == tuple(KINDS)

@@ -1,8 +1,8 @@
 """Stage 3, the surface at a hit: position, normals, uv, and how uncertain the position is.
 
-Each kind of shape computes its surface points (`plugins.shapes`). Here its kernels are
-called for the hits of a batch that are on shapes of that kind. Then the points on instances
-are transformed to the world.
+Each kind of shape has a kernel that computes its points (`plugins.shapes.surface`). Here it
+is called for those hits of a batch that are on shapes of the kind. Then the points on
+instances are transformed to the world.
 """
 
 from __future__ import annotations
@@ -136,9 +136,5 @@ def surface_points(scene, rays, hits, order, count, points):
             (settings, scene.shapes, placements, hits, order, count, points),
         )
     _place(placements, settings, hits, order, count, points)
-    if after[AFTER_SURFACE_POINTS, 1] != 0:
-        call(
-            after[AFTER_SURFACE_POINTS, 1],
-            after[AFTER_SURFACE_POINTS, RECORD],
-            (placements, rays, hits, order, count, points),
-        )
+    for k in range(AFTER_SURFACE_POINTS, after.shape[0]):
+        call(after[k, 1], after[k, RECORD], (placements, rays, hits, order, count, points))

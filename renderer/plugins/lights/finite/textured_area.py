@@ -19,7 +19,7 @@ from renderer.plugins.lights.kind import LightSample, sample_light
 from renderer.plugins.lights.texel_choice import choose_uv, uv_density
 from renderer.plugins.lights.textures import LightTextures, light_color
 from renderer.plugins.sampling.arithmetic import seen_from
-from renderer.plugins.shapes.uv.parameterization import point_at_uv
+from renderer.plugins.shapes.surface import point_at_uv
 
 
 class TexturedAreas(NamedTuple):

@@ -2,56 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel, table_columns
 from renderer.kernels.lanes.functions import any_of, fabs, select, splat_f32, sqrt
-from renderer.kernels.lanes.memory import gather_row
-from renderer.plugins.sampling.numbers_and_warps import square_to_disk
-from renderer.plugins.shapes.blocks import BLOCKS_OF, primitives_in
+from renderer.kernels.lanes.mathematics.mathematics import sincos
+from renderer.kernels.lanes.vectors import cross, length, vec3
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI, square_to_disk
 from renderer.plugins.shapes.flat import flat
 from renderer.plugins.shapes.flat.patch import (
-    Intersection,
+    Patch,
     divided,
     grazing,
     meet_plane,
     meet_plane_in_double,
-    patch_at,
-    patch_in,
-    patches_from,
-    patches_in,
 )
 from renderer.plugins.shapes.kind import ShapeKind
-from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.plugins.shapes.primitives import Intersection
 from renderer.plugins.shapes.surface import (
-    LightPoint,
     SurfacePoint,
+    UvPoint,
+    flat_light_point,
     flat_point,
     gather_flat,
     nowhere,
-    pdf_by_area,
-    pdf_shape,
-    sample_shape,
-    surface_point,
-    tangent_at,
     turn,
 )
 from renderer.scene_file.description import Disk
 
 
-class Disks(NamedTuple):
-    """Disks: the corner is the centre, the edges are the two half axes."""
-
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
-    breadth: NDArray[np.float32]  # (n,) |x| + |y| + |z| of the normal
-    id: NDArray[np.int32]  # (n,) primitive id in the scene
-    count: int  # n without the padding
+class Ellipse(Patch):
+    """The corner is the centre, the edges are the two half axes."""
 
 
 @kernel
@@ -80,17 +64,11 @@ def hit_disk(disk, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
-@flat.with_parts
 @table_columns("places")
-class DiskSurfaces(NamedTuple):
-    """Disks first .. end - 1 by primitive id; corner is the centre."""
-
-    first: int
-    end: int
-    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
+class DiskSurfaces(flat.FlatSurfaces):
+    """Disks; the corner is the centre."""
 
 
-@surface_point.by(DiskSurfaces)
 @kernel
 def _point_on_disk(disks, index, mask, u, v, hit_point, with_uv):
     """Return the point; its texture coordinates are (radius, angle / 2 pi)."""
@@ -100,7 +78,6 @@ def _point_on_disk(disks, index, mask, u, v, hit_point, with_uv):
     return SurfacePoint(position, normal, normal, nowhere(mask), offset, radius, angle)
 
 
-@tangent_at.by(DiskSurfaces)
 @kernel
 def _tangent_of_disk(disks, index, mask, x, y, normal):
     """Return the way outwards, as u is the distance from the centre; there, along x."""
@@ -111,39 +88,31 @@ def _tangent_of_disk(disks, index, mask, x, y, normal):
     return p.edge1 * cosine + p.edge2 * (y * inverse)
 
 
-@sample_shape.by(DiskSurfaces)
 @kernel
 def _sample_disk(disks, kind, light, mask, position, x, y, z):
     """Choose a point, uniformly."""
-    areas = kind.lights
-    index = gather_row(areas.prim, 0, light, mask) - disks.first
     u, v = square_to_disk(x, y)
+    return flat_light_point(disks, kind, light, mask, position, u, v)
+
+
+@kernel
+def _at_uv(disks, chart, light, prim, orientation, u, v, mask):
+    index = prim - disks.first
     p = gather_flat(disks, index, mask)
-    point = p.corner + p.edge1 * u + p.edge2 * v
-    side = p.normal * gather_row(areas.orientation, 0, light, mask)
-    return LightPoint(point - position, p.normal, side)
+    sine, cosine = sincos(TWO_PI * v)
+    position = p.corner + (p.edge1 * cosine + p.edge2 * sine) * u
+    per_area = length(cross(p.edge1, p.edge2)) * (TWO_PI * u)
+    return UvPoint(position, p.normal * orientation, per_area, mask)
 
 
-pdf_shape.by(DiskSurfaces)(pdf_by_area)
+@kernel
+def _uv_axes(disks, q, radius):
+    none = splat_f32(0.0)
+    outwards = vec3(q.x / radius, q.y / radius, none)
+    return outwards, vec3(-q.y, q.x, none) * TWO_PI
 
 
 # ---------------------------------------------------------------------------- tables
-
-
-class DiskBlocks(NamedTuple):
-    """Centre, edges and normal of eight disks a block."""
-
-    rows: NDArray[np.float32]  # (blocks, 12 * 8)
-    id: NDArray[np.int32]
-    count: int
-
-
-BLOCKS_OF[Disks] = DiskBlocks
-primitive_at.by(Disks)(patch_at)
-primitives_from.by(Disks)(patches_from)
-primitive_at.by(DiskBlocks)(patch_in)
-primitives_in.by(DiskBlocks)(patches_in)
-hit_primitive.by(Disks, DiskBlocks, drop_first=True)(hit_disk)
 
 
 def read(properties: Any, common: dict[str, Any]) -> Disk:
@@ -165,13 +134,21 @@ def _corners(s: Any) -> list[NDArray[np.float32]]:
 
 
 DISKS = ShapeKind(
-    "disks",
-    Disk,
-    surfaces,
-    flat.orientation,
-    _corners,
-    flat.hull(((-1, -1), (1, -1), (-1, 1), (1, 1))),
-    flat.areas(float(np.pi)),
-    flat.group(Disks),
-    {"disk": read},
+    name="disks",
+    plugins={"disk": read},
+    description=Disk,
+    record=DiskSurfaces,
+    surfaces=surfaces,
+    primitive=Ellipse,
+    numbers=flat.numbers,
+    intersect=hit_disk,
+    surface_point=_point_on_disk,
+    tangent=_tangent_of_disk,
+    sample=_sample_disk,
+    point_at_uv=_at_uv,
+    uv_axes=_uv_axes,
+    corners=_corners,
+    hull=flat.hull(((-1, -1), (1, -1), (-1, 1), (1, 1))),
+    areas=flat.areas(float(np.pi)),
+    orientation=flat.orientation,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,23 @@ from renderer.plugins.shapes.arrays import mirrors, unit_normals
 PARTS = ("corner", "edge1", "edge2", "normal")
 
 Record = TypeVar("Record")
+
+
+def with_parts(record: type[Record]) -> type[Record]:
+    """Give a record that has `places` each of their parts, (3, n), as an attribute."""
+    for k, name in enumerate(PARTS):
+        rows = slice(3 * k, 3 * k + 3)
+        setattr(record, name, property(lambda surfaces, rows=rows: surfaces.places[rows]))
+    return record
+
+
+@with_parts
+class FlatSurfaces(NamedTuple):
+    """Flat shapes first .. end - 1 by primitive id; their classes derive from this one."""
+
+    first: int
+    end: int
+    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
 
 
 def flat_surfaces(record: Any, first: int, corner: Any, x: Any, y: Any) -> Any:
@@ -31,14 +48,6 @@ def replaced(surfaces: Any, **parts: Any) -> Any:
     """Return a record of flat shapes with other `corner`, `edge1`, ..., (3, n)."""
     rows = [parts.get(name, getattr(surfaces, name)) for name in PARTS]
     return surfaces._replace(places=by_columns(np.concatenate(rows)))
-
-
-def with_parts(record: type[Record]) -> type[Record]:
-    """Give a record that has `places` each of their parts, (3, n), as an attribute."""
-    for k, name in enumerate(PARTS):
-        rows = slice(3 * k, 3 * k + 3)
-        setattr(record, name, property(lambda surfaces, rows=rows: surfaces.places[rows]))
-    return record
 
 
 def placed_axes(shapes: list[Any]) -> tuple[Any, Any, Any]:
@@ -73,22 +82,10 @@ def areas(factor: float) -> Callable[[Any, Any], NDArray[np.float64]]:
     return of
 
 
-def group(record: Any) -> Callable[..., Any]:
-    """Return what makes the group of an accelerator: the fields of `patch.Patch`."""
-
-    def of(s: Any, order: Any, ids: Any, padded: Callable[[Any], Any]) -> Any:
-        edge1, edge2 = s.edge1[:, order], s.edge2[:, order]
-        normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
-        normal = normal.astype(np.float32)
-        x, y, z = np.abs(normal)
-        return record(
-            padded(s.corner[:, order]),
-            padded(edge1),
-            padded(edge2),
-            padded(normal),
-            padded(x + y + z),
-            ids,
-            len(order),
-        )
-
-    return of
+def numbers(s: Any, columns: Any) -> tuple[Any, ...]:
+    """Return the fields of `patch.Patch`."""
+    edge1, edge2 = s.edge1[:, columns], s.edge2[:, columns]
+    normal = np.cross(edge1.T.astype(np.float64), edge2.T.astype(np.float64)).T
+    normal = normal.astype(np.float32)
+    x, y, z = np.abs(normal)
+    return s.corner[:, columns], edge1, edge2, normal, x + y + z

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import kernel, never_inline
+from renderer.kernels.lanes.fields import Derived, Vector
 from renderer.kernels.lanes.functions import (
     fabs,
     negate_by_sign,
@@ -18,9 +19,8 @@ from renderer.kernels.lanes.functions import (
     to_double,
     to_single,
 )
-from renderer.kernels.lanes.memory import load_one, load_row
-from renderer.kernels.lanes.vectors import column, cross, dot, load3, vec3
-from renderer.plugins.shapes.blocks import column_in, three_in
+from renderer.kernels.lanes.vectors import cross, dot, vec3
+from renderer.plugins.shapes.primitives import Intersection
 
 # A Python literal would make scalars float64, and round differently from the lanes.
 ONE = np.float32(1.0)
@@ -36,23 +36,14 @@ GRAZING = np.float32(0.125)
 MARGIN = np.float32(-0.125)
 
 
-class Intersection(NamedTuple):
-    """Where rays meet a primitive; t, u, v mean something only where `hit` is set."""
-
-    hit: Any
-    t: Any
-    u: Any
-    v: Any
-
-
 class Patch(NamedTuple):
     """One flat primitive, or 16 in lanes: the points corner + u edge1 + v edge2."""
 
-    corner: Any
-    edge1: Any
-    edge2: Any
-    normal: Any  # edge1 x edge2, not normalised
-    breadth: Any  # |x| + |y| + |z| of the normal
+    corner: Vector
+    edge1: Vector
+    edge2: Vector
+    normal: Vector  # edge1 x edge2, not normalised
+    breadth: Derived  # |x| + |y| + |z| of the normal
 
 
 class PlaneHit(NamedTuple):
@@ -62,37 +53,6 @@ class PlaneHit(NamedTuple):
     t: Any
     u: Any
     v: Any
-
-
-@kernel
-def patch_of(corner, edge1, edge2, normal):
-    """Return the flat primitive of these vectors."""
-    breadth = fabs(normal.x) + fabs(normal.y) + fabs(normal.z)
-    return Patch(corner, edge1, edge2, normal, breadth)
-
-
-@kernel
-def patch_at(patches, k):
-    """Return flat primitive k as scalars."""
-    return Patch(
-        column(patches.corner, k),
-        column(patches.edge1, k),
-        column(patches.edge2, k),
-        column(patches.normal, k),
-        load_one(patches.breadth, 0, k),
-    )
-
-
-@kernel
-def patches_from(patches, k):
-    """Return flat primitives k to k + 15 as lanes."""
-    return Patch(
-        load3(patches.corner, k),
-        load3(patches.edge1, k),
-        load3(patches.edge2, k),
-        load3(patches.normal, k),
-        load_row(patches.breadth, 0, k),
-    )
 
 
 @kernel
@@ -125,6 +85,14 @@ def _upright(slope, t, u, v):
 
 
 @kernel
+def _breadth(normal, stored):
+    """Return |x| + |y| + |z|, which groups store and blocks do not."""
+    if stored is None:
+        return fabs(normal.x) + fabs(normal.y) + fabs(normal.z)
+    return stored
+
+
+@kernel
 def grazing(patch, plane_hit, direction):
     """Return which rays graze the plane in front of them: there rounding has no bound.
 
@@ -134,7 +102,8 @@ def grazing(patch, plane_hit, direction):
     """
     d = direction
     longest = GRAZING * (fabs(d.x) + fabs(d.y) + fabs(d.z))  # 1 in the world, not in groups
-    return (plane_hit.scale < longest * patch.breadth) & (plane_hit.t > 0.0)
+    breadth = _breadth(patch.normal, patch.breadth)
+    return (plane_hit.scale < longest * breadth) & (plane_hit.t > 0.0)
 
 
 @kernel
@@ -178,28 +147,3 @@ def divided(plane_hit, inside, t_max):
     hit = inside & (t > 0.0) & (t <= t_max) & (plane_hit.scale > 0.0)
     hit &= t < np.float32(np.inf)  # a triangle of 1e-20 may be met there
     return Intersection(hit, t, plane_hit.u * inverse, plane_hit.v * inverse)
-
-
-@kernel
-def patches_in(blocks, block):
-    """Return the eight flat primitives of a block as lanes."""
-    rows = blocks.rows
-    return patch_of(
-        three_in(rows, block, 0),
-        three_in(rows, block, 3),
-        three_in(rows, block, 6),
-        three_in(rows, block, 9),
-    )
-
-
-@kernel
-def patch_in(blocks, k):
-    """Return flat primitive k as scalars."""
-    block, j = k >> 3, k & 7
-    rows = blocks.rows
-    return patch_of(
-        column_in(rows, block, 0, j),
-        column_in(rows, block, 3, j),
-        column_in(rows, block, 6, j),
-        column_in(rows, block, 9, j),
-    )

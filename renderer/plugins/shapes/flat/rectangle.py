@@ -2,54 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import always_inline, kernel, table_columns
 from renderer.kernels.lanes.functions import any_of, maximum, minimum
-from renderer.kernels.lanes.memory import gather_row
-from renderer.plugins.shapes.blocks import BLOCKS_OF, primitives_in
+from renderer.kernels.lanes.vectors import cross, length
+from renderer.kernels.records.kernel_scene import HALVES
+from renderer.plugins.shapes.arrays import mirrors
 from renderer.plugins.shapes.flat import flat
 from renderer.plugins.shapes.flat.patch import (
     MARGIN,
+    Patch,
     divided,
     grazing,
     meet_plane,
     meet_plane_in_double,
-    patch_at,
-    patch_in,
-    patches_from,
-    patches_in,
 )
 from renderer.plugins.shapes.kind import ShapeKind
-from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
 from renderer.plugins.shapes.surface import (
-    LightPoint,
     SurfacePoint,
+    UvPoint,
+    flat_light_point,
     flat_point,
     gather_flat,
     nowhere,
-    pdf_by_area,
-    pdf_shape,
-    sample_shape,
-    surface_point,
-    tangent_at,
 )
+from renderer.plugins.shapes.uv.uv_derivatives import ByPrimitive
 from renderer.scene_file.description import Rectangle
 
 
-class Rectangles(NamedTuple):
-    """Parallelograms: the corner at uv = (0, 0), the edges to (1, 0) and (0, 1)."""
-
-    corner: NDArray[np.float32]  # (3, n)
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
-    breadth: NDArray[np.float32]  # (n,) |x| + |y| + |z| of the normal
-    id: NDArray[np.int32]  # (n,) primitive id in the scene
-    count: int  # n without the padding
+class Parallelogram(Patch):
+    """The corner at uv = (0, 0), the edges to (1, 0) and (0, 1)."""
 
 
 @kernel
@@ -72,61 +58,38 @@ def hit_rectangle(rectangle, origin, direction, t_max):
 # ------------------------------------------------------------------ surface and light
 
 
-@flat.with_parts
 @table_columns("places")
-class RectangleSurfaces(NamedTuple):
-    """Parallelograms first .. end - 1 by primitive id."""
-
-    first: int
-    end: int
-    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
+class RectangleSurfaces(flat.FlatSurfaces):
+    """Parallelograms."""
 
 
-@surface_point.by(RectangleSurfaces)
 @kernel
 def _point_on_rectangle(rectangles, index, mask, u, v, hit_point, with_uv):
     position, normal, offset = flat_point(rectangles, index, mask, u, v)
     return SurfacePoint(position, normal, normal, nowhere(mask), offset, u, v)
 
 
-@tangent_at.by(RectangleSurfaces)
 @kernel
 def _tangent_of_rectangle(rectangles, index, mask, u, v, normal):
     return gather_flat(rectangles, index, mask).edge1
 
 
-@sample_shape.by(RectangleSurfaces)
 @kernel
 def _sample_rectangle(rectangles, kind, light, mask, position, x, y, z):
     """Choose a point, uniformly."""
-    areas = kind.lights
-    index = gather_row(areas.prim, 0, light, mask) - rectangles.first
+    return flat_light_point(rectangles, kind, light, mask, position, x, y)
+
+
+@kernel
+def _at_uv(rectangles, chart, light, prim, orientation, u, v, mask):
+    index = prim - rectangles.first
     p = gather_flat(rectangles, index, mask)
-    point = p.corner + p.edge1 * x + p.edge2 * y
-    side = p.normal * gather_row(areas.orientation, 0, light, mask)
-    return LightPoint(point - position, p.normal, side)
-
-
-pdf_shape.by(RectangleSurfaces)(pdf_by_area)
+    position = p.corner + p.edge1 * u + p.edge2 * v
+    area = length(cross(p.edge1, p.edge2))
+    return UvPoint(position, p.normal * orientation, area, mask)
 
 
 # ---------------------------------------------------------------------------- tables
-
-
-class RectangleBlocks(NamedTuple):
-    """Corner, edges and normal of eight rectangles a block."""
-
-    rows: NDArray[np.float32]  # (blocks, 12 * 8)
-    id: NDArray[np.int32]
-    count: int
-
-
-BLOCKS_OF[Rectangles] = RectangleBlocks
-primitive_at.by(Rectangles)(patch_at)
-primitives_from.by(Rectangles)(patches_from)
-primitive_at.by(RectangleBlocks)(patch_in)
-primitives_in.by(RectangleBlocks)(patches_in)
-hit_primitive.by(Rectangles, RectangleBlocks, drop_first=True)(hit_rectangle)
 
 
 def read(properties: Any, common: dict[str, Any]) -> Rectangle:
@@ -148,14 +111,40 @@ def _corners(s: Any) -> list[NDArray[np.float32]]:
     return [*points, s.corner + s.edge1 + s.edge2]
 
 
+def _textured_side(shape: Rectangle) -> float:
+    """Return the orientation without `flip_normals`, which Mitsuba forgets there.
+
+    Where it samples a texture on a rectangle: a flipped one is sampled from its front, and
+    shines to its back where paths arrive by themselves.
+    """
+    return -1.0 if mirrors(shape.to_world) else 1.0
+
+
+def _derivatives(surfaces: Any, shapes: Any) -> ByPrimitive:
+    """Return dp/du and dp/dv: u and v go from 0 to 1 along edges of length 2."""
+    maps = np.array([shape.to_world for shape in shapes], float)
+    columns = (np.ascontiguousarray(2.0 * maps[:, :3, k].T, np.float32) for k in (0, 1))
+    return ByPrimitive(surfaces.first, surfaces.end, *columns)
+
+
 RECTANGLES = ShapeKind(
-    "rectangles",
-    Rectangle,
-    surfaces,
-    flat.orientation,
-    _corners,
-    flat.hull(((0, 0), (1, 0), (0, 1), (1, 1))),
-    flat.areas(1.0),
-    flat.group(Rectangles),
-    {"rectangle": read},
+    name="rectangles",
+    plugins={"rectangle": read},
+    description=Rectangle,
+    record=RectangleSurfaces,
+    surfaces=surfaces,
+    primitive=Parallelogram,
+    numbers=flat.numbers,
+    intersect=hit_rectangle,
+    surface_point=_point_on_rectangle,
+    tangent=_tangent_of_rectangle,
+    sample=_sample_rectangle,
+    point_at_uv=_at_uv,
+    corners=_corners,
+    hull=flat.hull(((0, 0), (1, 0), (0, 1), (1, 1))),
+    areas=flat.areas(1.0),
+    derivatives=_derivatives,
+    orientation=flat.orientation,
+    other_textured_side=_textured_side,
+    faces=lambda shape: np.full(1, HALVES),
 )

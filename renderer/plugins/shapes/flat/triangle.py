@@ -19,49 +19,36 @@ from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
 from renderer.plugins.sampling.arithmetic import density_normal
 from renderer.plugins.sampling.numbers_and_warps import square_to_triangle
 from renderer.plugins.shapes.arrays import empty_rows
-from renderer.plugins.shapes.blocks import BLOCKS_OF, primitives_in
 from renderer.plugins.shapes.flat import flat
 from renderer.plugins.shapes.flat.mesh_plugins import MESH_PLUGINS
 from renderer.plugins.shapes.flat.patch import (
     MARGIN,
     ONE,
-    Intersection,
+    Patch,
     divided,
     grazing,
     meet_plane,
     meet_plane_in_double,
-    patch_at,
-    patch_in,
-    patches_from,
-    patches_in,
 )
-from renderer.plugins.shapes.kind import ShapeKind, flipped
-from renderer.plugins.shapes.primitives import hit_primitive, primitive_at, primitives_from
+from renderer.plugins.shapes.kind import ShapeKind
+from renderer.plugins.shapes.primitives import Intersection
 from renderer.plugins.shapes.surface import (
     LightPoint,
     SurfacePoint,
     flat_point,
     gather_flat,
     nowhere,
-    pdf_by_area,
-    pdf_shape,
-    sample_shape,
-    surface_point,
-    tangent_at,
+)
+from renderer.plugins.shapes.uv.uv_chart import point_of_mesh
+from renderer.plugins.shapes.uv.uv_derivatives import (
+    derivatives_of_triangles,
+    texture_tangents,
 )
 from renderer.scene_file.description import Mesh
 
 
-class Triangles(NamedTuple):
-    """Triangles in the order of an accelerator; all groups are padded by 16 columns."""
-
-    corner: NDArray[np.float32]  # (3, n) p1 of the lecture
-    edge1: NDArray[np.float32]  # (3, n)
-    edge2: NDArray[np.float32]  # (3, n)
-    normal: NDArray[np.float32]  # (3, n) edge1 x edge2, not normalised
-    breadth: NDArray[np.float32]  # (n,) |x| + |y| + |z| of the normal
-    id: NDArray[np.int32]  # (n,) primitive id in the scene
-    count: int  # n without the padding
+class Triangle(Patch):
+    """The corner is p1 of the lecture."""
 
 
 @kernel
@@ -143,7 +130,6 @@ def _interpolated_uv(uvs, index, mask, u, v):
     return u0 * w + u1 * u + u2 * v, v0 * w + v1 * u + v2 * v
 
 
-@surface_point.by(TriangleSurfaces)
 @kernel
 def _point_on_triangle(triangles, index, mask, u, v, hit_point, with_uv):
     position, normal, offset = flat_point(triangles, index, mask, u, v)
@@ -153,7 +139,6 @@ def _point_on_triangle(triangles, index, mask, u, v, hit_point, with_uv):
     return SurfacePoint(position, normal, shading_normal, smooth, offset, u, v)
 
 
-@tangent_at.by(TriangleSurfaces)
 @kernel
 def _tangent_of_triangle(triangles, index, mask, u, v, normal):
     return gather3(triangles.tangents, index, mask)
@@ -187,7 +172,6 @@ def _choose_by_alias(table, light, mask, y, z):
     return gather_row(table.prim, 0, entry, mask), y
 
 
-@sample_shape.by(TriangleSurfaces)
 @kernel
 def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
     """Choose a triangle of the mesh by its area, then a point in it, uniformly.
@@ -205,26 +189,7 @@ def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
     return LightPoint(point - position, density_normal(kind.arithmetic, n, side), side)
 
 
-pdf_shape.by(TriangleSurfaces)(pdf_by_area)
-
-
 # ---------------------------------------------------------------------------- tables
-
-
-class TriangleBlocks(NamedTuple):
-    """Corner, edges and normal of eight triangles a block."""
-
-    rows: NDArray[np.float32]  # (blocks, 12 * 8)
-    id: NDArray[np.int32]  # (blocks * 8,) primitive id in the scene, -1 in the padding
-    count: int  # blocks * 8
-
-
-BLOCKS_OF[Triangles] = TriangleBlocks
-primitive_at.by(Triangles)(patch_at)
-primitives_from.by(Triangles)(patches_from)
-primitive_at.by(TriangleBlocks)(patch_in)
-primitives_in.by(TriangleBlocks)(patches_in)
-hit_primitive.by(Triangles, TriangleBlocks, drop_first=True)(hit_triangle)
 
 
 def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
@@ -269,14 +234,37 @@ def _corners(s: Any) -> list[NDArray[np.float32]]:
     return [s.corner, s.corner + s.edge1, s.corner + s.edge2]
 
 
+def _faces(mesh: Mesh) -> NDArray[Any]:
+    return np.arange(len(mesh.faces)) if mesh.face_ids is None else mesh.face_ids
+
+
+def prepared(
+    triangles: TriangleSurfaces, *, with_uv: bool, with_tangents: bool
+) -> TriangleSurfaces:
+    """Return the table with dp/du if it is needed, without uv if it is not."""
+    if with_tangents and triangles.tangents.shape[1] == 0:
+        triangles = triangles._replace(tangents=texture_tangents(triangles))
+    return triangles if with_uv else triangles._replace(uvs=empty_rows(6))
+
+
 TRIANGLES = ShapeKind(
-    "triangles",
-    Mesh,
-    surfaces,
-    flipped,
-    _corners,
-    flat.hull(((0, 0), (1, 0), (0, 1), (0, 0))),
-    flat.areas(0.5),
-    flat.group(Triangles),
-    MESH_PLUGINS,
+    name="triangles",
+    plugins=MESH_PLUGINS,
+    description=Mesh,
+    record=TriangleSurfaces,
+    surfaces=surfaces,
+    primitive=Triangle,
+    numbers=flat.numbers,
+    intersect=hit_triangle,
+    surface_point=_point_on_triangle,
+    tangent=_tangent_of_triangle,
+    sample=_sample_mesh,
+    point_at_uv=point_of_mesh,
+    corners=_corners,
+    hull=flat.hull(((0, 0), (1, 0), (0, 1), (0, 0))),
+    areas=flat.areas(0.5),
+    derivatives=derivatives_of_triangles,
+    faces=_faces,
+    mesh=True,
+    prepared=prepared,
 )

@@ -12,35 +12,30 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernels.jit import kernel, never_inline
 from renderer.kernels.lanes.memory import gather_row
-from renderer.kernels.lanes.vectors import orthonormal_basis, vec3
+from renderer.kernels.lanes.vectors import column, orthonormal_basis, vec3
 from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.implicit.intervals import Interval, Steps, along_line
 from renderer.plugins.shapes.implicit.roots import first_root
-from renderer.plugins.shapes.kind import ShapeKind, flipped
+from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.scalar_shapes import (
     INFINITY,
-    between,
     box_corners,
-    group_of,
     hull_of_box,
     in_double,
-    intersect_scalar,
-    no_area,
+    matrix_rows,
     placed_point,
     placed_vector,
-    point_alone,
     points_alone,
+    refuse_lamp,
     unit_normal,
+    within_box,
 )
 from renderer.plugins.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     nowhere,
-    surface_point,
-    tangent_at,
 )
 from renderer.scene_file.description import Implicit
 from renderer.scene_file.objects.expressions import (
@@ -78,7 +73,6 @@ def _program(surfaces, k):
     )
 
 
-@intersect_scalar.by(ImplicitSurfaces)
 @kernel
 def _hit_surface(surfaces, k, origin, direction, t_max):
     never_inline()
@@ -86,13 +80,9 @@ def _hit_surface(surfaces, k, origin, direction, t_max):
         return INFINITY
     o = placed_point(surfaces.to_object, k, in_double(origin))
     d = placed_vector(surfaces.to_object, k, in_double(direction))
-    near, far = 0.0, np.float64(t_max)
-    low, high = surfaces.lower, surfaces.upper
-    near, far = between(low[0, k], high[0, k], o.x, d.x, near, far)
-    near, far = between(low[1, k], high[1, k], o.y, d.y, near, far)
-    near, far = between(low[2, k], high[2, k], o.z, d.z, near, far)
-    if not near <= far < np.inf:
-        # a ray without end leaves the box, unless it goes nowhere
+    lower, upper = column(surfaces.lower, k), column(surfaces.upper, k)
+    near, far = within_box(lower, upper, o, d, t_max)
+    if near > far:
         return INFINITY
     t, _ = first_root(_program(surfaces, k), o, d, near, far)
     rounded = np.float32(t)
@@ -110,7 +100,6 @@ def _gradient(program, p):
     return 0.5 * (value.low + value.high), slope
 
 
-@point_alone.by(ImplicitSurfaces)
 @kernel
 def point_and_normal(surfaces, k, hit_point):
     """Take a Newton step along the gradient.
@@ -137,7 +126,6 @@ def point_and_normal(surfaces, k, hit_point):
     return placed_point(surfaces.to_world, k, p), n, n
 
 
-@surface_point.by(ImplicitSurfaces)
 @kernel
 def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
     """Return the point; it has no texture coordinates."""
@@ -147,7 +135,6 @@ def _point_on_implicit(surfaces, index, mask, u, v, hit_point, with_uv):
     return SurfacePoint(position, normal, normal, nowhere(mask), offset, nothing, nothing)
 
 
-@tangent_at.by(ImplicitSurfaces)
 @kernel
 def _tangent_of_implicit(surfaces, index, mask, u, v, normal):
     """Return any direction across the normal: there is no u."""
@@ -160,11 +147,7 @@ def _tangent_of_implicit(surfaces, index, mask, u, v, normal):
 
 def read(properties: Any, common: dict[str, Any]) -> Implicit:
     """Read the properties of a file."""
-    if common["radiance"] is not None:
-        raise SceneError(
-            f"{properties.location}: {properties.element} cannot emit: its area is not "
-            "known; a mesh or a sphere can"
-        )
+    refuse_lamp(properties, common)
     lower = np.array(properties.vector("bounds_min", (-1.0, -1.0, -1.0)))
     upper = np.array(properties.vector("bounds_max", (1.0, 1.0, 1.0)))
     if not (lower < upper).all():
@@ -211,7 +194,6 @@ def _read_program(properties: Any) -> Program:
 def surfaces(shapes: list[Implicit], first: int) -> ImplicitSurfaces:
     """Return the surfaces of shapes with primitive ids from `first` on."""
     placed = np.array([shape.to_world for shape in shapes])
-    rows = (m[:, :3].reshape(-1, 12).T for m in (placed, np.linalg.inv(placed)))
     bounds = np.array([shape.bounds for shape in shapes])  # (n, 2, 3)
     steps = [len(shape.program.operations) for shape in shapes]
     ends = np.cumsum(steps)
@@ -220,7 +202,7 @@ def surfaces(shapes: list[Implicit], first: int) -> ImplicitSurfaces:
         first + len(shapes),
         np.ascontiguousarray(bounds[:, 0].T),
         np.ascontiguousarray(bounds[:, 1].T),
-        *(np.ascontiguousarray(m) for m in rows),
+        *matrix_rows(placed),
         np.zeros(len(shapes), np.float32),
         ends - steps,
         ends,
@@ -243,14 +225,16 @@ def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
 
 
 IMPLICITS = ShapeKind(
-    "implicits",
-    Implicit,
-    surfaces,
-    flipped,
-    _corners,
-    _hull,
-    no_area,
-    group_of,
-    {"implicit": read},
-    wide=False,
+    name="implicits",
+    plugins={"implicit": read},
+    description=Implicit,
+    record=ImplicitSurfaces,
+    surfaces=surfaces,
+    primitive=None,
+    intersect=_hit_surface,
+    point=point_and_normal,
+    surface_point=_point_on_implicit,
+    tangent=_tangent_of_implicit,
+    corners=_corners,
+    hull=_hull,
 )

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import SceneError
 from renderer.kernels.jit import kernel, never_inline
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import vec3
@@ -31,25 +30,21 @@ from renderer.plugins.shapes.implicit.trilinear import (
 from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.scalar_shapes import (
     INFINITY,
-    between,
     box_corners,
-    group_of,
     hull_of_box,
     in_double,
-    intersect_scalar,
-    no_area,
+    matrix_rows,
     placed_point,
     placed_vector,
-    point_alone,
     points_alone,
+    refuse_lamp,
     unit_normal,
+    within_box,
 )
 from renderer.plugins.shapes.surface import (
     ROUNDING,
     SurfacePoint,
     nowhere,
-    surface_point,
-    tangent_at,
 )
 from renderer.scene_file.description import SdfGrid
 from renderer.scene_file.meshes.grid_file import check_distances, read_grid
@@ -84,7 +79,6 @@ def _place(cells, k):
     return np.float64(x), np.float64(y), np.float64(z)
 
 
-@intersect_scalar.by(SdfCells)
 @kernel
 def hit_cell(cells, k, origin, direction, t_max):
     """Return t of the first hit, see `intersect_scalar`."""
@@ -95,12 +89,9 @@ def hit_cell(cells, k, origin, direction, t_max):
     o = placed_point(cells.to_grid, grid, in_double(origin))
     d = placed_vector(cells.to_grid, grid, in_double(direction))
     x, y, z = _place(cells, k)
-    near, far = 0.0, np.float64(t_max)
-    near, far = between(x, x + 1.0, o.x, d.x, near, far)
-    near, far = between(y, y + 1.0, o.y, d.y, near, far)
-    near, far = between(z, z + 1.0, o.z, d.z, near, far)
-    if not near <= far < np.inf:
-        # a ray without end leaves the cell, unless it goes nowhere
+    lower, upper = vec3(x, y, z), vec3(x + 1.0, y + 1.0, z + 1.0)
+    near, far = within_box(lower, upper, o, d, t_max)
+    if near > far:
         return INFINITY
     begin = vec3(o.x + near * d.x - x, o.y + near * d.y - y, o.z + near * d.z - z)
     reach = far - near
@@ -110,7 +101,6 @@ def hit_cell(cells, k, origin, direction, t_max):
     return rounded if rounded > 0.0 else INFINITY
 
 
-@point_alone.by(SdfCells)
 @kernel
 def point_of_cell(cells, k, hit_point):
     """Take a Newton step along the gradient; where that is 0 the normal is z."""
@@ -134,7 +124,6 @@ def point_of_cell(cells, k, hit_point):
     return placed_point(cells.to_world, grid, p), n, shading_normal
 
 
-@surface_point.by(SdfCells)
 @kernel
 def _point_on_cell(cells, index, mask, u, v, hit_point, with_uv):
     """Return the point; it has no texture coordinates."""
@@ -147,7 +136,6 @@ def _point_on_cell(cells, index, mask, u, v, hit_point, with_uv):
     )
 
 
-@tangent_at.by(SdfCells)
 @kernel
 def _no_tangent(cells, index, mask, u, v, normal):
     """Return 0: there is no u, and frames are made of their normal alone."""
@@ -159,11 +147,7 @@ def _no_tangent(cells, index, mask, u, v, normal):
 
 def read(properties: Any, common: dict[str, Any]) -> SdfGrid:
     """Read the properties of a file."""
-    if common["radiance"] is not None:
-        raise SceneError(
-            f"{properties.location}: {properties.element} cannot emit: its area is not "
-            "known; a mesh or a sphere can"
-        )
+    refuse_lamp(properties, common)
     name, distances = _read_distances(properties)
     if not len(occupied(distances)):
         properties.fail(
@@ -242,7 +226,6 @@ def surfaces(shapes: list[SdfGrid], first: int) -> SdfCells:
     points = np.array([shape.distances.shape[::-1] for shape in shapes], np.int64)
     to_world = np.array([shape.to_world for shape in shapes])
     to_world[:, :3, :3] /= (points - 1)[:, None, :]
-    rows = (m[:, :3].reshape(-1, 12).T for m in (to_world, np.linalg.inv(to_world)))
     sizes = [shape.distances.size for shape in shapes]
     cells = SdfCells(
         first,
@@ -252,7 +235,7 @@ def surfaces(shapes: list[SdfGrid], first: int) -> SdfCells:
             [_corner_values(s.distances, c) for s, c in zip(shapes, found, strict=True)]
         ),
         np.repeat(np.arange(len(shapes), dtype=np.int32), counts),
-        *(np.ascontiguousarray(m) for m in rows),
+        *matrix_rows(to_world),
         np.zeros(len(shapes), np.float32),
         np.array([shape.smooth for shape in shapes], np.int32),
         points,
@@ -284,15 +267,18 @@ def _hull(s: Any, order: Any) -> tuple[Any, Any, Any]:
 
 
 SDF_CELLS = ShapeKind(
-    "sdf_cells",
-    SdfGrid,
-    surfaces,
-    lambda shape: 1.0,
-    _corners,
-    _hull,
-    no_area,
-    group_of,
-    {"sdfgrid": read},
-    wide=False,
-    primitives=lambda shape: len(occupied(shape.distances)),
+    name="sdf_cells",
+    plugins={"sdfgrid": read},
+    description=SdfGrid,
+    record=SdfCells,
+    surfaces=surfaces,
+    primitive=None,
+    intersect=hit_cell,
+    point=point_of_cell,
+    surface_point=_point_on_cell,
+    tangent=_no_tangent,
+    corners=_corners,
+    hull=_hull,
+    orientation=lambda shape: 1.0,
+    faces=lambda shape: np.arange(len(occupied(shape.distances))),
 )

@@ -22,9 +22,7 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import cross, length
-from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
-from renderer.plugins.shapes.surface import gather_flat
-from renderer.plugins.shapes.uv.parameterization import UvPoint, point_at_uv
+from renderer.plugins.shapes.surface import UvPoint, gather_flat
 from renderer.scene_file.meshes.uv_grid import uv_grid
 
 _ROUNDING = np.float32(-1e-6)  # so that no point falls between two triangles
@@ -80,9 +78,8 @@ def _cell(chart, light, row, x, mask):
     return cell, inside
 
 
-@point_at_uv.by(TriangleSurfaces)
 @kernel
-def _on_mesh(triangles, chart, light, prim, orientation, u, v, mask):
+def point_of_mesh(triangles, chart, light, prim, orientation, u, v, mask):
     """Try the triangles of a cell in turn; the first that covers the point has it."""
     column, inside = _cell(chart, light, 0, u, mask)
     row, between = _cell(chart, light, 1, v, mask)

@@ -14,17 +14,13 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.affine import affine_of, times
-from renderer.kernels.lanes.functions import select, splat_f32, sqrt
-from renderer.kernels.lanes.vectors import gather3, vec3
-from renderer.plugins.sampling.numbers_and_warps import TWO_PI
+from renderer.kernels.lanes.functions import select, sqrt
+from renderer.kernels.lanes.vectors import gather3
 from renderer.plugins.shapes.arrays import float32
-from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
-
-_PI = np.float32(np.pi)
 
 
-class Flat(NamedTuple):
-    """Triangles or rectangles first .. end - 1 by primitive id."""
+class ByPrimitive(NamedTuple):
+    """Primitives first .. end - 1 by id, whose derivatives are the same everywhere."""
 
     first: int
     end: int
@@ -32,47 +28,28 @@ class Flat(NamedTuple):
     along_v: NDArray[np.float32]  # (3, n)
 
 
-class RoundDisks(NamedTuple):
-    """Disks; the maps are laid out as `Placements.to_world` is."""
+class ByPlace(NamedTuple):
+    """Shapes first .. end - 1 whose derivatives follow from the local point.
+
+    The maps are laid out as `Placements.to_world` is.
+    """
 
     first: int
     end: int
+    surfaces: Any  # the table of the kind, by whose class `uv_axes` is chosen
     to_world: NDArray[np.float32]  # (12 n,)
     to_object: NDArray[np.float32]  # (12 n,)
 
 
-class RoundSpheres(NamedTuple):
-    """Spheres, as `RoundDisks`."""
-
-    first: int
-    end: int
-    to_world: NDArray[np.float32]
-    to_object: NDArray[np.float32]
+def no_derivatives(surfaces: Any, shapes: Sequence[Any]) -> ByPrimitive:
+    """Return zeros, for kinds without u and v: nothing is displaced there."""
+    nothing = np.zeros((3, surfaces.end - surfaces.first), np.float32)
+    return ByPrimitive(surfaces.first, surfaces.end, nothing, nothing)
 
 
-class RoundCylinders(NamedTuple):
-    """Cylinders, as `RoundDisks`."""
-
-    first: int
-    end: int
-    to_world: NDArray[np.float32]
-    to_object: NDArray[np.float32]
-
-
-_ROUND = {"disks": RoundDisks, "spheres": RoundSpheres, "cylinders": RoundCylinders}
-
-
-def derivatives_of(kind: str, surfaces: Any, shapes: Sequence[Any]) -> Any:
-    """Return the record of a kind; `shapes` are all of it, in their order."""
-    if kind == "triangles":
-        return Flat(surfaces.first, surfaces.end, *_of_triangles(surfaces))
-    if kind not in ("rectangles", *_ROUND):  # no u, no v: nothing is displaced there
-        nothing = np.zeros((3, surfaces.end - surfaces.first), np.float32)
-        return Flat(surfaces.first, surfaces.end, nothing, nothing)
+def derivatives_by_place(surfaces: Any, shapes: Sequence[Any]) -> ByPlace:
+    """Return the maps to the local points of shapes that have `uv_axes`, and back."""
     maps = np.array([shape.to_world for shape in shapes], float)
-    if kind == "rectangles":  # u and v go from 0 to 1 along edges of length 2
-        columns = (np.ascontiguousarray(2.0 * maps[:, :3, k].T, np.float32) for k in (0, 1))
-        return Flat(surfaces.first, surfaces.end, *columns)
     back = np.linalg.inv(maps)
     back[:, :3, 3] = maps[:, :3, 3]
     rows = (
@@ -82,27 +59,28 @@ def derivatives_of(kind: str, surfaces: Any, shapes: Sequence[Any]) -> Any:
         )
         for m in (maps, back)
     )
-    return _ROUND[kind](surfaces.first, surfaces.end, *rows)
+    return ByPlace(surfaces.first, surfaces.end, surfaces, *rows)
 
 
-def _of_triangles(triangles: TriangleSurfaces) -> tuple[Any, Any]:
+def derivatives_of_triangles(triangles: Any, meshes: Sequence[Any]) -> ByPrimitive:
     """Return both derivatives; where u and v span no area, unit vectors, as Mitsuba does.
 
     Meshes without texture coordinates have those of their barycentric ones.
     """
+    ids = triangles.first, triangles.end
     edge1, edge2 = triangles.edge1.astype(float), triangles.edge2.astype(float)
     if not triangles.uvs.size:
-        return float32(triangles.edge1), float32(triangles.edge2)
+        return ByPrimitive(*ids, float32(triangles.edge1), float32(triangles.edge2))
     u0, v0, u1, v1, u2, v2 = triangles.uvs.astype(float)
     area = (u1 - u0) * (v2 - v0) - (v1 - v0) * (u2 - u0)
     with np.errstate(all="ignore"):
         along_v = ((u1 - u0) * edge2 - (u2 - u0) * edge1) / area
     _, other = _face_tangents(edge1, edge2)
     along_v = np.where(np.isfinite(along_v).all(axis=0), along_v, other)
-    return texture_tangents(triangles), np.ascontiguousarray(along_v, np.float32)
+    return ByPrimitive(*ids, texture_tangents(triangles), float32(along_v))
 
 
-def texture_tangents(triangles: TriangleSurfaces) -> NDArray[np.float32]:
+def texture_tangents(triangles: Any) -> NDArray[np.float32]:
     """Return dp/du (3, n), not unit; where u and v span no area, of length 1.
 
     Without texture coordinates u is the first barycentric coordinate.
@@ -142,43 +120,26 @@ def uv_derivatives(shapes: Any, index: Any, mask: Any, position: Any) -> Any:
     """Return dp/du and dp/dv in the space of the shape, where it is at `position`."""
 
 
-@uv_derivatives.by(Flat)
+@interface
+def uv_axes(surfaces: Any, q: Any, radius: Any) -> Any:
+    """Return dp/du and dp/dv of a shape in its own space, at the local point q.
+
+    `radius` is its distance from the z axis, 1 where that is 0.
+    """
+
+
+@uv_derivatives.by(ByPrimitive)
 @kernel
-def _on_flat(shapes, index, mask, position):
+def _by_primitive(shapes, index, mask, position):
     return gather3(shapes.along_u, index, mask), gather3(shapes.along_v, index, mask)
 
 
+@uv_derivatives.by(ByPlace)
 @kernel
-def _maps(shapes, index, mask, position):
-    """Return the map to the world, the local point and its distance from the axis."""
+def _by_place(shapes, index, mask, position):
     back = affine_of(shapes.to_object, index, mask)
     q = times(back, position - back.at)
     radius = sqrt(q.x * q.x + q.y * q.y)
-    return affine_of(shapes.to_world, index, mask), q, select(radius > 0.0, radius, 1.0)
-
-
-@uv_derivatives.by(RoundDisks)
-@kernel
-def _on_disks(shapes, index, mask, position):
-    out, q, radius = _maps(shapes, index, mask, position)
-    none = splat_f32(0.0)
-    outwards = vec3(q.x / radius, q.y / radius, none)
-    return times(out, outwards), times(out, vec3(-q.y, q.x, none) * TWO_PI)
-
-
-@uv_derivatives.by(RoundSpheres)
-@kernel
-def _on_spheres(shapes, index, mask, position):
-    out, q, radius = _maps(shapes, index, mask, position)
-    down = vec3(q.z * q.x / radius, q.z * q.y / radius, -radius)
-    around = vec3(-q.y, q.x, splat_f32(0.0))
-    return times(out, around * TWO_PI), times(out, down * _PI)
-
-
-@uv_derivatives.by(RoundCylinders)
-@kernel
-def _on_cylinders(shapes, index, mask, position):
-    out, q, _ = _maps(shapes, index, mask, position)
-    none = splat_f32(0.0)
-    around = vec3(-q.y, q.x, none)
-    return times(out, around * TWO_PI), times(out, vec3(none, none, splat_f32(1.0)))
+    out = affine_of(shapes.to_world, index, mask)
+    du, dv = uv_axes(shapes.surfaces, q, select(radius > 0.0, radius, 1.0))
+    return times(out, du), times(out, dv)

@@ -4,17 +4,21 @@
 - disks: t in the disk's own space; the point goes onto the plane.
 
 Each agreed in all bits with Mitsuba 3.9.1 on 500 to 3000 hits, where no rotation has
-rounded its radius or matrix first. There are two rays:
-`probe` finds t, and `ray` is followed to it. They are the same but inside of instances
-(`instance_space`).
+rounded its radius or matrix first.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.vectors import column, dot, vec3
+from renderer.plugins.shapes.cylinder import CylinderSurfaces
+from renderer.plugins.shapes.flat.disk import DiskSurfaces
+from renderer.plugins.shapes.sphere import SphereSurfaces
 from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
 from renderer.replay.rounding.arithmetic.reciprocal import reciprocal_in_matrices
 from renderer.replay.rounding.arithmetic.rounded_once import (
@@ -25,18 +29,44 @@ from renderer.replay.rounding.arithmetic.rounded_once import (
     times_vector,
     unit,
 )
+from renderer.replay.rounding.hits.exact_hits import (
+    EXACT,
+    HitPoint,
+    both_matrices,
+    exact_hit,
+)
 from renderer.replay.rounding.hits.flat_hits import column3
-from renderer.replay.rounding.hits.surfaces import HitPoint
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _TWO_PI = np.float32(2.0 * np.pi)
 
 
+class ExactDisks(NamedTuple):
+    """Disks as Mitsuba has them."""
+
+    places: NDArray[np.float32]  # (12, n) as in `DiskSurfaces`
+    matrices: NDArray[np.float32]  # (24, n), see `both_matrices`
+
+
+class ExactCylinders(NamedTuple):
+    """Cylinders as Mitsuba has them."""
+
+    matrices: NDArray[np.float32]  # (24, n), see `both_matrices`
+
+
+EXACT[DiskSurfaces] = lambda disks, shapes: ExactDisks(
+    np.ascontiguousarray(disks.places), both_matrices(shapes)
+)
+EXACT[SphereSurfaces] = lambda spheres, shapes: spheres
+EXACT[CylinderSurfaces] = lambda _, shapes: ExactCylinders(both_matrices(shapes))
+
+
+@exact_hit.by(ExactDisks)
 @kernel
-def on_disk(matrices, disks, k, probe, ray):
-    """Return the hit on disk k."""
+def _on_disk(disks, k, u, v, probe, ray, grouped):
     center, normal = column3(disks.places, 0, k), column3(disks.places, 9, k)
+    matrices = disks.matrices
     o = times_point(matrices, 12, k, probe.origin)
     d = times_vector(matrices, 12, k, probe.direction)
     t = -o.z / d.z
@@ -46,7 +76,7 @@ def on_disk(matrices, disks, k, probe, ray):
     point = fused_sum(ray.direction, t, ray.origin)
     position = fused_sum(normal, dot(center - point, normal), point)
     tangent = times_vector(matrices, 0, k, outwards)
-    return HitPoint(position, normal, normal, tangent, t, t)
+    return HitPoint(position, normal, normal, tangent, None, None)
 
 
 @kernel
@@ -84,15 +114,15 @@ def _sphere_tangent(spheres, k, center, radius, p):
     return fused_sum(y_axis * radius, x, x_axis * (radius * -y)) * _TWO_PI
 
 
+@exact_hit.by(SphereSurfaces)
 @kernel
-def on_sphere(spheres, k, probe, ray):
-    """Return the hit on sphere k."""
+def _on_sphere(spheres, k, u, v, probe, ray, grouped):
     center, radius = column(spheres.center, k), spheres.radius[k]
     t = _sphere_distance(center, radius, probe.origin, probe.direction)
     normal = unit(fused_sum(ray.direction, t, ray.origin) - center)
     position = fused_sum(normal, radius, center)
     tangent = _sphere_tangent(spheres, k, center, radius, position)
-    return HitPoint(position, normal, normal, tangent, t, t)
+    return HitPoint(position, normal, normal, tangent, None, None)
 
 
 @kernel
@@ -109,9 +139,10 @@ def _cylinder_distance(o, d):
     return np.float32(near if near >= 0.0 and 0.0 <= z <= 1.0 else far)
 
 
+@exact_hit.by(ExactCylinders)
 @kernel
-def on_cylinder(matrices, k, probe, ray):
-    """Return the hit on cylinder k."""
+def _on_cylinder(cylinders, k, u, v, probe, ray, grouped):
+    matrices = cylinders.matrices
     t = _cylinder_distance(
         times_point(matrices, 12, k, probe.origin),
         times_vector(matrices, 12, k, probe.direction),
@@ -124,4 +155,4 @@ def on_cylinder(matrices, k, probe, ray):
     normal = unit(fused_cross(tangent, along))
     radius = np.sqrt(fused_multiply_add(local.x, local.x, local.y * local.y))
     position = fused_sum(normal, _ONE - radius, point)
-    return HitPoint(position, normal, normal, tangent, t, t)
+    return HitPoint(position, normal, normal, tangent, None, None)

@@ -8,10 +8,16 @@ all bits with Mitsuba 3.9.1 on thousands of hits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.vectors import column, vec3
+from renderer.plugins.shapes.flat.rectangle import RectangleSurfaces
+from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
 from renderer.replay.rounding.arithmetic.fused import fused_multiply_add
 from renderer.replay.rounding.arithmetic.reciprocal import reciprocal
 from renderer.replay.rounding.arithmetic.rounded_once import (
@@ -20,7 +26,10 @@ from renderer.replay.rounding.arithmetic.rounded_once import (
     fused_sum,
     unit,
 )
-from renderer.replay.rounding.hits.surfaces import HitPoint
+from renderer.replay.rounding.hits.exact_hits import EXACT, HitPoint, exact_hit
+from renderer.replay.rounding.hits.triangle_arithmetic import face_normals, uv_tangents
+from renderer.scene_file.description import Mesh, Rectangle
+from renderer.scene_file.transforms import place_normals, place_points
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
@@ -103,9 +112,22 @@ def _vertex_normal(normals, k, w, u, v, flat):
     return _interpolated_normal(a, b, c, w, u, v)
 
 
+class ExactTriangles(NamedTuple):
+    """Triangles as Mitsuba has them."""
+
+    surfaces: TriangleSurfaces
+    vertices: NDArray[np.float32]  # (9, n) three vertices in turn
+
+
+def _exact_triangles(surfaces: TriangleSurfaces, meshes: Sequence[Mesh]) -> ExactTriangles:
+    corners = [mesh.vertices[mesh.faces].reshape(-1, 9).T for mesh in meshes]
+    return ExactTriangles(surfaces, np.ascontiguousarray(np.hstack(corners), "f4"))
+
+
+@exact_hit.by(ExactTriangles)
 @kernel
-def on_triangle(triangles, vertices, k, ray, grouped):
-    """Return the hit on triangle k; `grouped`: it is in a group."""
+def _on_triangle(shapes, k, u, v, ray, mitsuba_ray, grouped):
+    triangles, vertices = shapes.surfaces, shapes.vertices
     a, b, c = column9(vertices, 0, k)
     u, v = _barycentric(a, b, c, ray.origin, ray.direction, grouped)
     w = (_ONE - u) - v
@@ -117,20 +139,51 @@ def on_triangle(triangles, vertices, k, ray, grouped):
     return HitPoint(position, flat, smooth, tangent, texture_u, texture_v)
 
 
+class ExactRectangles(NamedTuple):
+    """Two triangles for each rectangle; columns by half."""
+
+    vertices: NDArray[np.float32]  # (9, 2 n)
+    normals: NDArray[np.float32]  # (3, 2 n) unit
+    vertex_normals: NDArray[np.float32]  # (3, 2 n) unit
+    tangents: NDArray[np.float32]  # (3, 2 n) dp/du
+
+
+def _exact_rectangles(surfaces: Any, shapes: Sequence[Rectangle]) -> ExactRectangles:
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])
+    placed = np.array([place_points(shape.to_world, corners) for shape in shapes])
+    halves = placed[:, [[1, 2, 0], [1, 3, 2]]]  # (n, half, vertex, xyz)
+    vertices = np.ascontiguousarray(halves.reshape(-1, 9).T)
+    edges = vertices[3:6] - vertices[0:3], vertices[6:9] - vertices[0:3]
+    up = np.array([[0, 0, 1]])
+    normals = [place_normals(shape.to_world, up) for shape in shapes]
+    # the uv of the halves run over the whole rectangle
+    uvs = np.array([[1, 0, 0, 1, 0, 0], [1, 0, 1, 1, 0, 1]], np.float32)
+    return ExactRectangles(
+        vertices,
+        face_normals(*edges),
+        np.ascontiguousarray(np.repeat(np.concatenate(normals), 2, axis=0).T),
+        uv_tangents(*edges, np.tile(uvs.T, len(shapes))),
+    )
+
+
+@exact_hit.by(ExactRectangles)
 @kernel
-def on_rectangle(replayed, k, u, v, ray, grouped):
+def _on_rectangle(rectangles, k, u, v, ray, mitsuba_ray, grouped):
     """Return the hit on the half with the vertices (10, 01, 00), or (10, 11, 01)."""
     far = u + v > _ONE
     half = 2 * k + (1 if far else 0)
-    vertices = replayed.rectangles
-    a, b, c = column9(vertices, 0, half)
+    a, b, c = column9(rectangles.vertices, 0, half)
     u, v = _barycentric(a, b, c, ray.origin, ray.direction, grouped)
     w = (_ONE - u) - v
-    position = _weighted(vertices, half, w, u, v)
-    normal = column(replayed.rectangle_normals, half)
-    n = column(replayed.rectangle_vertex_normals, half)
+    position = _weighted(rectangles.vertices, half, w, u, v)
+    normal = column(rectangles.normals, half)
+    n = column(rectangles.vertex_normals, half)
     smooth = _interpolated_normal(n, n, n, w, u, v)
-    tangent = column(replayed.rectangle_tangents, half)
+    tangent = column(rectangles.tangents, half)
     if far:
         return HitPoint(position, normal, smooth, tangent, w + u, u + v)
     return HitPoint(position, normal, smooth, tangent, w, u)
+
+
+EXACT[TriangleSurfaces] = _exact_triangles
+EXACT[RectangleSurfaces] = _exact_rectangles

@@ -9,12 +9,17 @@ operations are fused, and in which order sums are taken, was found by trying; a 
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+import renderer.replay.rounding.hits.curved_hits  # noqa: F401  (it implements `exact_hit`)
 from renderer.kernels.jit import kernel, method_kernel
 from renderer.kernels.lanes.vectors import column, dot
-from renderer.replay.rounding.hits.curved_hits import on_cylinder, on_disk, on_sphere
-from renderer.replay.rounding.hits.flat_hits import on_rectangle, on_triangle
+from renderer.plugins.shapes.registry import kind_of_shape
+from renderer.replay.rounding.hits.exact_hits import EXACT, exact_hit
+from renderer.replay.rounding.hits.instance_matrices import instance_matrices
 from renderer.replay.rounding.hits.instance_space import (
     embree_ray,
     mitsuba_ray,
@@ -22,7 +27,7 @@ from renderer.replay.rounding.hits.instance_space import (
     placed_point,
     placed_vector,
 )
-from renderer.replay.rounding.hits.surfaces import HitPoint
+from renderer.scene_file.description import SceneDescription
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -31,64 +36,31 @@ _ONE = np.float32(1.0)
 ROUNDING = np.float32(1e-4)
 
 
-@kernel
-def _of_kind(surfaces, prim):
-    return prim >= surfaces.first and prim < surfaces.end
+class Rounding(NamedTuple):
+    """What the surface points on one kind of shape are computed from in a replay."""
+
+    first: int  # the kind's primitives are first .. end - 1 by id
+    end: int
+    shapes: Any  # what Mitsuba has of the kind, see `exact_hit`
+    instances: NDArray[np.float32]  # (24, n), see `instance_matrices`
 
 
-@kernel
-def _is_known(surfaces, prim):
-    return (
-        _of_kind(surfaces.triangles, prim)
-        or _of_kind(surfaces.rectangles, prim)
-        or _of_kind(surfaces.disks, prim)
-        or _of_kind(surfaces.spheres, prim)
-        or _of_kind(surfaces.cylinders, prim)
-    )
+class Previous(NamedTuple):
+    """The record of `keep_previous_points`."""
 
 
-@kernel
-def _try_triangles(triangles, vertices, prim, ray, grouped, found):
-    if not _of_kind(triangles, prim):
-        return found
-    k = prim - triangles.first
-    return on_triangle(triangles, vertices, k, ray, grouped)
-
-
-@kernel
-def _try_rectangles(rectangles, replayed, prim, u, v, ray, grouped, found):
-    if not _of_kind(rectangles, prim):
-        return found
-    k = prim - rectangles.first
-    return on_rectangle(replayed, k, u, v, ray, grouped)
-
-
-@kernel
-def _try_flat(surfaces, replayed, prim, u, v, ray, grouped, found):
-    triangles, rectangles = surfaces.triangles, surfaces.rectangles
-    found = _try_triangles(triangles, replayed.triangles, prim, ray, grouped, found)
-    return _try_rectangles(rectangles, replayed, prim, u, v, ray, grouped, found)
-
-
-@kernel
-def _try_disks(disks, matrices, prim, probe, ray, found):
-    if not _of_kind(disks, prim):
-        return found
-    return on_disk(matrices, disks, prim - disks.first, probe, ray)
-
-
-@kernel
-def _try_spheres(spheres, prim, probe, ray, found):
-    if not _of_kind(spheres, prim):
-        return found
-    return on_sphere(spheres, prim - spheres.first, probe, ray)
-
-
-@kernel
-def _try_cylinders(cylinders, matrices, prim, probe, ray, found):
-    if not _of_kind(cylinders, prim):
-        return found
-    return on_cylinder(matrices, prim - cylinders.first, probe, ray)
+def hooks_of_hits(
+    description: SceneDescription, surfaces: dict[str, Any]
+) -> list[tuple[Any, Any]]:
+    """Return (kernel, record) of what a replay does after the surface points are found."""
+    instances = instance_matrices(description.instances)
+    hooks: list[tuple[Any, Any]] = [(keep_previous_points, Previous())]
+    for kind, table in surfaces.items():
+        if (exact := EXACT.get(type(table))) is not None:
+            shapes = [s for s in description.every_shape if kind_of_shape(s).name == kind]
+            rounding = Rounding(table.first, table.end, exact(table, shapes), instances)
+            hooks.append((round_surface_points, rounding))
+    return hooks
 
 
 @kernel
@@ -121,6 +93,8 @@ def _replace_tangent(tangents, i, a):
 
 @kernel
 def _round_uv(uv, i, u, v):
+    if u is None:
+        return
     apart = max(abs(uv[0, i] - u), abs(uv[1, i] - v))
     if apart <= ROUNDING * (_ONE + max(abs(u), abs(v))):
         uv[0, i], uv[1, i] = u, v
@@ -134,46 +108,38 @@ def _round_normal(rows, i, a):
     _round(rows, i, a)
 
 
-@kernel
-def _round_frame(rounding, placements, prim, instance, found, points, i):
-    """Round both normals and dp/du."""
-    matrices = rounding.exact.instances
-    _round_normal(points.normal, i, placed_normal(matrices, instance, found.normal))
-    normal = placed_normal(matrices, instance, found.vertex_normal)
-    _round_normal(points.shading_normal, i, normal)
-    if instance < 0 and _of_kind(rounding.surfaces.triangles, prim):
-        return  # dp/du is what the mesh has
-    tangent = placed_vector(placements, instance, found.tangent)
-    _replace_tangent(points.tangent, i, tangent)
+@method_kernel
+def keep_previous_points(_, placements, rays, hits, order, count, points):
+    """Keep the exact position that each path came from."""
+    for i in range(count):
+        for c in range(3):
+            points.previous[c, i] = rays.previous[c, order[i]]
 
 
 @method_kernel
 def round_surface_points(rounding, placements, rays, hits, order, count, points):
-    """Compute the first `count` surface points anew, with Mitsuba's roundings.
-
-    Also keep the exact position that each path came from.
-    """
-    exact, surfaces = rounding.exact, rounding.surfaces
+    """Compute the points on one kind of shape anew, with Mitsuba's roundings."""
+    matrices = rounding.instances
     for i in range(count):
         ray = order[i]
-        for c in range(3):
-            points.previous[c, i] = rays.previous[c, ray]
-        prim, u, v = hits.prim[ray], hits.u[ray], hits.v[ray]
-        if not _is_known(surfaces, prim):
-            continue  # it keeps our roundings
+        prim = hits.prim[ray]
+        if prim < rounding.first or prim >= rounding.end:
+            continue
         instance = _instance_number(placements, hits.instance, ray)
         o, d = column(rays.origin, ray), column(rays.direction, ray)
-        probe = embree_ray(exact.instances, instance, o, d)
-        seen = mitsuba_ray(exact.instances, instance, o, d)
-        n = column(points.normal, i)
-        found = HitPoint(column(points.position, i), n, n, n, u, v)
-        found = _try_flat(surfaces, exact, prim, u, v, probe, instance >= 0, found)
-        found = _try_disks(surfaces.disks, exact.disks, prim, probe, seen, found)
-        found = _try_spheres(surfaces.spheres, prim, probe, seen, found)
-        found = _try_cylinders(
-            surfaces.cylinders, exact.cylinders, prim, probe, seen, found
+        found = exact_hit(
+            rounding.shapes,
+            prim - rounding.first,
+            hits.u[ray],
+            hits.v[ray],
+            embree_ray(matrices, instance, o, d),
+            mitsuba_ray(matrices, instance, o, d),
+            instance >= 0,
         )
         _round(points.position, i, placed_point(placements, instance, found.position))
-        if _of_kind(surfaces.triangles, prim) or _of_kind(surfaces.rectangles, prim):
-            _round_uv(points.uv, i, found.u, found.v)
-        _round_frame(rounding, placements, prim, instance, found, points, i)
+        _round_uv(points.uv, i, found.u, found.v)
+        _round_normal(points.normal, i, placed_normal(matrices, instance, found.normal))
+        normal = placed_normal(matrices, instance, found.vertex_normal)
+        _round_normal(points.shading_normal, i, normal)
+        tangent = placed_vector(placements, instance, found.tangent)
+        _replace_tangent(points.tangent, i, tangent)

@@ -16,14 +16,14 @@ from renderer.scene_file.description import Instance
 Columns = NDArray[np.float32]  # (3, n)
 
 
-def instance_matrices(instances: Sequence[Instance]) -> NDArray[np.float32] | None:
-    """Return the matrices of all instances, (24, n); None without instances.
+def instance_matrices(instances: Sequence[Instance]) -> NDArray[np.float32]:
+    """Return the matrices of all instances, (24, n).
 
     Rows 0 to 11: Embree's inverse, its columns and then the image of the origin. Rows 12 to
     23: Mitsuba's, whose columns are the rows of the matrix for normals.
     """
     if not instances:
-        return None
+        return np.zeros((24, 0), np.float32)
     matrices = np.array([instance.to_world for instance in instances])
     mitsuba = np.linalg.inv(matrices)[:, :3].transpose(2, 1, 0).reshape(12, -1)
     with np.errstate(all="ignore"):  # tiny instances: what is not finite rounds nothing

@@ -1,0 +1,120 @@
+"""Named tuples of vectors and numbers, loaded from tables by their annotations.
+
+    class Sphere(NamedTuple):
+        center: Vector
+        radius: Number
+
+takes four numbers of a table, in this order. Other records refer to the class by an object
+all of whose fields are None (`form_of`): it takes no memory there.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, get_type_hints
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing.templates import signature
+from numba.extending import intrinsic
+
+from renderer.kernels.jit.records import record_class
+from renderer.kernels.lanes.memory import as_i64, load_eight, load_one, load_row
+from renderer.kernels.lanes.vectors import Vec3Type
+
+
+class Vector:
+    """Annotation of a field: three numbers, a `vec3` in kernels."""
+
+
+class Number:
+    """Annotation of a field: one number."""
+
+
+class Derived:
+    """Annotation of a number that follows from the other fields.
+
+    It comes last. Tables in rows hold it; from blocks it is loaded as None, and the kernels
+    compute it.
+    """
+
+
+_SIZES = {Vector: 3, Number: 1, Derived: 1}
+
+
+@functools.cache
+def _fields(record: type) -> tuple[type, ...]:
+    return tuple(get_type_hints(record).values())
+
+
+def size_of(record: type, *, derived: bool) -> int:
+    """Return how many numbers a class takes, with or without the derived ones."""
+    return sum(_SIZES[kind] for kind in _fields(record) if derived or kind is not Derived)
+
+
+def form_of(record: type) -> Any:
+    """Return the object that stands for a class in other records."""
+    return record(*(None for _ in _fields(record)))
+
+
+def _loading(load: Any, steps: tuple[int, int], derived: bool, doc: str) -> Any:
+    """Return what loads all fields; `steps` in row and column lead to the next number."""
+
+    @intrinsic
+    def load_fields(typingctx: Any, form: Any, table: Any, row: Any, column: Any) -> Any:
+        loader = typingctx.resolve_value_type(load)
+        place = (table, types.int64, types.int64)
+        loading = typingctx.resolve_function_type(loader, place, {})
+        number = loading.return_type
+        of_kind = {
+            Vector: Vec3Type(number),
+            Number: number,
+            Derived: number if derived else types.none,
+        }
+        cls = record_class(form)
+        kinds = _fields(cls)
+        made = types.BaseTuple.from_types([of_kind[kind] for kind in kinds], cls)
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            function = context.get_function(loader, loading)
+            first = [as_i64(context, builder, args[k], sig.args[k]) for k in (2, 3)]
+
+            def number_at(k: int) -> Any:
+                at = (
+                    builder.add(place, ir.Constant(place.type, k * step))
+                    for place, step in zip(first, steps, strict=True)
+                )
+                return function(builder, (args[1], *at))
+
+            values, taken = [], 0
+            for kind, part in zip(kinds, made.types, strict=True):
+                if part == types.none:
+                    values.append(context.get_dummy_value())
+                elif kind is Vector:
+                    vector = cgutils.create_struct_proxy(part)(context, builder)
+                    for k, name in enumerate("xyz"):
+                        setattr(vector, name, number_at(taken + k))
+                    values.append(vector._getvalue())
+                else:
+                    values.append(number_at(taken))
+                taken += _SIZES[kind]
+            return context.make_tuple(builder, made, values)
+
+        return signature(made, form, table, row, column), codegen
+
+    load_fields.__doc__ = doc
+    return load_fields
+
+
+one_from_rows = _loading(
+    load_one, (1, 0), True, "Load the record in `table[row:, column]` as scalars."
+)
+lanes_from_rows = _loading(
+    load_row, (1, 0), True, "Load 16 records from `table[row:, column]` on as lanes."
+)
+one_from_block = _loading(
+    load_one, (0, 8), False, "Load a record from `table[row, column::8]` as scalars."
+)
+lanes_from_block = _loading(
+    load_eight, (0, 8), False, "Load the eight records of `table[row, column:]` as lanes."
+)
