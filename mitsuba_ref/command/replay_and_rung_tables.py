@@ -1,4 +1,4 @@
-"""What stands behind the verdicts, on the terminal: replays and rungs, a line for each."""
+"""Terminal output below the verdicts: a line for each replay and each rung."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def print_replays(scenes: Sequence[SceneResult], console: Console) -> None:
 
 
 def _print_partings(scene: SceneResult, console: Console) -> None:
-    """Print a line for each pixel of which is known in which step its paths part."""
+    """Print a line for each pixel for which the step is known in which its paths part."""
     steps: dict[tuple[int, Parting], None] = {}  # a pixel may be there for two reasons
     for replay in scene.replay:
         listed = (pixel.parting for pixel in replay.listed if pixel.parting is not None)
@@ -95,7 +95,7 @@ def _table(title: str, texts: Iterable[str], numbers: Iterable[str]) -> Table:
 
 
 def _add(table: Table, first: list[list[str]], rows: Iterable[list[str]]) -> None:
-    """Add a scene's rows; its name stands in the first one alone."""
+    """Add a scene's rows; only the first has its name."""
     for row in rows:
         table.add_row(*(first.pop() if first else [""]), *row)
 

@@ -1,4 +1,4 @@
-"""Everything that was done to one scene, written down for the report."""
+"""The record of one scene's comparison, for the report."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _note(reference: Reference) -> str:
 def _commands(
     path: str, request: RenderRequest, options: Options, reference: Reference
 ) -> dict[str, str]:
-    """Return a line for each side that a shell takes as it is."""
+    """Return a shell command for each side."""
     ours = ["python", "-m", "renderer", path, "--seed", str(request.seed)]
     ours += ["--spp", str(request.spp)] if request.spp else []
     ours += ["--ray-offset", "mitsuba", *_definitions(request.parameters)]

@@ -60,14 +60,14 @@ class StageLines:
 def shown_stages(
     stream: TextIO | None = None, look_every: float = LOOK_EVERY
 ) -> Iterator[Show]:
-    """Show the stages that the block tells of, until it ends.
+    """Show the stages that the block reports, until it ends.
 
     Parameters
     ----------
     stream
         None: standard error.
     look_every
-        Seconds after which it is looked whether a line is due.
+        Seconds between two checks whether a line is due.
     """
     stream = sys.stderr if stream is None else stream
     if stream.isatty() and os.environ.get("TERM") != "dumb":

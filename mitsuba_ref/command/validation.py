@@ -84,7 +84,7 @@ def validate_scene(
     references
         Where Mitsuba's pictures come from.
     progress
-        Told what is being done.
+        Called with a name of each stage.
     """
     blank = SceneResult(name=scene_name(path), path=shown_path(path), verdict="broken")
     stage = "reading proof.toml"
@@ -270,7 +270,7 @@ def _only_replays(
     references: ReferenceCache,
     progress: Callable[[str], None],
 ) -> Validated:
-    """Compare with the same random numbers on both sides and in no other way.
+    """Compare by replay only: the same random numbers on both sides.
 
     Raises
     ------
@@ -319,7 +319,7 @@ def _with_own_filter(
     render_ours: RenderOurs,
     references: ReferenceCache,
 ) -> Comparison:
-    """Compare once more without the box: no other number sees the filter's weights."""
+    """Compare with the scene's own filter: no other number depends on its weights."""
     own = replace(request, box_filter=False)
     ours = render_ours(own)
     pictures = [

@@ -1,4 +1,4 @@
-"""A scene that could not be compared: which verdict that is, and in which words."""
+"""The verdict and the sentences for a scene that could not be compared."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ VERDICT_OF: tuple[tuple[type[Exception], Verdict], ...] = (
 
 @dataclass(frozen=True)
 class NotCompared:
-    """Why there is nothing to compare: what was said, by whom, at which stage."""
+    """Why nothing was compared: each side's message, with its stage."""
 
     verdict: Verdict
     said: tuple[str, ...]  # "stage: sentence"
-    other_side: str = ""  # what the other renderer was seen to do; empty: nothing
+    other_side: str = ""  # what the other renderer did; empty if unknown
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def bad_request(error: SceneError) -> NotCompared:
 
 
 def _seen_of_us(verdict: Verdict, stage: str) -> str:
-    """Return what we have done with a scene that Mitsuba refuses at this stage."""
+    """Return how far our renderer got with a scene that Mitsuba refuses at this stage."""
     if verdict != "refused-by-mitsuba":
         return ""
     # The reference of a replay is rendered first, when we have but read the scene.

@@ -42,8 +42,8 @@ OF_A_FACE = ("geo_normal", "sh_normal", "uv", "albedo")
 INDICES = ("shape_index", "prim_index")
 
 FAR = 5e-3
-"""Of its largest coordinate: what a position's error is relative to at least. 1e-4 of it
-are four units in the last place of a float32."""
+"""A position's error is relative to at least this share of its largest coordinate. 1e-4 of
+it are four units in the last place of a float32."""
 
 
 NOTHING_SEEN = "no ray of Mitsuba's through a pixel's centre hits anything"

@@ -37,7 +37,7 @@ class Comparison:
     finite: Finite
     metrics: dict[str, Metric]
     aovs: tuple[AovResult, ...]
-    notes: tuple[str, ...] = ()  # what a pass rests on, where that is not the usual
+    notes: tuple[str, ...] = ()  # why it passes, if by unusual evidence
 
 
 def compare(
@@ -152,7 +152,7 @@ def with_known_fault(comparison: Comparison, fault: str) -> Comparison:
 
 
 def with_replays(comparison: Comparison, replays: Sequence[ReplayResult]) -> Comparison:
-    """Return the comparison with what replays said, which counts for the verdict."""
+    """Return the comparison with the results of replays, which count for the verdict."""
     reasons = [
         f"replay at {replay.spp} samples per pixel: {replay.sentence}"
         for replay in replays

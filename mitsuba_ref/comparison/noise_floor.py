@@ -16,11 +16,11 @@ from mitsuba_ref.statistics.one_distance import EXCESS_LIMIT, beside_floor, most
 Array = NDArray[np.float32]
 
 NOISY_RMSE_FACTOR = 1.25
-"""Of the noise floor, where a scene's proof.toml says nothing."""
+"""Limit of the RMSE over the noise floor, if a scene's proof.toml has none."""
 
 WIDEST_RMSE_FACTOR = 2.5
-"""Of the noise floor, whatever noise may explain: a single pixel of any brightness raises
-the limit that it is held to. (Measured: 2.3 between pictures of the Cornell box.)"""
+"""Largest limit over the noise floor, whatever noise may explain: a single bright pixel
+raises its own limit. (Measured: 2.3 between pictures of the Cornell box.)"""
 
 
 def judge_with_noise(

@@ -1,4 +1,4 @@
-"""What a trace calls the lights of a scene, alike for both renderers."""
+"""Names of a scene's lights in a trace, the same for both renderers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a replay has drawn for one pixel, by name, and the way back to its first sample."""
+"""The random numbers of a replay for one pixel, by name; and a reset to its sample 0."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from mitsuba_ref.our_renderer.traced_path import BLACK, Vector
 
 @dataclass(frozen=True)
 class Moved:
-    """What is added to one of a path's rays, and to what happens where it arrives."""
+    """Offsets that are added to one ray of a path, and to its hit."""
 
     segment: int  # 0: the camera ray
     by: Vector = BLACK  # added to the ray's unit direction: of the ray's length

@@ -1,8 +1,8 @@
-"""One path through the kernels of a render, one stage at a time, written down.
+"""Records one path through the kernels of a render, one stage at a time.
 
 The stages of `trace_paths` are called from Python over a tile of one pixel; between them
-the work arrays are read. What is written down is therefore what a render computes; the
-render's own kernels know nothing of it.
+the work arrays are read. The record is therefore what a render computes. The render's
+kernels have no code for it.
 """
 
 from __future__ import annotations
