@@ -1,11 +1,12 @@
-"""Smooth surfaces, and what a BSDF is: how much light goes where, and a way to go on.
+"""The protocol of a BSDF, and the smooth surfaces: diffuse, metal, glass, plastic.
 
 Directions are local: z is the shading normal, wo points to where the path comes from, wi to
 where it goes on. Both are unit vectors away from the surface, so that reflected light has
-wo.z wi.z > 0, and transmitted light the opposite.
+wo.z wi.z > 0, and transmitted light wo.z wi.z < 0.
 
-A mirror and glass scatter into single directions, for which f and the density are infinite
-alike. Their quotient is not: `sample` returns it, and `eval_pdf` finds them black.
+A mirror and smooth glass scatter into single directions. There f and the density are
+infinite, and their quotient is finite: `sample` and `branches` return the quotient, and
+`eval_pdf` returns 0.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class Lobe(Enum):
-    """What chose a direction."""
+    """The kind of lobe that a direction was sampled from."""
 
-    SMOOTH = "a density"
-    DELTA = "a mirror or glass, which know one direction"
-    STRAIGHT = "a hole: it went straight on"
+    SMOOTH = "a density over directions"
+    DELTA = "a single mirrored or refracted direction"
+    STRAIGHT = "straight on, as through a hole"
 
 
 class BsdfSample(NamedTuple):
-    """Where a path goes on."""
+    """The direction in which a path goes on."""
 
     wi: Vector  # unit, local
     weight: Vector  # f |cos| / pdf, or of a single direction f over its probability
@@ -47,14 +48,14 @@ NOTHING = BsdfSample(UP, BLACK, 0.0)
 
 
 class Bsdf:
-    """A BSDF at a surface point; as it stands here it is black.
+    """A BSDF with its parameters at one surface point. This base class is black.
 
     Parameters
     ----------
     bsdf
-        Of the description, with textures as parameters.
+        The BSDF of the scene description; its parameters are textures or numbers.
     hit
-        Where they are looked up.
+        The surface point at which textures are looked up.
     """
 
     oriented = False  # whether x of the local frame has to be along dp/du
@@ -70,11 +71,14 @@ class Bsdf:
         return NOTHING
 
     def branches(self, wo: Vector) -> list[BsdfSample]:
-        """Return all single directions; the weight of each is the light that it carries."""
+        """Return all single directions; `weight` is the share of light that each carries.
+
+        Their `pdf` is the probability with which `sample` chooses them.
+        """
         return []
 
     def chosen(self, wo: Vector, wi: Vector, eta: float = 1.0) -> BsdfSample:
-        """Return the sample of a direction that was chosen by the density."""
+        """Return the sample for a direction of a smooth lobe; `NOTHING` if its pdf is 0."""
         f_cos, pdf = self.eval_pdf(wo, wi)
         return BsdfSample(wi, f_cos / pdf, pdf, eta) if pdf > 0.0 else NOTHING
 

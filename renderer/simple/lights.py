@@ -1,7 +1,7 @@
 """Lights: a direction towards one at random, and the density it was chosen with.
 
-Point, spot and directional lights are seen in one direction alone. A path never finds them
-by itself, and their density is said to be 0.
+Point, spot and directional lights are seen in one direction alone. No path meets them, and
+their density is 0 by convention.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Materials: the BSDFs by their names in scene files, and those that hold others.
+"""BSDFs that hold other BSDFs, the table of all BSDFs by name, and the step to the world.
 
-`Material` is what the path tracer looks at: a BSDF at a surface point, for directions in
-the world.
+The integrators use `Material`: the BSDF at a surface point, for directions in the world.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ class TwoSided(Bsdf):
         self.oriented = front.oriented or back.oriented
 
     def _side(self, wo: Vector) -> tuple[Bsdf, Vector]:
-        """Return the BSDF that is seen, and what turns directions to its front."""
+        """Return the BSDF that wo sees, and factors that turn directions to its front."""
         if wo[2] > 0.0:
             return self.front, WHITE
         return self.back, np.array([1.0, 1.0, -1.0])
@@ -76,12 +75,15 @@ class Mask(Bsdf):
         self.opacity = min(max(number(bsdf.opacity, hit), 0.0), 1.0)
 
     def eval_pdf(self, wo: Vector, wi: Vector) -> tuple[Vector, float]:
-        """Return f |cos| and density, by the share that is there."""
+        """Return f |cos| and density of the BSDF times the opacity."""
         f_cos, pdf = self.nested.eval_pdf(wo, wi)
         return f_cos * self.opacity, pdf * self.opacity
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Meet the BSDF, with what is left of the number, or go straight on."""
+        """Sample the BSDF with the probability `opacity`, or go straight on.
+
+        The number that decides is stretched to [0, 1) again for the BSDF.
+        """
         x, y, choice = numbers
         if choice >= self.opacity:
             return BsdfSample(-wo, WHITE, 1.0 - self.opacity, lobe=Lobe.STRAIGHT)
@@ -108,7 +110,7 @@ class Blend(Bsdf):
         return mix(f, g, self.w), mix(p, q, self.w)
 
     def sample(self, wo: Vector, numbers: Numbers) -> BsdfSample:
-        """Choose one, and of it a direction; the other one counts too."""
+        """Choose one BSDF, and a direction of it; the weight is that of both."""
         x, y, choice = numbers
         if 0.0 < self.w >= choice:
             share, chosen, other = self.w, self.second, self.first
@@ -127,8 +129,8 @@ class Blend(Bsdf):
 class NormalMap(Bsdf):
     """A BSDF whose normal an image turns; the surface stays as it is.
 
-    Light that comes or goes below one of the two horizons alone is dropped. Instead of an
-    edge where the turned surface ends, light fades out, as if by shadows [Estevez2019].
+    Light that is above one of the two horizons and below the other is dropped. So that this
+    makes no edge, light fades out towards it, as if by shadows [Estevez2019].
     """
 
     oriented = True
@@ -230,8 +232,8 @@ BSDFS: dict[str, type[Bsdf]] = {
     "normalmap": NormalMap,
     "bumpmap": BumpMap,
 }
-# the attributes of their descriptions that are BSDFs
-HOLD: dict[str, tuple[str, ...]] = {
+# the attributes of a description that are BSDFs themselves
+NESTED: dict[str, tuple[str, ...]] = {
     "twosided": ("front", "back"),
     "mask": ("nested",),
     "blendbsdf": ("first", "second"),
@@ -242,7 +244,7 @@ HOLD: dict[str, tuple[str, ...]] = {
 
 def bsdf_at(bsdf: Any, hit: Hit) -> Bsdf:
     """Return a BSDF of the description at a surface point."""
-    inside = (getattr(bsdf, name) for name in HOLD.get(bsdf.plugin, ()))
+    inside = (getattr(bsdf, name) for name in NESTED.get(bsdf.plugin, ()))
     return BSDFS[bsdf.plugin](bsdf, hit, *(bsdf_at(one, hit) for one in inside))
 
 

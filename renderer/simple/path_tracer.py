@@ -113,9 +113,11 @@ def path_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
 
 
 def direct_radiance(scene: Scene, ray: Ray, draw: Draw) -> Vector:
-    """Return the light of one surface, lit by the lights alone [Appel1968].
+    """Return what the first surface emits, and reflects of the lights [Appel1968].
 
-    Of a lamp with an extent the BSDF's own directions find a part, `share` says which.
+    All lights are sampled there. Directions that the BSDF samples find lights with an
+    extent too. Each of the two ways is weighted by its density and number of samples
+    [Veach1997, section 9.2.2].
     """
     p, d, near, far = ray
     if scene.max_depth < 1:
@@ -176,8 +178,8 @@ def emission(
 ) -> Vector:
     """Return L_e of what a ray from p has met, as far as it counts for this way to it.
 
-    A direction that a density has chosen could have been a sample of the light as well. Of
-    such there are `share` for each of these.
+    A direction of a smooth lobe could have been a light sample as well, and is weighted.
+    `share` is the number of light samples for each sample of the BSDF.
     """
     light = scene.environment if hit is None else hit.light
     if light is None:
@@ -196,7 +198,7 @@ def light_of_all(
     block: int,
     share: float = np.inf,
 ) -> Vector:
-    """Return the reflected light of all lights; their numbers begin with a block."""
+    """Return the reflected light of all lights; light k is sampled with block + k."""
     radiance = np.zeros(3)
     for light in range(len(scene.lights)):
         *place, _ = draw(block + light)
@@ -214,8 +216,8 @@ def light_of(
 ) -> Vector:
     """Return the reflected light of a place on a light, given by number: f L / pdf V cos.
 
-    `share` is the number of such samples for each direction of the BSDF; infinite where no
-    other way leads to the light. A mirror reflects a light only if the path meets it.
+    `share` is the number of light samples for each sample of the BSDF, infinite where the
+    BSDF is not sampled. A mirror reflects a light only if the path meets it.
     """
     sample = sample_light(scene.lights[light], hit.x, *place)
     if not sample.radiance.any():
@@ -228,10 +230,10 @@ def light_of(
 
 
 def nothing_is_seen(scene: Scene, hit: Hit | None, last: bool) -> bool:
-    """Return whether a ray through holes ends at no lamp, and there is no sky.
+    """Return whether a path that has met holes alone ends here without meeting a light.
 
-    Mitsuba's `path` takes such a sample for transparent, and forgets the light that the
-    rims of the holes have reflected.
+    Mitsuba's `path` takes such a sample for transparent. It drops the light that was
+    sampled at the holes, where a `mask` reflects a part of it.
     """
     if scene.environment is not None:
         return False

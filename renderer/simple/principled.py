@@ -43,8 +43,8 @@ def schlick(cosine: float) -> float:
     return min(max(1.0 - cosine, 0.0), 1.0) ** 5
 
 
-class Painted(Bsdf):
-    """What both principled BSDFs share: parameters, facets, the diffuse lobe, sheen."""
+class PrincipledBase(Bsdf):
+    """The parameters and lobes that both principled BSDFs have."""
 
     oriented = True
 
@@ -102,11 +102,11 @@ class Painted(Bsdf):
         return self.sheen * schlick(abs(cos_h)) * glow
 
 
-class Principled(Painted):
-    """Metal, glass and a diffuse base under a clear coat, blended.
+class Principled(PrincipledBase):
+    """A blend of metal, glass and a diffuse base, under a clear coat.
 
-    Of the light that is not reflected by metal (`metallic`), the share `spec_trans` meets
-    glass, and the rest the diffuse base. Without `spec_trans` the back is black.
+    The share of metal is `metallic`. Of the rest, `spec_trans` is glass, and the remainder
+    diffuse. Without glass the back of the surface is black.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:
@@ -124,9 +124,9 @@ class Principled(Painted):
         )
 
     def probabilities(self, reflected: float, front: bool) -> tuple[float, ...]:
-        """Return those of the lobes: diffuse, coat, refraction, reflection.
+        """Return how often diffuse, coat, refraction and reflection are sampled.
 
-        `reflected` is Fresnel's reflectance of the facet that is met.
+        `reflected` is Fresnel's reflectance of a facet.
         """
         specular, coat, diffuse = self.rates
         if front:
@@ -220,10 +220,10 @@ class Principled(Painted):
         return self.chosen(wo, wi) if wi[2] * wo[2] > 0.0 else NOTHING
 
 
-class PrincipledThin(Painted):
-    """A sheet: alike on both sides, and what goes through is not bent.
+class PrincipledThin(PrincipledBase):
+    """A thin sheet: the same on both sides, and light that passes keeps its direction.
 
-    Light that passes specularly has been bent twice, by facets that spread it less.
+    It is refracted twice, which spreads it as one surface of smaller roughness would.
     """
 
     def __init__(self, bsdf: Any, hit: Hit) -> None:

@@ -15,7 +15,7 @@ from renderer.scene_file.description import (
 )
 from renderer.simple.bsdfs import Bsdf
 from renderer.simple.lights import EMITTERS, Light
-from renderer.simple.materials import BSDFS, HOLD
+from renderer.simple.materials import BSDFS, NESTED
 from renderer.simple.shapes import UNIT_SHAPES, Hit, Surface
 from renderer.simple.vectors import Vector
 
@@ -30,7 +30,7 @@ USUAL_TREE, DEEPEST_TREE = 8, 256
 
 
 class Scene:
-    """What the description says, as the integrators ask for it.
+    """The scene description, checked and in the form that the integrators use.
 
     Parameters
     ----------
@@ -46,18 +46,19 @@ class Scene:
     """
 
     def __init__(self, description: SceneDescription, integrator: str = "") -> None:
-        asked = description.integrator
-        self.integrator = integrator or asked.name
+        settings = description.integrator
+        self.integrator = integrator or settings.name
         _check(description, self.integrator)
-        self.max_depth, self.rr_depth = asked.max_depth, asked.rr_depth
-        self.cutoff = asked.cutoff
+        self.max_depth, self.rr_depth = settings.max_depth, settings.rr_depth
+        self.cutoff = settings.cutoff
         if self.integrator == "direct":
             self.max_depth = 2 if self.max_depth < 0 else min(self.max_depth, 2)
         if self.integrator == "whitted":
             deep = USUAL_TREE if self.max_depth < 0 else self.max_depth
             self.max_depth = min(deep, DEEPEST_TREE)
         # of `direct`, at each point
-        self.emitter_samples, self.bsdf_samples = asked.emitter_samples, asked.bsdf_samples
+        self.emitter_samples = settings.emitter_samples
+        self.bsdf_samples = settings.bsdf_samples
         self.surfaces = [Surface(shape) for shape in description.shapes]
         order = light_order(description)
         numbered: dict[int, Light] = dict(
@@ -92,7 +93,7 @@ def _check(description: SceneDescription, name: str) -> None:
     if integrator.hide_emitters:
         refuse("hide_emitters; possible is false")
     if integrator.strategy != "both" or not integrator.caustics:
-        refuse("paths without caustics, or with one way to find light")
+        refuse("paths without caustics, or with one way to find light; possible are all")
     if rfilter.name != "box":
         refuse(f"rfilter {rfilter.name!r}; possible is 'box'")
     if description.instances:
@@ -122,7 +123,8 @@ def _check(description: SceneDescription, name: str) -> None:
                 )
     for emitter in description.emitters:
         if not isinstance(emitter, EMITTERS):
-            refuse(f"emitter {getattr(emitter, 'plugin', '')!r}")
+            possible = "point, spot, directional, constant and area"
+            refuse(f"emitter {getattr(emitter, 'plugin', '')!r}; possible are {possible}")
         if getattr(emitter, "texture", None) is not None:
             refuse("textures on lights; possible is one colour")
 
@@ -130,14 +132,14 @@ def _check(description: SceneDescription, name: str) -> None:
 def _with_nested(bsdf: Any) -> Iterator[Any]:
     """Yield a BSDF of the description, and all that are inside of it."""
     yield bsdf
-    for name in HOLD.get(bsdf.plugin, ()):
+    for name in NESTED.get(bsdf.plugin, ()):
         yield from _with_nested(getattr(bsdf, name))
 
 
 def _has_all_branches(bsdf: Any) -> bool:
-    """Return whether `branches` has all mirrors, glass and holes of a BSDF and in it.
+    """Return whether `branches` of a BSDF gives all its single directions.
 
-    Those that hold others have none, but `twosided`.
+    Of the BSDFs that hold others only `twosided` gives those of what is inside.
     """
     inside = [BSDFS[one.plugin].branches for one in _with_nested(bsdf)]
     delta = any(branches is not Bsdf.branches for branches in inside)
@@ -154,7 +156,7 @@ def _textures(record: Any) -> Iterator[Any]:
 
 
 def closest_hit(scene: Scene, p: Vector, d: Vector, near: float, far: float) -> Hit | None:
-    """Return the hit of smallest t > epsilon, by asking every surface (brute force)."""
+    """Return the hit of smallest t > epsilon, by testing every surface (brute force)."""
     closest = None
     for surface in scene.surfaces:
         hit = surface.hit(p, d, near + EPSILON, far if closest is None else closest.t)

@@ -42,8 +42,8 @@ def true_pixels(
     SceneError
         For what the simple renderer lacks, and for light that needs chance.
     """
-    asked = description.integrator.nested or description.integrator
-    integrator = dataclasses.replace(asked, name="whitted", aovs=(), nested=None)
+    of_file = description.integrator.nested or description.integrator
+    integrator = dataclasses.replace(of_file, name="whitted", aovs=(), nested=None)
     scene = Scene(dataclasses.replace(description, integrator=integrator))
     if any(isinstance(light, Surface | ConstantLight) for light in scene.lights):
         raise SceneError(f"{description.source}: light from all sides has noise")

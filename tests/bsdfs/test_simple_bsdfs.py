@@ -20,14 +20,14 @@ from chi_square import assert_follows, gauss_masses, histogram
 from small_scenes import rgb
 
 from renderer.simple.bsdfs import Lobe, reflectance_of_glass
-from renderer.simple.materials import BSDFS, HOLD, bsdf_at
+from renderer.simple.materials import BSDFS, NESTED, bsdf_at
 from renderer.simple.rough import Microfacets
 
 BRONZE = Path(__file__).parents[1] / "plugins" / "bronze.binary"
-COUNT = 144  # of pairs of directions for each set of parameters
+COUNT = 112  # of pairs of directions for each set of parameters
 CLOSE = 1e-4
 # of what moving the directions by a rounding of float32 changes: kernels round more often
-ROUNDINGS = 16
+ROUNDINGS = 20
 HIT = SimpleNamespace(uv=(0.25, 0.75))  # no BSDF here has textures
 
 
@@ -100,7 +100,7 @@ def both(bsdf):
 def directions(simple, probe, seed):
     """Return wo, wi (n, 3) of float32: on both sides, one in ten grazing, half near lobes.
 
-    A reflecting BSDF is not asked from behind: there the kernels find no material.
+    wo is in front of a BSDF that only reflects: behind it the kernels find no material.
     """
     rng = np.random.default_rng(seed)
     transmits = probe.kind.transmits
@@ -114,7 +114,7 @@ def directions(simple, probe, seed):
 
 
 def evaluated(simple, wo, wi):
-    """Return f |cos| (n, 3) and density (n,) beside each other: (n, 4)."""
+    """Return f |cos| and density as the columns of an array (n, 4)."""
     pairs = zip(wo.astype(float), wi.astype(float), strict=True)
     found = (simple.eval_pdf(o, i) for o, i in pairs)
     return np.array([(*f_cos, pdf) for f_cos, pdf in found])
@@ -130,7 +130,7 @@ def test_every_material_is_there_twice():
 
     theirs = {name for name, kind in (PLUGINS | VARIANTS).items() if ours(kind)}
     assert set(BSDFS) == theirs
-    assert {bsdf["type"] for bsdf in SETS} == theirs - set(HOLD) - set(VARIANTS)
+    assert {bsdf["type"] for bsdf in SETS} == theirs - set(NESTED) - set(VARIANTS)
 
 
 def ours(kind):
@@ -139,7 +139,7 @@ def ours(kind):
 
 @pytest.mark.parametrize("bsdf", SETS, ids=name_of)
 def test_f_and_density_are_the_same(bsdf):
-    """At 144 pairs of directions, within 1e-4 or what rounding the directions changes."""
+    """At 112 pairs of directions, within 1e-4 or what rounding the directions changes."""
     simple, probe = both(bsdf)
     if not probe.kind.smooth:
         assert not evaluated(simple, *directions(simple, probe, 1)).any()
@@ -149,7 +149,7 @@ def test_f_and_density_are_the_same(bsdf):
     rng = np.random.default_rng(2)
     moved = [
         evaluated(simple, rounded_otherwise(wo, rng), rounded_otherwise(wi, rng))
-        for _ in range(3)
+        for _ in range(2)
     ]
     unsure = np.max(np.abs(np.array(moved) - expected), axis=0)
     found = np.column_stack(probe.eval_pdf(wo, wi))

@@ -104,7 +104,6 @@ CASES = [
             "orthographic",
             "plastic",
             "roughplastic",
-            "principled",
             "principledthin",
             "thindielectric",
             "null",
@@ -124,11 +123,11 @@ CASES = [
     ("textured-room", "path", "tight", 1e-2),  # from texel to texel colours change by half
     # where facets are nearly smooth, a rounded direction misses the peak of a highlight
     ("roughconductor", "path", "tight", 1e-2),
+    ("principled", "path", "tight", 1e-2),
     ("roughdielectric", "path", "tight", 1e-2),
     ("nesting", "path", "tight", 1e-2),
     ("cornell-box", "direct", "tight", WITHIN),
     ("direct_samples", "direct", "tight", WITHIN),
-    ("principled", "direct", "tight", WITHIN),
     ("direct_samples", "whitted", "tight", WITHIN),
     ("thindielectric", "whitted", "tight", WITHIN),
     ("coats", "whitted", "tight", 1e-2),  # curved mirrors magnify the rounding of hits
