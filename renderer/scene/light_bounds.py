@@ -12,7 +12,7 @@ from renderer.plugins.lights.registry import plugin_of
 from renderer.plugins.shapes.registry import kind_of_shape
 from renderer.plugins.textures.registry import mean_of
 from renderer.scene.light_order import light_order
-from renderer.scene.scene import Scene
+from renderer.scene.scene import Scene, primitives_of_shapes
 
 
 def light_bounds(scene: Scene) -> list[LightBounds]:
@@ -23,18 +23,14 @@ def light_bounds(scene: Scene) -> list[LightBounds]:
         describe = plugin_of(emitter).bounds
         assert describe is not None
         found[light] = describe(emitter)
-    by_shape = np.argsort(scene.shape, kind="stable")
-    ends = np.searchsorted(
-        scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
-    )
+    primitives = primitives_of_shapes(scene)
     for shape, light in enumerate(order.of_shapes):
         if light >= 0:
-            primitives = by_shape[ends[shape] : ends[shape + 1]]
-            found[light] = _of_shape(scene, shape, primitives)
+            found[light] = _of_shape(scene, shape, primitives[shape])
     return [found[light] for light in sorted(found)]
 
 
-def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int64]) -> LightBounds:
+def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int32]) -> LightBounds:
     shape = scene.description.shapes[number]
     kind = kind_of_shape(shape)
     surfaces = scene.surfaces[kind.name]

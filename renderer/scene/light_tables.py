@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,13 @@ from renderer.plugins.lights.registry import LIGHTS, plugin_of
 from renderer.plugins.lights.texel_choice import uv_choice
 from renderer.plugins.lights.textures import LightTextures, light_textures
 from renderer.plugins.shapes.flat.triangle import TriangleLights
+from renderer.plugins.shapes.kind import ShapeKind
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.plugins.shapes.uv.uv_chart import uv_chart
 from renderer.plugins.textures.registry import kind_of_texture
 from renderer.scene.light_order import light_order
 from renderer.scene.materials import table_of
-from renderer.scene.scene import Scene
+from renderer.scene.scene import Scene, primitives_of_shapes
 
 # (lights in all, triangles' surfaces, {light: (primitive ids, areas)}) -> a table
 MeshChoice = Callable[[int, Any, dict[int, Any]], Any]
@@ -69,28 +70,27 @@ def light_tables(
             further = (textures,) if plugin.texture else ()
             assert plugin.table is not None
             add(lights, plugin.table(count, lights, beyond, *further))
-    primitives = _primitives_ids(scene, shining)
+    of_shapes = primitives_of_shapes(scene)
+    primitives = {light: of_shapes[shape] for light, shape in shining.items()}
     shapes = scene.description.shapes
-    for kind_of_shape, of_kind in scene.surfaces.items():
+    for name, of_kind in scene.surfaces.items():
         lamps = {
             light: shapes[shining[light]]
             for light, ids in primitives.items()
             if of_kind.first <= ids[0] < of_kind.end
         }
         for lights, textures in _by_texture(count, scene, lamps, "radiance"):
-            ids = {light: primitives[light] for light in lights}
-            args = (
-                count,
-                scene,
-                kind_of_shape,
-                surfaces[kind_of_shape],
-                shining,
-                ids,
+            lit = _Lit(
+                SHAPES[name],
+                of_kind,
+                surfaces[name],
+                {light: primitives[light] for light in lights},
+                lights,
             )
             if textures is None:
-                add(lights, _areas(*args, mesh_choice))
+                add(lights, _areas(count, lit, mesh_choice))
             else:
-                add(lights, _textured_areas(*args, textures))
+                add(lights, _textured_areas(count, lit, textures))
     return LightTables(count, kind, tables)
 
 
@@ -114,70 +114,52 @@ def _by_texture(
     return packed
 
 
-def _primitives_ids(scene: Scene, shining: dict[int, int]) -> dict[int, NDArray[np.int32]]:
-    """Return the primitive ids of each area light; `shining` has their shapes."""
-    by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
-    ends = np.searchsorted(
-        scene.shape[by_shape], np.arange(len(scene.description.shapes) + 1)
-    )
-    return {
-        light: by_shape[ends[shape] : ends[shape + 1]] for light, shape in shining.items()
-    }
+class _Lit(NamedTuple):
+    """The area lights of one table, by light id, and the kind of shape that they are on."""
+
+    kind: ShapeKind
+    all_surfaces: Any  # the table of all shapes of the kind
+    surfaces: Any  # the same as the kernels see it
+    ids: dict[int, NDArray[np.int32]]  # of their primitives
+    shapes: dict[int, Any]
+
+    def first_primitives(self, count: int) -> NDArray[np.int32]:
+        """Return the first primitive of each of `count` lights."""
+        prims = np.zeros(count, np.int32)
+        for light, ids in self.ids.items():
+            prims[light] = ids[0]
+        return prims
+
+    def radiances(self) -> dict[int, Any]:
+        """Return the radiance of each light."""
+        return {light: shape.radiance for light, shape in self.shapes.items()}
 
 
-def _areas(
-    count: int,
-    scene: Scene,
-    kind: str,
-    surfaces: Any,
-    shining: dict[int, int],
-    lights: dict[int, NDArray[np.int32]],
-    mesh_choice: MeshChoice,
-) -> AreaLights:
+def _areas(count: int, lit: _Lit, mesh_choice: MeshChoice) -> AreaLights:
     """Return the area lights on one kind of shape."""
-    shapes = scene.description.shapes
-    sizes = {
-        i: SHAPES[kind].areas(scene.surfaces[kind], ids - scene.surfaces[kind].first)
-        for i, ids in lights.items()
-    }
-    prims = np.zeros(count, np.int32)
-    for light, ids in lights.items():
-        prims[light] = ids[0]
-    by_primitive = {i: (ids, sizes[i]) for i, ids in lights.items()}
+    kind, every = lit.kind, lit.all_surfaces
+    sizes = {i: kind.areas(every, ids - every.first) for i, ids in lit.ids.items()}
+    by_primitive = {i: (ids, sizes[i]) for i, ids in lit.ids.items()}
     return AreaLights(
-        vector_columns(count, {i: shapes[shining[i]].radiance for i in lights}),
-        number_column(count, {i: 1.0 / sizes[i].sum() for i in lights}),
-        prims,
-        number_column(count, {i: scene.shapes.orientation[shining[i]] for i in lights}),
-        surfaces,
-        mesh_choice(count, scene.surfaces[kind], by_primitive)
-        if SHAPES[kind].mesh
-        else None,
+        vector_columns(count, lit.radiances()),
+        number_column(count, {i: 1.0 / sizes[i].sum() for i in lit.ids}),
+        lit.first_primitives(count),
+        number_column(count, {i: kind.orientation(s) for i, s in lit.shapes.items()}),
+        lit.surfaces,
+        mesh_choice(count, every, by_primitive) if kind.mesh else None,
     )
 
 
-def _textured_areas(
-    count: int,
-    scene: Scene,
-    kind: str,
-    surfaces: Any,
-    shining: dict[int, int],
-    lights: dict[int, NDArray[np.int32]],
-    textures: LightTextures,
-) -> TexturedAreas:
+def _textured_areas(count: int, lit: _Lit, textures: LightTextures) -> TexturedAreas:
     """Return the area lights with textures on one kind of shape."""
-    shapes = scene.description.shapes
-    sides = {i: SHAPES[kind].textured_side(shapes[shining[i]]) for i in lights}
-    prims = np.zeros(count, np.int32)
-    for light, ids in lights.items():
-        prims[light] = ids[0]
+    kind = lit.kind
     return TexturedAreas(
         textures,
-        uv_choice(count, {i: shapes[shining[i]].radiance for i in lights}),
-        prims,
-        number_column(count, sides),
-        surfaces,
-        uv_chart(count, surfaces, lights) if SHAPES[kind].mesh else None,
+        uv_choice(count, lit.radiances()),
+        lit.first_primitives(count),
+        number_column(count, {i: kind.textured_side(s) for i, s in lit.shapes.items()}),
+        lit.surfaces,
+        uv_chart(count, lit.surfaces, lit.ids) if kind.mesh else None,
     )
 
 

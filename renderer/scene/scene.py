@@ -7,6 +7,7 @@ the order of the file within each; ids and shape ids are all that later stages s
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -146,6 +147,14 @@ def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np
     # the sums above are rounded, and the hit test rounds in another way: pad by that
     slack = np.float32(32 * 2.0**-24) * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
     return float32(lower - slack), float32(upper + slack)
+
+
+def primitives_of_shapes(scene: Scene) -> list[NDArray[np.int32]]:
+    """Return the primitive ids of each shape that is not in a group."""
+    by_shape = np.argsort(scene.shape, kind="stable").astype(np.int32)
+    shapes = np.arange(len(scene.description.shapes) + 1)
+    ends = np.searchsorted(scene.shape[by_shape], shapes)
+    return [by_shape[a:b] for a, b in itertools.pairwise(ends)]
 
 
 def build_scene(description: SceneDescription) -> Scene:
