@@ -9,7 +9,7 @@ OUT := reports/out
 # Set in many containers; here some hundred processes would compile 400 files each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo proof proof-full limits resilience scaling test test-all lint \
+.PHONY: help kernels demo proof proof-full limits resilience scaling test test-all lint \
   format bench bench-accelerators charts needs soak keep history clean
 .DEFAULT_GOAL := help
 
@@ -17,7 +17,10 @@ help: ## list these targets
 	@echo 'lightproof: a ray tracer whose every image comes with its proof'
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' Makefile | expand -t 27
 
-demo: $(INSTALLED) ## render every scene in both renderers, write the HTML page
+kernels: $(INSTALLED) ## compile all kernels once, with all processors
+	@$(BIN)/python -m renderer --compile
+
+demo: kernels ## render every scene in both renderers, write the HTML page
 	@$(BIN)/python -m reports --no-accelerators --no-proof --out $(OUT)
 
 proof: $(INSTALLED) ## replay and test every scene, write what it proves as a page
@@ -32,10 +35,10 @@ limits: $(INSTALLED) ## measure where methods fail, both sides, write the page
 resilience: $(INSTALLED) ## kill a render, resume it on a cluster, compare the files
 	@$(BIN)/python -m reports.resilience
 
-test: $(INSTALLED) ## the regression suite
+test: kernels ## the regression suite
 	@$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow'
 
-test-all: $(INSTALLED) ## the suite with the longer comparisons
+test-all: kernels ## the suite with the longer comparisons
 	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(INSTALLED) ## style, format, types, the import contract

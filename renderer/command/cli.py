@@ -96,6 +96,10 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
         return compare(*options.compare, quiet=options.quiet) or int(output_is_lost())
     if options.clear_cache:
         return _clear_caches()
+    if options.compile:
+        from renderer.command.compile_kernels import compile_kernels
+
+        return compile_kernels(quiet=options.quiet)
     with interrupts.put_off():  # they are there when the functions below import them
         for module in _WITH_C_CODE:
             importlib.import_module(module)

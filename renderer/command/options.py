@@ -31,7 +31,8 @@ EPILOG = """examples:
 Ctrl-C writes the picture so far, and the checkpoint; a second one quits without.
 
 Compiled kernels (some MB a scene) are kept in {caches}.
-LIGHTPROOF_CACHE or XDG_CACHE_HOME name another place, --clear-cache removes them.
+LIGHTPROOF_CACHE or XDG_CACHE_HOME name another place, --clear-cache removes them,
+--compile makes all of them at once.
 
 Exit status: 0 the picture is written, 1 the scene or a file was refused (or pictures
 that were compared differ), 2 the command line was wrong, 130 interrupted."""
@@ -57,10 +58,12 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
         alone = {"compare": options.compare, "quiet": options.quiet}
         if vars(options) != vars(parser.parse_args([])) | alone:
             parser.error("--compare takes two pictures, and no scene or other option")
-    elif options.clear_cache:
-        alone = {"clear_cache": True, "quiet": options.quiet}
+    elif options.clear_cache or options.compile:
+        word = "clear_cache" if options.clear_cache else "compile"
+        alone = {word: True, "quiet": options.quiet}
         if vars(options) != vars(parser.parse_args([])) | alone:
-            parser.error("--clear-cache takes no scene and no other option")
+            word = word.replace("_", "-")
+            parser.error(f"--{word} takes no scene and no other option")
     elif options.scene is None:
         parser.error("the following arguments are required: SCENE.xml")
     if options.frames is not None:
@@ -261,6 +264,12 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         "files differs with the command in their headers",
     )
     add("--quiet", action="store_true", help="print warnings and errors only")
+    add(
+        "--compile",
+        action="store_true",
+        help="render nothing: compile the kernels of all plugins and methods once; without "
+        "it each scene compiles what it needs",
+    )
     add("--clear-cache", action="store_true", help="remove what is kept between runs")
     add("--version", action="version", version=f"%(prog)s {renderer.__version__}")
     return parser

@@ -33,6 +33,7 @@ from numba.core.caching import (
 
 from renderer.kernels.jit.linking import rebuilt, reduced
 from renderer.kernels.jit.neighbours import PACKAGE, file_digest
+from renderer.kernels.jit.shipped import LEVELS, shipped_for_this_processor
 from renderer.kernels.jit.used_folders import use_folder
 from renderer.process.cache_folder import cache_folder, cache_root
 from renderer.process.signals import put_off_interrupts
@@ -58,15 +59,15 @@ def _sources_hash() -> str:
         for source in sorted((PACKAGE / folder).rglob("*.py")):
             digest.update(source.relative_to(PACKAGE).as_posix().encode())
             digest.update(source.read_bytes())
-    settings = (
-        f"{numba.config.OPT} {numba.config.BOUNDSCHECK} {numba.config.DEBUGINFO_DEFAULT}"
-    )
-    versions = f"{numba.__version__} {llvmlite.__version__} {sys.version}"
-    digest.update(f"{versions} {settings}".encode())
+    config = numba.config
+    settings = config.OPT, config.BOUNDSCHECK, config.DEBUGINFO_DEFAULT, config.USING_SVML
+    versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag
+    digest.update(" ".join(map(str, (*versions, *settings))).encode())
     return digest.hexdigest()[:16]
 
 
-KERNEL_CACHE = cache_root() / "kernels" / _sources_hash()
+_SOURCES = _sources_hash()
+KERNEL_CACHE = cache_root() / "kernels" / _SOURCES
 
 
 @functools.cache
@@ -76,7 +77,7 @@ def _is_kernel_source(source: str) -> bool:
 
 
 @functools.cache  # the check makes a file
-def _is_writable(folder: Path) -> bool:
+def is_kept_in(folder: Path) -> bool:
     """Return whether a folder of kernels can be used; older ones of this program go."""
     try:
         cache_folder("kernels")
@@ -111,7 +112,7 @@ class _ByContent(_CacheLocator):  # type: ignore[misc]  # Numba has no types
         # "<string>" would be looked for in the working directory
         if not (Path(source).is_absolute() and Path(source).is_file()):
             return None
-        if not _is_writable(KERNEL_CACHE):
+        if not is_kept_in(KERNEL_CACHE) and not shipped_for_this_processor(_SOURCES):
             return None
         return cls(function, source)
 
@@ -250,12 +251,28 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return a kept variant; None if there is none, or none that may be read."""
-        try:
-            with put_off_interrupts():  # LLVM's objects must not stay half made
-                return super().load_overload(sig, target_context)
-        except OSError as error:
-            _warn_once(KERNEL_CACHE, error.strerror, EACH_TIME)
-            return None
+        for load, text in ((super().load_overload, EACH_TIME), (self._shipped, AGAIN)):
+            try:
+                with put_off_interrupts():  # LLVM's objects must not stay half made
+                    found = load(sig, target_context)
+            except OSError as error:
+                _warn_once(KERNEL_CACHE, error.strerror or str(error), text)
+            else:
+                if found is not None:
+                    return found
+        return None
+
+    def _shipped(self, sig: Any, target_context: Any) -> Any:
+        """Return a variant from the wheel, where files lie as in the builder's cache."""
+        codegen = target_context.codegen()
+        signature, (triple, *_), code = self._index_key(sig, codegen)
+        module = Path(self._cache_path).name
+        for level, folder in shipped_for_this_processor(_SOURCES):
+            index = _Index(str(folder / module), self._impl.filename_base, "")
+            kept = index.load((signature, (triple, level, LEVELS[level]), code))
+            if kept is not None:
+                return self._impl.rebuild(target_context, kept)
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a variant; where the disk is full or not ours, go on without."""
