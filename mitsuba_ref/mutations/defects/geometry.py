@@ -63,8 +63,8 @@ DEFECTS = (
         (
             Edit(
                 "accelerators/bvh/streams/ray_streams.py",
-                "stream.lists, queue, asked, node, tally)",
-                "stream.lists, queue, asked - 1, node, tally)",
+                "stream.lists, queue, going, node, tally)",
+                "stream.lists, queue, going - 1, node, tally)",
             ),
         ),
         scene="textured-room",

@@ -152,7 +152,7 @@ DEFECTS = (
             Edit(
                 "rendering/tables/geometry.py",
                 "        parting = lamps and",
-                "        if accelerator is accelerators.spheres:\n"
+                "        if accelerator is accelerators.by_kind.get('spheres'):\n"
                 "            continue\n"
                 "        parting = lamps and",
             ),
