@@ -27,7 +27,6 @@ from renderer.accelerators.grids.uniform_grid import (
     build_uniform_grid,
     build_uniform_grid_without_mailboxes,
 )
-from renderer.accelerators.instances.accelerators import Accelerators
 from renderer.accelerators.instances.instances_build import build_instances, build_nodes
 from renderer.accelerators.kd_tree.kd_tree import (
     build_kd_median,
@@ -44,7 +43,7 @@ from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.shapes.flat.flat import FlatSurfaces
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS
-from renderer.scene.scene import KINDS, Scene
+from renderer.scene.scene import Scene
 
 # name -> how it is built
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
@@ -118,6 +117,13 @@ def _points(columns: NDArray[np.int64]) -> Any:
     return SHAPES["triangles"].group(points, columns * 0)
 
 
+class Accelerators(NamedTuple):
+    """The accelerators of a scene."""
+
+    by_kind: dict[str, Any]  # of each kind of primitive that the scene has
+    instances: Any  # `accelerators.instances.Instances`, the last to be traced; or None
+
+
 class LeftOut(NamedTuple):
     """Primitives that some rays must not see, or never meet."""
 
@@ -132,7 +138,7 @@ def build_accelerators(
     rays: RayCounts = USUAL_RAYS,
     left_out: LeftOut | None = None,
 ) -> Accelerators:
-    """Build for all kinds; None for kinds that the scene lacks.
+    """Build for all kinds of primitive that the scene has, and for its instances.
 
     The scene keeps what was built of it, for the next call.
 
@@ -158,15 +164,15 @@ def build_accelerators(
         raise SceneError(
             f"accelerator {name!r} is unknown; there are: {', '.join(ACCELERATORS)}"
         )
-    built: dict[str, Any] = dict.fromkeys(KINDS)
+    built: dict[str, Any] = {}
     reach = _reach(scene)
     choices = choose_structures(scene, name, rays)
     for kind, surfaces in scene.surfaces.items():
         order = np.arange(scene.starts[kind][0])
         if left_out is not None:
             kept = ~left_out.mask[surfaces.first + order]
-            if kept.all():
-                built[kind] = getattr(left_out.whole, kind)
+            if kept.all() and kind in left_out.whole.by_kind:
+                built[kind] = left_out.whole.by_kind[kind]
                 continue
             order = order[kept]
         if len(order):
@@ -177,11 +183,11 @@ def build_accelerators(
                 *(kind, surfaces, order, chosen, reach),
             )
     if left_out is not None:
-        return Accelerators(**built, instances=left_out.whole.instances)
+        return Accelerators(built, left_out.whole.instances)
     brute = name == "brute"
     build = functools.partial(build_instances, brute=brute)
     instances = scene.once(("instances", brute), build, scene, primitive_group, reach)
-    return Accelerators(**built, instances=instances)
+    return Accelerators(built, instances)
 
 
 def accelerators_of_camera(

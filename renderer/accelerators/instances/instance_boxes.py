@@ -1,30 +1,28 @@
 """Which rays of a list enter which of a node's children: 16 rays, or 8 boxes, at once.
 
-Each ray has its own margin, and goes down an axis or up.
+Each ray has its own margin. Its direction may be of any octant: boxes are tested by their
+middle and half their size, where the signs of a direction do not matter.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from renderer.accelerators.bvh.streams.stream import push_children
 from renderer.accelerators.bvh.wide import wide_bvh_build
-from renderer.accelerators.bvh.wide.octants import ENDED
+from renderer.accelerators.bvh.wide.octants import ENDED, INVERSE, MARGIN, START, T
 from renderer.accelerators.bvh.wide.wide_bvh_build import (
     AXIS_BYTES,
     BOX_BYTES,
+    CHILD,
     SCALE,
     WIDE_BYTES,
     WIDE_WORDS,
 )
-from renderer.accelerators.instances.instance_rays import (
-    INVERSE,
-    MARGIN,
-    START,
-    T,
-)
 from renderer.accelerators.rays.box_entry import STRETCH
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.affine import absolute
+from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
@@ -36,10 +34,10 @@ from renderer.kernels.lanes.functions import (
     popcount,
     select,
     splat_f32,
+    splat_i32,
     upper_half,
 )
 from renderer.kernels.lanes.memory import (
-    gather_row,
     load_bytes,
     load_eight,
     load_one,
@@ -47,11 +45,15 @@ from renderer.kernels.lanes.memory import (
     store_one,
     store_row,
 )
-from renderer.kernels.lanes.vectors import gather_rows3
+from renderer.kernels.lanes.vectors import vec3
+
+# Lists of no more rays than this are tested ray by ray, eight children or eight primitives
+# at a time; with AVX2 all are in leaves.
+SHORT = 8
 
 
 @kernel
-def write_planes(nodes, node, axis, planes):
+def _write_planes(nodes, node, axis, planes):
     """Write the middles of the children's boxes along an axis, and half their sizes."""
     octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis
     word = node * WIDE_WORDS + axis
@@ -59,12 +61,12 @@ def write_planes(nodes, node, axis, planes):
     plane = load_bytes(nodes.octets, 0, octet)
     lower, upper = lower_half(plane), upper_half(plane)
     origin = load_one(nodes.floats, 0, word + wide_bvh_build.ORIGIN)
-    store_row(planes, axis, 0, (lower + upper) * half + origin)
-    store_row(planes, axis, 8, (upper - lower) * half)
+    store_row(planes, 0, 16 * axis, (lower + upper) * half + origin)
+    store_row(planes, 0, 16 * axis + 8, (upper - lower) * half)
 
 
 @kernel
-def enter_children(stream, place, left, masks, size):
+def _enter_children(stream, place, left, masks, size):
     """Test the next 16 rays of a list, or as many as are left, against all children.
 
     Where a ray passes the middle of a box, and half the box's size away from there. Its
@@ -73,21 +75,22 @@ def enter_children(stream, place, left, masks, size):
 
     Return how many of the rays go down the x, y and z axis.
     """
-    floats, planes = stream.rows.floats, stream.planes
+    for_boxes, planes = stream.rays.for_boxes, stream.planes
     live = first_lanes(left)
     ray = load_row(stream.lists, 0, place)
-    inverse = gather_rows3(floats, INVERSE, ray, live)
-    start = gather_rows3(floats, START, ray, live)
-    t = select(live, gather_row(floats, T, ray, live), ENDED)
+    x, y, z, t = gather_columns(for_boxes, INVERSE, ray, live)
+    start_x, start_y, start_z, margin = gather_columns(for_boxes, START, ray, live)
+    inverse, start = vec3(x, y, z), vec3(start_x, start_y, start_z)
+    t = select(live, t, ENDED)
     along = absolute(inverse)
-    more = along * gather_row(floats, MARGIN, ray, live)
+    more = along * margin
     for k in range(size):
         x = inverse.x * load_one(planes, 0, k) - start.x
-        y = inverse.y * load_one(planes, 1, k) - start.y
-        z = inverse.z * load_one(planes, 2, k) - start.z
+        y = inverse.y * load_one(planes, 0, k + 16) - start.y
+        z = inverse.z * load_one(planes, 0, k + 32) - start.z
         half_x = along.x * load_one(planes, 0, k + 8) + more.x
-        half_y = along.y * load_one(planes, 1, k + 8) + more.y
-        half_z = along.z * load_one(planes, 2, k + 8) + more.z
+        half_y = along.y * load_one(planes, 0, k + 24) + more.y
+        half_z = along.z * load_one(planes, 0, k + 40) + more.z
         enter = maximum(
             maximum(x - half_x, y - half_y), maximum(z - half_z, splat_f32(0.0))
         )
@@ -96,28 +99,28 @@ def enter_children(stream, place, left, masks, size):
         store_one(stream.lists, 0, masks + k, bits)
         store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
     return (
-        popcount(mask_bits(inverse.x < 0.0)),
-        popcount(mask_bits(inverse.y < 0.0)),
-        popcount(mask_bits(inverse.z < 0.0)),
+        popcount(mask_bits((inverse.x < 0.0) & live)),
+        popcount(mask_bits((inverse.y < 0.0) & live)),
+        popcount(mask_bits((inverse.z < 0.0) & live)),
     )
 
 
 @kernel
-def enter_ray_by_ray(stream, place, m, masks):
+def _enter_ray_by_ray(stream, place, m, masks):
     """Test the rays of a short list against eight children; return the first's octant."""
-    floats, planes = stream.rows.floats, stream.planes
+    for_boxes, planes = stream.rays.for_boxes, stream.planes
     entered = lane_index_8() & 0
     octant = np.int64(0)
     for j in range(m - 1, -1, -1):  # so that the first one's octant stays
         ray = np.int64(load_one(stream.lists, 0, place + j))
         enter = lower_half(splat_f32(0.0))
-        leave = enter + load_one(floats, T, ray)
+        leave = enter + load_one(for_boxes, T, ray)
         octant = np.int64(0)
         for axis in range(3):
-            inverse = load_one(floats, INVERSE + axis, ray)
-            middle = load_eight(planes, axis, 0) * inverse
-            middle = middle - load_one(floats, START + axis, ray)
-            half = load_eight(planes, axis, 8) + load_one(floats, MARGIN, ray)
+            inverse = load_one(for_boxes, INVERSE + axis, ray)
+            middle = load_eight(planes, 0, 16 * axis) * inverse
+            middle = middle - load_one(for_boxes, START + axis, ray)
+            half = load_eight(planes, 0, 16 * axis + 8) + load_one(for_boxes, MARGIN, ray)
             half = half * fabs(inverse)
             # what may not be a number comes first, so that the bound before it stays
             enter = maximum(middle - half, enter)
@@ -127,3 +130,32 @@ def enter_ray_by_ray(stream, place, m, masks):
     store_row(stream.lists, 0, masks, entered)
     store_row(stream.entered, 0, 0, entered)
     return octant
+
+
+@kernel
+def divide_by_middle(nodes, node, stream, place, m, depth):
+    """Find which rays enter which child; push the children, the nearest last.
+
+    They come in the order that suits most rays of the list.
+    """
+    always_inline()  # one call for each of two trees, and not a call in machine code
+    word = node * WIDE_WORDS + CHILD
+    size = popcount(mask_bits(load_eight(nodes.integers, 0, word) != 0))
+    for axis in range(3):
+        _write_planes(nodes, node, axis, stream.planes)
+    masks = (place + m + 15) & ~15
+    if m <= SHORT:
+        octant = _enter_ray_by_ray(stream, place, m, masks)
+    else:
+        store_row(stream.entered, 0, 0, splat_i32(0))
+        x, y, z = np.int64(0), np.int64(0), np.int64(0)  # rays that go down the axes
+        for i in range(0, m, 16):
+            a, b, c = _enter_children(stream, place + i, m - i, masks + i // 2, size)
+            x, y, z = x + a, y + b, z + c
+        octant = _most(x, m) | (_most(y, m) << 1) | (_most(z, m) << 2)
+    return push_children(nodes, node, octant, size, stream, place, m, masks, depth)
+
+
+@kernel
+def _most(down, m):
+    return np.int64(1) if 2 * down > m else np.int64(0)

@@ -1,129 +1,106 @@
-"""What the rays of a list meet in a leaf of a group: together, or ray by ray."""
+"""What the rays of a list meet in a leaf of a group: together, or ray by ray.
+
+The primitives of a leaf are of one kind, by its place in `plugins.shapes.registry`.
+"""
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from renderer.accelerators.bvh.wide.octants import ENDED
-from renderer.accelerators.bvh.wide.one_ray_leaves import hit_block, nearest_in_block
-from renderer.accelerators.instances.instance_rays import (
-    DIRECTION,
-    ORIGIN,
-    PRIM,
-    SHORT,
-    T,
-    U,
-    V,
+from renderer.accelerators.bvh.streams.stream_leaves import (
+    intersect_one_by_one,
+    intersect_together,
 )
-from renderer.accelerators.rays.packets import Nearest, nearest_of
-from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.functions import (
-    first_lanes,
-    mask_bits,
-    select,
-    splat_f32,
-)
+from renderer.accelerators.instances.instance_boxes import SHORT
+from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
-from renderer.kernels.lanes.memory import (
-    gather_row,
-    load_one,
-    load_row,
-    scatter_row,
-    store_one,
-)
-from renderer.kernels.lanes.vectors import column3, gather_rows3
+from renderer.kernels.lanes.memory import load_one
+from renderer.kernels.records.tally import PRIMITIVES, add_to
 
 # words of a leaf of primitives
 FIRST = 0  # its first primitive
 END = 1
-KIND = 2  # which of the kinds of primitives, by their place in `Instances`
+KIND = 2  # which of the kinds of primitives, by its place in the registry
 TOGETHER = 3  # leaves from this one on that are tested together, one of each kind
 LEAF_WORDS = 4
 
 
+class Primitives(NamedTuple):
+    """The primitives of one kind in all groups, and those of the other kinds."""
+
+    blocks: Any  # in blocks of eight, or None
+    singles: Any  # not in blocks, or None
+    others: Any  # `Primitives` of the next kind of the registry, or `NoMore`
+
+
+class NoMore(NamedTuple):
+    """The end of the list of kinds."""
+
+
+def primitives_of(blocks: list[Any], singles: list[Any]) -> Any:
+    """Return the record of all kinds, which are given in the order of the registry."""
+    found: Any = NoMore()
+    for k in reversed(range(len(blocks))):
+        found = Primitives(blocks[k], singles[k], found)
+    return found
+
+
+def of_kind(primitives: Any, kind: int) -> Any:
+    """Return the primitives of a kind, by its place in the registry."""
+    for _ in range(kind):
+        primitives = primitives.others
+    return primitives.singles if primitives.blocks is None else primitives.blocks
+
+
 @kernel
-def intersect_leaf(instances, leaf, any_hit, rows, lists, place, m):
-    """Test the rays of a list against the primitives of a leaf, which are of one kind."""
+def intersect_group_leaf(instances, leaf, query, stream, place, m, tally):
+    """Test the rays of a list against the primitives of a leaf."""
     first = np.int64(load_one(instances.leaves, 0, leaf + FIRST))
     end = np.int64(load_one(instances.leaves, 0, leaf + END))
-    kind = load_one(instances.leaves, 0, leaf + KIND)
+    kind = np.int64(load_one(instances.leaves, 0, leaf + KIND))
+    rays, lists = stream.rays, stream.lists
+    if tally is not None:
+        for j in range(place, place + m):
+            add_to(tally, PRIMITIVES, stream.counted[lists[j]], end - first)
+    _intersect_kind(instances.primitives, kind, first, end, query, rays, lists, place, m)
+
+
+@interface
+def _intersect_kind(primitives, kind, first, end, query, rays, lists, place, m):
+    """Test the rays of a list against primitives first to end - 1 of a kind."""
+
+
+@_intersect_kind.by(Primitives)
+@kernel
+def _in_kind(primitives, kind, first, end, query, rays, lists, place, m):
     if kind == 0:
-        _meet(instances.triangles, first, end, any_hit, rows, lists, place, m)
-    elif kind == 1:
-        _meet(instances.rectangles, first, end, any_hit, rows, lists, place, m)
-    elif kind == 2:
-        _meet(instances.disks, first, end, any_hit, rows, lists, place, m)
-    elif kind == 3:
-        _meet(instances.spheres, first, end, any_hit, rows, lists, place, m)
-    elif kind == 4:
-        _meet(instances.cylinders, first, end, any_hit, rows, lists, place, m)
-    elif kind == 5:
-        _meet_together(instances.implicits, first, end, any_hit, rows, lists, place, m)
+        _in_blocks(primitives.blocks, first, end, query, rays, lists, place, m)
+        _in_singles(primitives.singles, first, end, query, rays, lists, place, m)
     else:
-        _meet_together(instances.sdf_cells, first, end, any_hit, rows, lists, place, m)
+        others = primitives.others
+        _intersect_kind(others, kind - 1, first, end, query, rays, lists, place, m)
+
+
+@_intersect_kind.by(NoMore)
+@kernel
+def _in_none(primitives, kind, first, end, query, rays, lists, place, m):
+    pass
 
 
 @kernel
-def _meet(primitives, first, end, any_hit, rows, lists, place, m):
-    """Test the rays of a list against primitives in blocks of eight."""
-    if primitives is None:
+def _in_blocks(blocks, first, end, query, rays, lists, place, m):
+    if blocks is None:
         return
     if m > SHORT and not HAS_AVX2_ONLY:
-        _meet_together(primitives, first, end, any_hit, rows, lists, place, m)
+        intersect_together(blocks, first, end, query, rays, lists, place, m)
         return
-    for j in range(m):
-        ray = np.int64(load_one(lists, 0, place + j))
-        for block in range(first >> 3, (end + 7) >> 3):
-            if load_one(rows.floats, T, ray) >= 0.0:
-                _meet_block(primitives, block, any_hit, rows, ray)
+    start, stop = first >> 3, (end + 7) >> 3
+    intersect_one_by_one(blocks, start, stop, query, rays, lists, place, m, None)
 
 
 @kernel
-def _meet_block(blocks, block, any_hit, rows, ray):
-    """Test one ray against eight primitives."""
-    floats, integers = rows.floats, rows.integers
-    t_before = load_one(floats, T, ray)
-    origin, direction = column3(floats, ORIGIN, ray), column3(floats, DIRECTION, ray)
-    x = hit_block(blocks, block, origin, direction, t_before)
-    if mask_bits(x.hit) == 0:
-        return
-    if any_hit != 0:
-        store_one(floats, T, ray, ENDED)
-        return
-    near = nearest_in_block(blocks, block, x)
-    prim_before = load_one(integers, PRIM, ray)
-    if near.t < t_before or prim_before < 0 or near.prim < prim_before:
-        store_one(floats, T, ray, near.t)
-        store_one(integers, PRIM, ray, near.prim)
-        store_one(floats, U, ray, near.u)
-        store_one(floats, V, ray, near.v)
-
-
-@kernel
-def _meet_together(primitives, first, end, any_hit, rows, lists, place, m):
-    """Test each 16 rays against one primitive after the other."""
-    if primitives is None:
-        return
-    floats, integers = rows.floats, rows.integers
-    zero = np.int64(0)
-    for i in range(0, m, 16):
-        live = first_lanes(m - i)
-        ray = load_row(lists, 0, place + i)
-        origin = gather_rows3(floats, ORIGIN, ray, live)
-        direction = gather_rows3(floats, DIRECTION, ray, live)
-        t = select(live, gather_row(floats, T, ray, live), ENDED)
-        prim = gather_row(integers, PRIM, ray, live)
-        before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
-        near = nearest_of(
-            primitives, first, end, origin, direction, before, None, zero, zero
-        )
-        found = live & (near.prim != prim)
-        if mask_bits(found) == 0:
-            continue
-        if any_hit != 0:
-            scatter_row(floats, T, ray, splat_f32(ENDED), found)
-            continue
-        scatter_row(floats, T, ray, near.t, found)
-        scatter_row(integers, PRIM, ray, near.prim, found)
-        scatter_row(floats, U, ray, near.u, found)
-        scatter_row(floats, V, ray, near.v, found)
+def _in_singles(primitives, first, end, query, rays, lists, place, m):
+    if primitives is not None:
+        intersect_together(primitives, first, end, query, rays, lists, place, m)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.instances.instance_streams import trace_placed
+from renderer.accelerators.instances.instance_streams import trace_instances
 from renderer.accelerators.rays.query import traverse
 from renderer.kernels.records.kernel_scene import Placements
 
@@ -26,18 +26,12 @@ class Instances(NamedTuple):
     octets: NDArray[np.uint8]  # the same memory
     order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
     root: NDArray[np.int32]  # (instances,) the node or ~leaf that an instance's group is
-    leaves: NDArray[np.int32]  # (4 * leaves,) see `placed_leaves`
+    leaves: NDArray[np.int32]  # (4 * leaves,) see `instance_leaves`
     # Boxes are padded for rays that start with |x| + |y| + |z| <= reach. Others meet all
     # instances.
     reach: float
     placements: Placements
-    triangles: Any  # of all groups, in blocks of eight; None: no group has this kind
-    rectangles: Any
-    disks: Any
-    spheres: Any
-    cylinders: Any
-    implicits: Any  # not in blocks, nor are the next
-    sdf_cells: Any
+    primitives: Any  # `instance_leaves.Primitives` of all groups
 
 
-traverse.by(Instances)(trace_placed)
+traverse.by(Instances)(trace_instances)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     far_to_near,
 )
 from renderer.accelerators.extents import ROUNDING
+from renderer.accelerators.instances.instance_leaves import primitives_of
 from renderer.accelerators.instances.instances import Instances
 from renderer.plugins.shapes.blocks import WIDTH, aligned_bytes, blocks_of
 from renderer.plugins.shapes.registry import SHAPES
@@ -75,7 +77,7 @@ def build_instances(
         np.array(parts.leaves, np.int32).ravel(),
         -1.0 if brute else reach,
         scene.placements,
-        **parts.primitives(make_group),
+        parts.primitives(make_group),
     )
 
 
@@ -155,25 +157,20 @@ class _Parts:
         memory[: nodes.nbytes] = nodes.view(np.uint8).ravel()
         return memory
 
-    def primitives(self, make_group: MakeGroup) -> dict[str, Any]:
+    def primitives(self, make_group: MakeGroup) -> Any:
         """Return the primitives of each kind in the order of the leaves."""
-        found: dict[str, Any] = dict.fromkeys(KINDS)
-        for kind, parts in self.columns.items():
-            if not parts:
+        blocks: list[Any] = [None] * len(KINDS)
+        singles: list[Any] = [None] * len(KINDS)
+        for k, kind in enumerate(KINDS):
+            if not self.columns[kind]:
                 continue
-            columns = np.concatenate(parts)
-            surfaces = self.scene.surfaces[kind]
-
-            def group(
-                chosen: NDArray[np.int64], kind: str = kind, s: Any = surfaces
-            ) -> Any:
-                return make_group(kind, s, chosen)
-
+            columns = np.concatenate(self.columns[kind])
+            group = functools.partial(make_group, kind, self.scene.surfaces[kind])
             if SHAPES[kind].wide:
-                found[kind] = blocks_of(group, columns)
+                blocks[k] = blocks_of(group, columns)
             else:
-                found[kind] = group(np.maximum(columns, 0))
-        return found
+                singles[k] = group(np.maximum(columns, 0))
+        return primitives_of(blocks, singles)
 
 
 def _joined(a: BvhTree, b: BvhTree) -> BvhTree:

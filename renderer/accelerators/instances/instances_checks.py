@@ -15,6 +15,7 @@ from renderer.accelerators.instances.instance_leaves import (
     KIND,
     LEAF_WORDS,
     TOGETHER,
+    of_kind,
 )
 from renderer.accelerators.instances.instances import Instances
 from renderer.scene.placed_groups import linear_part, translation
@@ -58,7 +59,7 @@ def _validate_group(
     found: dict[str, list[Any]] = {kind: [] for kind in KINDS}
     for k, leaf in enumerate(leaves[reached]):
         kind = KINDS[leaf[KIND]]
-        ids = getattr(instances, kind).id[leaf[FIRST] : leaf[END]]
+        ids = of_kind(instances.primitives, leaf[KIND]).id[leaf[FIRST] : leaf[END]]
         found[kind].append(ids)
         column = ids - scene.surfaces[kind].first
         low, high = primitive_bounds(kind, scene.surfaces[kind])

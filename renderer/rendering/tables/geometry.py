@@ -8,9 +8,9 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
+from renderer.accelerators.build import Accelerators
 from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.dispatch import TRAVERSALS
-from renderer.accelerators.instances.accelerators import Accelerators
 from renderer.integrators.stages.surface.derivatives import derive
 from renderer.integrators.stages.surface.surface import locate
 from renderer.kernels.jit import record_type
@@ -65,7 +65,8 @@ def shadow_methods(
 
 
 def _built(accelerators: Accelerators) -> list[Any]:
-    return [accelerator for accelerator in accelerators if accelerator is not None]
+    instances = [] if accelerators.instances is None else [accelerators.instances]
+    return [*accelerators.by_kind.values(), *instances]
 
 
 def surface_methods(

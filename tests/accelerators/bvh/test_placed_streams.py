@@ -15,10 +15,8 @@ from test_surface_points import write_meshes
 
 import renderer
 from renderer.accelerators.bvh.wide.octants import STREAM
-from renderer.accelerators.instances.instance_rays import SHORT
-from renderer.accelerators.instances.instances import Instances
+from renderer.accelerators.instances.instance_boxes import SHORT
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
-from renderer.scene.scene import KINDS
 
 NAN, INF = np.nan, np.inf
 
@@ -149,7 +147,3 @@ def test_the_tally_says_what_was_tested(scene, tree, brute):
     assert (a_tree[NODES] >= 1).all() and (a_tree[BOXES] == 8 * a_tree[NODES]).all()
     assert (a_tree[STACK] >= 1).mean() > 0.9
     assert 0 < a_tree[PRIMITIVES].mean() < 0.1 * every
-
-
-def test_leaves_name_kinds_by_their_place_in_the_record():
-    assert Instances._fields[-len(KINDS) :] == tuple(KINDS)

@@ -1,10 +1,4 @@
-"""Streams: all rays of a batch go down the wide tree together, as lists of their numbers.
-
-At a node the list of the rays that entered it is tested against its children, 16 rays at a
-time and without a branch that a single ray decides; those that enter a child are its list
-[Barringer2014] [Fuetterling2015]. So it does not matter whether neighbours in the
-batch go the same way, only that enough of the batch do, as the rays of a tile after a
-bounce: docs/performance.md, "Streams".
+"""Streams through the wide tree.
 
 The rays of an octant of directions go together. For them near and far planes are the same,
 and children come in one order. A list that has become short is handed over to the rays
@@ -18,18 +12,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.accelerators.bvh.bvh_split import MAX_DEPTH
-from renderer.accelerators.bvh.streams.stream_leaves import intersect_leaf
-from renderer.accelerators.bvh.streams.stream_stack import (
+from renderer.accelerators.bvh.streams.stream import (
+    LEVEL,
     WAITING_WORDS,
-    pop_child,
+    Stream,
+    add_nodes,
+    descend,
+    descend_tree,
+    list_all,
     push_children,
+    visit,
 )
+from renderer.accelerators.bvh.streams.stream_leaves import intersect_leaf
 from renderer.accelerators.bvh.wide.octants import (
     AFAR,
     ENDED,
     ROW,
     STREAM,
-    Octant,
+    StreamRays,
     T,
     lay_out,
     select_octant,
@@ -44,7 +44,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
-from renderer.accelerators.bvh.wide.wide_rays import STACK, add_node, trace_rays
+from renderer.accelerators.bvh.wide.wide_rays import STACK, trace_rays
 from renderer.accelerators.rays.box_entry import STRETCH
 from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.columns import gather_columns
@@ -82,46 +82,45 @@ SHORT = 6
 # Rays from farther than this many times the tree's reach go one by one: boxes are larger by
 # the margin of the farthest origin. With one at 1e6 a thousand others tested all.
 NEAR = np.float32(8.0)
-# A level's list, and 16 bits for each of eight children and 16 rays of it, in words of 32.
-_LEVEL = ROW + ROW // 2 + 32
-_LISTS = (MAX_DEPTH + 2) * _LEVEL
+_INFINITY = np.float32(np.inf)
+_LISTS = (MAX_DEPTH + 2) * LEVEL
 _STACK = WAITING_WORDS * STACK
 
 
-class _Stream(NamedTuple):
-    """The rays of one octant, and who goes where."""
+class OctantTree(NamedTuple):
+    """The wide tree, as the rays of one octant go down it."""
 
-    rows: Octant
-    lists: Any  # (_LISTS,) int32 of places in the rows, and masks
-    stack: Any  # (_STACK,) int32 children that wait
-    planes: Any  # (48,) float32 for each axis 8 near and 8 far planes
-    entered: Any  # (16,) int32 whether any ray entered the child
+    accel: Any  # a `WideBvh`
+    octant: int
+    margin: float  # float32 that boxes are larger by for all rays
+    short: int  # lists of no more rays are handed over
 
 
 @kernel
 def trace_stream(accel, query, first, count, tally):
-    """Answer what is asked of rays first to first + count - 1."""
-    rows = Octant(
-        local_i32(ROW),
-        local_i32(ROW),
-        local_columns_f32(8, ROW),
-        local_columns_f32(8, ROW),
+    """Answer a query for rays first to first + count - 1."""
+    octants, number = local_i32(ROW), local_i32(ROW)
+    rays = StreamRays(number, local_columns_f32(8, ROW), local_columns_f32(8, ROW))
+    stream = Stream(
+        rays, number, local_i32(_LISTS), local_i32(_STACK), local_f32(48), local_i32(16)
     )
-    stream = _Stream(
-        rows, local_i32(_LISTS), local_i32(_STACK), local_f32(48), local_i32(16)
-    )
+    zero = np.int64(0)
     near = NEAR * _reach(accel)
     for begin in range(first, first + count, STREAM):
         end = min(begin + STREAM, first + count)
         few = end - begin < accel.few
-        write_octants(query, begin, end, few, near, rows)
+        write_octants(query, begin, end, _INFINITY if few else near, not few, octants)
         for octant in range(1 if few else AFAR + 1):
-            n = select_octant(begin, end, octant, rows)
+            n = select_octant(begin, end, octant, octants, rays)
             if n == 0:
                 continue
-            margin = lay_out(query, rows, n)
+            # boxes are larger by the largest margin, where that of each ray would be
+            # three numbers more to gather
+            margin = lay_out(query, rays, n)
             short = n if few or octant == AFAR else np.int64(SHORT)
-            _descend(accel, query, stream, n, short, octant, margin, tally)
+            tree = OctantTree(accel, octant, margin, short)
+            list_all(stream.lists, zero, n)
+            descend(tree, query, stream, zero, zero, n, zero, tally)
 
 
 @kernel
@@ -135,36 +134,30 @@ def _reach(accel):
     return reach
 
 
+@visit.by(OctantTree)
 @kernel
-def _descend(accel, query, stream, n, short, octant, margin, tally):
-    """Let all rays of an octant go down the tree, the nearest child first."""
-    for i in range(0, n, 16):
-        store_row(stream.lists, 0, i, lane_index() + np.int32(i))
-    node = np.int64(0)
-    place = np.int64(0)  # of the node's list
-    m = n
-    depth = np.int64(0)
-    while True:
-        if m <= short:
-            _hand_over(accel, query, stream, place, m, node, tally)
-        elif node >= 0:
-            depth = _divide(accel, node, octant, margin, stream, place, m, depth)
-            _add_node(tally, stream, place, m, depth)
-        else:
-            rows, lists = stream.rows, stream.lists
-            intersect_leaf(accel.blocks, ~node, query, rows, lists, place, m, tally)
-        if depth == 0:
-            break
-        depth -= 1
-        node, place, m = pop_child(stream, depth)
+def _visit(tree, query, stream, node, place, m, depth, tally):
+    if m <= tree.short:
+        _hand_over(tree.accel, query, stream, place, m, node, tally)
+    elif node >= 0:
+        depth = _divide(tree, node, stream, place, m, depth)
+        add_nodes(tally, stream, place, m, depth)
+    else:
+        blocks, lists = tree.accel.blocks, stream.lists
+        intersect_leaf(blocks, ~node, query, stream.rays, lists, place, m, tally)
+    return depth
+
+
+descend.by(OctantTree)(descend_tree)
 
 
 # ------------------------------------------------------------------------- nodes
 
 
 @kernel
-def _divide(accel, node, octant, margin, stream, place, m, depth):
-    """Find who enters which child; push the children, the nearest last."""
+def _divide(tree, node, stream, place, m, depth):
+    """Find which rays enter which child; push the children, the nearest last."""
+    accel, octant, margin = tree.accel, tree.octant, tree.margin
     word = node * WIDE_WORDS + CHILD
     size = popcount(mask_bits(load_eight(accel.integers, 0, word) != 0))
     for axis in range(3):
@@ -199,8 +192,8 @@ def _enter_children(stream, place, left, masks, size):
     """
     live = first_lanes(left)
     ray = load_row(stream.lists, 0, place)
-    x, y, z, t = gather_columns(stream.rows.for_boxes, 0, ray, live)
-    start_x, start_y, start_z, _ = gather_columns(stream.rows.for_boxes, 4, ray, live)
+    x, y, z, t = gather_columns(stream.rays.for_boxes, 0, ray, live)
+    start_x, start_y, start_z, _ = gather_columns(stream.rays.for_boxes, 4, ray, live)
     inverse, start = vec3(x, y, z), vec3(start_x, start_y, start_z)
     t = select(live, t, ENDED)
     planes = stream.planes
@@ -246,22 +239,11 @@ def _enters(planes, k, inverse, start, t):
 def _hand_over(accel, query, stream, place, m, node, tally):
     """Let the rays of a list go on one by one."""
     queue = (place + m + 15) & ~15
-    asked = np.int64(0)
+    going = np.int64(0)
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(stream.lists, 0, place + i)
-        live &= gather_row(stream.rows.for_boxes, T, ray, live) >= 0.0
-        append_row(stream.lists, 0, queue + asked, ray, live)
-        asked += popcount(mask_bits(live))
-    trace_rays(accel, query, stream.rows, stream.lists, queue, asked, node, tally)
-
-
-# ---------------------------------------------------------------------- counting
-
-
-@kernel
-def _add_node(tally, stream, place, m, depth):
-    if tally is None:
-        return
-    for j in range(place, place + m):
-        add_node(tally, stream.rows, stream.lists[j], depth)
+        live &= gather_row(stream.rays.for_boxes, T, ray, live) >= 0.0
+        append_row(stream.lists, 0, queue + going, ray, live)
+        going += popcount(mask_bits(live))
+    trace_rays(accel, query, stream.rays, stream.lists, queue, going, node, tally)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.bvh.wide.octants import ENDED, T
+from renderer.accelerators.bvh.wide.octants import DIRECTION, ENDED, ORIGIN, T
 from renderer.accelerators.bvh.wide.one_ray_leaves import (
     count_block,
     held,
@@ -37,51 +37,60 @@ from renderer.plugins.shapes.blocks import WIDTH
 
 
 @kernel
-def intersect_leaf(blocks, block, query, rows, lists, place, m, tally):
+def intersect_leaf(blocks, block, query, rays, lists, place, m, tally):
     """Test the rays of a list against the primitives of a leaf."""
     if HAS_AVX2_ONLY:
-        for j in range(place, place + m):
-            ray = np.int64(load_one(lists, 0, j))
-            if load_one(rows.for_boxes, T, ray) >= 0.0:
-                intersect_block(blocks, block, query, rows, ray, tally)
+        intersect_one_by_one(blocks, block, block + 1, query, rays, lists, place, m, tally)
         return
     if tally is not None:
         for j in range(place, place + m):
-            if rows.for_boxes[T, lists[j]] >= 0.0:
-                count_block(tally, blocks, block, rows.number[lists[j]])
-    _meet_together(blocks, block, query, rows, lists, place, m)
+            if rays.for_boxes[T, lists[j]] >= 0.0:
+                count_block(tally, blocks, block, rays.number[lists[j]])
+    start = WIDTH * block
+    end = start + held(blocks, block)
+    intersect_together(blocks, start, end, query, rays, lists, place, m)
 
 
 @kernel
-def _meet_together(blocks, block, query, rows, lists, place, m):
+def intersect_one_by_one(blocks, first, end, query, rays, lists, place, m, tally):
+    """Test each ray of a list against the primitives of blocks first to end - 1."""
+    for j in range(place, place + m):
+        ray = np.int64(load_one(lists, 0, j))
+        for block in range(first, end):
+            if load_one(rays.for_boxes, T, ray) >= 0.0:
+                intersect_block(blocks, block, query, rays, ray, tally)
+
+
+@kernel
+def intersect_together(primitives, start, end, query, rays, lists, place, m):
     """Test each 16 rays of a list against one primitive after the other."""
-    start = WIDTH * block
-    end = start + held(blocks, block)
     zero = np.int64(0)
     for i in range(0, m, 16):
         live = first_lanes(m - i)
         ray = load_row(lists, 0, place + i)
-        number = gather_row(rows.number, 0, ray, live)
-        ox, oy, oz, _ = gather_columns(rows.for_leaves, 0, ray, live)
-        dx, dy, dz, _ = gather_columns(rows.for_leaves, 4, ray, live)
+        number = gather_row(rays.number, 0, ray, live)
+        ox, oy, oz, _ = gather_columns(rays.for_leaves, ORIGIN, ray, live)
+        dx, dy, dz, _ = gather_columns(rays.for_leaves, DIRECTION, ray, live)
         origin, direction = vec3(ox, oy, oz), vec3(dx, dy, dz)
-        t = select(live, gather_row(rows.for_boxes, T, ray, live), ENDED)
+        t = select(live, gather_row(rays.for_boxes, T, ray, live), ENDED)
         prim = gather_row(query.prim, 0, number, live)
         prim = splat_i32(-1) if query.any_hit != 0 else prim
         before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
-        near = nearest_of(blocks, start, end, origin, direction, before, None, zero, zero)
+        near = nearest_of(
+            primitives, start, end, origin, direction, before, None, zero, zero
+        )
         found = live & (near.prim != prim)
         if mask_bits(found) != 0:  # scattering nothing takes as long as something
-            _store(query, rows, ray, number, near, found)
+            _store(query, rays, ray, number, near, found)
 
 
 @kernel
-def _store(query, rows, ray, number, near, found):
+def _store(query, rays, ray, number, near, found):
     if query.any_hit != 0:
-        scatter_row(rows.for_boxes, T, ray, splat_f32(ENDED), found)
+        scatter_row(rays.for_boxes, T, ray, splat_f32(ENDED), found)
         scatter_row(query.prim, 0, number, splat_i32(1), found)
         return
-    scatter_row(rows.for_boxes, T, ray, near.t, found)
+    scatter_row(rays.for_boxes, T, ray, near.t, found)
     scatter_row(query.ends, 0, number, near.t, found)
     scatter_row(query.prim, 0, number, near.prim, found)
     scatter_row(query.u, 0, number, near.u, found)

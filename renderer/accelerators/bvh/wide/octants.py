@@ -1,7 +1,6 @@
-"""Rays by the octant of their direction: for those of one, near and far are the same sides.
+"""The rays of a stream: chosen by octant, and laid out with what box tests need.
 
-They are laid out again with what box tests need, to go down a tree together
-(`ray_streams`).
+For rays whose directions are of one octant, near and far are the same sides of boxes.
 """
 
 from __future__ import annotations
@@ -10,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.rays.box_entry import MARGIN, safe_reciprocal
+from renderer.accelerators.rays.box_entry import MARGIN as BOX_MARGIN
+from renderer.accelerators.rays.box_entry import safe_reciprocal
 from renderer.accelerators.rays.ray_interval import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import store_columns
@@ -34,23 +34,29 @@ STREAM = 1024  # rays that go together at most
 ROW = STREAM + 32
 AFAR = 8  # in place of an octant: origins whose rounding would spoil the boxes of others
 _NOBODY = 9  # and rays that have no answer to find
-T = 3  # the row of `for_boxes` that says where rays end
 ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
+# rows of `StreamRays.for_boxes`
+INVERSE = 0  # 3 rows: 1 / direction
+T = 3  # where a ray ends
+START = 4  # 3 rows: origin / direction
+MARGIN = 7  # that boxes are larger by for this ray
+# rows of `StreamRays.for_leaves`
+ORIGIN = 0  # 3 rows, and one unused
+DIRECTION = 4  # 3 rows, and one unused
 
 
-class Octant(NamedTuple):
-    """The rays of one octant, side by side; first the octants of a whole batch."""
+class StreamRays(NamedTuple):
+    """The rays of a stream, side by side."""
 
-    octant: Any  # (ROW,) int32 of each ray of the batch
-    number: Any  # (ROW,) int32 in the batch
+    number: Any  # (ROW,) int32 of each ray: its column in the arrays of the query
     # both (8, ROW) float32, column by column: a ray's numbers are side by side
-    for_boxes: Any  # 1 / direction, where it ends; origin / direction, and one unused
-    for_leaves: Any  # origin and one unused, direction and one unused
+    for_boxes: Any
+    for_leaves: Any
 
 
 @kernel
-def write_octants(query, begin, end, few, near, rows):
-    """Note the octant of each direction; 0 for all where they will not go together.
+def write_octants(query, begin, end, near, divided, octants):
+    """Note the octant of each direction; 0 for all if rays are not `divided` by octant.
 
     Rays from where |x| + |y| + |z| is more than `near` are `AFAR`.
     """
@@ -64,13 +70,13 @@ def write_octants(query, begin, end, few, near, rows):
         )
         origin = load3(query.origin, i)
         far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z) > near
-        octant = none if few else select(far, AFAR, octant)
-        asked = is_finite_ray(origin, d) & ~_shut(query, i)
-        store_row(rows.octant, 0, i - begin, select(asked, octant, _NOBODY))
+        octant = select(far, AFAR, octant if divided else none)
+        traced = is_finite_ray(origin, d) & ~_blocked(query, i)
+        store_row(octants, 0, i - begin, select(traced, octant, _NOBODY))
 
 
 @kernel
-def _shut(query, i):
+def _blocked(query, i):
     """Return which of 16 rays are blocked already."""
     if query.any_hit == 0:
         return splat_mask(False)
@@ -78,34 +84,37 @@ def _shut(query, i):
 
 
 @kernel
-def select_octant(begin, end, octant, rows):
+def select_octant(begin, end, octant, octants, rays):
     """List the numbers of the rays of an octant; return how many there are."""
     n = np.int64(0)
     for i in range(0, end - begin, 16):
-        mine = load_row(rows.octant, 0, i) == np.int32(octant)
+        mine = load_row(octants, 0, i) == np.int32(octant)
         mine &= first_lanes(end - begin - i)
-        append_row(rows.number, 0, n, lane_index() + np.int32(begin + i), mine)
+        append_row(rays.number, 0, n, lane_index() + np.int32(begin + i), mine)
         n += popcount(mask_bits(mine))
     return n
 
 
 @kernel
-def lay_out(query, rows, n):
-    """Write what the box tests of n rays need; return the margin.
-
-    It is the largest of the rays' `origin_margins`. Boxes are made larger by it once, where
-    the margin of each ray would be three numbers more to gather.
-    """
+def lay_out(query, rays, n):
+    """Write what the tests of n rays need; return the largest of their margins."""
     margin = splat_f32(0.0)
     for i in range(0, n, 16):
         live = first_lanes(n - i)
-        number = load_row(rows.number, 0, i)
+        number = load_row(rays.number, 0, i)
         o, d = gather3(query.origin, number, live), gather3(query.direction, number, live)
-        t, r = gather_row(query.ends, 0, number, live), safe_reciprocal(d)
-        store_columns(rows.for_boxes, 0, i, r.x, r.y, r.z, t)
-        store_columns(rows.for_boxes, 4, i, o.x * r.x, o.y * r.y, o.z * r.z, t)
-        store_columns(rows.for_leaves, 0, i, o.x, o.y, o.z, t)
-        store_columns(rows.for_leaves, 4, i, d.x, d.y, d.z, t)
-        far = fabs(o.x) + fabs(o.y) + fabs(o.z)
-        margin = maximum(margin, far * MARGIN)
+        t = gather_row(query.ends, 0, number, live)
+        margin = maximum(margin, write_rays(rays, i, o, d, t))
     return largest(margin)
+
+
+@kernel
+def write_rays(rays, i, o, d, t):
+    """Write 16 rays to places i to i + 15; return their `origin_margins`."""
+    r = safe_reciprocal(d)
+    margin = (fabs(o.x) + fabs(o.y) + fabs(o.z)) * BOX_MARGIN
+    store_columns(rays.for_boxes, INVERSE, i, r.x, r.y, r.z, t)
+    store_columns(rays.for_boxes, START, i, o.x * r.x, o.y * r.y, o.z * r.z, margin)
+    store_columns(rays.for_leaves, ORIGIN, i, o.x, o.y, o.z, t)
+    store_columns(rays.for_leaves, DIRECTION, i, d.x, d.y, d.z, t)
+    return margin

@@ -84,7 +84,7 @@ class _Flight(NamedTuple):
 def trace_rays(accel, query, rows, queue, first, count, root, tally):
     """Trace the rays queue[first : first + count] on from node `root`.
 
-    The queue names places of `rows`, an `octants.Octant`, where they are laid out. A ray
+    The queue names places of `rows`, which are `octants.StreamRays`. A ray
     takes one step, a node or a block, and then it is the next ray's turn.
     """
     flight = _Flight(
@@ -115,7 +115,7 @@ def trace_rays(accel, query, rows, queue, first, count, root, tally):
         if node >= 0:
             t_max = load_one(rows.for_boxes, T, ray)
             depth = _push_children(accel, node, t_max, flight, place, depth)
-            add_node(tally, rows, ray, depth)
+            add_node(tally, rows.number, ray, depth)
         else:
             intersect_block(accel.blocks, ~node, query, rows, ray, tally)
 
@@ -231,11 +231,11 @@ def _push_children(accel, node, t_max, flight, place, depth):
 
 
 @kernel
-def add_node(tally, rows, ray, depth):
-    """Count that a ray, by its place in the rows, is tested against a node's children."""
+def add_node(tally, number, ray, depth):
+    """Count that a ray, by its place, is tested against a node's children."""
     if tally is None:
         return
-    i = rows.number[ray]
+    i = number[ray]
     add_to(tally, NODES, i, 1)
     add_to(tally, BOXES, i, WIDTH)
     note_stack(tally, i, depth)
