@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from renderer.kernels.jit import kernel
     from renderer.plugins.bsdfs.registry import register_bsdf
     from renderer.rendering.picture.image import Image
-    from renderer.rendering.render_loop import Progress
+    from renderer.rendering.progress_display import Progress
     from renderer.rendering.render_scene import render, render_frames
     from renderer.rendering.render_to_file import render_to_file
     from renderer.scene.scene import Scene
@@ -54,7 +54,7 @@ __all__ = [
 _MODULES = {
     "ClusterError": "renderer.errors",
     "Image": "renderer.rendering.picture.image",
-    "Progress": "renderer.rendering.render_loop",
+    "Progress": "renderer.rendering.progress_display",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.kernels.jit",

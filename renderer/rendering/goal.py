@@ -8,6 +8,7 @@ difference of two halves, hardly depends on their mean (`accuracy`).
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import Accuracy, estimate
 from renderer.rendering.film.film import Film
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 
@@ -64,23 +66,24 @@ class Goal(NamedTuple):
         return max(done, int(expected))
 
 
-def for_a_goal(
-    scene: Scene, sampler: str | None, spp: int | None
-) -> tuple[str | None, int]:
-    """Return the sampler, and the most samples, of a render with a goal.
+def for_a_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
+    """Return options with the sampler and the most samples of a goal, if they have one.
 
     Raises
     ------
     SceneError
         If there can be no two halves.
     """
+    if not options.has_goal:
+        return options
+    sampler, spp = options.sampler, options.spp
     if spp is None:
         spp = MOST_UNASKED
     elif spp < 2:
         raise SceneError(f"spp is {spp}; a goal needs 2 samples or more, in two halves")
     if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:
         sampler = OPEN_ENDED[0]
-    return sampler, spp
+    return dataclasses.replace(options, sampler=sampler, spp=spp)
 
 
 def check_goal(plan: Plan) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,29 +13,12 @@ from renderer.errors import ClusterError, SceneError
 from renderer.process.worker_pool import WorkerPool
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.goal import Goal, Halves
-from renderer.rendering.planning.plan import MOST_SAMPLES
+from renderer.rendering.options import MOST_SAMPLES
+from renderer.rendering.progress_display import Progress
 from renderer.rendering.rendering import Rendering
 
 if TYPE_CHECKING:  # needs Dask, an extra
     from renderer.rendering.cluster.team import ClusterScheduler
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a render is: handed to the `progress` callback.
-
-    There is no stage "compile" when all kernels are in the cache. The callback may raise
-    KeyboardInterrupt, which ends the render as Ctrl-C does.
-    """
-
-    stage: str  # "compile", done 0 and then 1 of 1, then "render"
-    done: int  # samples so far
-    total: int
-    seconds: float  # in this stage
-    # of the picture so far, where a goal asks for it: infinite before it is known
-    error: float | None = None
-    resumed: int = 0  # samples of `done` that were in the checkpoint
-    cluster: str = ""  # a line about its workers and what they did
 
 
 class RenderLoop:

@@ -28,9 +28,10 @@ from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older, read_checkpoint
 from renderer.rendering.goal import Halves
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.progress_display import ProgressDisplay
-from renderer.rendering.render_loop import Progress, RenderLoop
+from renderer.rendering.progress_display import Progress, ProgressDisplay
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import Mesh, OtherBsdf
@@ -516,8 +517,7 @@ def test_every_scene_has_a_digest(file):
     """What a scene may hold is known, and two readings of it are the same."""
     scenes = [renderer.load_file(file) for _ in range(2)]
     first, second = (
-        identity.identity_of(scene, make_plan(scene), accel="auto", seed=0)
-        for scene in scenes
+        identity.identity_of(scene, make_plan(scene), RenderOptions()) for scene in scenes
     )
     assert first == second
 

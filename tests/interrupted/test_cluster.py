@@ -30,6 +30,7 @@ from renderer.rendering.cluster.content import LEAST, freeze, thaw
 from renderer.rendering.cluster.job import Job
 from renderer.rendering.cluster.plugin_files import PluginFiles, import_sent
 from renderer.rendering.cluster.team import ClusterScheduler
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene_file import plugin_file
@@ -495,7 +496,7 @@ def test_kernels_that_a_process_has_are_not_counted_again(local, monkeypatch):
     plan = make_plan(scene, spp=1)
     for loaded, size in ((False, 150 << 20), (True, 0)):
         monkeypatch.setattr(memory_estimate, "_loaded", loaded)
-        found = memory_estimate.estimate_workers(scene, plan, accel="auto", threads=1)
+        found = memory_estimate.estimate_workers(scene, plan, RenderOptions(threads=1))
         assert found.parts["the kernels"] == size
     team, needed = ClusterScheduler(local, 2), []
     check = teams.check_room

@@ -19,7 +19,7 @@ from renderer.command import cli
 from renderer.command.outputs import rate_line
 from renderer.errors import ClusterError
 from renderer.rendering import render_scene
-from renderer.rendering.render_loop import Progress
+from renderer.rendering.progress_display import Progress
 from renderer.rendering.rendering import Rendering
 from reports.needs.study import Study
 from reports.speed_accuracy.contenders import of_ours

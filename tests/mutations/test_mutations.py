@@ -170,7 +170,7 @@ def request() -> RenderRequest:
     return RenderRequest(str(scene_file("grey-furnace")), parameters=size, threads=1)
 
 
-PLACE = "    with shown(progress) as show:\n        return _finish(prepare(scene"
+PLACE = "    with shown(options.progress) as show:\n        return _finish(prepare(scene"
 
 
 @pytest.mark.parametrize(

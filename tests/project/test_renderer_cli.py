@@ -24,8 +24,8 @@ from renderer.errors import ClusterError, NotAllowed
 from renderer.rendering import render_scene
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.progress_display import ProgressDisplay
-from renderer.rendering.render_loop import Progress, RenderLoop
+from renderer.rendering.progress_display import Progress, ProgressDisplay
+from renderer.rendering.render_loop import RenderLoop
 from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
 
 ROOT = Path(__file__).parents[2]

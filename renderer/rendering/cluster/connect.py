@@ -13,11 +13,9 @@ from renderer.process import memory
 if TYPE_CHECKING:
     from renderer.rendering.cluster.team import ClusterScheduler
 
-MOST_LOCAL = 256  # processes
 CONNECT = 10  # [s]
 _OF_PROCESS = 160 << 20  # [bytes] of a worker that has imported what it needs
 MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
-PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 def team_of(cluster: Any) -> ClusterScheduler:
@@ -100,23 +98,6 @@ def _local(workers: int) -> Iterator[ClusterScheduler]:
         Client(cluster, set_as_default=False) as client,
     ):
         yield ClusterScheduler(client, workers)
-
-
-def check_where(where: str) -> str:
-    """Return an address of a cluster, if it can be one.
-
-    Raises
-    ------
-    ValueError
-        Saying what is possible.
-    """
-    kind, _, count = where.partition(":")
-    if kind == "local":
-        if not (count.isdecimal() and 1 <= int(count) <= MOST_LOCAL):
-            raise ValueError(f"{where!r}: local:N starts N processes, 1 to {MOST_LOCAL}")
-    elif not where.startswith(PROTOCOLS):
-        raise ValueError(f"{where!r} is neither local:N nor an address tcp://host:8786")
-    return where
 
 
 def _check_dask() -> None:

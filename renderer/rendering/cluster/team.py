@@ -28,6 +28,7 @@ from renderer.rendering.cluster.job import Job
 from renderer.rendering.cluster.tally import Tally
 from renderer.rendering.cluster.worker import Portion
 from renderer.rendering.memory_estimate import check_room, estimate_workers
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.rendering import Rendering
 
 LOOK = 0.5  # [s] between two looks at who is there
@@ -491,8 +492,7 @@ def _check_local(job: Job, workers: int, *, loaded: bool) -> None:
     needs = estimate_workers(
         rendering.scene,
         rendering.plan,
-        accel=rendering.accel,
-        threads=1,
+        RenderOptions(accel=rendering.accel, threads=1),
         workers=workers,
         kernels=not loaded,
         # as bytes that came, and unpacked

@@ -24,6 +24,7 @@ from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
 from renderer.rendering.cluster.plugin_files import PluginFiles
 from renderer.rendering.memory_estimate import check_room, estimate_workers
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
@@ -145,9 +146,8 @@ def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
 def _make_ready(request: Request) -> _Ready:
     """Build what is asked for; raise NotAllowed if it takes more memory than there is."""
     scene = build_scene(request.description)
-    needs = estimate_workers(
-        scene, request.plan, accel=request.accel, threads=_threads_here()
-    )
+    options = RenderOptions(accel=request.accel, threads=_threads_here())
+    needs = estimate_workers(scene, request.plan, options)
     check_room(needs, scene.description.source, INSTEAD)
     rendering = Rendering(
         scene,
