@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from renderer.plugins.bsdfs.registry import register_bsdf
     from renderer.rendering.picture.image import Image
     from renderer.rendering.progress_display import Progress
-    from renderer.rendering.render_scene import render, render_frames
+    from renderer.rendering.render import render, render_frames
     from renderer.rendering.render_to_file import render_to_file
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
@@ -60,8 +60,8 @@ _MODULES = {
     "kernel": "renderer.kernels.jit",
     "look_at": "renderer.scene_file.transform_functions",
     "register_bsdf": "renderer.plugins.bsdfs.registry",
-    "render": "renderer.rendering.render_scene",
-    "render_frames": "renderer.rendering.render_scene",
+    "render": "renderer.rendering.render",
+    "render_frames": "renderer.rendering.render",
     "render_to_file": "renderer.rendering.render_to_file",
     "rotate": "renderer.scene_file.transform_functions",
     "scale": "renderer.scene_file.transform_functions",

@@ -36,7 +36,7 @@ from renderer.process.working_folder import leave_deleted_folder
 from renderer.rendering.options import OPTIONS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
-    from renderer.rendering.cluster.team import ClusterScheduler
+    from renderer.rendering.cluster.source import ClusterWorkers
     from renderer.rendering.picture.image import Image
     from renderer.rendering.progress_display import Progress
     from renderer.scene.scene import Scene
@@ -122,8 +122,8 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if _needs_bands(scene, options, interrupts):
         _render_to_file(scene, options, interrupts)
         return 0
-    with _cluster(options, interrupts) as team:
-        image = _render(scene, options, interrupts, team)
+    with _cluster(options, interrupts) as workers:
+        image = _render(scene, options, interrupts, workers)
     return deliver(image, options, interrupts, written)
 
 
@@ -188,11 +188,9 @@ def _run_frames(
                 asked.append((each, key))
                 yield scene
 
-    with _cluster(options, interrupts) as team, _showing(options, interrupts) as progress:
-        images = renderer.render_frames(
-            scenes(),
-            **vars(render_options(options, progress=progress, cluster=team, resume=False)),
-        )
+    with _cluster(options, interrupts) as workers, _showing(options, interrupts) as show:
+        requested = render_options(options, progress=show, cluster=workers, resume=False)
+        images = renderer.render_frames(scenes(), **vars(requested))
         for image in images:
             each, key = asked.popleft()
             if interrupts.count > 1:
@@ -247,8 +245,8 @@ def _explain(scene: Scene, options: argparse.Namespace) -> None:
 @contextmanager
 def _cluster(
     options: argparse.Namespace, interrupts: Interrupts
-) -> Iterator[ClusterScheduler | None]:
-    """Give the workers of `--cluster`, and say at the end what they did; or nobody."""
+) -> Iterator[ClusterWorkers | None]:
+    """Give the workers of `--cluster`, and say at the end what they did; or None."""
     if options.cluster is None:
         yield None
         return
@@ -257,14 +255,14 @@ def _cluster(
 
     if not options.quiet:
         complain(f"cluster: waiting for {options.cluster}")
-    with open_cluster(options.cluster) as team:
+    with open_cluster(options.cluster) as workers:
         try:
-            yield team
+            yield workers
         finally:
-            for address, why in team.tally.refused.items():
+            for address, why in workers.tally.refused.items():
                 complain(f"warning: worker {address} was refused: {why}")
             if not options.quiet:
-                complain(f"cluster: {team.tally}")
+                complain(f"cluster: {workers.tally}")
 
 
 @contextmanager
@@ -273,7 +271,7 @@ def _showing(
 ) -> Iterator[Callable[[Progress], None]]:
     """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
-        importlib.import_module("renderer.rendering.render_scene")
+        importlib.import_module("renderer.rendering.render")
         from renderer.rendering.progress_display import ProgressDisplay
 
     with (
@@ -298,10 +296,10 @@ def _render(
     scene: Scene,
     options: argparse.Namespace,
     interrupts: Interrupts,
-    team: ClusterScheduler | None,
+    workers: ClusterWorkers | None,
 ) -> Image:
     with _showing(options, interrupts) as progress:
-        requested = render_options(options, progress=progress, cluster=team)
+        requested = render_options(options, progress=progress, cluster=workers)
         image = renderer.render(scene, **vars(requested))
     return signed(image, options)
 

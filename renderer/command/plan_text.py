@@ -7,7 +7,7 @@ from itertools import chain
 
 from renderer.process import memory
 from renderer.rendering.aovs import plans_of
-from renderer.rendering.goal import for_a_goal
+from renderer.rendering.goal import options_of_goal
 from renderer.rendering.memory_estimate import Estimate, estimate_all
 from renderer.rendering.options import OPTIONS, RenderOptions, with_keywords
 from renderer.rendering.planning.cautions import cautions_of
@@ -26,7 +26,7 @@ def text_with(scene: Scene, options: RenderOptions) -> str:
     SceneError
         As `make_plan`.
     """
-    planned = for_a_goal(scene, options)
+    planned = options_of_goal(scene, options)
     (_, plan), *colors = renders = plans_of(scene, planned)
     film = scene.description.camera.film
     size = f"{film.crop_width} x {film.crop_height} pixels"

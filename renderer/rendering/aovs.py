@@ -60,6 +60,7 @@ def with_picture(image: Image, picture: Image) -> Image:
         aov_kinds={**picture.aov_kinds, **image.aov_kinds},
         seconds=image.seconds + picture.seconds,
         compile_seconds=image.compile_seconds + picture.compile_seconds,
+        metadata={**picture.metadata, **image.metadata},
         explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",
         complete=image.complete and picture.complete,
     )

@@ -66,7 +66,7 @@ class Goal(NamedTuple):
         return max(done, int(expected))
 
 
-def for_a_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
+def options_of_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
     """Return options with the sampler and the most samples of a goal, if they have one.
 
     Raises
@@ -86,14 +86,16 @@ def for_a_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
     return dataclasses.replace(options, sampler=sampler, spp=spp)
 
 
-def check_goal(plan: Plan) -> None:
-    """Refuse what has no error, or whose points depend on how many there will be.
+def goal_of(options: RenderOptions, plan: Plan) -> Goal | None:
+    """Return the goal of a render; refuse what has no error, or a fixed pattern of points.
 
     Raises
     ------
     SceneError
         For channels other than colours, replays, and samplers with a fixed pattern.
     """
+    if not options.has_goal:
+        return None
     if plan.moments is not None:
         raise SceneError("a goal needs a picture of colours alone, and `moment` gives more")
     if plan.kind.channels != 3 or plan.kind.counts_work:
@@ -107,6 +109,7 @@ def check_goal(plan: Plan) -> None:
             "are, which is not known before the goal is reached; possible is --sampler "
             + " or ".join(OPEN_ENDED)
         )
+    return Goal(options.target_error, options.time_limit)
 
 
 class Halves:

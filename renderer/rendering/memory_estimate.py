@@ -16,9 +16,9 @@ from renderer.accelerators.choice import choose_structures
 from renderer.errors import NotAllowed
 from renderer.process import memory
 from renderer.rendering.film.band import FilmShape
+from renderer.rendering.job import film_shape, workspace_of
 from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.rendering import film_shape, workspace_of
 from renderer.scene.scene import Scene
 
 # Bytes for a primitive at the peak of a build, measured with 51,200 triangles in a mesh and

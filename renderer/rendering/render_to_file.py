@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 
 from renderer.errors import SceneError
@@ -14,16 +13,15 @@ from renderer.process import memory as room_of_memory
 from renderer.process.names import REPLAY
 from renderer.rendering.aovs import plans_of, with_picture
 from renderer.rendering.film.band import Band
+from renderer.rendering.job import RenderJob, build_job, film_shape
 from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
 from renderer.rendering.options import OPTIONS, RenderOptions, with_keywords
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.preparation import build_rendering
 from renderer.rendering.progress_display import Progress, shown
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.render_scene import image_of
-from renderer.rendering.rendering import Rendering, film_shape
+from renderer.rendering.render import image_of
+from renderer.rendering.render_loop import run
 from renderer.scene.scene import Scene
 
 POSSIBLE = "possible is `render`"
@@ -92,23 +90,12 @@ def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> Pict
         possible = "a film of fewer columns; fewer threads; --memory SIZE"
         check_room(needs, scene.description.source, possible)
     film = scene.description.camera.film
-    seconds = compile_seconds = 0.0
-    renders = []
     rows_of_file = ExrRows(Path(path), film.crop_width, film.crop_height)
     with shown(options.progress) as display, rows_of_file as file:
-        for of, its_plan in todo:
-            rendering, building, compiling = build_rendering(
-                of, its_plan, display, options, band=rows
-            )
-            seconds, compile_seconds = seconds + building, compile_seconds + compiling
-            renders.append(rendering)
-        show = _Progress(renders, display)
-        for bands in zip(*(_bands(each, show, options) for each in renders), strict=True):
-            image = bands[0]
-            for picture in bands[1:]:
-                image = with_picture(image, picture)
-                both = {**picture.metadata, **image.metadata}
-                image = dataclasses.replace(image, metadata=both)
+        jobs = [build_job(of, its_plan, options, display) for of, its_plan in todo]
+        show = _Progress(jobs, display)
+        for bands in zip(*(_bands(job, rows, show) for job in jobs), strict=True):
+            image = reduce(with_picture, bands)
             file.add(image)
     return PictureFile(
         Path(path),
@@ -116,8 +103,8 @@ def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> Pict
         film.crop_height,
         image.spp,
         show.samples,
-        seconds + show.seconds,
-        compile_seconds,
+        sum(job.build_seconds for job in jobs) + show.seconds,
+        sum(job.compile_seconds for job in jobs),
         image.metadata,
     )
 
@@ -149,10 +136,10 @@ class _Progress:
     """Adds up the progress of several renders that take turns, each in bands."""
 
     def __init__(
-        self, renders: list[Rendering], progress: Callable[[Progress], None] | None
+        self, jobs: list[RenderJob], progress: Callable[[Progress], None] | None
     ) -> None:
         self._progress = progress
-        self._total = sum(_samples(rendering) for rendering in renders)
+        self._total = sum(map(_samples, jobs))
         self.samples = 0  # of the bands that are done
         self._start = time.perf_counter()
 
@@ -167,20 +154,13 @@ class _Progress:
             done = self.samples + now.done - samples
             self._progress(Progress("render", done, self._total, self.seconds))
 
-    def count(self, samples: int) -> None:
-        """Count a band that is done."""
-        self.samples += samples
+
+def _samples(job: RenderJob) -> int:
+    width, height = (side + 2 * job.shape.beyond for side in job.shape[3:5])
+    return width * height * job.plan.spp
 
 
-def _samples(rendering: Rendering) -> int:
-    shape = film_shape(rendering.scene, rendering.plan)
-    width, height = (side + 2 * shape.beyond for side in (shape.width, shape.height))
-    return width * height * rendering.plan.spp
-
-
-def _bands(
-    rendering: Rendering, show: _Progress, options: RenderOptions
-) -> Iterator[Image]:
+def _bands(job: RenderJob, rows: int, show: _Progress) -> Iterator[Image]:
     """Render band after band, and give the rows of each.
 
     Raises
@@ -188,20 +168,12 @@ def _bands(
     KeyboardInterrupt
         If one is interrupted.
     """
-    carried = 0
-    while True:
-        film = rendering.film
-        assert isinstance(film, Band)
-        wanted = rendering.work.samples(rendering.plan.spp)
-        by_rows = rendering.samples_of_place.reshape(film.grid.layers, film.grid.rows, -1)
-        by_rows[:, :carried] = wanted.reshape(by_rows.shape)[:, :carried]
-        begun = rendering.samples_done
-        if not RenderLoop(rendering, partial(show.show, begun)).run():
+    film: Band | None = Band(job.shape, rows)
+    while film is not None:
+        begun = film.samples_done
+        outcome = run(job, film, progress=partial(show.show, begun))
+        if not outcome.complete:
             raise KeyboardInterrupt
-        show.count(rendering.samples_done - begun)
-        yield image_of(rendering, 0.0, 0.0, True, options.metadata)
-        following = film.following()
-        if following is None:
-            return
-        band, carried = following
-        rendering.use_film(band)
+        show.samples += film.samples_done - begun
+        yield image_of(job, film, outcome, job.options.metadata)
+        film = film.following()

@@ -19,12 +19,12 @@ from renderer.rendering import memory_estimate, render_to_file
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.film.band import Band, FilmShape
 from renderer.rendering.film.film import Film
+from renderer.rendering.job import film_shape
 from renderer.rendering.memory_estimate import estimate_all, rows_at_once
 from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.progress_display import Progress
-from renderer.rendering.rendering import film_shape
 
 mi.set_variant("scalar_rgb")
 
@@ -119,8 +119,8 @@ def test_bands_give_each_row_once_and_no_sum_twice(border: int, rows: int) -> No
         following = band.following()
         if following is None:
             break
-        first += count - following[1]
-        band, carried = following
+        first, carried = first + count - shape.carried, shape.carried
+        band = following
     assert np.array_equal(np.vstack(parts), film.develop())
 
 

@@ -170,7 +170,7 @@ def request() -> RenderRequest:
     return RenderRequest(str(scene_file("grey-furnace")), parameters=size, threads=1)
 
 
-PLACE = "    with shown(options.progress) as show:\n        return _finish(prepare(scene"
+PLACE = "    with shown(options.progress) as show:\n        return finish(begin(scene"
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ PLACE = "    with shown(options.progress) as show:\n        return _finish(prepa
 def test_a_mutant_that_breaks_is_an_error_and_not_a_wait(tmp_path, statement, complaint):
     """Harmful text may do anything to its process, and nothing to ours."""
     limit = 4.0 if "sleep" in statement else 120.0
-    made = mutation(("rendering/render_scene.py", PLACE, f"    {statement}\n{PLACE}"))
+    made = mutation(("rendering/render.py", PLACE, f"    {statement}\n{PLACE}"))
     with Mutant(made, limit, tmp_path) as mutant:
         with pytest.raises(MutantError, match=complaint):
             mutant.render(request())

@@ -49,17 +49,17 @@ NEUTRAL_CHANGES = (
         "tiles are traced and added from the last to the first",
         (
             Edit(
-                "rendering/render_loop.py",
-                "number, place = divmod(job, places)",
-                "number, place = divmod(job, places)\n"
-                "            tiles = rendering.work.tiles\n"
+                "rendering/tile_sources.py",
+                "turn, place = divmod(number, places)",
+                "turn, place = divmod(number, places)\n"
+                "            tiles = film.work.tiles\n"
                 "            place += tiles - 1 - 2 * (place % tiles)",
             ),
             Edit(
-                "rendering/rendering.py",
-                "first, end = self.without_sums.strips[strip]",
-                "strip = len(self.without_sums.strips) - 1 - strip\n"
-                "        first, end = self.without_sums.strips[strip]",
+                "rendering/job.py",
+                "first, end = film.strips[strip]",
+                "strip = len(film.strips) - 1 - strip\n"
+                "        first, end = film.strips[strip]",
             ),
         ),
         scene="cornell-box",
@@ -68,7 +68,7 @@ NEUTRAL_CHANGES = (
     Mutation(
         "shorter-jobs",
         "a tile's samples are summed in parts of 4 instead of 16",
-        (Edit("rendering/rendering.py", "SAMPLES_PER_JOB = 16", "SAMPLES_PER_JOB = 4"),),
+        (Edit("rendering/film/work.py", "SAMPLES_PER_JOB = 16", "SAMPLES_PER_JOB = 4"),),
         scene="cornell-box",
         harmful=False,
     ),
