@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from renderer.kernels.jit import kernel
     from renderer.plugins.bsdfs.registry import register_bsdf
     from renderer.rendering.picture.image import Image
-    from renderer.rendering.render_loop import Progress
-    from renderer.rendering.render_scene import render, render_frames
+    from renderer.rendering.progress_display import Progress
+    from renderer.rendering.render import render, render_frames
     from renderer.rendering.render_to_file import render_to_file
     from renderer.scene.scene import Scene
     from renderer.scene_file import Folders, SceneDescription
@@ -54,14 +54,14 @@ __all__ = [
 _MODULES = {
     "ClusterError": "renderer.errors",
     "Image": "renderer.rendering.picture.image",
-    "Progress": "renderer.rendering.render_loop",
+    "Progress": "renderer.rendering.progress_display",
     "Scene": "renderer.scene.scene",
     "SceneError": "renderer.errors",
     "kernel": "renderer.kernels.jit",
     "look_at": "renderer.scene_file.transform_functions",
     "register_bsdf": "renderer.plugins.bsdfs.registry",
-    "render": "renderer.rendering.render_scene",
-    "render_frames": "renderer.rendering.render_scene",
+    "render": "renderer.rendering.render",
+    "render_frames": "renderer.rendering.render",
     "render_to_file": "renderer.rendering.render_to_file",
     "rotate": "renderer.scene_file.transform_functions",
     "scale": "renderer.scene_file.transform_functions",

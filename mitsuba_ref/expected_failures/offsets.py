@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import RAY_OFFSETS
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 
 FIXED = (0.0, 1e-3)  # a distance for all, as in many first renderers
 TIGHT, MITSUBA = RAY_OFFSETS["tight"], RAY_OFFSETS["mitsuba"]
@@ -37,14 +38,14 @@ def render_with_offset(
     scene: renderer.Scene, rule: tuple[float, float]
 ) -> NDArray[np.float32]:
     """Render with a rule of one's own: rounding errors, and a share of 1 + max|p|."""
-    rendering = Rendering(scene, make_plan(scene), accel="brute", seed=0, threads=1)
+    job = RenderJob(scene, make_plan(scene), RenderOptions(accel="brute", threads=1))
     rounding, fixed = rule
-    settings = rendering.kernel_scene.settings._replace(
+    settings = job.kernel_scene.settings._replace(
         rounding_offset=rounding, fixed_offset=fixed
     )
-    rendering.kernel_scene = rendering.kernel_scene._replace(settings=settings)
-    RenderLoop(rendering).run()
-    return np.asarray(rendering.film.develop())
+    film = job.make_film()
+    run(job.with_record(job.kernel_scene._replace(settings=settings)), film)
+    return np.asarray(film.develop())
 
 
 def lamp_seen(rule: tuple[float, float], gap: float, half: float = 1.0) -> bool:

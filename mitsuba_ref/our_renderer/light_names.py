@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from renderer.plugins.lights.registry import plugin_of
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.job import RenderJob
 from renderer.scene.light_order import light_order
 
 
-def light_names(rendering: Rendering) -> list[str]:
+def light_names(job: RenderJob) -> list[str]:
     """Name lights, by light id, as `LightAsked.light` says; "far" ones are at infinity."""
-    description, shapes = rendering.scene.description, rendering.kernel_scene.shapes
+    description, shapes = job.scene.description, job.kernel_scene.shapes
     order = light_order(description)
     names = {
         light: f"shape {shapes.number[shape]}"

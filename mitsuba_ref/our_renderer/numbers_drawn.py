@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
 from renderer.kernels.records.tile import Tile
 from renderer.plugins.sensors.registry import kind_of_sensor
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.job import RenderJob
 from renderer.replay.drawn_ahead import (
     APERTURE,
     BSDF,
@@ -25,10 +25,10 @@ from renderer.replay.drawn_ahead import (
 class NumbersDrawn:
     """What a replay of Mitsuba has drawn; our own samplers keep no numbers."""
 
-    def __init__(self, rendering: Rendering) -> None:
-        self._shape = rendering.scene.shape
-        self._has_aperture = kind_of_sensor(rendering.scene.description.camera).has_aperture
-        record = rendering.sampler.record
+    def __init__(self, job: RenderJob) -> None:
+        self._shape = job.scene.shape
+        self._has_aperture = kind_of_sensor(job.scene.description.camera).has_aperture
+        record = job.sampler.record
         self._sampler = record if isinstance(record, Replay) else None
         arrays = _arrays(self._sampler.sequence) if self._sampler else []
         self._at_start = [(array, array.copy()) for array in arrays]

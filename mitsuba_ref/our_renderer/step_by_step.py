@@ -30,7 +30,7 @@ from mitsuba_ref.our_renderer.traced_path import (
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import pack
 from renderer.kernels.records.tile import Tile
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.job import RenderJob
 
 NAME = "lightproof"
 
@@ -40,22 +40,22 @@ class StepByStep:
 
     Parameters
     ----------
-    rendering
+    job
         By `direct` or `path`.
     """
 
-    def __init__(self, rendering: Rendering) -> None:
-        self._rendering = rendering  # it keeps alive what the kernels' records point to
-        self._record = record = rendering.kernel_scene
-        self._film = rendering.scene.description.camera.film
+    def __init__(self, job: RenderJob) -> None:
+        self._job = job  # it keeps alive what the kernels' records point to
+        self._record = record = job.kernel_scene
+        self._film = job.scene.description.camera.film
         # The same code as the render's: only the depth at which roulette begins differs.
         certain = record.settings._replace(roulette_depth=NO_LIMIT)
         self._scene = pack(record)
         self._without_roulette = pack(record._replace(settings=certain))
-        self._light_names = light_names(rendering)
-        self._work = rendering.make_workspace(channels=3)
+        self._light_names = light_names(job)
+        self._work = job.make_workspace(channels=3)
         self._packed_work = pack(self._work)
-        self._drawn = NumbersDrawn(rendering)
+        self._drawn = NumbersDrawn(job)
 
     def trace(self, pixel: tuple[int, int], sample: int) -> TracedPath:
         """Return one sample of the pixel (x, y) of the crop window."""
@@ -73,7 +73,7 @@ class StepByStep:
         this one begins, since a moved path may draw more or fewer than the one before.
         """
         self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
-        here = NumbersDrawn(self._rendering)
+        here = NumbersDrawn(self._job)
         for move in moves:
             here.rewind(0)
             yield self._trace(self._tile(pixel), sample, move)
@@ -101,7 +101,7 @@ class StepByStep:
             Of one ray after it was led, the path ending with it; None: of no ray.
         """
         self.trace(pixel, sample - 1) if sample else self._drawn.rewind(0)
-        here = NumbersDrawn(self._rendering)
+        here = NumbersDrawn(self._job)
         for move in moves:
             here.rewind(0)
             yield self._trace(self._tile(pixel), sample, move, along)
@@ -210,7 +210,7 @@ class StepByStep:
                 point[:, 0] = point[:, 0].astype(np.float64) + moved.hit
             lights = self._sample_lights(tile, sample, bounce, smooth)
             scattered = self._scatter(tile, sample, bounce)
-            left_out = smooth > 0 and not self._rendering.plan.follow
+            left_out = smooth > 0 and not self._job.plan.follow
         return Bounce(
             shape=shape,
             face=face,
@@ -230,7 +230,7 @@ class StepByStep:
         """Return the shape's number in the file, and the face of a mesh."""
         record, hits = self._record, self._work.hits
         prim = int(hits.prim[0])
-        triangles = self._rendering.scene.surfaces.get("triangles")
+        triangles = self._job.scene.surfaces.get("triangles")
         number = int(record.shapes.number[record.primitives.shape[prim]])
         if record.placements.group.size and hits.instance[0] >= 0:
             number = int(record.placements.number[hits.instance[0]])

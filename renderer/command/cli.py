@@ -10,13 +10,12 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import renderer
 from renderer.command.interrupts import Interrupts
-from renderer.command.options import read_options
+from renderer.command.options import read_options, render_options
 from renderer.command.outputs import (
-    OF_THE_PICTURE,
     check_distinct,
     check_not_read,
     check_outputs,
@@ -34,11 +33,12 @@ from renderer.process.cache_folder import cache_root, clear_caches
 from renderer.process.memory import limited_to
 from renderer.process.standard_streams import output_is_lost
 from renderer.process.working_folder import leave_deleted_folder
+from renderer.rendering.options import OPTIONS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
-    from renderer.rendering.cluster.team import ClusterScheduler
+    from renderer.rendering.cluster.source import ClusterWorkers
     from renderer.rendering.picture.image import Image
-    from renderer.rendering.render_loop import Progress
+    from renderer.rendering.progress_display import Progress
     from renderer.scene.scene import Scene
     from renderer.scene_file import SceneDescription
 
@@ -126,8 +126,8 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     if _needs_bands(scene, options, interrupts):
         _render_to_file(scene, options, interrupts)
         return 0
-    with _cluster(options, interrupts) as team:
-        image = _render(scene, options, interrupts, team)
+    with _cluster(options, interrupts) as workers:
+        image = _render(scene, options, interrupts, workers)
     return deliver(image, options, interrupts, written)
 
 
@@ -185,15 +185,16 @@ def _run_frames(
     def scenes() -> Iterator[Scene]:
         for each in frames:
             scene = _load(each, path)
-            key = made_from(scene, f"{command_of(each)} {each.target_error} {each.time}")
+            key = made_from(
+                scene, f"{command_of(each)} {each.target_error} {each.time_limit}"
+            )
             if not (options.resume and record.has(each.output, key)):
                 asked.append((each, key))
                 yield scene
 
-    with _cluster(options, interrupts) as team, _showing(options, interrupts) as progress:
-        images = renderer.render_frames(
-            scenes(), progress=progress, cluster=team, **_choices(options)
-        )
+    with _cluster(options, interrupts) as workers, _showing(options, interrupts) as show:
+        requested = render_options(options, progress=show, cluster=workers, resume=False)
+        images = renderer.render_frames(scenes(), **vars(requested))
         for image in images:
             each, key = asked.popleft()
             if interrupts.count > 1:
@@ -241,30 +242,15 @@ def say_warnings(description: SceneDescription) -> None:
 def _explain(scene: Scene, options: argparse.Namespace) -> None:
     from renderer.command.plan_text import plan_text
 
-    sampler, spp = options.sampler, options.spp
-    if options.target_error is not None or options.time is not None:
-        from renderer.rendering.goal import for_a_goal
-
-        sampler, spp = for_a_goal(scene, sampler, spp)
-    text = plan_text(
-        scene,
-        integrator=options.integrator,
-        sampler=sampler,
-        spp=spp,
-        accel=options.accel,
-        threads=options.threads,
-        light_choice=options.light_choice,
-        goal=options.target_error is not None or options.time is not None,
-    )
-    sys.stdout.write(text)
+    sys.stdout.write(plan_text(scene, **vars(render_options(options))))
     sys.stdout.flush()
 
 
 @contextmanager
 def _cluster(
     options: argparse.Namespace, interrupts: Interrupts
-) -> Iterator[ClusterScheduler | None]:
-    """Give the workers of `--cluster`, and say at the end what they did; or nobody."""
+) -> Iterator[ClusterWorkers | None]:
+    """Give the workers of `--cluster`, and say at the end what they did; or None."""
     if options.cluster is None:
         yield None
         return
@@ -273,14 +259,14 @@ def _cluster(
 
     if not options.quiet:
         complain(f"cluster: waiting for {options.cluster}")
-    with open_cluster(options.cluster) as team:
+    with open_cluster(options.cluster) as workers:
         try:
-            yield team
+            yield workers
         finally:
-            for address, why in team.tally.refused.items():
+            for address, why in workers.tally.refused.items():
                 complain(f"warning: worker {address} was refused: {why}")
             if not options.quiet:
-                complain(f"cluster: {team.tally}")
+                complain(f"cluster: {workers.tally}")
 
 
 @contextmanager
@@ -289,7 +275,7 @@ def _showing(
 ) -> Iterator[Callable[[Progress], None]]:
     """Show progress, warnings at once, and end a render after Ctrl-C."""
     with interrupts.put_off():
-        importlib.import_module("renderer.rendering.render_scene")
+        importlib.import_module("renderer.rendering.render")
         from renderer.rendering.progress_display import ProgressDisplay
 
     with (
@@ -310,33 +296,15 @@ def _showing(
         yield progress
 
 
-def _how(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments that all renders have."""
-    return {name: getattr(options, name) for name in ("threads", *OF_THE_PICTURE)}
-
-
-def _choices(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what `render` and `render_frames` are given beside the scene."""
-    goal = {"target_error": options.target_error, "time_limit": options.time}
-    return _how(options) | goal
-
-
 def _render(
     scene: Scene,
     options: argparse.Namespace,
     interrupts: Interrupts,
-    team: ClusterScheduler | None,
+    workers: ClusterWorkers | None,
 ) -> Image:
     with _showing(options, interrupts) as progress:
-        image = renderer.render(
-            scene,
-            **_choices(options),
-            progress=progress,
-            cluster=team,
-            checkpoint=options.checkpoint,
-            checkpoint_every=60.0 if options.every is None else options.every,
-            resume=options.resume,
-        )
+        requested = render_options(options, progress=progress, cluster=workers)
+        image = renderer.render(scene, **vars(requested))
     return signed(image, options)
 
 
@@ -346,14 +314,15 @@ def _needs_bands(
     interrupts: Interrupts,
 ) -> bool:
     """Tell whether the film is larger than memory, and can go into its file in bands."""
-    outputs, asked = options.output, (options.checkpoint, options.cluster)
-    goal = (options.target_error, options.time)
-    if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr" or any((*asked, *goal)):
+    outputs, requested = options.output, render_options(options)
+    if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr":
+        return False
+    if not all(OPTIONS[name].bands for name in requested.given()):
         return False
     with interrupts.put_off():
         from renderer.rendering.render_to_file import fits_in_memory
 
-    return fits_in_memory(scene, **_how(options)) is False
+    return fits_in_memory(scene, requested) is False
 
 
 def _render_to_file(
@@ -366,13 +335,9 @@ def _render_to_file(
             "nothing is kept of it after an interrupt"
         )
     with _showing(options, interrupts) as progress:
-        file = renderer.render_to_file(
-            scene,
-            output,
-            **_how(options),
-            progress=progress,
-            metadata={"command": command_of(options)},
-        )
+        command = {"command": command_of(options)}
+        requested = render_options(options, progress=progress, metadata=command)
+        file = renderer.render_to_file(scene, output, **vars(requested))
     if not options.quiet:
         sys.stdout.write(rate_line(file, str(output)))
         sys.stdout.flush()

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 import renderer
-from renderer.errors import SceneError
+from renderer.command.sweep import parse_frames
 from renderer.process.cache_folder import cache_root
-from renderer.process.memory import parse_size
-from renderer.process.names import (
-    ACCELERATORS,
-    INTEGRATORS,
-    LIGHT_CHOICES,
-    RAY_OFFSETS,
-    REPLAY,
-    SAMPLERS,
-)
+from renderer.rendering.options import DEFAULTS, OPTIONS, RenderOptions
 
 EPILOG = """examples:
   lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256
@@ -67,14 +59,27 @@ def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     elif options.scene is None:
         parser.error("the following arguments are required: SCENE.xml")
     if options.frames is not None:
-        if options.checkpoint is not None or options.every is not None:
+        if options.checkpoint is not None or options.checkpoint_every is not None:
             parser.error("--checkpoint is of one picture; frames need --resume alone")
         if options.explain:
             parser.error("--explain is of one picture; leave out --frames")
-    elif options.checkpoint is None and (options.resume or options.every is not None):
-        given = "--resume" if options.resume else "--every"
-        parser.error(f"{given} needs --checkpoint FILE")
+    elif options.checkpoint is None:
+        if options.resume or options.checkpoint_every is not None:
+            given = "--resume" if options.resume else "--every"
+            parser.error(f"{given} needs --checkpoint FILE")
     return options
+
+
+def render_options(options: argparse.Namespace, **others: Any) -> RenderOptions:
+    """Return the options of `render` among those of the command, and others.
+
+    Raises
+    ------
+    SceneError
+        For a number that is out of range.
+    """
+    values = {name: getattr(options, name, None) for name in OPTIONS} | others
+    return RenderOptions(**{n: value for n, value in values.items() if value is not None})
 
 
 def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParser:
@@ -118,96 +123,19 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         help="the picture, .exr, .png or .npy by its ending; may be given several times "
         "(default: named after the scene, .exr, in the working directory)",
     )
-    add(
-        "--spp", type=_positive, metavar="N", help="samples per pixel instead of the file's"
-    )
-    add(
-        "--target-error",
-        type=_error,
-        metavar="2%",
-        help="render until the picture's estimated relative error is no more; --spp is "
-        "then the most samples that it may take",
-    )
-    add(
-        "--time",
-        type=_seconds,
-        metavar="SECONDS",
-        help="render for about so long, and say the error that was reached",
-    )
-    add(
-        "--checkpoint",
-        type=Path,
-        metavar="FILE",
-        help="keep the state of the render there, now and then, and at its end",
-    )
-    add(
-        "--every",
-        type=_seconds,
-        metavar="SECONDS",
-        help="between two writings of the checkpoint (default: 60)",
-    )
-    add(
-        "--resume",
-        action="store_true",
-        help="go on from the checkpoint, to the same picture as without a break; also to "
-        "more --spp than it was made with, if the sampler is independent; with --frames: "
-        "render those that are not there yet",
-    )
+    for name, option in OPTIONS.items():
+        if option.flag:
+            how: dict[str, Any] = {"action": "store_true"}
+            if DEFAULTS[name] is not False:
+                how = {"type": _told(option.parse), "metavar": option.metavar}
+                how["choices"] = option.choices or None
+            add(option.flag, dest=name, help=option.help.replace("%", "%%"), **how)
     add(
         "--frames",
-        type=_frames,
+        type=_told(parse_frames),
         metavar="FIRST:END",
         help="render a sweep: -D angle={frame*1.5} -o turn_####.exr; without END, as in "
         "Python; FIRST:END:STEP too",
-    )
-    add(
-        "--seed",
-        type=_seed,
-        default=0,
-        metavar="N",
-        help="the same seed gives the same picture, bit for bit (default: 0)",
-    )
-    add("--threads", type=_positive, metavar="N", help="default: one for each processor")
-    add(
-        "--cluster",
-        type=_where,
-        metavar="WHERE",
-        help="render on a Dask cluster, the same picture: local:4 starts 4 processes here, "
-        "tcp://host:8786 is one that runs (docs/cluster.md)",
-    )
-    add(
-        "--integrator",
-        choices=INTEGRATORS,
-        metavar="NAME",
-        help=f"{', '.join(INTEGRATORS)}; auto, the default, is the least method that gives "
-        "what the file asks for",
-    )
-    add(
-        "--accel",
-        choices=ACCELERATORS,
-        metavar="NAME",
-        help=f"{', '.join(ACCELERATORS)}; the picture is the same; auto, the default, is "
-        "what a cost model expects to be the fastest",
-    )
-    add(
-        "--sampler",
-        choices=(*SAMPLERS, REPLAY),
-        metavar="NAME",
-        help=f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with "
-        "the random numbers that Mitsuba scalar draws",
-    )
-    add(
-        "--light-choice",
-        choices=LIGHT_CHOICES,
-        metavar="NAME",
-        help="where one of several lights is asked: importance (default), by what it can "
-        "give at the point, or uniform, each as often as any other, as in Mitsuba",
-    )
-    add(
-        "--ray-offset",
-        choices=RAY_OFFSETS,
-        metavar="NAME",
-        help="how far off their surface rays start: tight (default) or mitsuba",
     )
     add(
         "--plugins",
@@ -233,18 +161,10 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
         "given several times (docs/simplifications.md)",
     )
     add(
-        "--memory",
-        type=_memory,
-        metavar="SIZE",
-        help="refuse what would take this process beyond a size such as 4GiB (default: "
-        "what the machine has free); does not cover the workers of --cluster, nor the "
-        "frames that begin ahead there",
-    )
-    add(
         "--allow-outside",
         action="append",
         default=[],
-        type=_folder,
+        type=_told(_folder),
         metavar="DIR",
         help="let the scene name files below this folder too; without it, only below its "
         "own; may be given several times (docs/security.md)",
@@ -275,79 +195,22 @@ def make_parser(only: Mapping[str, str] | None = None) -> argparse.ArgumentParse
     return parser
 
 
-def _whole_number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+def _told(parse: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a reader of words whose errors argparse shows as they are."""
 
+    def read(text: str) -> Any:
+        try:
+            return parse(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
 
-def _positive(text: str) -> int:
-    value = _whole_number(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{value} is less than 1")
-    return value
-
-
-def _error(text: str) -> float:
-    number = _number(text.removesuffix("%"))
-    if text.endswith("%"):
-        return number / 100
-    if number >= 1:
-        raise argparse.ArgumentTypeError(f"{text} is 100 % or more; is {text}% meant?")
-    return number
-
-
-def _seconds(text: str) -> float:
-    return _number(text.removesuffix("s"))
-
-
-def _memory(text: str) -> int:
-    try:
-        return parse_size(text)
-    except SceneError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    return read
 
 
 def _folder(text: str) -> Path:
     if not Path(text).is_dir():
-        raise argparse.ArgumentTypeError(f"{text} is not a folder")
+        raise ValueError(f"{text} is not a folder")
     return Path(text)
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not more than 0, and finite")
-    return value
-
-
-def _where(text: str) -> str:
-    from renderer.rendering.cluster.connect import check_where
-
-    try:
-        return check_where(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _frames(text: str) -> range:
-    from renderer.command.sweep import parse_frames
-
-    try:
-        return parse_frames(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _seed(text: str) -> int:
-    value = _whole_number(text)
-    if not 0 <= value < 2**32:
-        raise argparse.ArgumentTypeError(f"{value} is not in 0 to {2**32 - 1}")
-    return value
 
 
 def definition(text: str) -> tuple[str, str]:

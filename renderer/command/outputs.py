@@ -11,25 +11,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from renderer.command.options import make_parser
 from renderer.errors import SceneError
 from renderer.process.whole_file import target_of
+from renderer.rendering.options import DEFAULTS, OPTIONS, names_of
 from renderer.rendering.progress_display import shown_rate
 
 if TYPE_CHECKING:  # needs Numba
     from renderer.rendering.picture.image import Image
     from renderer.rendering.render_to_file import PictureFile
-
-# options that change the picture, and that all renders take
-OF_THE_PICTURE = (
-    "spp",
-    "seed",
-    "integrator",
-    "accel",
-    "sampler",
-    "light_choice",
-    "ray_offset",
-)
 
 
 def check_outputs(options: argparse.Namespace) -> None:
@@ -93,10 +82,12 @@ def signed(image: Image, options: argparse.Namespace) -> Image:
 def command_of(options: argparse.Namespace) -> str:
     """Return the command without what does not change the picture, such as `--threads`."""
     words = ["lightproof", str(options.scene)]
-    for name in (*OF_THE_PICTURE, "plugins"):
+    for name in names_of("picture"):
         value = getattr(options, name)
-        if value != make_parser().get_default(name):
-            words += [f"--{name.replace('_', '-')}", str(value)]
+        if value not in (None, DEFAULTS[name]):
+            words += [OPTIONS[name].flag, str(value)]
+    if options.plugins is not None:
+        words += ["--plugins", str(options.plugins)]
     for name, value in options.define:
         words += ["-D", f"{name}={value}"]
     for word in options.simplify:

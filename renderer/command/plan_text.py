@@ -6,9 +6,10 @@ import textwrap
 from itertools import chain
 
 from renderer.process import memory
-from renderer.process.worker_pool import default_threads
 from renderer.rendering.aovs import plans_of
+from renderer.rendering.goal import options_of_goal
 from renderer.rendering.memory_estimate import Estimate, estimate_all
+from renderer.rendering.options import OPTIONS, RenderOptions, with_keywords
 from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
 from renderer.rendering.planning.plan import Plan
@@ -17,17 +18,7 @@ from renderer.scene.scene import Scene
 WIDTH = 92
 
 
-def plan_text(
-    scene: Scene,
-    *,
-    integrator: str | None = None,
-    sampler: str | None = None,
-    spp: int | None = None,
-    accel: str | None = None,
-    threads: int | None = None,
-    goal: bool = False,
-    light_choice: str | None = None,
-) -> str:
+def text_with(scene: Scene, options: RenderOptions) -> str:
     """Return what `render` would do with the same arguments, and why, as lines of text.
 
     Raises
@@ -35,20 +26,16 @@ def plan_text(
     SceneError
         As `make_plan`.
     """
-    (_, plan), *colors = renders = plans_of(
-        scene,
-        integrator,
-        sampler=sampler,
-        spp=spp,
-        accel=accel,
-        threads=threads,
-        light_choice=light_choice,
-    )
+    planned = options_of_goal(scene, options)
+    (_, plan), *colors = renders = plans_of(scene, planned)
     film = scene.description.camera.film
     size = f"{film.crop_width} x {film.crop_height} pixels"
     if (film.crop_width, film.crop_height) != (film.width, film.height):
         size += f" of {film.width} x {film.height}"
     page = [f"{scene.description.source}: {size}"]
+    if given := options.given():
+        listed = [f"{OPTIONS[name].flag or name} {value}" for name, value in given.items()]
+        page += ["", "What is requested", *_row("-", ", ".join(listed))]
     if scene.description.simplified:
         page += ["", "What is simplified, as asked"]
         page += [line for told in scene.description.simplified for line in _row("-", told)]
@@ -56,11 +43,12 @@ def plan_text(
     for _, its_plan in colors:
         page += ["", "The colours, by the integrator inside", *_sections(its_plan)]
     page += _known_to_fail(*renders[-1])
-    needs = estimate_all(
-        renders, accel=accel or "auto", threads=threads or default_threads(), goal=goal
-    )
+    needs = estimate_all(renders, planned)
     page += ["", "Memory, beside the scene", *_row("at most", _memory_text(needs))]
     return "\n".join(page) + "\n"
+
+
+plan_text = with_keywords(RenderOptions, text_with, "plan_text")
 
 
 def _memory_text(needs: Estimate) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.image import Image
-from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.planning.make_plan import plan_with
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Integrator
@@ -30,26 +30,22 @@ def _under(scene: Scene, integrator: Integrator) -> Scene:
     return dataclasses.replace(scene, description=description)
 
 
-def plans_of(
-    scene: Scene, integrator: str | None = None, **choices: Any
-) -> list[tuple[Scene, Plan]]:
+def plans_of(scene: Scene, options: RenderOptions) -> list[tuple[Scene, Plan]]:
     """Return what is rendered: the scene, and that of the colours beside AOVs.
 
-    Parameters
-    ----------
-    scene, integrator, **choices
-        As `make_plan` takes them; the colours have an integrator of their own.
+    The colours have an integrator of their own.
 
     Raises
     ------
     SceneError
         As `make_plan`.
     """
-    plan = make_plan(scene, integrator=integrator, **choices)
+    plan = plan_with(scene, options)
     nested = nested_scene(scene, plan)
     if nested is None:
         return [(scene, plan)]
-    return [(scene, plan), (nested, make_plan(nested, **choices))]
+    of_colors = dataclasses.replace(options, integrator=None)
+    return [(scene, plan), (nested, plan_with(nested, of_colors))]
 
 
 def with_picture(image: Image, picture: Image) -> Image:
@@ -64,6 +60,7 @@ def with_picture(image: Image, picture: Image) -> Image:
         aov_kinds={**picture.aov_kinds, **image.aov_kinds},
         seconds=image.seconds + picture.seconds,
         compile_seconds=image.compile_seconds + picture.compile_seconds,
+        metadata={**picture.metadata, **image.metadata},
         explain=f"{image.explain}\n\nthe nested integrator's colours\n{picture.explain}",
         complete=image.complete and picture.complete,
     )

@@ -8,6 +8,7 @@ difference of two halves, hardly depends on their mean (`accuracy`).
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import Accuracy, estimate
 from renderer.rendering.film.film import Film
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 
@@ -64,33 +66,36 @@ class Goal(NamedTuple):
         return max(done, int(expected))
 
 
-def for_a_goal(
-    scene: Scene, sampler: str | None, spp: int | None
-) -> tuple[str | None, int]:
-    """Return the sampler, and the most samples, of a render with a goal.
+def options_of_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
+    """Return options with the sampler and the most samples of a goal, if they have one.
 
     Raises
     ------
     SceneError
         If there can be no two halves.
     """
+    if not options.has_goal:
+        return options
+    sampler, spp = options.sampler, options.spp
     if spp is None:
         spp = MOST_UNASKED
     elif spp < 2:
         raise SceneError(f"spp is {spp}; a goal needs 2 samples or more, in two halves")
     if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:
         sampler = OPEN_ENDED[0]
-    return sampler, spp
+    return dataclasses.replace(options, sampler=sampler, spp=spp)
 
 
-def check_goal(plan: Plan) -> None:
-    """Refuse what has no error, or whose points depend on how many there will be.
+def goal_of(options: RenderOptions, plan: Plan) -> Goal | None:
+    """Return the goal of a render; refuse what has no error, or a fixed pattern of points.
 
     Raises
     ------
     SceneError
         For channels other than colours, replays, and samplers with a fixed pattern.
     """
+    if not options.has_goal:
+        return None
     if plan.moments is not None:
         raise SceneError("a goal needs a picture of colours alone, and `moment` gives more")
     if plan.kind.channels != 3 or plan.kind.counts_work:
@@ -104,6 +109,7 @@ def check_goal(plan: Plan) -> None:
             "are, which is not known before the goal is reached; possible is --sampler "
             + " or ".join(OPEN_ENDED)
         )
+    return Goal(options.target_error, options.time_limit)
 
 
 class Halves:

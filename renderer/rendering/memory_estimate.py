@@ -16,8 +16,9 @@ from renderer.accelerators.choice import choose_structures
 from renderer.errors import NotAllowed
 from renderer.process import memory
 from renderer.rendering.film.band import FilmShape
+from renderer.rendering.job import film_shape, workspace_of
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.rendering import film_shape, workspace_of
 from renderer.scene.scene import Scene
 
 # Bytes for a primitive at the peak of a build, measured with 51,200 triangles in a mesh and
@@ -81,28 +82,9 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    scene: Scene,
-    plan: Plan,
-    *,
-    accel: str,
-    threads: int,
-    goal: bool = False,
-    checkpoint: bool = False,
-    band: int | None = None,
+    scene: Scene, plan: Plan, options: RenderOptions, band: int | None = None
 ) -> Estimate:
-    """Return what a render will take.
-
-    Parameters
-    ----------
-    scene, plan, accel, threads
-        As for `Rendering`.
-    goal
-        Whether the film's samples are kept in two halves.
-    checkpoint
-        Whether copies of the sums are written while others are added to.
-    band
-        Rows of tiles that there are at a time; None: all.
-    """
+    """Return what a render will take; `band`: rows of tiles at a time, None: all."""
     shape = film_shape(scene, plan)
     rows = shape.rows if band is None else min(band, shape.rows)
     sums = rows * shape.bytes_of_row
@@ -116,13 +98,14 @@ def estimate(
         "the film's sums": film,
         # developed, as what is shown of it, and one channel after the other for a file
         "the picture": (2 if band is None else 4) * picture,
-        **_of_tracing(scene, plan, accel, threads),
+        **_of_tracing(scene, plan, options),
     }
-    if goal:
+    if options.has_goal:
         # copies of the sums, and what an error is guessed from
         parts["both halves of a goal"] = 2 * sums + 18 * picture
-    if checkpoint:
-        parts["a copy for the checkpoint"] = (3 if goal else 1) * sums
+    if options.checkpoint is not None:
+        # copies of the sums are written while others are added to
+        parts["a copy for the checkpoint"] = (3 if options.has_goal else 1) * sums
     if plan.replay:
         parts["streams of random numbers"] = _STREAM * shape.width * shape.height
     return Estimate(parts)
@@ -131,9 +114,8 @@ def estimate(
 def estimate_workers(
     scene: Scene,
     plan: Plan,
+    options: RenderOptions,
     *,
-    accel: str,
-    threads: int,
     workers: int = 1,
     kernels: bool | None = None,
     scene_bytes: int = 0,
@@ -147,23 +129,27 @@ def estimate_workers(
     each = {
         _OF_KERNELS: _KERNELS if (not _loaded if kernels is None else kernels) else 0,
         "the scene": scene_bytes,
-        **_of_tracing(scene, plan, accel, threads),
+        **_of_tracing(scene, plan, options),
     }
     return Estimate({what: workers * size for what, size in each.items()})
 
 
-def _of_tracing(scene: Scene, plan: Plan, accel: str, threads: int) -> dict[str, int]:
+def _of_tracing(scene: Scene, plan: Plan, options: RenderOptions) -> dict[str, int]:
+    threads = options.thread_count
     each = _workspace(scene, plan, film_shape(scene, plan))
     return {
-        "accelerators": _accelerators(scene, plan, accel),
+        "accelerators": _accelerators(scene, plan, options.accelerator),
         "tables of the scene": _OF_TABLES * scene.shape.size,
         f"working arrays of {threads} threads": threads * each,
     }
 
 
-def estimate_all(renders: Iterable[tuple[Scene, Plan]], **how: Any) -> Estimate:
-    """Return what renders take that are there at the same time; `how` as for `estimate`."""
-    return reduce(Estimate.beside, (estimate(*each, **how) for each in renders))
+def estimate_all(
+    renders: Iterable[tuple[Scene, Plan]], options: RenderOptions, band: int | None = None
+) -> Estimate:
+    """Return what renders take that are there at the same time; see `estimate`."""
+    each = (estimate(scene, plan, options, band) for scene, plan in renders)
+    return reduce(Estimate.beside, each)
 
 
 def check_room(found: Estimate, source: str, possible: str) -> None:

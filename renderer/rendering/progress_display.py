@@ -1,4 +1,4 @@
-"""What is shown while a render runs: a bar with the time left, or plain lines.
+"""Where a render is, and how it is shown: a bar with the time left, or plain lines.
 
 A terminal and a notebook have a bar, anything else gets a line now and then.
 """
@@ -10,15 +10,31 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, TextIO
-
-if TYPE_CHECKING:
-    from renderer.rendering.render_loop import Progress
+from typing import Any, TextIO
 
 BAR_AFTER = 0.3  # [s]; a render that is over by then needs no bar
 BAR_EVERY = 0.1  # [s]
 LINE_EVERY = 10.0  # [s], where there is no bar
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a render is: handed to the `progress` callback.
+
+    There is no stage "compile" when all kernels are in the cache. The callback may raise
+    KeyboardInterrupt, which ends the render as Ctrl-C does.
+    """
+
+    stage: str  # "compile", done 0 and then 1 of 1, then "render"
+    done: int  # samples so far
+    total: int
+    seconds: float  # in this stage
+    # of the picture so far, where a goal asks for it: infinite before it is known
+    error: float | None = None
+    resumed: int = 0  # samples of `done` that were in the checkpoint
+    cluster: str = ""  # a line about its workers and what they did
 
 
 @contextmanager

@@ -1,143 +1,152 @@
-"""One sitting of a render: threads trace what is missing; an interrupt keeps the rest."""
+"""The loop of a render: tiles get samples until the film is whole, or a goal is reached.
+
+It knows nothing of threads and clusters, which are sources of tiles.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import ClusterError, SceneError
-from renderer.process.worker_pool import WorkerPool
+from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.checkpoints.checkpoint import Checkpoint
+from renderer.rendering.film.film import Film
 from renderer.rendering.goal import Goal, Halves
-from renderer.rendering.planning.plan import MOST_SAMPLES
-from renderer.rendering.rendering import Rendering
-
-if TYPE_CHECKING:  # needs Dask, an extra
-    from renderer.rendering.cluster.team import ClusterScheduler
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a render is: handed to the `progress` callback.
-
-    There is no stage "compile" when all kernels are in the cache. The callback may raise
-    KeyboardInterrupt, which ends the render as Ctrl-C does.
-    """
-
-    stage: str  # "compile", done 0 and then 1 of 1, then "render"
-    done: int  # samples so far
-    total: int
-    seconds: float  # in this stage
-    # of the picture so far, where a goal asks for it: infinite before it is known
-    error: float | None = None
-    resumed: int = 0  # samples of `done` that were in the checkpoint
-    cluster: str = ""  # a line about its workers and what they did
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import MOST_SAMPLES
+from renderer.rendering.progress_display import Progress
+from renderer.rendering.tile_sources import Threads, TileSource
 
 
-class RenderLoop:
-    """Traces from where a rendering is, or its checkpoint, to the end or to a goal.
+class Outcome(NamedTuple):
+    """How a loop ended; the samples are in its film."""
+
+    complete: bool  # false after an interrupt, or when a cluster was lost
+    seconds: float  # of tracing; with those before a checkpoint
+    trouble: str = ""  # of a cluster, that ended it
+    has_goal: bool = False
+    accuracy: Accuracy | None = None  # known where a goal asks for it
+
+
+def run(
+    job: RenderJob,
+    film: Film,
+    source: TileSource | None = None,
+    *,
+    goal: Goal | None = None,
+    checkpoint: Checkpoint | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Outcome:
+    """Let a film get the samples of a job, as far as it goes.
+
+    An interrupt (Ctrl-C) ends the loop after the tiles that are under way; one more while
+    these end is raised.
 
     Parameters
     ----------
-    rendering : Rendering
-        What there is so far; it holds what is traced.
-    progress : callable, optional
-        Called with a `Progress`, in the calling thread.
+    job : RenderJob
+        What is rendered.
+    film : Film
+        What there is so far; the loop adds what is missing.
+    source : TileSource, optional
+        What adds the samples; None: threads of this process.
     goal : Goal, optional
         At which it ends, at the latest with the plan's samples.
     checkpoint : Checkpoint, optional
-        From which it goes on, and that keeps the state.
-    team : ClusterScheduler, optional
-        Workers of a cluster that trace in place of threads.
+        From which the film is filled first, and that keeps its state.
+    progress : callable, optional
+        Called with a `Progress`, in the calling thread.
+
+    Raises
+    ------
+    SceneError
+        If the checkpoint does not fit.
     """
+    return RenderLoop(job, film, source, goal, checkpoint, progress).run()
+
+
+class RenderLoop:
+    """The state of one call of `run`."""
 
     def __init__(
         self,
-        rendering: Rendering,
-        progress: Callable[[Progress], None] | None = None,
+        job: RenderJob,
+        film: Film,
+        source: TileSource | None = None,
         goal: Goal | None = None,
         checkpoint: Checkpoint | None = None,
-        team: ClusterScheduler | None = None,
+        progress: Callable[[Progress], None] | None = None,
     ) -> None:
-        self._rendering, self._progress = rendering, progress
-        self._checkpoint, self._team = checkpoint, team
-        assert rendering.without_sums is None or (goal, checkpoint, team) == (None,) * 3
-        self._goal = None if rendering.plan.spp == 1 else goal
-        self._halves = None if self._goal is None else Halves(rendering.film)
-        rendering.has_goal = self._goal is not None
-        self._at_work = False  # threads are, or may be
-        self._start = self._origin = rendering.begun or time.perf_counter()
+        self._job, self._film, self._progress = job, film, progress
+        self._source: TileSource = Threads(job, film) if source is None else source
+        self._checkpoint = checkpoint
+        self._goal = None if job.plan.spp == 1 else goal
+        self._halves = None if self._goal is None else Halves(film)
+        self._accuracy: Accuracy | None = None
+        self._at_work = False  # the source is, or may be
+        self._start = self._origin = self._source.begun or time.perf_counter()
         self._resumed = 0  # samples
 
-    def run(self) -> bool:
-        """Trace; return whether it went to the end. What stopped it is in `trouble`.
-
-        An interrupt (Ctrl-C) ends the render after the jobs that are under way; one more
-        while these end is raised.
-
-        Raises
-        ------
-        SceneError
-            If the checkpoint does not fit.
-        """
-        rendering, checkpoint = self._rendering, self._checkpoint
+    def run(self) -> Outcome:
+        """See the function `run`."""
+        checkpoint, trouble = self._checkpoint, ""
         if checkpoint is not None:
             self._go_on_from(checkpoint)
-            self._resumed = rendering.samples_done
+            self._resumed = self._film.samples_done
+        complete = False
         try:
             self._show()
             if self._goal is None or self._halves is None:
-                self._trace(rendering.plan.spp)
+                self._trace(self._job.plan.spp)
             else:
                 self._trace_until(self._goal, self._halves)
             if checkpoint is not None:
                 checkpoint.save(self._state)
             self._show()
+            complete = True
         except KeyboardInterrupt:
-            if self._at_work:  # one more, while they end what they are at
+            if self._at_work:  # one more, while tiles under way end
                 raise
-            return False
         except ClusterError as error:
-            rendering.trouble = str(error)
-            return False
+            trouble = str(error)
         finally:
-            rendering.seconds = self._seconds
+            self._source.end()
             if checkpoint is not None:
                 checkpoint.close()
-        return True
+        has_goal = self._goal is not None
+        return Outcome(complete, self._seconds, trouble, has_goal, self._accuracy)
 
     @property
     def _seconds(self) -> float:
-        """Of this sitting and those before it."""
+        """Of this loop and those before its checkpoint."""
         return time.perf_counter() - self._origin
 
     @property
     def _state(self) -> dict[str, NDArray[Any]]:
-        state = self._rendering.state | {"seconds": np.array([self._seconds])}
+        state = self._film.state | self._job.state | {"seconds": np.array([self._seconds])}
         return state if self._halves is None else state | self._halves.state
 
     def _show(self) -> None:
         if self._progress is None:
             return
-        rendering = self._rendering
-        total, error = rendering.samples_in_all, None
+        total, error = self._film.pixels * self._job.plan.spp, None
         if self._goal is not None:
             total, error = self._expected(self._goal)
-        done, seconds = rendering.samples_done, time.perf_counter() - self._start
-        note = "" if self._team is None else self._team.note
+        done, seconds = self._film.samples_done, time.perf_counter() - self._start
+        note = self._source.note
         self._progress(Progress("render", done, total, seconds, error, self._resumed, note))
 
     def _go_on_from(self, checkpoint: Checkpoint) -> None:
-        rendering, state = self._rendering, self._state
+        state = self._state
         if not checkpoint.restore(state):
             return
-        seconds, samples = float(state["seconds"][0]), rendering.samples_of_place
-        halves, spp = self._halves, rendering.plan.spp
+        seconds, samples = float(state["seconds"][0]), self._film.samples
+        halves, spp = self._halves, self._job.plan.spp
         if not 0.0 <= seconds < float("inf"):
             raise SceneError(f"the checkpoint is of {seconds} seconds")
         if samples.min() < 0:
@@ -148,20 +157,19 @@ class RenderLoop:
                 f"at {halves.done}"
             )
         end = 0 if halves is None else halves.end
-        if end > spp or (samples > rendering.work.samples(spp)).any():
+        work = self._film.work
+        if end > spp or (samples > work.samples(spp)).any():
             # no larger ones, whose product would not be a number of 64 bits
             plausible = np.minimum(samples, MOST_SAMPLES + 1)
             raise SceneError(
                 f"spp is {spp}, and the checkpoint has samples up to "
-                f"{max(end, rendering.work.least_spp(plausible))}; so many or more are "
-                "possible"
+                f"{max(end, work.least_spp(plausible))}; so many or more are possible"
             )
         self._origin -= seconds
         if halves is not None:
-            rendering.accuracy = halves.last_look(rendering.threads)
+            self._accuracy = halves.last_look(self._job.threads)
 
     def _trace_until(self, goal: Goal, halves: Halves) -> None:
-        rendering = self._rendering
         while True:
             if halves.end == halves.done:
                 more = self._next_samples(goal, halves.done)
@@ -172,10 +180,10 @@ class RenderLoop:
                 self._trace(halves.middle)
                 halves.end_first()
             self._trace(halves.end)
-            rendering.accuracy = halves.end_second(rendering.threads)
+            self._accuracy = halves.end_second(self._job.threads)
 
     def _next_samples(self, goal: Goal, done: int) -> int:
-        accuracy, most = self._rendering.accuracy, self._rendering.plan.spp
+        accuracy, most = self._accuracy, self._job.plan.spp
         error, steady = float("inf"), False
         if accuracy is not None:
             error, steady = accuracy.error, accuracy.steady
@@ -183,17 +191,17 @@ class RenderLoop:
 
     def _expected(self, goal: Goal) -> tuple[int, float]:
         """Return how many samples there will be, and the error of those that there are."""
-        rendering, accuracy = self._rendering, self._rendering.accuracy
+        accuracy, most = self._accuracy, self._job.plan.spp
         if accuracy is None:
-            return rendering.samples_in_all, float("inf")
+            return self._film.pixels * most, float("inf")
         done, error = accuracy.samples, accuracy.error
-        spp = goal.expected_samples(done, error, self._seconds, rendering.plan.spp)
-        return max(spp * rendering.pixels, rendering.samples_done), error
+        spp = goal.expected_samples(done, error, self._seconds, most)
+        return max(spp * self._film.pixels, self._film.samples_done), error
 
     def _trace(self, end_sample: int) -> None:
         """Add what is missing of samples 0 .. end_sample - 1 of all pixels.
 
-        A checkpoint is taken between two crews, when nobody writes to the sums.
+        A checkpoint is taken while the source is stopped.
         """
         checkpoint = self._checkpoint
         try:
@@ -201,72 +209,25 @@ class RenderLoop:
                 assert checkpoint is not None
                 checkpoint.take(self._state)
         except (KeyboardInterrupt, ClusterError):
-            if checkpoint is not None and not self._at_work:
-                checkpoint.save(self._state)
+            if not self._at_work:
+                self._at_work = True
+                self._source.end()
+                self._at_work = False
+                if checkpoint is not None:
+                    checkpoint.save(self._state)
             raise
 
     def _trace_till_due(self, end_sample: int) -> bool:
-        """Trace until a checkpoint is due; return true if nothing is missing any more.
-
-        Places may have come unequally far.
-        """
-        rendering = self._rendering
-        if rendering.without_sums is not None:
-            strips = len(rendering.without_sums.strips)
-            return self._work_off(
-                WorkerPool(rendering.threads, strips, rendering.finish_tiles)
-            )
-        places, part = rendering.work.places, rendering.work.part
-        wanted = rendering.work.samples(end_sample)
-        if self._team is not None:
-            self._trace_by(self._team, wanted)
-            return True
-        begun = rendering.samples_of_place // part
-        missing = -(-wanted // part) - begun
-        rounds = int(missing.max())
-        if rounds <= 0:
-            return True
-        jobs = (rounds - 1) * places + int(np.flatnonzero(missing == rounds)[-1]) + 1
-
-        def work(job: int, thread: int) -> None:
-            number, place = divmod(job, places)
-            end = min((begun[place] + number + 1) * part, wanted[place])
-            rendering.add_samples(place, int(end), thread)
-
-        crew = WorkerPool(rendering.threads, jobs, work, round_length=places)
-        return self._work_off(crew)
-
-    def _work_off(self, crew: WorkerPool) -> bool:
-        """Let a crew do its jobs till a checkpoint is due; return true if all are done."""
-        checkpoint = self._checkpoint
+        """Trace until a checkpoint is due; return true if nothing is missing any more."""
+        source, checkpoint = self._source, self._checkpoint
         self._at_work = True
         try:
-            crew.start()
-            while not crew.wait():
+            source.start(self._film.work.samples(end_sample))
+            while not source.wait():
                 self._show()
                 if checkpoint is not None and checkpoint.due():
                     return False
             return True
         finally:
-            crew.stop()
-            self._at_work = False
-
-    def _trace_by(self, team: ClusterScheduler, wanted: NDArray[np.int64]) -> None:
-        """Let a cluster's workers trace all that is missing."""
-        rendering, checkpoint = self._rendering, self._checkpoint
-        kept = rendering.samples_done  # in the checkpoint
-
-        def look() -> None:
-            nonlocal kept
-            self._show()
-            done = rendering.samples_done
-            if checkpoint is not None and done > kept and checkpoint.due():
-                team.meanwhile(lambda: checkpoint.take(self._state))
-                kept = done
-
-        self._at_work = True
-        try:
-            team.trace(rendering, wanted, look)
-        finally:
-            team.end(rendering)
+            source.stop()
             self._at_work = False

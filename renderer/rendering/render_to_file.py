@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
-from typing import Any
 
 from renderer.errors import SceneError
 from renderer.process import memory as room_of_memory
 from renderer.process.names import REPLAY
 from renderer.rendering.aovs import plans_of, with_picture
 from renderer.rendering.film.band import Band
+from renderer.rendering.job import RenderJob, build_job, film_shape
 from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
+from renderer.rendering.options import OPTIONS, RenderOptions, with_keywords
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.preparation import Options, build_rendering, checked
-from renderer.rendering.progress_display import shown
-from renderer.rendering.render_loop import Progress, RenderLoop
-from renderer.rendering.render_scene import image_of
-from renderer.rendering.rendering import Rendering, film_shape
+from renderer.rendering.progress_display import Progress, shown
+from renderer.rendering.render import image_of
+from renderer.rendering.render_loop import run
 from renderer.scene.scene import Scene
+
+POSSIBLE = "possible is `render`"
 
 
 @dataclass(frozen=True)
@@ -41,22 +41,7 @@ class PictureFile:
     metadata: Mapping[str, str]
 
 
-def render_to_file(
-    scene: Scene,
-    path: str | Path,
-    *,
-    spp: int | None = None,
-    seed: int = 0,
-    threads: int | None = None,
-    integrator: str | None = None,
-    accel: str | None = None,
-    sampler: str | None = None,
-    progress: Callable[[Progress], None] | bool | None = None,
-    ray_offset: str | None = None,
-    light_choice: str | None = None,
-    memory: int | float | str | None = None,
-    metadata: Mapping[str, str] | None = None,
-) -> PictureFile:
+def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> PictureFile:
     """Render a scene into an EXR file, some rows of the film at a time.
 
     The file is the one that `render(...).save(path)` writes, byte for byte; neither the
@@ -64,14 +49,11 @@ def render_to_file(
 
     Parameters
     ----------
-    scene, spp, seed, threads, integrator, accel, sampler, progress, ray_offset, memory
-        As for `render`.
-    light_choice
+    scene
         As for `render`.
     path
         A file name that ends in .exr.
-    metadata
-        More of it for the file.
+    {options}
 
     Returns
     -------
@@ -84,59 +66,36 @@ def render_to_file(
         After an interrupt.
     SceneError
         As `render`; if the file cannot be written; for the integrator `work`, whose colours
-        are relative to the whole picture, and for replays of Mitsuba.
+        are relative to the whole picture, for replays of Mitsuba, and for options that need
+        the whole film: a goal, a checkpoint, a cluster.
     """
-    options = checked(
-        Options(
-            spp=spp,
-            seed=seed,
-            threads=threads,
-            integrator=integrator,
-            accel=accel,
-            sampler=sampler,
-            ray_offset=ray_offset,
-            light_choice=light_choice,
-        )
-    )
-    todo = plans_of(scene, **options.of_plan)
+    for name in options.given():
+        if not OPTIONS[name].bands:
+            raise SceneError(f"{name} needs the whole film in memory; {POSSIBLE}")
+    todo = plans_of(scene, options)
     for _, plan in todo:
         if needs_whole_film(plan):
             what = f"sampler {REPLAY!r}" if plan.replay else f"integrator {plan.method!r}"
-            raise SceneError(f"{what} needs the whole film in memory; possible is `render`")
-    with room_of_memory.limited_to(memory):
+            raise SceneError(f"{what} needs the whole film in memory; {POSSIBLE}")
+    with room_of_memory.limited_to(options.memory):
         rows = min(
             rows_at_once(film_shape(*each), room_of_memory.room() // len(todo))
             for each in todo
         )
-        accel, threads = options.accel, options.threads
         least = max(film_shape(*each).carried + 1 for each in todo)
-        needs = estimate_all(todo, accel=accel, threads=threads, band=rows)
+        needs = estimate_all(todo, options, rows)
         while needs.total > room_of_memory.room() and rows > least:
             rows = max(rows // 2, least)  # kernels and the picture take some of the room
-            needs = estimate_all(todo, accel=accel, threads=threads, band=rows)
+            needs = estimate_all(todo, options, rows)
         possible = "a film of fewer columns; fewer threads; --memory SIZE"
         check_room(needs, scene.description.source, possible)
     film = scene.description.camera.film
-    seconds = compile_seconds = 0.0
-    renders = []
     rows_of_file = ExrRows(Path(path), film.crop_width, film.crop_height)
-    with shown(progress) as display, rows_of_file as file:
-        for of, its_plan in todo:
-            rendering, building, compiling = build_rendering(
-                of, its_plan, display, accel, options.seed, threads, band=rows
-            )
-            seconds, compile_seconds = seconds + building, compile_seconds + compiling
-            renders.append(rendering)
-        show = _Progress(renders, display)
-        for bands in zip(*(_bands(each, show) for each in renders), strict=True):
-            image = bands[0]
-            for picture in bands[1:]:
-                image = with_picture(image, picture)
-                both = {**picture.metadata, **image.metadata}
-                image = dataclasses.replace(image, metadata=both)
-            image = dataclasses.replace(
-                image, metadata={**image.metadata, **(metadata or {})}
-            )
+    with shown(options.progress) as display, rows_of_file as file:
+        jobs = [build_job(of, its_plan, options, display) for of, its_plan in todo]
+        show = _Progress(jobs, display)
+        for bands in zip(*(_bands(job, rows, show) for job in jobs), strict=True):
+            image = reduce(with_picture, bands)
             file.add(image)
     return PictureFile(
         Path(path),
@@ -144,10 +103,13 @@ def render_to_file(
         film.crop_height,
         image.spp,
         show.samples,
-        seconds + show.seconds,
-        compile_seconds,
+        sum(job.build_seconds for job in jobs) + show.seconds,
+        sum(job.compile_seconds for job in jobs),
         image.metadata,
     )
+
+
+render_to_file = with_keywords(RenderOptions, to_file_with, "render_to_file")
 
 
 def needs_whole_film(plan: Plan) -> bool:
@@ -155,24 +117,18 @@ def needs_whole_film(plan: Plan) -> bool:
     return plan.kind.counts_work or plan.replay
 
 
-def fits_in_memory(scene: Scene, **choices: Any) -> bool | None:
+def fits_in_memory(scene: Scene, options: RenderOptions) -> bool | None:
     """Tell whether `render` has room for the film; None if bands are of no help.
-
-    Parameters
-    ----------
-    scene, **choices
-        As `render` takes them.
 
     Raises
     ------
     SceneError
         As `render`.
     """
-    options = checked(Options(**choices))
-    renders = plans_of(scene, **options.of_plan)
+    renders = plans_of(scene, options)
     if needs_whole_film(renders[0][1]):
         return None
-    needs = estimate_all(renders, accel=options.accel, threads=options.threads)
+    needs = estimate_all(renders, options)
     return needs.total <= room_of_memory.room()
 
 
@@ -180,10 +136,10 @@ class _Progress:
     """Adds up the progress of several renders that take turns, each in bands."""
 
     def __init__(
-        self, renders: list[Rendering], progress: Callable[[Progress], None] | None
+        self, jobs: list[RenderJob], progress: Callable[[Progress], None] | None
     ) -> None:
         self._progress = progress
-        self._total = sum(_samples(rendering) for rendering in renders)
+        self._total = sum(map(_samples, jobs))
         self.samples = 0  # of the bands that are done
         self._start = time.perf_counter()
 
@@ -198,18 +154,13 @@ class _Progress:
             done = self.samples + now.done - samples
             self._progress(Progress("render", done, self._total, self.seconds))
 
-    def count(self, samples: int) -> None:
-        """Count a band that is done."""
-        self.samples += samples
+
+def _samples(job: RenderJob) -> int:
+    width, height = (side + 2 * job.shape.beyond for side in job.shape[3:5])
+    return width * height * job.plan.spp
 
 
-def _samples(rendering: Rendering) -> int:
-    shape = film_shape(rendering.scene, rendering.plan)
-    width, height = (side + 2 * shape.beyond for side in (shape.width, shape.height))
-    return width * height * rendering.plan.spp
-
-
-def _bands(rendering: Rendering, show: _Progress) -> Iterator[Image]:
+def _bands(job: RenderJob, rows: int, show: _Progress) -> Iterator[Image]:
     """Render band after band, and give the rows of each.
 
     Raises
@@ -217,20 +168,12 @@ def _bands(rendering: Rendering, show: _Progress) -> Iterator[Image]:
     KeyboardInterrupt
         If one is interrupted.
     """
-    carried = 0
-    while True:
-        film = rendering.film
-        assert isinstance(film, Band)
-        wanted = rendering.work.samples(rendering.plan.spp)
-        by_rows = rendering.samples_of_place.reshape(film.grid.layers, film.grid.rows, -1)
-        by_rows[:, :carried] = wanted.reshape(by_rows.shape)[:, :carried]
-        begun = rendering.samples_done
-        if not RenderLoop(rendering, partial(show.show, begun)).run():
+    film: Band | None = Band(job.shape, rows)
+    while film is not None:
+        begun = film.samples_done
+        outcome = run(job, film, progress=partial(show.show, begun))
+        if not outcome.complete:
             raise KeyboardInterrupt
-        show.count(rendering.samples_done - begun)
-        yield image_of(rendering, 0.0, 0.0, True)
-        following = film.following()
-        if following is None:
-            return
-        band, carried = following
-        rendering.use_film(band)
+        show.samples += film.samples_done - begun
+        yield image_of(job, film, outcome, job.options.metadata)
+        film = film.following()

@@ -60,7 +60,6 @@ def _read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
 def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path]) -> int:
     with interrupts.put_off():  # C code, in whose import no interrupt must fall
         importlib.import_module("renderer.rendering.picture.image")
-        importlib.import_module("renderer.rendering.render_loop")
     leave_deleted_folder(options, needs_output=True)
     options.output = options.output or [OUTPUT]
     check_outputs(options)
@@ -75,8 +74,7 @@ def _render(
 ) -> Image:
     """Return the picture; after Ctrl-C that of the samples so far."""
     from renderer.rendering.picture.image import Image
-    from renderer.rendering.progress_display import ProgressDisplay
-    from renderer.rendering.render_loop import Progress
+    from renderer.rendering.progress_display import Progress, ProgressDisplay
 
     name = "" if options.integrator in (None, "auto") else options.integrator
     scene, camera = Scene(description, name), description.camera

@@ -10,9 +10,9 @@ from unittest import mock
 import numpy as np
 
 import renderer
-from renderer.rendering.cluster import job, worker
+from renderer.rendering.cluster import portions
 from renderer.rendering.cluster.connect import open_cluster
-from renderer.rendering.cluster.team import ClusterScheduler
+from renderer.rendering.cluster.source import ClusterWorkers
 from renderer.scene.scene import Scene
 from reports.cluster_study.record import Costs, Run
 from reports.records.errors import ReportError
@@ -26,15 +26,15 @@ def measure_costs(scene: Scene) -> Costs:
     Client and scheduler are threads of this process, so that its time is that of both.
     """
     begin = time.perf_counter()
-    with open_cluster("local:1") as team:
+    with open_cluster("local:1") as workers:
         start = time.perf_counter() - begin
         begin = time.perf_counter()
-        renderer.render(scene, 1, cluster=team)
+        renderer.render(scene, 1, cluster=workers)
         first = time.perf_counter() - begin
-        with mock.patch.object(job, "MOST_BYTES", 1):  # of one place each
-            few = _processor_seconds(scene, team)
-        many = _processor_seconds(scene, team)
-        alone = _round_trip(team)
+        with mock.patch.object(portions, "MOST_BYTES", 1):  # of one place each
+            few = _processor_seconds(scene, workers)
+        many = _processor_seconds(scene, workers)
+        alone = _round_trip(workers)
     # portion * p + byte * b = seconds, of both
     table = np.array([few[1:], many[1:]], np.float64)
     portion, byte = np.linalg.solve(table, [few[0], many[0]])
@@ -44,23 +44,23 @@ def measure_costs(scene: Scene) -> Costs:
     return Costs(float(portion), max(float(byte), 0.0), alone, start, first, rate)
 
 
-def _processor_seconds(scene: Scene, team: ClusterScheduler) -> tuple[float, int, int]:
+def _processor_seconds(scene: Scene, workers: ClusterWorkers) -> tuple[float, int, int]:
     """Return seconds, portions and bytes of one picture with few samples."""
-    tally = team.tally
+    tally = workers.tally
     before = (tally.portions, tally.bytes_sent + tally.bytes_received)
     begin = time.process_time()
-    renderer.render(scene, 48, cluster=team)
+    renderer.render(scene, 48, cluster=workers)
     seconds = time.process_time() - begin
     sent = tally.bytes_sent + tally.bytes_received
     return seconds, tally.portions - before[0], sent - before[1]
 
 
-def _round_trip(team: ClusterScheduler) -> float:
+def _round_trip(workers: ClusterWorkers) -> float:
     """Return the median seconds of the smallest task there is."""
     seconds = []
     for _ in range(ROUND_TRIPS):
         begin = time.perf_counter()
-        team.client.submit(worker.introduce, pure=False).result()
+        workers.client.submit(int, pure=False).result()
         seconds.append(time.perf_counter() - begin)
     return float(np.median(seconds))
 
@@ -78,15 +78,15 @@ def measure_runs(
     truth = np.asarray(renderer.render(scene, spp))
     runs = []
     for count in counts:
-        with open_cluster(f"local:{count}") as team:
-            renderer.render(scene, 8, cluster=team)  # workers are awake, kernels loaded
-            before = (team.tally.portions, _megabytes(team))
+        with open_cluster(f"local:{count}") as workers:
+            renderer.render(scene, 8, cluster=workers)  # workers are awake, kernels loaded
+            before = (workers.tally.portions, _megabytes(workers))
             found: dict[str, list[float]] = {"threads": [], "workers": []}
             for turn in range(repeats):
                 say(f"{count} threads, {count} workers: turn {turn + 1} of {repeats}")
                 ways: dict[str, dict[str, Any]] = {
                     "threads": {"threads": count},
-                    "workers": {"cluster": team},
+                    "workers": {"cluster": workers},
                 }
                 for way, options in ways.items():
                     begin = time.perf_counter()
@@ -94,12 +94,12 @@ def measure_runs(
                     found[way].append(time.perf_counter() - begin)
                     if not np.array_equal(picture, truth):
                         raise ReportError(f"{count} {way} render another picture")
-            portions = (team.tally.portions - before[0]) // repeats
-            megabytes = (_megabytes(team) - before[1]) / repeats
+            portions = (workers.tally.portions - before[0]) // repeats
+            megabytes = (_megabytes(workers) - before[1]) / repeats
         runs.append(Run("threads", count, found["threads"]))
         runs.append(Run("workers", count, found["workers"], portions, megabytes))
     return runs
 
 
-def _megabytes(team: ClusterScheduler) -> float:
-    return (team.tally.bytes_sent + team.tally.bytes_received) / 1e6
+def _megabytes(workers: ClusterWorkers) -> float:
+    return (workers.tally.bytes_sent + workers.tally.bytes_received) / 1e6

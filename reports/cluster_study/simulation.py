@@ -2,8 +2,8 @@
 
 One server, client and scheduler together, deals out portions and takes them in, one after
 the other; each takes its processor time and that of its bytes. A worker has one portion at
-hand and one that waits. Portions are as large as `Job.fair_share` makes them. Not in it:
-workers that fail, other users of the network, and tiles that cost more than others.
+hand and one that waits. Portions are as large as `Portions.fair_share` makes them. Not in
+it: workers that fail, other users of the network, and tiles that cost more than others.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import heapq
 import math
 from typing import NamedTuple
 
-from renderer.rendering.cluster import job
+from renderer.rendering.cluster import portions
 from reports.cluster_study.record import Costs, Simulated
 
 PART = 16  # samples that a place gets first
@@ -81,7 +81,7 @@ def simulate(case: Case, costs: Costs, workers: int) -> Simulated:
         heard, number, came, size = heapq.heappop(events)
         missing -= came
         samples, size_next = 0.0, 0
-        share = rate * job.portion_seconds(max(missing, 0) / rate, workers)
+        share = rate * portions.portion_seconds(max(missing, 0) / rate, workers)
         while waiting and samples < share:
             places, spp = waiting[0]
             if places <= 0.0 or spp == 0:
@@ -93,7 +93,7 @@ def simulate(case: Case, costs: Costs, workers: int) -> Simulated:
             waiting[0][0] -= taken
             samples += taken * spp * pixels
             size_next += math.ceil(taken) * case.place_bytes
-            if size_next > job.MOST_BYTES:
+            if size_next > portions.MOST_BYTES:
                 break
         cost = (costs.portion if came or samples else 0.0) + size * costs.byte
         cost = max(cost, size / case.bandwidth)

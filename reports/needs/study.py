@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 import renderer
 from mitsuba_ref.our_renderer.whole_picture import whole
 from renderer.errors import SceneError
+from renderer.rendering.options import MOST_SAMPLES
 from renderer.rendering.picture.image import Image
-from renderer.rendering.planning.plan import MOST_SAMPLES
 from renderer.scene.scene import Scene
 from renderer.scene.simplifications.simplify import differs, offered, simplified
 from reports.needs.claims import claims_of

@@ -26,9 +26,10 @@ import renderer
 from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import relative_error, relative_squares
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 from renderer.scene.scene import Scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -72,12 +73,13 @@ def cropped(scene: Scene, window: Window) -> Scene:
 def traced(scene: Scene, spp: int, seed: int) -> tuple[Floats, float]:
     """Return a picture and the processor time of its samples [s]."""
     plan = make_plan(scene, sampler="independent", spp=spp)
-    rendering = Rendering(scene, plan, accel="auto", seed=seed, threads=1)
-    rendering.compile()
+    job = RenderJob(scene, plan, RenderOptions(seed=seed, threads=1))
+    job.compile()
+    film = job.make_film()
     start = time.process_time()
-    RenderLoop(rendering).run()
+    run(job, film)
     seconds = time.process_time() - start
-    return rendering.film.develop(1).astype(np.float64), seconds
+    return film.develop(1).astype(np.float64), seconds
 
 
 def by_tile(squares: Floats, windows: list[Window]) -> Floats:

@@ -19,11 +19,12 @@ from renderer.rendering import memory_estimate, render_to_file
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.film.band import Band, FilmShape
 from renderer.rendering.film.film import Film
+from renderer.rendering.job import film_shape
 from renderer.rendering.memory_estimate import estimate_all, rows_at_once
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
-from renderer.rendering.render_loop import Progress
-from renderer.rendering.rendering import film_shape
+from renderer.rendering.progress_display import Progress
 
 mi.set_variant("scalar_rgb")
 
@@ -118,8 +119,8 @@ def test_bands_give_each_row_once_and_no_sum_twice(border: int, rows: int) -> No
         following = band.following()
         if following is None:
             break
-        first += count - following[1]
-        band, carried = following
+        first, carried = first + count - shape.carried, shape.carried
+        band = following
     assert np.array_equal(np.vstack(parts), film.develop())
 
 
@@ -240,12 +241,9 @@ def test_a_band_becomes_smaller_until_all_that_is_needed_has_room(
 ) -> None:
     """Kernels and the picture take some of the room that the first band is chosen for."""
     scene = load("gaussian")
-    todo = plans_of(scene)
+    todo, options = plans_of(scene, RenderOptions()), RenderOptions(threads=1)
     least = film_shape(*todo[0]).carried + 1
-    needed = [
-        estimate_all(todo, accel="auto", threads=1, band=rows).total
-        for rows in (least, 4 * least)
-    ]
+    needed = [estimate_all(todo, options, rows).total for rows in (least, 4 * least)]
     assert needed[0] < needed[1]
     monkeypatch.setattr(render_to_file.room_of_memory, "room", lambda: needed[0])
     monkeypatch.setattr(render_to_file, "rows_at_once", lambda shape, room: 4 * least)

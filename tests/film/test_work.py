@@ -11,9 +11,10 @@ import pytest
 import renderer
 from renderer.rendering.film import finished_tiles
 from renderer.rendering.film.work import Work
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -52,23 +53,21 @@ def test_places_that_have_come_unequally_far_end_as_the_same_picture():
     box = renderer.load_file(SCENES / "cornell-box" / "scene.xml", width=48, height=48)
     plan = make_plan(box, spp=150, sampler="independent")
 
-    def rendering(threads):
-        return Rendering(box, plan, accel="auto", seed=5, threads=threads)
-
-    whole, first, second = rendering(2), rendering(1), rendering(2)
-    assert RenderLoop(whole).run()
+    job = RenderJob(box, plan, RenderOptions(seed=5, threads=2))
+    whole, first, second = (job.make_film() for _ in range(3))
+    assert run(job, whole).complete
     wanted = first.work.samples(plan.spp)
     assert first.work.layers > 1
     rng = np.random.default_rng(2)
     for place in range(first.work.places):
         for end in sorted(rng.integers(0, wanted[place], 2, endpoint=True)):
-            first.add_samples(place, int(end), 0)
-    second.film.sums[...] = first.film.sums
-    second.samples_of_place[:] = first.samples_of_place
-    assert 0 < second.samples_done < second.samples_in_all
-    assert RenderLoop(second).run()
-    assert second.samples_done == second.samples_in_all == whole.samples_done
-    assert np.array_equal(second.film.sums, whole.film.sums)
+            job.add_samples(first, place, int(end), 0)
+    second.sums[...] = first.sums
+    second.samples[:] = first.samples
+    assert 0 < second.samples_done < second.pixels * plan.spp
+    assert run(job, second).complete
+    assert second.samples_done == second.pixels * plan.spp == whole.samples_done
+    assert np.array_equal(second.sums, whole.sums)
 
 
 @pytest.fixture
@@ -90,38 +89,35 @@ def test_tiles_that_are_developed_at_once_are_those_of_the_film(
     """Strip by strip, in a row that is no multiple of a strip; interrupted, and gone on."""
     monkeypatch.setattr(finished_tiles, "STRIPS_OF_A_THREAD", 1)
     monkeypatch.setattr(finished_tiles, "MOST_BYTES", longest * 4 * 32 * 32 * 8)
-    whole, at_once = (
-        Rendering(*plan_of_a_crop_window, accel="auto", seed=5, threads=threads)
-        for _ in range(2)
-    )
-    assert RenderLoop(whole).run() and whole.develop().any()
-    at_once.keep_no_sums()
-    strips = at_once.without_sums.strips
+    job = RenderJob(*plan_of_a_crop_window, RenderOptions(seed=5, threads=threads))
+    whole, at_once = job.make_film(), job.make_film(keep_sums=False)
+    assert run(job, whole).complete and whole.develop().any()
+    strips = at_once.strips
     assert max(end - first for first, end in strips) == min(longest, 5)
     assert [k for first, end in strips for k in range(first, end)] == list(range(20))
-    finish, begun = Rendering.finish_tiles, []
+    finish, begun = RenderJob.finish_tiles, []
 
-    def interrupted_finish(self, strip, thread):
-        finish(self, strip, thread)
+    def interrupted_finish(self, film, strip, thread):
+        finish(self, film, strip, thread)
         begun.append(strip)
         if len(begun) > 1:
             raise KeyboardInterrupt
 
     with monkeypatch.context() as context:
-        context.setattr(Rendering, "finish_tiles", interrupted_finish)
-        assert not RenderLoop(at_once).run()
-    done = at_once.samples_of_place > 0
+        context.setattr(RenderJob, "finish_tiles", interrupted_finish)
+        assert not run(job, at_once).complete
+    done = at_once.samples > 0
     assert 0 < done.sum() < 20
     expected = np.zeros_like(whole.develop())
     for number in np.flatnonzero(done):
-        tile = whole.film.tile(number)
-        x, y = tile.x - whole.film.x, tile.y - whole.film.y
+        tile = whole.tile(number)
+        x, y = tile.x - whole.x, tile.y - whole.y
         part = np.s_[y : y + tile.height, x : x + tile.width]
         expected[part] = whole.develop()[part]
     assert np.array_equal(at_once.develop(), expected)
     assert at_once.samples_done == 2 * at_once.pixels_of_place[done].sum()
-    assert RenderLoop(at_once).run()
-    assert not at_once.film.sums.any()
+    assert run(job, at_once).complete
+    assert not at_once.sums.any()
     assert np.array_equal(at_once.develop(), whole.develop())
 
 
@@ -144,9 +140,10 @@ def test_black_samples_have_their_places_too(method):
     plan = make_plan(scene, spp=3, sampler="independent")
     for depth in (0, 1):
         plan = dataclasses.replace(plan, max_depth=depth)
-        rendering = Rendering(scene, plan, accel="auto", seed=2, threads=1)
-        assert RenderLoop(rendering).run()
-        sums.append(rendering.film.sums)
+        job = RenderJob(scene, plan, RenderOptions(seed=2, threads=1))
+        film = job.make_film()
+        assert run(job, film).complete
+        sums.append(film.sums)
     assert not sums[0][:, :-1].any()
     assert np.array_equal(sums[0][:, -1], sums[1][:, -1])
     assert (sums[0][:, -1] > 0).any(axis=(1, 2)).sum() >= 6

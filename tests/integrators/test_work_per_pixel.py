@@ -37,8 +37,9 @@ from renderer.kernels.records.tally import (
 )
 from renderer.kernels.records.tile import Tile
 from renderer.process.names import INTEGRATORS
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.rendering import Rendering
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow
 AOVS = tuple(f"work.{name.replace(' ', '_')}" for name in NAMES)
@@ -125,8 +126,8 @@ def test_nobody_else_counts():
     loaded = view(CUBE, point_light((0, 0, 5)))
     for name in INTEGRATORS:
         plan = make_plan(loaded, integrator=name)
-        rendering = Rendering(loaded, plan, accel="brute", seed=0, threads=1)
-        tally = rendering.make_workspace(rendering.channels).tally
+        job = RenderJob(loaded, plan, RenderOptions(accel="brute", threads=1))
+        tally = job.make_workspace(job.shape.channels).tally
         assert (tally is not None) == (name == "work")
 
 

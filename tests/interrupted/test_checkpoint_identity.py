@@ -23,6 +23,7 @@ from renderer.integrators.registry import INTEGRATORS
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.identity import difference, identity_of
+from renderer.rendering.options import RenderOptions, names_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
 from renderer.scene_file import description
@@ -50,8 +51,7 @@ def plan():
 
 def of(scene: Any, plan: Plan, **changes: Any) -> identity.Identity:
     """Return the identity of a description."""
-    given = {"accel": "auto", "seed": 0, **changes}
-    return identity_of(SimpleNamespace(description=scene), plan, **given)
+    return identity_of(SimpleNamespace(description=scene), plan, RenderOptions(**changes))
 
 
 def another(value: Any) -> Any:
@@ -204,12 +204,11 @@ def test_all_that_is_handed_over_counts(plan):
         "seed": (0, 1, plan),
         "measured_camera": (None, camera, plan),
     }
-    parameters = inspect.signature(identity_of).parameters.values()
-    assert cases.keys() == {p.name for p in parameters if p.kind == p.KEYWORD_ONLY}
+    assert cases.keys() == {"accel", *names_of("identity")}
     for name, (one, two, of_plan) in cases.items():
-        given = {"accel": "auto", "seed": 0}
         first, second = (
-            identity_of(scene, of_plan, **{**given, name: value}) for value in (one, two)
+            identity_of(scene, of_plan, RenderOptions(**{name: value}))
+            for value in (one, two)
         )
         assert first != second, name
     usual = of(scene.description, plan, measured_camera=camera)

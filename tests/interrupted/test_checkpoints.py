@@ -28,10 +28,11 @@ from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older, read_checkpoint
 from renderer.rendering.goal import Halves
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.progress_display import ProgressDisplay
-from renderer.rendering.render_loop import Progress, RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.progress_display import Progress, ProgressDisplay
+from renderer.rendering.render_loop import RenderLoop
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import Mesh, OtherBsdf
 
@@ -61,15 +62,15 @@ def in_sittings(scene, path, **settings):
 
     Threads wait for it after each job, so that it comes on the fastest machine too.
     """
-    add, latest, firsts = Rendering.add_samples, [], []
+    add, latest, firsts = RenderJob.add_samples, [], []
 
     def is_enough(now, done):
         return 0.1 * now.total <= done - now.resumed < now.total - now.resumed
 
-    def add_and_wait(self, place, end, thread):
-        add(self, place, end, thread)
+    def add_and_wait(self, film, place, end, thread):
+        add(self, film, place, end, thread)
         for _ in range(50):  # not for ever: it may be stopped for a checkpoint instead
-            if latest and is_enough(latest[-1], self.samples_done):
+            if latest and is_enough(latest[-1], film.samples_done):
                 time.sleep(1e-3)
 
     def progress(now):
@@ -82,7 +83,7 @@ def in_sittings(scene, path, **settings):
             raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as context:
-        context.setattr(Rendering, "add_samples", add_and_wait)
+        context.setattr(RenderJob, "add_samples", add_and_wait)
         for sitting in range(100):
             image = renderer.render(
                 scene,
@@ -516,8 +517,7 @@ def test_every_scene_has_a_digest(file):
     """What a scene may hold is known, and two readings of it are the same."""
     scenes = [renderer.load_file(file) for _ in range(2)]
     first, second = (
-        identity.identity_of(scene, make_plan(scene), accel="auto", seed=0)
-        for scene in scenes
+        identity.identity_of(scene, make_plan(scene), RenderOptions()) for scene in scenes
     )
     assert first == second
 

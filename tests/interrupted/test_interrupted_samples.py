@@ -18,9 +18,9 @@ from mitsuba_ref.records.request import RenderRequest
 from renderer.command import cli
 from renderer.command.outputs import rate_line
 from renderer.errors import ClusterError
-from renderer.rendering import render_scene
-from renderer.rendering.render_loop import Progress
-from renderer.rendering.rendering import Rendering
+from renderer.rendering import render as road
+from renderer.rendering.job import RenderJob
+from renderer.rendering.progress_display import Progress
 from reports.needs.study import Study
 from reports.speed_accuracy.contenders import of_ours
 from reports.speed_accuracy.noiseless import has_noise
@@ -39,7 +39,7 @@ def _without_kernels(monkeypatch):
         sums += end_sample - first_sample
         sums[:, 0] += first_sample  # halves that differ have an error
 
-    monkeypatch.setattr(Rendering, "_render", render)
+    monkeypatch.setattr(RenderJob, "_render", render)
 
 
 @pytest.fixture
@@ -74,13 +74,13 @@ def test_a_picture_whose_tiles_are_finished_one_by_one_holds_a_part_of_a_sample(
     monkeypatch,
 ):
     """At one sample some tiles have it, and the others have none."""
-    finish = Rendering.finish_tiles
+    finish = RenderJob.finish_tiles
 
-    def finish_one(self, strip, thread):
-        finish(self, strip, thread)
+    def finish_one(self, film, strip, thread):
+        finish(self, film, strip, thread)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Rendering, "finish_tiles", finish_one)
+    monkeypatch.setattr(RenderJob, "finish_tiles", finish_one)
     # so many tiles that each has sums of its own
     image = renderer.render(renderer.load_file(CORNELL, width=256, height=160), 1)
     assert not image.complete and 0 < image.spp < 1
@@ -176,14 +176,14 @@ def test_aovs_and_their_colours(monkeypatch):
     image = renderer.render(scene, 1 << 12, progress=in_the_colours, threads=1)
     assert not image.complete and 0 < image.spp < image.requested_spp == 1 << 12
     assert image.samples == round(SIZE**2 * (image.spp + (1 << 12)))
-    prepare = render_scene.prepare
+    begin = road.begin
 
     def refusing(of, *arguments):
         if of is not scene:
             raise ClusterError("no worker")
-        return prepare(of, *arguments)
+        return begin(of, *arguments)
 
-    monkeypatch.setattr(render_scene, "prepare", refusing)
+    monkeypatch.setattr(road, "begin", refusing)
     image = renderer.render(scene, 4)
     assert (image.spp, image.requested_spp, image.complete) == (0, 4, False)
 

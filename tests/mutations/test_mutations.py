@@ -229,7 +229,7 @@ def request() -> RenderRequest:
     return RenderRequest(str(scene_file("grey-furnace")), parameters=size, threads=1)
 
 
-PLACE = "return _finish(prepare(scene, options, show), show)"
+PLACE = "return finish(begin(scene"
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ PLACE = "return _finish(prepare(scene, options, show), show)"
 def test_a_mutant_that_breaks_is_an_error_and_not_a_wait(tmp_path, statement, complaint):
     """Harmful text may do anything to its process, and nothing to ours."""
     limit = 4.0 if "sleep" in statement else 120.0
-    made = mutation(("render_scene.render", PLACE, f"{statement}\n{PLACE}"))
+    made = mutation(("render.render_with", PLACE, f"{statement}\n{PLACE}"))
     with Mutant(made, limit, tmp_path) as mutant:
         with pytest.raises(MutantError, match=complaint):
             mutant.render(request())

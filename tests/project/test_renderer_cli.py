@@ -21,12 +21,14 @@ import renderer
 from renderer.command import outputs
 from renderer.command.cli import main
 from renderer.errors import ClusterError, NotAllowed
-from renderer.rendering import render_scene
+from renderer.rendering import render as road
+from renderer.rendering.film.work import SAMPLES_PER_JOB
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.progress_display import ProgressDisplay
-from renderer.rendering.render_loop import Progress, RenderLoop
-from renderer.rendering.rendering import SAMPLES_PER_JOB, Rendering
+from renderer.rendering.progress_display import Progress, ProgressDisplay
+from renderer.rendering.render_loop import run
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
@@ -112,7 +114,7 @@ def test_every_output_is_written_and_the_summary_names_them(capsys, tmp_path):
     assert outputs[1].read_bytes().startswith(b"\x89PNG")
     last = capsys.readouterr().out.splitlines()[-1]
     files = ", ".join(map(str, outputs))
-    pattern = r"32 x 32 pixels, 4 spp, [\d.]+ s, [\d.]+ Msamples/s; wrote " + re.escape(
+    pattern = r"32 x 32 pixels, 4 spp, [\d.]+ s, [\d.]+ M?samples/s; wrote " + re.escape(
         files
     )
     assert re.fullmatch(pattern, last)
@@ -580,7 +582,7 @@ def without_kernels(monkeypatch, value):
         time.sleep(2e-4)
         sums += value(first_sample)
 
-    monkeypatch.setattr(Rendering, "_render", render)
+    monkeypatch.setattr(RenderJob, "_render", render)
 
 
 class Alarm:
@@ -617,17 +619,18 @@ def test_an_interrupt_at_any_moment_counts_no_job_twice(monkeypatch):
     without_kernels(monkeypatch, lambda first: 4.0 ** (first // SAMPLES_PER_JOB))
     outcomes = set()
     for moment in range(1, 41):
-        rendering = Rendering(scene, plan, accel="auto", seed=0, threads=2)
+        job = RenderJob(scene, plan, RenderOptions(threads=2))
+        film = job.make_film()
         with Alarm() as alarm:
             try:
                 alarm.set(moment * 4e-4)
-                complete = RenderLoop(rendering).run()
+                complete = run(job, film).complete
                 alarm.armed = False
             except KeyboardInterrupt:  # before the first job, or after the last one
                 continue
         outcomes.add(complete)
-        tiles = len(rendering.film.tiles)
-        layers = rendering.film.sums.reshape(-1, tiles, *rendering.film.sums.shape[1:])
+        tiles = len(film.tiles)
+        layers = film.sums.reshape(-1, tiles, *film.sums.shape[1:])
         for weight in np.unique(layers.sum(axis=0)):
             digits = np.base_repr(int(weight), 4)
             assert set(digits) <= {"0", "1"}
@@ -663,14 +666,14 @@ def test_colours_that_cannot_start_leave_the_aovs(monkeypatch, error):
     scene = renderer.load_file(
         SCENES / "depth-and-normals" / "scene.xml", width=32, height=24
     )
-    prepare = render_scene.prepare
+    begin = road.begin
 
     def refusing(of, *arguments):
         if of is not scene:
             raise error
-        return prepare(of, *arguments)
+        return begin(of, *arguments)
 
-    monkeypatch.setattr(render_scene, "prepare", refusing)
+    monkeypatch.setattr(road, "begin", refusing)
     image = renderer.render(scene)
     assert not image.complete and (image.aovs["depth"] == 1.0).all()
     said = image.metadata["interrupted"]

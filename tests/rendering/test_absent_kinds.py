@@ -50,9 +50,10 @@ from renderer.plugins.lights.finite.point import PointLights
 from renderer.plugins.lights.finite.spot import SpotLights
 from renderer.plugins.lights.infinite.constant import ConstantLights
 from renderer.plugins.lights.infinite.directional import DirectionalLights
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
 CAMERA = sensor((0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(24, 20), spp=4, jitter=True)
@@ -176,9 +177,12 @@ def test_without_lights_or_materials_asked_for_there_are_none():
 def picture(*parts: dict[str, Any]) -> np.ndarray:
     content = scene(CAMERA, "path", *box(0.7), LAMP, *parts, max_depth=5, rr_depth=5)
     loaded = renderer.load_dict(content)
-    rendering = Rendering(loaded, make_plan(loaded), accel="brute", seed=3, threads=2)
-    assert RenderLoop(rendering).run()
-    return rendering.film.develop()
+    job = RenderJob(
+        loaded, make_plan(loaded), RenderOptions(accel="brute", seed=3, threads=2)
+    )
+    film = job.make_film()
+    assert run(job, film).complete
+    return film.develop()
 
 
 def one_of_each(y: float) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ from small_scenes import (
 
 import renderer
 from renderer import Image, SceneError
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.job import RenderJob
 
 XML = """<scene version="3.0.0">
   <default name="spp" value="1"/>
@@ -251,7 +251,7 @@ def test_one_triangle(tmp_path):
 
 def test_the_time_of_a_picture_is_without_compilation(monkeypatch):
     """Methods are compiled while the kernels' record is assembled, not when it is used."""
-    monkeypatch.setattr(Rendering, "methods_seconds", 1000.0)
+    monkeypatch.setattr(RenderJob, "methods_seconds", 1000.0)
     view = sensor((0, -3, 0), (0, 0, 0), fov=40, size=(4, 4))
     image = renderer.render(renderer.load_dict(scene(view, "depth")), threads=1)
     assert image.compile_seconds >= 1000.0

@@ -14,9 +14,10 @@ from renderer.process.worker_pool import WorkerPool
 from renderer.rendering import goal as goal_module
 from renderer.rendering.accuracy import Accuracy, estimate, relative_error
 from renderer.rendering.goal import Goal, Halves
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import RenderLoop, run
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -323,7 +324,7 @@ def test_an_interrupt_keeps_the_picture_and_the_last_error(box):
 
 def test_a_second_interrupt_is_raised(box, monkeypatch):
     """While threads still end their jobs: nobody must see sums that they write to."""
-    rendering = Rendering(box, make_plan(box, spp=64), accel="auto", seed=0, threads=2)
+    job = RenderJob(box, make_plan(box, spp=64), RenderOptions(threads=2))
     stop = WorkerPool.stop
 
     def interrupted_stop(crew):
@@ -341,9 +342,9 @@ def test_a_second_interrupt_is_raised(box, monkeypatch):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        RenderLoop(rendering, progress, None, None)._trace(64)
+        RenderLoop(job, job.make_film(), progress=progress)._trace(64)
     with pytest.raises(KeyboardInterrupt):
-        RenderLoop(rendering).run()
+        run(job, job.make_film())
 
 
 def test_a_scene_without_light_has_no_error_and_ends():

@@ -25,7 +25,8 @@ from renderer.process.memory import parse_size, shown
 from renderer.rendering import memory_estimate
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.memory_estimate import estimate
-from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.options import RenderOptions
+from renderer.rendering.planning.make_plan import make_plan, plan_with
 
 MIB = 1 << 20
 SENSOR = '<sensor type="perspective"/>'
@@ -311,10 +312,8 @@ def test_what_a_render_takes_is_known_before(files: Path, name: str) -> None:
     scene = renderer.load_string(xml, base_dir=files)
     renderer.render(scene, spp=2, threads=2, **how)  # what is compiled is no part of it
     scene = renderer.load_string(xml, base_dir=files)  # without accelerators
-    accel, sampler = how.get("accel"), how.get("sampler")
-    plan = make_plan(scene, spp=2, accel=accel, sampler=sampler, threads=2)
-    goal = "target_error" in how
-    found = estimate(scene, plan, accel=accel or "auto", threads=2, goal=goal)
+    options = RenderOptions(spp=2, threads=2, **how)
+    found = estimate(scene, plan_with(scene, options), options)
     assert found.parts["the kernels"] == 0  # they are there since the first render
     gc.collect()
     tracemalloc.start()
@@ -331,7 +330,7 @@ def test_what_the_tree_of_a_group_takes_is_known_before(files: Path) -> None:
     build_accelerators(scene, "auto")  # what is compiled is no part of it
     scene = renderer.load_string(xml, base_dir=files)
     plan = make_plan(scene, spp=2)
-    found = estimate(scene, plan, accel="auto", threads=2).parts["accelerators"]
+    found = estimate(scene, plan, RenderOptions(threads=2)).parts["accelerators"]
     gc.collect()
     tracemalloc.start()
     build_accelerators(scene, "auto", plan.rays)
@@ -368,8 +367,9 @@ def test_aovs_and_colours_are_refused_together_before_the_first_sample(
     plan = make_plan(scene, spp=2, threads=2)
     inside = nested_scene(scene, plan)
     assert inside is not None
-    aovs = estimate(scene, plan, accel="auto", threads=2)
-    colours = estimate(inside, make_plan(inside, spp=2), accel="auto", threads=2)
+    options = RenderOptions(threads=2)
+    aovs = estimate(scene, plan, options)
+    colours = estimate(inside, make_plan(inside, spp=2), options)
     both = aovs.beside(colours)
     assert both.total == aovs.total + colours.total - colours.parts["the kernels"]
     room = both.total - 1

@@ -28,10 +28,11 @@ from small_scenes import (
 
 import renderer
 from renderer.integrators.whitted import USUAL_DEPTH
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 
 CAMERA = sensor((0, -3, 2), (0, 0, 0))
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
@@ -204,9 +205,10 @@ def test_no_kind_is_both_there_and_left_out():
 
 def picture(loaded, plan: Plan, **changes) -> np.ndarray:
     changed = dataclasses.replace(plan, **changes)
-    rendering = Rendering(loaded, changed, accel="auto", seed=3, threads=2)
-    assert RenderLoop(rendering).run()
-    return rendering.film.develop()
+    job = RenderJob(loaded, changed, RenderOptions(seed=3, threads=2))
+    film = job.make_film()
+    assert run(job, film).complete
+    return film.develop()
 
 
 def planned(integrator, *parts, **settings):

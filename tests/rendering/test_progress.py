@@ -11,8 +11,7 @@ import pytest
 
 import renderer
 from renderer.rendering import progress_display
-from renderer.rendering.progress_display import ProgressDisplay
-from renderer.rendering.render_loop import Progress
+from renderer.rendering.progress_display import Progress, ProgressDisplay
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -11,9 +11,10 @@ import pytest
 from test_benchmark_run import CLOSED_ROOM
 
 import renderer
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 from renderer.rendering.tables import kernel_record
 from renderer.scene.scene import RECENT
 
@@ -126,14 +127,14 @@ def test_a_refusal_is_not_kept():
 def test_another_record_is_looked_at_anew():
     """The method is called with the address of the record before, no longer than that."""
     scene = room()
-    rendering = Rendering(scene, make_plan(scene, spp=1), accel="auto", seed=0, threads=1)
-    rendering.compile()
-    record = rendering.kernel_scene
+    job = RenderJob(scene, make_plan(scene, spp=1), RenderOptions(threads=1))
+    job.compile()
+    record = job.kernel_scene
     settings = record.settings._replace(max_depth=1)
-    rendering.kernel_scene = record._replace(settings=settings)
-    assert RenderLoop(rendering).run()
-    plan = dataclasses.replace(rendering.plan, max_depth=1)
-    expected = Rendering(scene, plan, accel="auto", seed=0, threads=1)
-    assert RenderLoop(expected).run()
-    np.testing.assert_array_equal(rendering.develop(), expected.develop())
-    assert not np.array_equal(rendering.develop(), np.asarray(renderer.render(scene, 1)))
+    film, expected_film = job.make_film(), job.make_film()
+    assert run(job.with_record(record._replace(settings=settings)), film).complete
+    plan = dataclasses.replace(job.plan, max_depth=1)
+    expected = RenderJob(scene, plan, RenderOptions(threads=1))
+    assert run(expected, expected_film).complete
+    np.testing.assert_array_equal(film.develop(), expected_film.develop())
+    assert not np.array_equal(film.develop(), np.asarray(renderer.render(scene, 1)))

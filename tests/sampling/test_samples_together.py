@@ -34,10 +34,11 @@ from renderer.kernels.records.tile import (
 from renderer.plugins.sampling.numbers_and_warps import Independent, Stratified, draw4
 from renderer.plugins.sampling.sobol import make_sobol
 from renderer.process.names import REPLAY, SAMPLERS
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning import plan as planning
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import MOST_TOGETHER
-from renderer.rendering.rendering import Rendering
 
 LEVELS = range(MOST_TOGETHER + 1)
 FILM_WIDTH = 77
@@ -149,7 +150,7 @@ def pictures(monkeypatch, loaded, **how):
     for level in LEVELS:
         monkeypatch.setattr(planning, "MOST_TOGETHER", level)
         plan = make_plan(loaded, spp=how["spp"], sampler=how["sampler"])
-        assert Rendering(loaded, plan, accel="auto", seed=4, threads=1).level == level
+        assert RenderJob(loaded, plan, RenderOptions(seed=4, threads=1)).level == level
         yield renderer.render(loaded, seed=4, **how)
 
 
@@ -202,12 +203,13 @@ def glass_under_a_sky():
 def test_nor_on_where_a_job_begins(loaded):
     """The groups are 16, 4 and 3 samples; then 3, 1, 4, 1, 3, 4, 4 and 3."""
     plan = make_plan(loaded, spp=SPP, sampler="independent")
-    rendering = Rendering(loaded, plan, accel="auto", seed=0, threads=1)
-    whole, pieces = (np.zeros_like(rendering.film.sums) for _ in range(2))
-    for tile in range(len(rendering.film.tiles)):
-        rendering.add_to(whole[tile], tile, 0, SPP, thread=0)
+    job = RenderJob(loaded, plan, RenderOptions(threads=1))
+    film = job.make_film()
+    whole, pieces = (np.zeros_like(film.sums) for _ in range(2))
+    for tile in range(len(film.tiles)):
+        job.add_to(whole[tile], film, tile, 0, SPP, thread=0)
         for begin, end in ((0, 3), (3, 9), (9, SPP)):
-            rendering.add_to(pieces[tile], tile, begin, end, thread=0)
+            job.add_to(pieces[tile], film, tile, begin, end, thread=0)
     assert whole.any()
     np.testing.assert_array_equal(pieces, whole)
 
@@ -254,7 +256,7 @@ def test_where_all_lights_are_asked_a_job_is_fewer_samples():
         above = [point_light((x, 0, 4)) for x in range(lights)]
         loaded = renderer.load_dict(scene(camera, "direct", floor(), *above))
         plan = make_plan(loaded, spp=64, sampler="independent")
-        rendering = Rendering(loaded, plan, accel="auto", seed=0, threads=1)
-        assert rendering.level == level
-        slots = rendering.make_workspace(rendering.channels).radiance.shape[1]
+        job = RenderJob(loaded, plan, RenderOptions(threads=1))
+        assert job.level == level
+        slots = job.make_workspace(job.shape.channels).radiance.shape[1]
         assert slots // CAPACITY == 4**level

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import BLACK, Bounce, TracedPath, Vector
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.rendering import Rendering
 from renderer.scene.placed_groups import shape_numbers
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
@@ -51,8 +52,8 @@ class ShapesAlone:
             )
             scene = build_scene(alone)
             plan = make_plan(scene, sampler="mitsuba", ray_offset="mitsuba")
-            rendering = Rendering(scene, plan, accel="auto", seed=0, threads=1)
-            self._steps[number] = StepByStep(rendering)
+            job = RenderJob(scene, plan, RenderOptions(threads=1))
+            self._steps[number] = StepByStep(job)
         ray = TracedPath("", {}, origin, direction, (NEVER_READ,))
         (path,) = self._steps[number].trace_led((0, 0), 0, ray)
         found = path.bounces[0] if path.bounces else None

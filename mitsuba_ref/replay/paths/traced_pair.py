@@ -27,9 +27,10 @@ from mitsuba_ref.replay.paths.path_comparison import (
 from mitsuba_ref.replay.paths.path_from_reference_rays import LedPath
 from mitsuba_ref.replay.paths.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import Scene, build_scene
 from renderer.scene_file.description import SceneDescription
 
@@ -165,15 +166,10 @@ class TracedPair:
 
     def _our_steps(self) -> StepByStep:
         if self._ours is None:
-            rendering = Rendering(
-                self._scene,
-                self._plan,
-                accel="auto",
-                seed=self._request.seed,
-                threads=1,
-                measured_camera=self.camera,
+            options = RenderOptions(
+                seed=self._request.seed, threads=1, measured_camera=self.camera
             )
-            self._ours = StepByStep(rendering)
+            self._ours = StepByStep(RenderJob(self._scene, self._plan, options))
         return self._ours
 
     def _mitsuba_process(self) -> VariantProcess:

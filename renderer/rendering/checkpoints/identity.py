@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import hashlib
 import platform
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from renderer.accelerators.choice import choose_structures
 from renderer.process.version import VERSION
 from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.goal import OPEN_ENDED
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Sampler
@@ -54,14 +54,7 @@ def made_by() -> dict[str, str]:
     }
 
 
-def identity_of(
-    scene: Scene,
-    plan: Plan,
-    *,
-    accel: str,
-    seed: int,
-    measured_camera: Sequence[float] | None = None,
-) -> Identity:
+def identity_of(scene: Scene, plan: Plan, options: RenderOptions) -> Identity:
     """Return what a render is of: what can be said in words, and digests of the rest.
 
     Not in it is what the picture does not depend on: the threads, the structure that finds
@@ -72,13 +65,14 @@ def identity_of(
     said = made_by() | {
         "integrator": plan.name,
         "sampler": plan.sampler_name,
-        "seed": str(seed),
         "size": f"{film.crop_width} x {film.crop_height}",
     }
+    for name, value in options.only("identity").items():
+        said[name] = str(value if np.ndim(value) == 0 else list(map(float, value)))
     if plan.sampler.name not in OPEN_ENDED:
         said[f"spp (the points of {plan.sampler.name} depend on it)"] = str(plan.spp)
     if plan.kind.counts_work:
-        chosen = choose_structures(scene, accel, plan.rays)
+        chosen = choose_structures(scene, options.accelerator, plan.rays)
         said["accel"] = ", ".join(f"{kind} {chosen[kind].name}" for kind in chosen)
     steering: dict[str, Any] = {
         field.name: getattr(plan, field.name)
@@ -93,9 +87,7 @@ def identity_of(
         ),
         "lights": content_digest(description.emitters, description.emitter_places),
         "integrator": content_digest(description.integrator),
-        "plan": content_digest(
-            steering, None if measured_camera is None else list(map(float, measured_camera))
-        ),
+        "plan": content_digest(steering),
     }
     return {"said": said, "hashed": hashed}
 

@@ -1,4 +1,4 @@
-"""From what a user calls a cluster to its team: a client of Dask's, or an address."""
+"""From what a user calls a cluster to its workers: a client of Dask's, or an address."""
 
 from __future__ import annotations
 
@@ -11,17 +11,15 @@ from renderer.errors import ClusterError
 from renderer.process import memory
 
 if TYPE_CHECKING:
-    from renderer.rendering.cluster.team import ClusterScheduler
+    from renderer.rendering.cluster.source import ClusterWorkers
 
-MOST_LOCAL = 256  # processes
 CONNECT = 10  # [s]
 _OF_PROCESS = 160 << 20  # [bytes] of a worker that has imported what it needs
 MISSING = "a cluster needs Dask: pip install 'lightproof[cluster]'"
-PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
-def team_of(cluster: Any) -> ClusterScheduler:
-    """Return the team of a `distributed.Client`, or a team as it is.
+def workers_of(cluster: Any) -> ClusterWorkers:
+    """Return the workers of a `distributed.Client`, or workers as they are.
 
     Raises
     ------
@@ -33,20 +31,20 @@ def team_of(cluster: Any) -> ClusterScheduler:
     _check_dask()
     from distributed import Client
 
-    from renderer.rendering.cluster.team import ClusterScheduler
+    from renderer.rendering.cluster.source import ClusterWorkers
 
-    if isinstance(cluster, ClusterScheduler):
+    if isinstance(cluster, ClusterWorkers):
         return cluster
     if not isinstance(cluster, Client) or cluster.asynchronous:
         raise TypeError(
             f"the cluster is of type {type(cluster).__name__}; possible is a "
             "distributed.Client that is not asynchronous"
         )
-    return ClusterScheduler(cluster)
+    return ClusterWorkers(cluster)
 
 
 @contextmanager
-def open_cluster(where: str) -> Iterator[ClusterScheduler]:
+def open_cluster(where: str) -> Iterator[ClusterWorkers]:
     """Start a cluster, `local:4`, or connect to one, `tcp://host:8786`.
 
     A local one has so many processes of one thread each, and ends with the context.
@@ -62,12 +60,12 @@ def open_cluster(where: str) -> Iterator[ClusterScheduler]:
     # what goes wrong is said by us, in one line
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
     if where.startswith("local:"):
-        with _local(int(where.removeprefix("local:"))) as team:
-            yield team
+        with _local(int(where.removeprefix("local:"))) as found:
+            yield found
         return
     from distributed import Client
 
-    from renderer.rendering.cluster.team import ClusterScheduler
+    from renderer.rendering.cluster.source import ClusterWorkers
 
     try:
         client = Client(where, set_as_default=False, timeout=CONNECT)
@@ -75,14 +73,14 @@ def open_cluster(where: str) -> Iterator[ClusterScheduler]:
         reason = " ".join(str(error).split())
         raise ClusterError(f"no cluster at {where}: {reason}") from None
     with client:
-        yield ClusterScheduler(client)
+        yield ClusterWorkers(client)
 
 
 @contextmanager
-def _local(workers: int) -> Iterator[ClusterScheduler]:
+def _local(workers: int) -> Iterator[ClusterWorkers]:
     from distributed import Client, LocalCluster
 
-    from renderer.rendering.cluster.team import ClusterScheduler
+    from renderer.rendering.cluster.source import ClusterWorkers
 
     # before they start: two hundred of them hold up a machine for minutes
     memory.require(workers * _OF_PROCESS, f"--cluster local:{workers}: a process for each")
@@ -99,24 +97,7 @@ def _local(workers: int) -> Iterator[ClusterScheduler]:
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        yield ClusterScheduler(client, workers)
-
-
-def check_where(where: str) -> str:
-    """Return an address of a cluster, if it can be one.
-
-    Raises
-    ------
-    ValueError
-        Saying what is possible.
-    """
-    kind, _, count = where.partition(":")
-    if kind == "local":
-        if not (count.isdecimal() and 1 <= int(count) <= MOST_LOCAL):
-            raise ValueError(f"{where!r}: local:N starts N processes, 1 to {MOST_LOCAL}")
-    elif not where.startswith(PROTOCOLS):
-        raise ValueError(f"{where!r} is neither local:N nor an address tcp://host:8786")
-    return where
+        yield ClusterWorkers(client, workers)
 
 
 def _check_dask() -> None:

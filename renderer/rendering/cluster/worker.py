@@ -6,6 +6,8 @@ from and takes them back, so that a worker may be lost at any moment.
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
 import pickle
 import queue
 import signal
@@ -23,9 +25,12 @@ from renderer.process.worker_pool import in_own_thread
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster.content import Content, Name, freeze, thaw
 from renderer.rendering.cluster.plugin_files import PluginFiles
+from renderer.rendering.cluster.portions import Portion
+from renderer.rendering.film.film import Film
+from renderer.rendering.job import RenderJob
 from renderer.rendering.memory_estimate import check_room, estimate_workers
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
-from renderer.rendering.rendering import Rendering
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription
 
@@ -40,11 +45,10 @@ class Request(NamedTuple):
     plugins: PluginFiles | None  # first, so that it is read first
     description: SceneDescription
     plan: Plan
-    accel: str
-    seed: int
+    options: RenderOptions
 
 
-def request_of(rendering: Rendering) -> Content:
+def request_of(job: RenderJob) -> Content:
     """Return what a worker has to know of a render, frozen.
 
     Raises
@@ -52,16 +56,15 @@ def request_of(rendering: Rendering) -> Content:
     ClusterError
         If something in it cannot be sent.
     """
-    scene = rendering.scene
-    if rendering.plan.replay:
+    scene = job.scene
+    if job.plan.replay:
         raise ClusterError(
             "a replay of Mitsuba's random numbers has a stream for each pixel, which each "
             "sample leaves where the next one begins; these stay in one process, as they "
             "are not sent with the sums; render it without a cluster"
         )
-    request = Request(
-        PluginFiles(), scene.description, rendering.plan, rendering.accel, rendering.seed
-    )
+    options = RenderOptions(**job.options.only("travels"))
+    request = Request(PluginFiles(), scene.description, job.plan, options)
     try:
         return freeze(request)
     except (TypeError, AttributeError, pickle.PicklingError) as error:
@@ -70,26 +73,59 @@ def request_of(rendering: Rendering) -> Content:
         ) from None
 
 
-class Portion(NamedTuple):
-    """A piece of work: samples begins[k] .. ends[k] - 1 that place places[k] counts."""
-
-    places: tuple[int, ...]
-    begins: tuple[int, ...]
-    ends: tuple[int, ...]
-
-
 class _Ready(NamedTuple):
-    rendering: Rendering
-    threads: queue.SimpleQueue[int]  # numbers of workspaces that nobody works in
+    job: RenderJob
+    film: Film  # without samples: it knows tiles and the order of samples
+    threads: queue.SimpleQueue[int]  # numbers of workspaces that are free
 
 
 _ready: OrderedDict[str, _Ready] = OrderedDict()
 _one_prepares = threading.Lock()
 
 
-def introduce() -> dict[str, str]:
-    """Return what runs on this worker, and on which processor."""
-    return made_by()
+def meet(
+    key: str,
+    names: Sequence[Name],
+    ours: dict[str, str],
+    portion: Portion,
+    expected: str,
+    *held: bytes,
+) -> str:
+    """Let this worker get ready for a render; return in what it differs from the client.
+
+    Parameters
+    ----------
+    key, names, held
+        The `Request`, see `content`.
+    ours : dict
+        What runs at the client.
+    portion : Portion
+        Samples that a worker which differs renders, to show that its bits are the same.
+    expected : str
+        The SHA-256 of their sums.
+
+    Raises
+    ------
+    ClusterError
+        If this worker has another lightproof, or other bits.
+    SceneError
+        If it cannot read the scene, or has not the memory.
+    """
+    theirs = made_by()
+    differ = [
+        f"{name} ({theirs.get(name)}, here {value})"
+        for name, value in ours.items()
+        if theirs.get(name) != value
+    ]
+    if any(name.startswith("lightproof ") for name in differ):
+        raise ClusterError(f"it has another {differ[0]}")
+    _prepared(key, names, held)
+    if differ:
+        sums, _ = add_samples(key, names, portion, None, *held)
+        if hashlib.sha256(sums.tobytes()).hexdigest() != expected:
+            listed = ", ".join(differ)
+            raise ClusterError(f"its sums are not ours, nor is its {listed}")
+    return ", ".join(differ)
 
 
 def add_samples(
@@ -110,18 +146,18 @@ def add_samples(
     sums : float64 (places, channels + 1, rows, columns), or None
         What the places hold; None: nothing yet.
     """
-    rendering, threads = _prepared(key, names, held)
+    job, film, threads = _prepared(key, names, held)
     start = time.perf_counter()
     count = len(portion.places)
     if sums is None:
-        result = np.zeros((count, *rendering.film.sums.shape[1:]))
+        result = np.zeros((count, *film.sums.shape[1:]))
     else:
         result = np.array(sums)  # one's own: what came is only to be read
     thread = threads.get()
 
     def trace() -> None:
-        for k, work in enumerate(zip(*portion, strict=True)):
-            rendering.add_to(result[k], *work, thread)
+        for k, samples in enumerate(zip(*portion, strict=True)):
+            job.add_to(result[k], film, *samples, thread)
 
     try:
         in_own_thread(trace)
@@ -131,7 +167,7 @@ def add_samples(
 
 
 def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
-    """Return a rendering that is ready to trace; the last few are kept."""
+    """Return a job that is ready to trace; the last few are kept."""
     with _one_prepares:
         if key not in _ready:
             request: Request = thaw(names, held)
@@ -145,22 +181,16 @@ def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
 def _make_ready(request: Request) -> _Ready:
     """Build what is asked for; raise NotAllowed if it takes more memory than there is."""
     scene = build_scene(request.description)
-    needs = estimate_workers(
-        scene, request.plan, accel=request.accel, threads=_threads_here()
-    )
+    options = dataclasses.replace(request.options, threads=_threads_here())
+    needs = estimate_workers(scene, request.plan, options)
     check_room(needs, scene.description.source, INSTEAD)
-    rendering = Rendering(
-        scene,
-        request.plan,
-        accel=request.accel,
-        seed=request.seed,
-        threads=MOST_THREADS,
-    )
-    rendering.compile()
+    options = dataclasses.replace(options, threads=MOST_THREADS)
+    job = RenderJob(scene, request.plan, options)
+    job.compile()
     threads: queue.SimpleQueue[int] = queue.SimpleQueue()
     for number in range(MOST_THREADS):
         threads.put(number)
-    return _Ready(rendering, threads)
+    return _Ready(job, job.make_film(), threads)
 
 
 def _threads_here() -> int:

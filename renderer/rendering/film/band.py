@@ -7,7 +7,7 @@ band adds up the same sums in the same order as the whole film: no bit is anothe
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from renderer.integrators.stages.film.develop import develop_rows
 from renderer.kernels.records.tile import TILE_SIZE
 from renderer.process.worker_pool import in_threads
 from renderer.rendering.film.film import Film
+from renderer.rendering.film.work import SAMPLES_PER_JOB
 
 
 class FilmShape(NamedTuple):
@@ -30,6 +31,7 @@ class FilmShape(NamedTuple):
     film_width: int
     beyond: int
     sums_in_all: int
+    part: int = SAMPLES_PER_JOB
 
     @property
     def rows(self) -> int:
@@ -106,22 +108,22 @@ class Band(Film):
         in_threads(threads, -(-(end - first) // TILE_SIZE), develop_part)
         return picture[first:]
 
-    def following(self) -> tuple[Band, int] | None:
-        """Return the next band and how many of its rows hold their samples; None: the end.
+    def following(self) -> Band | None:
+        """Return the next band, with the sums that it shares with this one; None: the end.
 
         The sums of this one are gone then.
         """
         if self.end == self._shape.height:
             return None
         carried = self._shape.carried
-        first = self._first + self.grid.rows - carried
-        kept = self._by_rows()[:, self.grid.rows - carried :].copy()
+        kept = self.grid.rows - carried
+        band = Band(self._shape, self._rows, self._first + kept, self.end)
+        band._by_rows(band.sums)[:, :carried] = self._by_rows(self.sums)[:, kept:]
+        band._by_rows(band.samples)[:, :carried] = self._by_rows(self.samples)[:, kept:]
         self.sums = self.sums[:0]
-        band = Band(self._shape, self._rows, first, self.end)
-        band._by_rows()[:, :carried] = kept
-        return band, carried
+        return band
 
-    def _by_rows(self) -> NDArray[np.float64]:
-        """Return the sums as (layers, rows, columns, ...)."""
+    def _by_rows(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return an array over places as (layers, rows, columns, ...)."""
         grid = self.grid
-        return self.sums.reshape(grid.layers, grid.rows, grid.columns, *self.sums.shape[1:])
+        return values.reshape(grid.layers, grid.rows, grid.columns, *values.shape[1:])

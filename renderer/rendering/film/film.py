@@ -7,12 +7,15 @@ depends on which thread was first, and threads share no memory that they write t
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.integrators.stages.film.develop import TileGrid, develop_rows
 from renderer.kernels.records.tile import TILE_SIZE, Tile
 from renderer.process.worker_pool import in_threads
+from renderer.rendering.film.work import SAMPLES_PER_JOB, Work
 
 ALONE = 2**17  # pixels that one thread develops while others would start
 
@@ -35,6 +38,8 @@ class Film:
     sums_in_all : int
         A film of fewer tiles has several sums for each, about so many together, so that
         threads can work on one tile at the same time.
+    part : int
+        Samples of a pixel that are traced together.
 
     Attributes
     ----------
@@ -43,6 +48,13 @@ class Film:
     sums : float64 (layers * tiles, channels + 1, rows, columns)
         Of each tile with its border, layer after layer; the last channel is the weight.
         Memory is taken when a tile is first written to.
+    work : Work
+        Which samples each of the sums takes.
+    samples : int64 (places,)
+        Samples that each of the sums holds. Together with `sums` they are the whole state
+        of a render: another one with the same plan goes on from copies of both.
+    pixels : int
+        Pixels of all tiles.
     """
 
     def __init__(
@@ -56,6 +68,7 @@ class Film:
         film_width: int,
         beyond: int = 0,
         sums_in_all: int = 1,
+        part: int = SAMPLES_PER_JOB,
     ) -> None:
         self.x, self.y, self.width, self.height = x, y, width, height
         right, below = x + width + beyond, y + height + beyond
@@ -69,14 +82,34 @@ class Film:
         self.grid = TileGrid(len(rows), len(columns), beyond, border, layers)
         size = TILE_SIZE + 2 * border
         self.sums = np.zeros((layers * len(self.tiles), channels + 1, size, size))
+        self.work = Work(len(self.tiles), layers, part)
+        self.samples = np.zeros(self.work.places, np.int64)
+        self.pixels_of_place = np.tile(widths * heights, layers)
+        self.pixels = int((widths * heights).sum())
 
     def tile(self, number: int) -> Tile:
         """Return a tile by its place in `tiles`."""
         return Tile(*self.tiles[number].tolist())
 
     @property
+    def samples_done(self) -> int:
+        """Samples that the film holds, of all pixels together."""
+        return int(self.samples @ self.pixels_of_place)
+
+    @property
+    def spp(self) -> float:
+        """Samples per pixel so far: their mean, where some tiles have more than others."""
+        whole, rest = divmod(self.samples_done, self.pixels)
+        return self.samples_done / self.pixels if rest else whole
+
+    @property
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The arrays from which another film goes on."""
+        return {"sums": self.sums, "samples": self.samples}
+
+    @property
     def has_separate_tiles(self) -> bool:
-        """Whether each pixel of the window is a matter of one sum alone."""
+        """True if no pixel receives contributions of two sums."""
         grid = self.grid
         return grid.border == grid.beyond == 0 and grid.layers == 1
 

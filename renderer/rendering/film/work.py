@@ -15,6 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+# Samples of a pixel that are traced together: so many that a tile takes milliseconds.
+SAMPLES_PER_JOB = 16
+
 
 class Work(NamedTuple):
     """How samples are dealt out to places.
@@ -41,7 +44,7 @@ class Work(NamedTuple):
         return np.repeat(taken, self.tiles)
 
     def least_spp(self, samples: NDArray[np.int64]) -> int:
-        """Return of how many samples per pixel all these of the places are among."""
+        """Return the smallest spp whose samples include all these of the places."""
         parts, inside = np.divmod(samples - 1, self.part)
         layer = np.arange(self.places) // self.tiles
         last = (parts * self.layers + layer) * self.part + inside

@@ -13,9 +13,8 @@ from renderer.integrators.kind import Case
 from renderer.integrators.registry import INTEGRATORS
 from renderer.plugins.bsdfs.registry import reaches_all
 from renderer.plugins.lights.registry import plugin_of
-from renderer.process import names
-from renderer.process.names import LIGHT_CHOICES, REPLAY, SAMPLERS
-from renderer.process.worker_pool import default_threads
+from renderer.process.names import REPLAY
+from renderer.rendering.options import RenderOptions, with_keywords
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
@@ -29,7 +28,7 @@ from renderer.rendering.planning.explanation import (
     explain_shadow_rays,
     explain_weights,
 )
-from renderer.rendering.planning.plan import MOST_SAMPLES, RAY_OFFSETS, Plan
+from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.planning.restriction import restrict
 from renderer.replay.refusals import check_replay
 from renderer.scene.light_properties import (
@@ -66,9 +65,6 @@ def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
         if asked.refusal:
             raise SceneError(asked.refusal)
         return asked
-    if name not in INTEGRATORS:
-        known = ", ".join(names.INTEGRATORS)
-        raise SceneError(f"integrator {name!r} is unknown; there are: {known}")
     if asked.refusal:  # nothing in it was read, so that the defaults count
         return Integrator(name)
     return dataclasses.replace(asked, name=name, aovs=(), nested=None, moments=None)
@@ -78,99 +74,52 @@ def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
     asked = scene.description.camera.sampler
     if name in (None, asked.name, REPLAY):
         return asked
-    if name not in SAMPLERS:
-        known = ", ".join((*SAMPLERS, REPLAY))
-        raise SceneError(f"sampler {name!r} is unknown; there are: {known}")
     return dataclasses.replace(asked, name=name, jitter=True)
 
 
 def _with_sample_count(sampler: Sampler, asked: int) -> Sampler:
     """Return the sampler with the number that its pattern allows, as Mitsuba rounds it."""
-    if not 1 <= asked <= MOST_SAMPLES:
-        raise SceneError(f"spp is {asked}; 1 to {MOST_SAMPLES} are possible")
     count = round_sample_count(sampler.name, asked)
     return dataclasses.replace(sampler, sample_count=count)
 
 
-def make_plan(
-    scene: Scene,
-    *,
-    integrator: str | None = None,
-    sampler: str | None = None,
-    spp: int | None = None,
-    accel: str | None = None,
-    ray_offset: str | None = None,
-    threads: int | None = None,
-    light_choice: str | None = None,
-) -> Plan:
-    """Decide how to render.
+def plan_with(scene: Scene, options: RenderOptions) -> Plan:
+    """Decide how to render; of the options those count that are part of the plan.
 
     Parameters
     ----------
     scene : Scene
         What is there.
-    integrator : str, optional
-        One of `names.INTEGRATORS`. None and "auto" take the least method that gives the
-        answer which the file asks for; any other name is taken at its word.
-    sampler : str, optional
-        One of `SAMPLERS`; None takes the file's, `mitsuba` too but with the random numbers
-        that Mitsuba's scalar variants draw, in their order.
-    spp : int, optional
-        Samples per pixel; None takes the file's. Rounded up to what the sampler's pattern
-        allows, as in Mitsuba.
-    accel : str, optional
-        What `build_accelerators` will be asked for; it is explained here.
-    ray_offset : str, optional
-        One of `RAY_OFFSETS`: how far off their surface new rays start. None is `tight`, in
-        a replay of Mitsuba its own.
-    threads : int, optional
-        That will trace; None is one for each core.
-    light_choice : str, optional
-        Where one of several lights is asked at a point: `importance`, by what each can give
-        there, or `uniform`, as Mitsuba does it. None is `importance`, but where Mitsuba's
-        paths or their second moments are asked for, or where light that was sampled at a
-        half-open surface is lost (see `straight_through`). With `importance` an even sky is
-        not one of them where BSDF samples are followed, which mostly find it with less
-        noise.
+    {options}
 
     Raises
     ------
     SceneError
         For a name that does not exist or a number of samples that is out of range.
     """
-    choices = (
-        integrator,
-        sampler,
-        spp,
-        accel or "auto",
-        ray_offset,
-        threads or default_threads(),
-        light_choice,
-    )
-    plan: Plan = scene.recently("plan", choices, _make_plan, scene, *choices)
+    choices = options.only("plan") | {
+        "accel": options.accelerator,
+        "threads": options.thread_count,
+    }
+    plan: Plan = scene.recently("plan", tuple(choices.values()), _make_plan, scene, options)
     return plan
 
 
-def _make_plan(
-    scene: Scene,
-    integrator: str | None,
-    sampler: str | None,
-    spp: int | None,
-    accel: str,
-    ray_offset: str | None,
-    threads: int,
-    light_choice: str | None,
-) -> Plan:
-    plan = _decide(scene, integrator, sampler, spp, light_choice)
+make_plan = with_keywords(RenderOptions, plan_with, "make_plan")
+
+
+def _make_plan(scene: Scene, options: RenderOptions) -> Plan:
+    plan = _decide(scene, options)
     why = Explanation(list(plan.lines))
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
     asked = emitting + len(scene.description.emitters) - plan.finds_sky
     lights = max(1, asked) if plan.every_light else 1  # or the ray that finds the sky
     camera = scene.description.camera
     explain_light_choice(plan, asked, why)
+    threads, accel = options.thread_count, options.accelerator
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
-    offset = _known_ray_offset(ray_offset, plan.replay)
+    offset = options.ray_offset or ("mitsuba" if plan.replay else "tight")
     if plan.asks_lights and scene.materials.smooth and not plan.replay:
         offsets = RAY_OFFSETS[offset]
         explain_shadow_rays(scene, accel, rays, plan.finds_sky, offsets, why)
@@ -182,44 +131,27 @@ def _make_plan(
     )
 
 
-def _known_ray_offset(name: str | None, replay: bool) -> str:
-    if name is None:
-        return "mitsuba" if replay else "tight"
-    if name not in RAY_OFFSETS:
-        known = ", ".join(RAY_OFFSETS)
-        raise SceneError(f"ray offset {name!r} is unknown; there are: {known}")
-    return name
-
-
-def _known_light_choice(name: str | None, replay: bool, as_mitsuba: bool) -> str:
-    if name not in (None, *LIGHT_CHOICES):
-        known = ", ".join(LIGHT_CHOICES)
-        raise SceneError(f"light choice {name!r} is unknown; there are: {known}")
+def _light_choice(name: str | None, replay: bool, as_mitsuba: bool) -> str:
     if replay and name == "importance":
         raise SceneError("light choice 'importance': a replay takes Mitsuba's, 'uniform'")
     return name or ("uniform" if as_mitsuba else "importance")
 
 
-def _decide(
-    scene: Scene,
-    integrator: str | None,
-    sampler: str | None,
-    spp: int | None,
-    light_choice: str | None,
-) -> Plan:
+def _decide(scene: Scene, options: RenderOptions) -> Plan:
     why = Explanation()
-    asked = _choose_integrator(scene, integrator)
-    replay = sampler == REPLAY
+    asked = _choose_integrator(scene, options.integrator)
+    replay = options.sampler == REPLAY
     transparent = _is_transparent(scene, asked)
     # The light sampled at a half-open surface is lost where the path goes straight on, and
     # how much of all light that is follows from the densities of Mitsuba's choice.
     loses_light = transparent and scene.materials.half_open
     as_mitsuba = replay or loses_light or asked.moments is not None
-    choice = _known_light_choice(light_choice, replay, as_mitsuba)
+    choice = _light_choice(options.light_choice, replay, as_mitsuba)
     # a leaner method gives the same answer, but not by the same paths, nor the same moments
-    reduce = integrator in (None, "auto") and not replay and asked.moments is None
-    chosen_sampler = _choose_sampler(scene, sampler)
-    count = chosen_sampler.sample_count if spp is None else spp
+    automatic = options.integrator in (None, "auto")
+    reduce = automatic and not replay and asked.moments is None
+    chosen_sampler = _choose_sampler(scene, options.sampler)
+    count = chosen_sampler.sample_count if options.spp is None else options.spp
     materials = scene.materials
     extended = has_extended_lights(scene.description)
     lights = extended or bool(scene.description.emitters)

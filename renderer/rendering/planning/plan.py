@@ -16,7 +16,6 @@ from renderer.scene_file.description import Moments, Sampler
 # the last place): with it a tube of mirrors agrees to 6e-6 instead of 6e-2
 # (docs/decisions/ray-offset.md).
 RAY_OFFSETS = {"tight": (64.0, 0.0), "mitsuba": (0.0, 1500.0 * 2.0**-24)}
-MOST_SAMPLES = 1 << 24  # per pixel, as in a file
 # 16 samples of a pixel go together, if it has as many: a packet is one pixel then. 64 would
 # have more light to keep than the second cache holds.
 MOST_TOGETHER = 2

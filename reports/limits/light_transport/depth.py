@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 
 import renderer
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 from reports.limits.light_transport.one_point import estimates, scene_at
 from reports.limits.row import Row
 
@@ -60,9 +61,10 @@ _GLASS = """<bsdf type="dielectric"><float name="int_ior" value="1.5"/>
 def _seen(scene: renderer.Scene, depth: int) -> float:
     """Return the one pixel of a scene, with trees of so many segments."""
     plan = dataclasses.replace(make_plan(scene), max_depth=depth)
-    rendering = Rendering(scene, plan, accel="brute", seed=0, threads=1)
-    RenderLoop(rendering).run()
-    return float(rendering.film.develop()[0, 0, 0])
+    job = RenderJob(scene, plan, RenderOptions(accel="brute", threads=1))
+    film = job.make_film()
+    run(job, film)
+    return float(film.develop()[0, 0, 0])
 
 
 def light_lost_in_panes(panes: float, *, depth: int) -> float:

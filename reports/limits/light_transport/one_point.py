@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 import renderer
 from renderer.kernels.records.kernel_scene import EMIT
+from renderer.rendering.job import RenderJob
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_loop import RenderLoop
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.render_loop import run
 
 SIZE = 32  # [pixels] each way
 
@@ -86,8 +87,8 @@ def by_one_strategy(scene: renderer.Scene, spp: int, strategy: str) -> NDArray[n
         "bsdf" follows the BSDF and asks no lamp; "both" is the usual combination.
     """
     plan = make_plan(scene, spp=spp, integrator="direct")
-    rendering = Rendering(scene, plan, accel="brute", seed=0, threads=2)
-    record = rendering.kernel_scene
+    job = RenderJob(scene, plan, RenderOptions(accel="brute", threads=2))
+    record = job.kernel_scene
     alone = record.settings._replace(weigh=0)
     if strategy == "lights":
         # nothing is found by arriving: no primitive is marked as one that shines
@@ -97,6 +98,6 @@ def by_one_strategy(scene: renderer.Scene, spp: int, strategy: str) -> NDArray[n
     elif strategy == "bsdf":
         # the BSDFs that lamps are asked for come first: here these are none
         record = record._replace(settings=alone, bsdfs=record.bsdfs._replace(smooth=0))
-    rendering.kernel_scene = record
-    RenderLoop(rendering).run()
-    return np.asarray(rendering.film.develop())[..., 0].astype(np.float64).ravel()
+    film = job.make_film()
+    run(job.with_record(record), film)
+    return np.asarray(film.develop())[..., 0].astype(np.float64).ravel()

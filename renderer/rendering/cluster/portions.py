@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import queue
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.rendering.cluster.content import Content
-from renderer.rendering.cluster.worker import Portion
-from renderer.rendering.rendering import Rendering
+from renderer.rendering.film.film import Film
 
 # To hand out a portion and take it in costs the client and the scheduler some milliseconds
 # (docs/cluster.md). Where many threads are fed, portions are longer in proportion.
@@ -38,43 +36,37 @@ def portion_seconds(work: float, threads: int) -> float:
     return min(max(work / threads / 3.0, least, LEAST_SECONDS), most)
 
 
-class Job:
-    """Samples that places of a render still want; nothing here depends on who adds them.
+class Portion(NamedTuple):
+    """A piece of work: samples begins[k] .. ends[k] - 1 that place places[k] counts."""
 
-    A place waits, or is in one portion that somebody has taken.
-    Sums come back into the film as a whole, with the number of samples that they hold, so
-    that the film is at every moment one to go on from.
+    places: tuple[int, ...]
+    begins: tuple[int, ...]
+    ends: tuple[int, ...]
+
+
+class Portions:
+    """Samples that places of a film still need; nothing here depends on what adds them.
+
+    A place waits, or is in one portion that was taken. Sums come back into the film as a
+    whole, with the number of samples that they hold, so that the film is at every moment
+    one to go on from.
 
     Parameters
     ----------
-    rendering : Rendering
-        Whose film it is.
+    film : Film
+        Where the samples go.
     wanted : int64 (places,)
         Samples that each place shall hold.
-    content : Content
-        The `Request`.
     """
 
-    def __init__(
-        self, rendering: Rendering, wanted: NDArray[np.int64], content: Content
-    ) -> None:
-        self.rendering, self.wanted, self.content = rendering, wanted, content
-        self.key = content.key
-        self._part, self._pixels = rendering.work.part, rendering.pixels_of_place
-        places = np.flatnonzero(rendering.samples_of_place < wanted)
+    def __init__(self, film: Film, wanted: NDArray[np.int64]) -> None:
+        self._film, self.wanted = film, wanted
+        self._part, self._pixels = film.work.part, film.pixels_of_place
+        places = np.flatnonzero(film.samples < wanted)
         self._waiting = deque(int(place) for place in places)
-        self._most_places = max(1, MOST_BYTES // rendering.film.sums[0].nbytes)
-        left = (wanted - rendering.samples_of_place)[places]
+        self._most_places = max(1, MOST_BYTES // film.sums[0].nbytes)
+        left = (wanted - film.samples)[places]
         self.missing = int(left @ self._pixels[places])  # samples that are not in the film
-        self._out = 0  # portions in somebody's hands
-        self.checked: bytes | None = None  # our own sums of `sample`
-        # something comes into it at every change, for the thread that waits
-        self.news: queue.SimpleQueue[None] = queue.SimpleQueue()
-
-    @property
-    def finished(self) -> bool:
-        """Whether every place holds what it shall."""
-        return not self._waiting and not self._out
 
     @property
     def waiting(self) -> bool:
@@ -82,7 +74,7 @@ class Job:
         return bool(self._waiting)
 
     def take(self, samples: float) -> Portion:
-        """Return a portion of about so many samples; whoever takes it adds or returns it.
+        """Return a portion of about so many samples, which is to be added in the end.
 
         Each place gets a first part before any gets all of its samples: an interrupted
         picture has no holes.
@@ -92,7 +84,7 @@ class Job:
         ends: list[int] = []
         while self._waiting and len(places) < self._most_places and samples > 0:
             place = self._waiting.popleft()
-            begin = int(self.rendering.samples_of_place[place])
+            begin = int(self._film.samples[place])
             pixels = int(self._pixels[place])
             parts = 1 if begin == 0 else max(1, int(samples / pixels) // self._part)
             end = (begin // self._part + parts) * self._part
@@ -101,7 +93,6 @@ class Job:
             begins.append(begin)
             ends.append(end)
             samples -= (end - begin) * pixels
-        self._out += 1
         return Portion(tuple(places), tuple(begins), tuple(ends))
 
     def fair_share(self, rate: float, threads: int) -> float:
@@ -129,7 +120,7 @@ class Job:
 
     def named(self, portion: Portion) -> str:
         """Return which tiles and samples a portion is, for messages."""
-        film = self.rendering.film
+        film = self._film
         found = [film.tile(place % len(film.tiles)) for place in portion.places]
         corners = ", ".join(f"({tile.x}, {tile.y})" for tile in found[:_NAMED])
         more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
@@ -143,16 +134,14 @@ class Job:
         """Return what a portion goes on from; None: nothing."""
         if not any(portion.begins):
             return None
-        sums: NDArray[np.float64] = self.rendering.film.sums[list(portion.places)]
+        sums: NDArray[np.float64] = self._film.sums[list(portion.places)]
         return sums
 
     def add(self, portion: Portion, sums: NDArray[np.float64]) -> None:
         """Take a portion's sums into the film."""
-        self._out -= 1
         for place, end, new in zip(portion.places, portion.ends, sums, strict=True):
-            self.rendering.film.sums[place] = new
-            self.rendering.samples_of_place[place] = end
+            self._film.sums[place] = new
+            self._film.samples[place] = end
             if end < self.wanted[place]:
                 self._waiting.append(place)
         self.missing -= self.samples(portion)
-        self.news.put(None)

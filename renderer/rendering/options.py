@@ -1,0 +1,455 @@
+"""`RenderOptions`: what `render` takes besides the scene, each option declared once.
+
+The keyword arguments of `render` and their documentation, the options of the command line,
+what a checkpoint must agree in, what workers of a cluster are sent, and what `--explain`
+repeats are all derived from these fields. A new option is a field here and the place that
+uses it.
+
+Numba and NumPy are not imported here: `lightproof --help` does not wait for them.
+"""
+
+# ruff: noqa: RUF009  `_option` returns what `dataclasses.field` does
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import operator
+import os
+import reprlib
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from numbers import Real
+from pathlib import Path
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, overload
+
+from renderer.errors import SceneError, did_you_mean
+from renderer.process.memory import parse_size
+from renderer.process.names import (
+    ACCELERATORS,
+    INTEGRATORS,
+    LIGHT_CHOICES,
+    RAY_OFFSETS,
+    REPLAY,
+    SAMPLERS,
+)
+from renderer.process.worker_pool import default_threads
+from renderer.rendering.progress_display import Progress
+
+MOST_SAMPLES = 1 << 24  # per pixel, as in a file
+MOST_THREADS = 1024
+MOST_SEED = 2**32 - 1
+MOST_LOCAL = 256  # processes of a cluster on this machine
+PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
+
+
+class Option(NamedTuple):
+    """What is known of an option besides its name, type and default value."""
+
+    help: str
+    flag: str = ""  # on the command line; empty: for Python alone
+    metavar: str | None = None
+    parse: Callable[[str], Any] = str  # reads the text of the command line
+    choices: tuple[str, ...] = ()
+    noun: str = ""  # of what is chosen, for messages; empty: the name
+    check: Callable[[str, Any], Any] | None = None  # (name, value) -> value, or raises
+    plan: bool = False  # `make_plan` decides by it
+    picture: bool = False  # part of the command that gives the picture again
+    identity: bool = False  # a checkpoint goes on with the same value alone
+    travels: bool = False  # workers of a cluster need it
+    bands: bool = False  # possible for a film that is rendered in bands
+
+
+def _option(default: Any, help: str, **properties: Any) -> Any:
+    option = Option(help, **properties)
+    return dataclasses.field(default=default, metadata={"option": option})
+
+
+def _whole(least: int, most: int) -> Callable[[str, Any], int]:
+    """Return a check for integers, NumPy's included, from `least` to `most`."""
+
+    def check(name: str, value: Any) -> int:
+        try:
+            number = operator.index(value)
+        except TypeError:
+            possible = f"whole numbers from {least} to {most} are possible"
+            raise TypeError(f"{name} is {shown_value(value)}; {possible}") from None
+        if not least <= number <= most:
+            raise SceneError(f"{name} is {number}; {least} to {most} are possible")
+        return number
+
+    return check
+
+
+def _positive(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{name} is {shown_value(value)}; positive numbers are possible")
+    if not 0.0 < float(value) < float("inf"):
+        raise SceneError(f"{name} is {value}; positive numbers are possible")
+    return float(value)
+
+
+def parse_count(text: str) -> int:
+    """Read a whole number of at least 1."""
+    if (value := _parse_whole(text)) < 1:
+        raise ValueError(f"{value} is less than 1")
+    return value
+
+
+def _parse_whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no whole number") from None
+
+
+def _parse_seed(text: str) -> int:
+    if not 0 <= (value := _parse_whole(text)) <= MOST_SEED:
+        raise ValueError(f"{value} is not in 0 to {MOST_SEED}")
+    return value
+
+
+def _parse_error(text: str) -> float:
+    number = _parse_number(text.removesuffix("%"))
+    if text.endswith("%"):
+        return number / 100
+    if number >= 1:
+        raise ValueError(f"{text} is 100 % or more; is {text}% meant?")
+    return number
+
+
+def _parse_seconds(text: str) -> float:
+    return _parse_number(text.removesuffix("s"))
+
+
+def _parse_number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no number") from None
+    if not 0.0 < value < float("inf"):
+        raise ValueError(f"{text} is not more than 0, and finite")
+    return value
+
+
+def _parse_cluster(where: str) -> str:
+    """Return the address of a cluster, or `local:N`."""
+    kind, _, count = where.partition(":")
+    if kind == "local":
+        if not (count.isdecimal() and 1 <= int(count) <= MOST_LOCAL):
+            raise ValueError(f"{where!r}: local:N starts N processes, 1 to {MOST_LOCAL}")
+    elif not where.startswith(PROTOCOLS):
+        raise ValueError(f"{where!r} is neither local:N nor an address tcp://host:8786")
+    return where
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """The options of a render, checked when they are made.
+
+    Raises
+    ------
+    SceneError
+        For a number that is out of range, and a name that does not exist.
+    TypeError
+        For a value of the wrong type.
+    """
+
+    spp: int | None = _option(
+        None,
+        "samples per pixel (default: the file's)",
+        flag="--spp",
+        metavar="N",
+        parse=parse_count,
+        check=_whole(1, MOST_SAMPLES),
+        plan=True,
+        picture=True,
+        bands=True,
+    )
+    seed: int = _option(
+        0,
+        "the same seed gives the same picture, bit for bit, at any number of threads "
+        "(default: 0)",
+        flag="--seed",
+        metavar="N",
+        parse=_parse_seed,
+        check=_whole(0, MOST_SEED),
+        picture=True,
+        identity=True,
+        travels=True,
+        bands=True,
+    )
+    threads: int | None = _option(
+        None,
+        "threads that render (default: one for each processor)",
+        flag="--threads",
+        metavar="N",
+        parse=parse_count,
+        check=_whole(1, MOST_THREADS),
+        plan=True,
+        bands=True,
+    )
+    integrator: str | None = _option(
+        None,
+        f"{', '.join(INTEGRATORS)}; auto, the default, is the least method that gives "
+        "what the file asks for",
+        flag="--integrator",
+        metavar="NAME",
+        choices=INTEGRATORS,
+        plan=True,
+        picture=True,
+        bands=True,
+    )
+    accel: str | None = _option(
+        None,
+        f"{', '.join(ACCELERATORS)}; the picture is the same; auto, the default, takes for "
+        "each kind of primitive what a cost model expects to be the fastest",
+        flag="--accel",
+        metavar="NAME",
+        choices=ACCELERATORS,
+        noun="accelerator",
+        plan=True,
+        picture=True,
+        travels=True,
+        bands=True,
+    )
+    sampler: str | None = _option(
+        None,
+        f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with the "
+        "random numbers that Mitsuba scalar draws, so that both take the same paths",
+        flag="--sampler",
+        metavar="NAME",
+        choices=(*SAMPLERS, REPLAY),
+        plan=True,
+        picture=True,
+        bands=True,
+    )
+    progress: Callable[[Progress], None] | bool | None = _option(
+        None,
+        "called with a `Progress` in the calling thread, several times a second; True: a "
+        "bar with the time left, in a terminal or a notebook, else a line now and then",
+        bands=True,
+    )
+    ray_offset: str | None = _option(
+        None,
+        "how far off their surface rays start: tight (default) or mitsuba",
+        flag="--ray-offset",
+        metavar="NAME",
+        choices=RAY_OFFSETS,
+        noun="ray offset",
+        plan=True,
+        picture=True,
+        bands=True,
+    )
+    measured_camera: Sequence[float] | None = _option(
+        None,
+        f"with the sampler {REPLAY}: six numbers of the matrix of Mitsuba's camera on this "
+        "machine, whose rounding is taken (`replay.rounding.camera`)",
+        identity=True,
+    )
+    target_error: float | None = _option(
+        None,
+        "render until the picture's estimated relative error is no more (0.02 is 2%; "
+        "`rendering.accuracy` has the formula); --spp is then the most samples that it may "
+        "take, and a file's sampler whose points depend on their number gives way to "
+        "independent",
+        flag="--target-error",
+        metavar="2%",
+        parse=_parse_error,
+        check=_positive,
+    )
+    time_limit: float | None = _option(
+        None,
+        "render for about so many seconds, compilation not included, and say the error "
+        "that was reached",
+        flag="--time",
+        metavar="SECONDS",
+        parse=_parse_seconds,
+        check=_positive,
+    )
+    checkpoint: str | os.PathLike[str] | None = _option(
+        None,
+        "keep the state of the render in this file, now and then, after an interrupt and "
+        "at its end (docs/checkpoints.md)",
+        flag="--checkpoint",
+        metavar="FILE",
+        parse=Path,
+    )
+    checkpoint_every: float = _option(
+        60.0,
+        "seconds between two writings of the checkpoint (default: 60)",
+        flag="--every",
+        metavar="SECONDS",
+        parse=_parse_seconds,
+        check=_positive,
+    )
+    resume: bool = _option(
+        False,
+        "go on from the checkpoint, to the same picture as without a break; also to more "
+        "--spp than it was made with, if the sampler is independent; with --frames: render "
+        "those that are not there yet",
+        flag="--resume",
+    )
+    cluster: Any = _option(
+        None,
+        "render on a Dask cluster, the same picture (docs/cluster.md); in Python a "
+        "`distributed.Client`; on the command line local:4, which starts 4 processes, or "
+        "the address of one that runs, tcp://host:8786",
+        flag="--cluster",
+        metavar="WHERE",
+        parse=_parse_cluster,
+    )
+    memory: int | float | str | None = _option(
+        None,
+        "refuse what would take this process beyond a size such as 4GiB (default: what "
+        "the machine has free); does not cover the workers of --cluster, nor the frames "
+        "that begin ahead there",
+        flag="--memory",
+        metavar="SIZE",
+        parse=parse_size,
+        bands=True,
+    )
+    light_choice: str | None = _option(
+        None,
+        "how one of several lights is chosen at a point: importance (default), by what it "
+        "can give there, or uniform, each as often as any other, as in Mitsuba",
+        flag="--light-choice",
+        metavar="NAME",
+        choices=LIGHT_CHOICES,
+        noun="light choice",
+        plan=True,
+        picture=True,
+        bands=True,
+    )
+    metadata: Mapping[str, str] | None = _option(
+        None, "names and texts for the header of the picture's file", bands=True
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what is not possible."""
+        for name, option in OPTIONS.items():
+            value = getattr(self, name)
+            if value is None and name not in NEEDED:
+                continue
+            if option.check is not None:
+                object.__setattr__(self, name, option.check(name, value))
+            if option.choices and value not in option.choices:
+                known, noun = ", ".join(option.choices), option.noun or name
+                raise SceneError(f"{noun} {value!r} is unknown; there are: {known}")
+        if self.resume and self.checkpoint is None:
+            raise SceneError("resume is true, and no checkpoint is given to go on from")
+
+    @property
+    def thread_count(self) -> int:
+        """Threads that render."""
+        return default_threads() if self.threads is None else self.threads
+
+    @property
+    def accelerator(self) -> str:
+        """The name of the accelerator, or "auto"."""
+        return self.accel or "auto"
+
+    @property
+    def has_goal(self) -> bool:
+        """True if an error or a time ends the render."""
+        return self.target_error is not None or self.time_limit is not None
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that are not at their default."""
+        found = {}
+        for name, default in DEFAULTS.items():
+            value = getattr(self, name)
+            if value is not default and (default is None or value != default):
+                found[name] = value
+        return found
+
+    def only(self, property: str) -> dict[str, Any]:
+        """Return the options that have a property, such as "plan"; see `Option`."""
+        return {name: getattr(self, name) for name in names_of(property)}
+
+
+OPTIONS: dict[str, Option] = {
+    field.name: field.metadata["option"] for field in dataclasses.fields(RenderOptions)
+}
+DEFAULTS = {field.name: field.default for field in dataclasses.fields(RenderOptions)}
+NEEDED = {name for name, default in DEFAULTS.items() if default is not None}
+
+
+def names_of(property: str) -> list[str]:
+    """Return the names of the options that have a property; see `Option`."""
+    return [name for name, option in OPTIONS.items() if getattr(option, property)]
+
+
+def shown_value(value: object) -> str:
+    """Return a value and its type on one line, cut if it is long."""
+    shown = " ".join(reprlib.repr(value).split())
+    return f"{shown} (of type {type(value).__name__})"
+
+
+# ------------------------------------------------------------ functions that take options
+
+P = ParamSpec("P")
+Made = TypeVar("Made")
+A = TypeVar("A")
+B = TypeVar("B")
+R = TypeVar("R")
+
+
+@overload
+def with_keywords(
+    make: Callable[P, Made], call: Callable[[A, Made], R], name: str
+) -> Callable[Concatenate[A, P], R]: ...
+@overload
+def with_keywords(
+    make: Callable[P, Made], call: Callable[[A, B, Made], R], name: str
+) -> Callable[Concatenate[A, B, P], R]: ...
+def with_keywords(
+    make: Callable[..., Any], call: Callable[..., Any], name: str
+) -> Callable[..., Any]:
+    """Return a function that takes options as arguments, and calls one that takes them.
+
+    Parameters
+    ----------
+    make
+        `RenderOptions`; its fields become parameters, for type checkers too.
+    call
+        Its last parameter is an object of options. `{options}` in its documentation
+        becomes theirs.
+    name
+        Of the new function.
+    """
+    *first, _ = inspect.signature(call).parameters.values()
+    signature = inspect.signature(call).replace(
+        parameters=[*first, *inspect.signature(make).parameters.values()]
+    )
+
+    @functools.wraps(call)
+    def function(*arguments: Any, **keywords: Any) -> Any:
+        try:
+            bound = signature.bind(*arguments, **keywords).arguments
+        except TypeError as error:
+            known = signature.parameters
+            near = [did_you_mean(word, known) for word in keywords if word not in known]
+            raise TypeError(f"{name}(): {error}{''.join(near[:1])}") from None
+        return call(*(bound.pop(each.name) for each in first), make(**bound))
+
+    function.__name__ = function.__qualname__ = name
+    function.__signature__ = signature  # type: ignore[attr-defined]
+    function.__doc__ = (call.__doc__ or "").replace("{options}", _documentation(), 1)
+    return function
+
+
+@functools.cache
+def _documentation() -> str:
+    """Return the options as parameters of a documentation in NumPy's style."""
+    text = []
+    for field in dataclasses.fields(RenderOptions):
+        text.append(f"{field.name} : {field.type}, default {field.default!r}")
+        told = OPTIONS[field.name].help
+        text += textwrap.wrap(f"{told[0].upper()}{told[1:]}.", 84, **_INDENTED)
+    return "\n    ".join(text)
+
+
+_INDENTED: Any = {"initial_indent": " " * 4, "subsequent_indent": " " * 4}

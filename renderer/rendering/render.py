@@ -1,0 +1,280 @@
+"""The road from a scene to its picture: plan -> job -> tiles -> film -> image.
+
+`begin` does what comes before the first sample, `finish` all that follows. Each line is a
+station of its own:
+
+    make_plan        decides what is done, and why          planning/make_plan.py
+    build_job        builds trees, compiles the kernels     job.py
+    make_film        holds the sums, without samples yet    film/film.py
+    a source         adds samples to tiles: threads, or     tile_sources.py
+                     the workers of a cluster               cluster/source.py
+    run              the loop: goals, checkpoints, Ctrl-C   render_loop.py
+    image_of         divides the sums by their weights      picture/image.py
+
+A film that is larger than memory is rendered in bands (`render_to_file.py`), each of which
+is a film for the same loop.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.errors import ClusterError, NotAllowed, SceneError
+from renderer.integrators.moment import show_moments
+from renderer.process.memory import limited_to
+from renderer.process.version import VERSION
+from renderer.rendering.accuracy import Accuracy
+from renderer.rendering.aovs import plans_of, with_picture
+from renderer.rendering.checkpoints.checkpoint import (
+    Checkpoint,
+    check_checkpoint_path,
+    is_kept,
+)
+from renderer.rendering.checkpoints.identity import identity_of
+from renderer.rendering.cluster.connect import workers_of
+from renderer.rendering.film.film import Film
+from renderer.rendering.goal import Goal, goal_of, options_of_goal
+from renderer.rendering.job import RenderJob, build_job
+from renderer.rendering.memory_estimate import check_room, estimate_all
+from renderer.rendering.options import RenderOptions, shown_value, with_keywords
+from renderer.rendering.picture.image import Image
+from renderer.rendering.picture.picture import shown_spp
+from renderer.rendering.progress_display import Progress, shown
+from renderer.rendering.render_loop import Outcome, run
+from renderer.rendering.tile_sources import Threads, TileSource
+from renderer.scene.scene import Scene
+
+AHEAD = 2  # pictures of a sweep that are under way on a cluster besides the first
+INSTEAD = (
+    "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
+    "(not with --frames, --cluster, --checkpoint or a goal); fewer threads; --memory SIZE, "
+    "if there is more"
+)
+Show = Callable[[Progress], None] | None
+
+
+def render_with(scene: Scene, options: RenderOptions) -> Image:
+    """Render a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        From `load_file`, `load_string` or `load_dict`.
+    {options}
+
+    Returns
+    -------
+    Image
+        float32 (height, width, 3) of the crop window, linear sRGB, and AOVs. After a
+        KeyboardInterrupt the picture so far, with `complete` false and the mean number of
+        its samples per pixel as `spp`; `requested_spp` says how many were requested.
+
+    Raises
+    ------
+    SceneError
+        For a name that does not exist, a number that is out of range, a checkpoint of
+        something else, or more memory than there is.
+    ClusterError
+        If a cluster cannot do anything of it.
+    TypeError
+        If `scene` is not a Scene, or an option has another type than it needs.
+    """
+    with shown(options.progress) as show:
+        return finish(begin(scene, options, show), show)
+
+
+render = with_keywords(RenderOptions, render_with, "render")
+
+
+class Begun(NamedTuple):
+    """A render before its first sample."""
+
+    job: RenderJob
+    film: Film
+    source: TileSource
+    goal: Goal | None
+    checkpoint: Checkpoint | None
+    colors: tuple[Scene, RenderOptions] | None  # a second render, of those beside AOVs
+
+
+def begin(scene: Scene, options: RenderOptions, show: Show) -> Begun:
+    """Check what is requested, and do all that comes before the first sample."""
+    if not isinstance(scene, Scene):
+        possible = "possible is what `load_file`, `load_string` or `load_dict` returns"
+        raise TypeError(f"the scene is {shown_value(scene)}; {possible}")
+    workers = None if options.cluster is None else workers_of(options.cluster)
+    options = options_of_goal(scene, options)
+    (_, plan), *of_colors = renders = plans_of(scene, options)
+    goal = goal_of(options, plan)
+    checkpoint, options_of_colors = _checkpoints(scene, options, renders)
+    with limited_to(options.memory):  # AOVs are there while their colours are rendered
+        check_room(estimate_all(renders, options), scene.description.source, INSTEAD)
+    job = build_job(scene, plan, options, show)
+    film = job.make_film(keep_sums=any((goal, checkpoint, workers)))
+    source = Threads(job, film) if workers is None else workers.source(job, film)
+    colors = (of_colors[0][0], options_of_colors) if of_colors else None
+    return Begun(job, film, source, goal, checkpoint, colors)
+
+
+def finish(begun: Begun, show: Show) -> Image:
+    """Let the film get its samples, and return the picture."""
+    job, film, source, goal, checkpoint, colors = begun
+    outcome = run(job, film, source, goal=goal, checkpoint=checkpoint, progress=show)
+    if outcome.trouble and film.samples_done == 0:
+        raise ClusterError(outcome.trouble)
+    image = image_of(job, film, outcome, job.options.metadata)
+    if colors is None or not outcome.complete:
+        return image
+    try:
+        picture = finish(begin(*colors, show), show)
+    except (KeyboardInterrupt, ClusterError, NotAllowed) as error:
+        why = f": {error}" if str(error) else ""
+        interrupted = {"interrupted": f"before the first sample of the colours{why}"}
+        metadata = {**image.metadata, **interrupted}
+        return dataclasses.replace(image, spp=0, complete=False, metadata=metadata)
+    return with_picture(image, picture)
+
+
+def _checkpoints(
+    scene: Scene, options: RenderOptions, renders: list[Any]
+) -> tuple[Checkpoint | None, RenderOptions]:
+    """Return the checkpoint, and the options of the colours beside AOVs with theirs."""
+    without = dataclasses.replace(options, integrator=None, checkpoint=None, resume=False)
+    if options.checkpoint is None:
+        return None, without
+    path = Path(options.checkpoint)
+    if len(renders) > 1:
+        of_colors = path.with_name(f"{path.name}.colors")
+        check_checkpoint_path(of_colors, resume=options.resume)
+        resume = is_kept(of_colors)
+        without = dataclasses.replace(without, checkpoint=of_colors, resume=resume)
+    of = identity_of(scene, renders[0][1], options)
+    every = options.checkpoint_every
+    return Checkpoint(path, every, of, resume=options.resume), without
+
+
+def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Image]:
+    """Render one scene after the other, such as those of a sweep.
+
+    On a cluster the next pictures begin before one ends, so that no worker waits for the
+    last tile.
+
+    Parameters
+    ----------
+    scenes : iterable of Scene
+        Taken when they are needed.
+    {options}
+
+    Yields
+    ------
+    Image
+        In the order of the scenes; after one that was interrupted there are no more.
+
+    Raises
+    ------
+    SceneError, ClusterError, TypeError
+        As `render`; after the pictures that were under way already.
+    """
+    if options.checkpoint is not None:
+        raise SceneError("a checkpoint is of one picture, and cannot be kept of several")
+    workers = None if options.cluster is None else workers_of(options.cluster)
+    options = dataclasses.replace(options, cluster=workers)
+    waiting: deque[Begun] = deque()
+    following = iter(scenes)
+    failure: Exception | None = None
+
+    def fill() -> None:
+        ahead = 0 if workers is None else AHEAD
+        while len(waiting) <= ahead and (scene := next(following, None)) is not None:
+            with shown(options.progress) as show:
+                begun = begin(scene, options, show)
+            waiting.append(begun)
+            if workers is not None and begun.goal is None:
+                begun.source.start(begun.film.work.samples(begun.job.plan.spp))
+
+    try:
+        while True:
+            if failure is None:
+                try:
+                    fill()
+                except Exception as error:  # those before it are whole, and half rendered
+                    failure = error
+            if not waiting and failure is not None:
+                raise failure
+            if not waiting:
+                return
+            with shown(options.progress) as show:  # its bar has gone when others may print
+                image = finish(waiting.popleft(), show)
+            yield image
+            if not image.complete:
+                return
+    finally:
+        for begun in waiting:
+            begun.source.end()
+
+
+render_frames = with_keywords(RenderOptions, frames_with, "render_frames")
+
+
+def image_of(
+    job: RenderJob, film: Film, outcome: Outcome, metadata: Mapping[str, str] | None
+) -> Image:
+    """Return the picture of the samples in a film: of a band, its complete rows."""
+    plan, accuracy = job.plan, outcome.accuracy
+    requested = job.scene.description.integrator
+    show = plan.kind.show if plan.moments is None else partial(show_moments, plan.kind)
+    shown = show(film.develop(job.threads), requested)
+    return Image(
+        np.ascontiguousarray(shown.pixels),
+        aovs=shown.aovs,
+        aov_kinds=shown.aov_kinds,
+        spp=film.spp,
+        requested_spp=None if outcome.has_goal else plan.spp,
+        samples=film.samples_done,
+        seconds=outcome.seconds + job.build_seconds,
+        compile_seconds=job.compile_seconds,
+        threads=job.threads,
+        integrator=plan.method,
+        explain="\n".join([*plan.lines, *_reached(film, accuracy)]),
+        metadata={**_notes(job, film, outcome), **shown.notes, **(metadata or {})},
+        complete=outcome.complete,
+        error=None if accuracy is None else accuracy.error,
+        error_of_pixels=None if accuracy is None else accuracy.of_pixels,
+        error_unsure=accuracy is not None and accuracy.unsure,
+    )
+
+
+def _reached(film: Film, accuracy: Accuracy | None) -> list[str]:
+    """Return the line that says how a goal was met, if there was one."""
+    if accuracy is None:
+        return []
+    error = f"estimated error {accuracy.error:.2%}"
+    spp = shown_spp(film.spp)
+    return [f"{'goal':<10} {spp} samples per pixel were taken: {error}"]
+
+
+def _notes(job: RenderJob, film: Film, outcome: Outcome) -> dict[str, str]:
+    """Return what a file says about its making; the same for the same picture."""
+    notes = {
+        "lightproof": VERSION,
+        "integrator": job.plan.method,
+        "sampler": job.plan.sampler_name,
+        "seed": str(job.options.seed),
+    }
+    if outcome.accuracy is not None:
+        notes["error"] = f"{outcome.accuracy.error:.4g}"
+        if outcome.accuracy.unsure:
+            notes["error_unsure"] = "the true one may well be another"
+    if not outcome.complete:
+        of = "" if outcome.has_goal else f" of {film.pixels * job.plan.spp}"
+        notes["interrupted"] = f"after {film.samples_done}{of} samples"
+        if outcome.trouble:
+            notes["interrupted"] += f": {outcome.trouble}"
+    return notes
