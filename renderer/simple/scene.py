@@ -113,7 +113,8 @@ def _check(description: SceneDescription, name: str) -> None:
                 possible = ", ".join(BSDFS)
                 refuse(f"bsdf {bsdf.plugin!r}; possible are {possible}", shape.location)
             if any(isinstance(t, MeshAttributeTexture) for t in _textures(bsdf)):
-                refuse("texture mesh_attribute", shape.location)
+                possible = "bitmap and checkerboard"
+                refuse(f"texture mesh_attribute; possible are {possible}", shape.location)
         for bsdf in bsdfs if name == "whitted" else ():
             if not _has_all_branches(bsdf):
                 refuse(
