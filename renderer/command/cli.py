@@ -313,7 +313,7 @@ def _needs_bands(
     outputs, requested = options.output, render_options(options)
     if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr":
         return False
-    if not all(OPTIONS[name].bands for name in requested.given()):
+    if not all("bands" in OPTIONS[name].roles for name in requested.given()):
         return False
     with interrupts.put_off():
         from renderer.rendering.render_to_file import fits_in_memory
