@@ -176,7 +176,7 @@ def _run_frames(
     check_distinct([output for each in frames for output in each.output])
     record = SweepRecord(options.output[0])
     record.read()  # without --resume too: what it says of frames written anew must go
-    asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
+    under_way: deque[tuple[argparse.Namespace, str]] = deque()  # not yet written
 
     def scenes() -> Iterator[Scene]:
         for each in frames:
@@ -185,14 +185,14 @@ def _run_frames(
                 scene, f"{command_of(each)} {each.target_error} {each.time_limit}"
             )
             if not (options.resume and record.has(each.output, key)):
-                asked.append((each, key))
+                under_way.append((each, key))
                 yield scene
 
     with _cluster(options, interrupts) as workers, _showing(options, interrupts) as show:
         requested = render_options(options, progress=show, cluster=workers, resume=False)
         images = renderer.render_frames(scenes(), **vars(requested))
         for image in images:
-            each, key = asked.popleft()
+            each, key = under_way.popleft()
             if interrupts.count > 1:
                 raise KeyboardInterrupt
             files: list[Path] = []

@@ -41,7 +41,7 @@ PATIENCE = 60.0  # [s] without a worker, such as while all of them are started a
 AHEAD = 1  # portions that wait at a worker besides those that its threads are at
 RETRIES = 3  # of a portion that fails on workers that live
 MOST_DEATHS = 10  # of all workers that could have done a portion
-AGAIN = 30.0  # [s] until a worker without memory is asked again: others may give it back
+AGAIN = 30.0  # [s] until a worker without memory is met again: others may free some
 LAST_WORDS = 5.0  # [s] for portions that are under way when a render is interrupted
 CHECKED = 3  # tiles that a worker with another processor or Numba must get right
 
@@ -201,7 +201,7 @@ class ClusterTiles:
         loop = self._client.loop
         self._done = as_completed([], loop, with_results=True, raise_errors=False)
         self.begun = 0.0
-        self._met: dict[str, bool] = {}  # worker -> whether it may work, or is being asked
+        self._met: dict[str, bool] = {}  # worker -> true: it may work; false: not known yet
         self._meetings: dict[Future[Any], str] = {}
         self._out: dict[Future[Any], _Task] = {}
         self._again: list[Portion] = []
