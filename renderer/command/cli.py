@@ -180,7 +180,7 @@ def _run_frames(
     check_distinct([output for each in frames for output in each.output])
     record = SweepRecord(options.output[0])
     record.read()  # without --resume too: what it says of frames written anew must go
-    asked: deque[tuple[argparse.Namespace, str]] = deque()  # begun, and not yet written
+    under_way: deque[tuple[argparse.Namespace, str]] = deque()  # not yet written
 
     def scenes() -> Iterator[Scene]:
         for each in frames:
@@ -189,14 +189,14 @@ def _run_frames(
                 scene, f"{command_of(each)} {each.target_error} {each.time_limit}"
             )
             if not (options.resume and record.has(each.output, key)):
-                asked.append((each, key))
+                under_way.append((each, key))
                 yield scene
 
     with _cluster(options, interrupts) as workers, _showing(options, interrupts) as show:
         requested = render_options(options, progress=show, cluster=workers, resume=False)
         images = renderer.render_frames(scenes(), **vars(requested))
         for image in images:
-            each, key = asked.popleft()
+            each, key = under_way.popleft()
             if interrupts.count > 1:
                 raise KeyboardInterrupt
             files: list[Path] = []
@@ -317,7 +317,7 @@ def _needs_bands(
     outputs, requested = options.output, render_options(options)
     if len(outputs) > 1 or outputs[0].suffix.lower() != ".exr":
         return False
-    if not all(OPTIONS[name].bands for name in requested.given()):
+    if not all("bands" in OPTIONS[name].roles for name in requested.given()):
         return False
     with interrupts.put_off():
         from renderer.rendering.render_to_file import fits_in_memory

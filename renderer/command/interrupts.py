@@ -19,8 +19,8 @@ class Interrupts:
     """Counts Ctrl-C (SIGINT) while the context lasts.
 
     Each raises KeyboardInterrupt, as it does without this class, except the first one
-    while `held` is true: a picture is then half done, or being written, and whoever works
-    on it looks at `count` when it suits him.
+    while `held` is true: a picture is then half done, or being written, and the code that
+    works on it looks at `count` between two steps.
 
     Python loses what is raised in a callback of a weak reference or in a `__del__`, and
     prints it. Numba has such callbacks, and one interrupt of 200 fell into one of them: it
@@ -37,7 +37,7 @@ class Interrupts:
         self._previous_hook: Any = None
 
     def __enter__(self) -> Interrupts:
-        """Take over, unless somebody else did, or the process ignores interrupts."""
+        """Take over, unless there is another handler, or the process ignores interrupts."""
         is_main = threading.current_thread() is threading.main_thread()
         if is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             self._previous_hook = sys.unraisablehook

@@ -37,7 +37,7 @@ def text_with(scene: Scene, options: RenderOptions) -> str:
         listed = [f"{OPTIONS[name].flag or name} {value}" for name, value in given.items()]
         page += ["", "What is requested", *_row("-", ", ".join(listed))]
     if scene.description.simplified:
-        page += ["", "What is simplified, as asked"]
+        page += ["", "What is simplified"]
         page += [line for told in scene.description.simplified for line in _row("-", told)]
     page += _sections(plan)
     for _, its_plan in colors:

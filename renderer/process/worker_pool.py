@@ -5,7 +5,7 @@ Python raises KeyboardInterrupt in the main thread, between any two of its instr
 thread that wants to hand over its result then waits for ever (in 17 of 3862 trials). Here
 the thread that waits holds no lock and hands nothing over. It reads what the others have
 written, and each number has one writer: of 88,000 interrupts in 526,000 trials none was
-lost, and nobody waited.
+lost, and no thread waited.
 """
 
 from __future__ import annotations
@@ -140,8 +140,8 @@ class WorkerPool:
 
 
 def in_own_thread(work: Callable[[], None]) -> None:
-    """Do `work()` in a thread with room for kernels; somebody else's may have none."""
-    _run_crew(WorkerPool(1, 1, lambda job, thread: work()))
+    """Do `work()` in a thread with room for kernels; a caller's may have none."""
+    _run_pool(WorkerPool(1, 1, lambda job, thread: work()))
 
 
 def in_threads(threads: int, jobs: int, work: Callable[[int], None]) -> None:
@@ -150,13 +150,13 @@ def in_threads(threads: int, jobs: int, work: Callable[[int], None]) -> None:
         for job in range(jobs):
             work(job)
         return
-    _run_crew(WorkerPool(threads, jobs, lambda job, thread: work(job)))
+    _run_pool(WorkerPool(threads, jobs, lambda job, thread: work(job)))
 
 
-def _run_crew(crew: WorkerPool) -> None:
+def _run_pool(pool: WorkerPool) -> None:
     try:
-        crew.start()
-        while not crew.wait():
+        pool.start()
+        while not pool.wait():
             pass
     finally:
-        crew.stop()
+        pool.stop()

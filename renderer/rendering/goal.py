@@ -20,7 +20,7 @@ from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.scene import Scene
 
-MOST_UNASKED = 1 << 20  # samples per pixel, unless somebody says how many
+MOST_BY_DEFAULT = 1 << 20  # samples per pixel where `spp` is not given
 OPEN_ENDED = ("independent",)  # samplers whose first n points do not depend on n
 ENOUGH = 256  # samples, after which an error is believed that few pixels decide
 FIRST_LOOK = 16  # samples
@@ -78,7 +78,7 @@ def options_of_goal(scene: Scene, options: RenderOptions) -> RenderOptions:
         return options
     sampler, spp = options.sampler, options.spp
     if spp is None:
-        spp = MOST_UNASKED
+        spp = MOST_BY_DEFAULT
     elif spp < 2:
         raise SceneError(f"spp is {spp}; a goal needs 2 samples or more, in two halves")
     if sampler is None and scene.description.camera.sampler.name not in OPEN_ENDED:

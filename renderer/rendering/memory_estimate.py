@@ -53,7 +53,7 @@ _loaded = False  # whether a render of this process has them
 
 
 class Estimate(NamedTuple):
-    """Bytes that a render takes beside the scene, which is there, by what takes them."""
+    """Bytes that a render takes in addition to the scene, by what takes them."""
 
     parts: dict[str, int]
 
@@ -122,7 +122,7 @@ def estimate_workers(
 ) -> Estimate:
     """Return what so many processes take that trace portions, of so many threads each.
 
-    Nobody writes to their films, and the sums of a portion are small. `kernels` tells
+    Their films are never written to, and the sums of a portion are small. `kernels` tells
     whether they have to load them, None: whether this process has; `scene_bytes` is what
     each of them has of the scene, 0 where it is there already.
     """

@@ -46,24 +46,39 @@ PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 class Option(NamedTuple):
-    """What is known of an option besides its name, type and default value."""
+    """What is known of an option besides its name, type and default value.
+
+    Its roles are some of these words. `plan`: `make_plan` decides by it. `picture`: it is
+    part of the command that gives the picture again. `identity`: a checkpoint goes on with
+    the same value alone. `travels`: workers of a cluster need it. `bands`: it is possible
+    for a film that is rendered in bands.
+    """
 
     help: str
-    flag: str = ""  # on the command line; empty: for Python alone
-    metavar: str | None = None
-    parse: Callable[[str], Any] = str  # reads the text of the command line
-    choices: tuple[str, ...] = ()
-    noun: str = ""  # of what is chosen, for messages; empty: the name
-    check: Callable[[str, Any], Any] | None = None  # (name, value) -> value, or raises
-    plan: bool = False  # `make_plan` decides by it
-    picture: bool = False  # part of the command that gives the picture again
-    identity: bool = False  # a checkpoint goes on with the same value alone
-    travels: bool = False  # workers of a cluster need it
-    bands: bool = False  # possible for a film that is rendered in bands
+    flag: str  # on the command line; empty: for Python alone
+    metavar: str | None
+    roles: frozenset[str]
+    parse: Callable[[str], Any]  # reads the text of the command line
+    choices: tuple[str, ...]
+    noun: str  # of what is chosen, for messages; empty: the name
+    check: Callable[[str, Any], Any] | None  # (name, value) -> value, or raises
 
 
-def _option(default: Any, help: str, **properties: Any) -> Any:
-    option = Option(help, **properties)
+def _option(
+    default: Any,
+    flag: str,
+    roles: str,
+    help: str,
+    *,
+    parse: Callable[[str], Any] = str,
+    choices: tuple[str, ...] = (),
+    noun: str = "",
+    check: Callable[[str, Any], Any] | None = None,
+) -> Any:
+    """Return a field with its `Option`; `flag` is such as "--spp N"."""
+    name, _, metavar = flag.partition(" ")
+    words = frozenset(roles.split())
+    option = Option(help, name, metavar or None, words, parse, choices, noun, check)
     return dataclasses.field(default=default, metadata={"option": option})
 
 
@@ -159,172 +174,152 @@ class RenderOptions:
 
     spp: int | None = _option(
         None,
+        "--spp N",
+        "plan picture bands",
         "samples per pixel (default: the file's)",
-        flag="--spp",
-        metavar="N",
         parse=parse_count,
         check=_whole(1, MOST_SAMPLES),
-        plan=True,
-        picture=True,
-        bands=True,
     )
     seed: int = _option(
         0,
+        "--seed N",
+        "picture identity travels bands",
         "the same seed gives the same picture, bit for bit, at any number of threads "
         "(default: 0)",
-        flag="--seed",
-        metavar="N",
         parse=_parse_seed,
         check=_whole(0, MOST_SEED),
-        picture=True,
-        identity=True,
-        travels=True,
-        bands=True,
     )
     threads: int | None = _option(
         None,
+        "--threads N",
+        "plan bands",
         "threads that render (default: one for each processor)",
-        flag="--threads",
-        metavar="N",
         parse=parse_count,
         check=_whole(1, MOST_THREADS),
-        plan=True,
-        bands=True,
     )
     integrator: str | None = _option(
         None,
+        "--integrator NAME",
+        "plan picture bands",
         f"{', '.join(INTEGRATORS)}; auto, the default, is the least method that gives "
         "what the file asks for",
-        flag="--integrator",
-        metavar="NAME",
         choices=INTEGRATORS,
-        plan=True,
-        picture=True,
-        bands=True,
     )
     accel: str | None = _option(
         None,
+        "--accel NAME",
+        "plan picture travels bands",
         f"{', '.join(ACCELERATORS)}; the picture is the same; auto, the default, takes for "
         "each kind of primitive what a cost model expects to be the fastest",
-        flag="--accel",
-        metavar="NAME",
         choices=ACCELERATORS,
         noun="accelerator",
-        plan=True,
-        picture=True,
-        travels=True,
-        bands=True,
     )
     sampler: str | None = _option(
         None,
+        "--sampler NAME",
+        "plan picture bands",
         f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with the "
         "random numbers that Mitsuba scalar draws, so that both take the same paths",
-        flag="--sampler",
-        metavar="NAME",
         choices=(*SAMPLERS, REPLAY),
-        plan=True,
-        picture=True,
-        bands=True,
     )
     progress: Callable[[Progress], None] | bool | None = _option(
         None,
+        "",
+        "bands",
         "called with a `Progress` in the calling thread, several times a second; True: a "
         "bar with the time left, in a terminal or a notebook, else a line now and then",
-        bands=True,
     )
     ray_offset: str | None = _option(
         None,
+        "--ray-offset NAME",
+        "plan picture bands",
         "how far off their surface rays start: tight (default) or mitsuba",
-        flag="--ray-offset",
-        metavar="NAME",
         choices=RAY_OFFSETS,
         noun="ray offset",
-        plan=True,
-        picture=True,
-        bands=True,
     )
     measured_camera: Sequence[float] | None = _option(
         None,
+        "",
+        "identity",
         f"with the sampler {REPLAY}: six numbers of the matrix of Mitsuba's camera on this "
         "machine, whose rounding is taken (`replay.rounding.camera`)",
-        identity=True,
     )
     target_error: float | None = _option(
         None,
+        "--target-error 2%",
+        "",
         "render until the picture's estimated relative error is no more (0.02 is 2%; "
         "`rendering.accuracy` has the formula); --spp is then the most samples that it may "
         "take, and a file's sampler whose points depend on their number gives way to "
         "independent",
-        flag="--target-error",
-        metavar="2%",
         parse=_parse_error,
         check=_positive,
     )
     time_limit: float | None = _option(
         None,
+        "--time SECONDS",
+        "",
         "render for about so many seconds, compilation not included, and say the error "
         "that was reached",
-        flag="--time",
-        metavar="SECONDS",
         parse=_parse_seconds,
         check=_positive,
     )
     checkpoint: str | os.PathLike[str] | None = _option(
         None,
+        "--checkpoint FILE",
+        "",
         "keep the state of the render in this file, now and then, after an interrupt and "
         "at its end (docs/checkpoints.md)",
-        flag="--checkpoint",
-        metavar="FILE",
         parse=Path,
     )
     checkpoint_every: float = _option(
         60.0,
+        "--every SECONDS",
+        "",
         "seconds between two writings of the checkpoint (default: 60)",
-        flag="--every",
-        metavar="SECONDS",
         parse=_parse_seconds,
         check=_positive,
     )
     resume: bool = _option(
         False,
+        "--resume",
+        "",
         "go on from the checkpoint, to the same picture as without a break; also to more "
         "--spp than it was made with, if the sampler is independent; with --frames: render "
         "those that are not there yet",
-        flag="--resume",
     )
     cluster: Any = _option(
         None,
+        "--cluster WHERE",
+        "",
         "render on a Dask cluster, the same picture (docs/cluster.md); in Python a "
         "`distributed.Client`; on the command line local:4, which starts 4 processes, or "
         "the address of one that runs, tcp://host:8786",
-        flag="--cluster",
-        metavar="WHERE",
         parse=_parse_cluster,
     )
     memory: int | float | str | None = _option(
         None,
+        "--memory SIZE",
+        "bands",
         "refuse what would take this process beyond a size such as 4GiB (default: what "
         "the machine has free); does not cover the workers of --cluster, nor the frames "
         "that begin ahead there",
-        flag="--memory",
-        metavar="SIZE",
         parse=parse_size,
-        bands=True,
     )
     light_choice: str | None = _option(
         None,
+        "--light-choice NAME",
+        "plan picture bands",
         "how one of several lights is chosen at a point: importance (default), by what it "
         "can give there, or uniform, each as often as any other, as in Mitsuba",
-        flag="--light-choice",
-        metavar="NAME",
         choices=LIGHT_CHOICES,
         noun="light choice",
-        plan=True,
-        picture=True,
-        bands=True,
     )
     metadata: Mapping[str, str] | None = _option(
-        None, "names and texts for the header of the picture's file", bands=True
+        None,
+        "",
+        "bands",
+        "names and texts for the header of the picture's file",
     )
 
     def __post_init__(self) -> None:
@@ -365,9 +360,9 @@ class RenderOptions:
                 found[name] = value
         return found
 
-    def only(self, property: str) -> dict[str, Any]:
-        """Return the options that have a property, such as "plan"; see `Option`."""
-        return {name: getattr(self, name) for name in names_of(property)}
+    def only(self, role: str) -> dict[str, Any]:
+        """Return the options that have a role, such as "plan"; see `Option`."""
+        return {name: getattr(self, name) for name in names_of(role)}
 
 
 OPTIONS: dict[str, Option] = {
@@ -377,9 +372,9 @@ DEFAULTS = {field.name: field.default for field in dataclasses.fields(RenderOpti
 NEEDED = {name for name, default in DEFAULTS.items() if default is not None}
 
 
-def names_of(property: str) -> list[str]:
-    """Return the names of the options that have a property; see `Option`."""
-    return [name for name, option in OPTIONS.items() if getattr(option, property)]
+def names_of(role: str) -> list[str]:
+    """Return the names of the options that have a role; see `Option`."""
+    return [name for name, option in OPTIONS.items() if role in option.roles]
 
 
 def shown_value(value: object) -> str:

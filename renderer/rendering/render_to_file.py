@@ -70,7 +70,7 @@ def to_file_with(scene: Scene, path: str | Path, options: RenderOptions) -> Pict
         the whole film: a goal, a checkpoint, a cluster.
     """
     for name in options.given():
-        if not OPTIONS[name].bands:
+        if "bands" not in OPTIONS[name].roles:
             raise SceneError(f"{name} needs the whole film in memory; {POSSIBLE}")
     todo = plans_of(scene, options)
     for _, plan in todo:

@@ -357,7 +357,7 @@ def test_killed_workers_cost_nothing_but_time(workers, kills, alone_for_long):
                     pass
 
         image = renderer.render(load(), MANY, seed=3, cluster=team, progress=progress)
-    assert image.complete
+    assert image.complete, image.metadata
     np.testing.assert_array_equal(np.asarray(image), alone_for_long)
     assert killed and team.tally.lost
 

@@ -227,7 +227,7 @@ def test_the_command_says_what_is_simplified(tmp_path, capsys):
     ]
     assert main(words) == 0
     page = capsys.readouterr().out
-    assert "What is simplified, as asked\n  - depth=2: paths of at most 2 segments" in page
+    assert "What is simplified\n  - depth=2: paths of at most 2 segments" in page
     assert "max_depth 2" in page
     assert main([str(path), "--explain", "--simplify", "depth=none"]) == 1
     assert "scene.xml: simplification depth: 'none'" in capsys.readouterr().err

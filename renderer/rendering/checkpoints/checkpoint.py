@@ -70,7 +70,7 @@ class Checkpoint:
     Raises
     ------
     SceneError
-        If what is there is of another render, is damaged, or is not asked for.
+        If what is there is of another render, is damaged, or may not be resumed.
     """
 
     def __init__(self, path: Path, every: float, of: Identity, *, resume: bool) -> None:
@@ -138,7 +138,7 @@ class Checkpoint:
         return time.monotonic() - self._last >= self._every
 
     def take(self, state: Arrays) -> None:
-        """Copy a state that nobody works on, and write the copy while work goes on."""
+        """Copy a state at rest, and write the copy while the render goes on."""
         self.close()
         for name, array in state.items():
             if name not in self._copies:
@@ -148,7 +148,7 @@ class Checkpoint:
         self._writing.start()
 
     def save(self, state: Arrays) -> None:
-        """Write a state that nobody works on; return when it is on the disk."""
+        """Write a state at rest; return when it is on the disk."""
         self.close()
         self._write(state)
         self._say_failure()

@@ -1,7 +1,7 @@
 """A scene and what is to be done with it, as bytes that are known by what they hold.
 
-Workers share no disk with whoever sends them work. What they get is the description as it
-was read, with the contents of all files in it. Large arrays are pieces of their own, under
+Workers share no disk with the client. They get the description as it was read, with the
+contents of all files in it. Large arrays are pieces of their own, under
 a hash of theirs: a sweep of pictures that share a mesh sends it once.
 
 Pickles run code when they are read, here as everywhere in Dask: a cluster is one of

@@ -41,7 +41,7 @@ PATIENCE = 60.0  # [s] without a worker, such as while all of them are started a
 AHEAD = 1  # portions that wait at a worker besides those that its threads are at
 RETRIES = 3  # of a portion that fails on workers that live
 MOST_DEATHS = 10  # of all workers that could have done a portion
-AGAIN = 30.0  # [s] until a worker without memory is asked again: others may give it back
+AGAIN = 30.0  # [s] until a worker without memory is met again: others may free some
 LAST_WORDS = 5.0  # [s] for portions that are under way when a render is interrupted
 CHECKED = 3  # tiles that a worker with another processor or Numba must get right
 
@@ -103,7 +103,13 @@ class ClusterWorkers:
         self._contents: dict[int, Content] = {}  # of the renders that are under way
 
     def source(self, job: RenderJob, film: Film) -> ClusterTiles:
-        """Return a source of a film's tiles."""
+        """Return a source of a film's tiles.
+
+        Raises
+        ------
+        ClusterError, NotAllowed
+            As `open`.
+        """
         return ClusterTiles(self, job, film)
 
     def open(self, job: RenderJob) -> Content:
@@ -190,10 +196,12 @@ class ClusterTiles:
     def __init__(self, workers: ClusterWorkers, job: RenderJob, film: Film) -> None:
         self._workers, self._job, self._film = workers, job, film
         self._client, self._tally = workers.client, workers.tally
+        self._content = workers.open(job)
+        self._portions = Portions(film, film.samples.copy())  # none yet
+        loop = self._client.loop
+        self._done = as_completed([], loop, with_results=True, raise_errors=False)
         self.begun = 0.0
-        self._content: Content | None = None
-        self._portions: Portions | None = None
-        self._met: dict[str, bool] = {}  # worker -> whether it may work, or is being asked
+        self._met: dict[str, bool] = {}  # worker -> true: it may work; false: not known yet
         self._meetings: dict[Future[Any], str] = {}
         self._out: dict[Future[Any], _Task] = {}
         self._again: list[Portion] = []
@@ -209,21 +217,11 @@ class ClusterTiles:
         return f"{_counted(self._tally.size, 'worker')}, {self._tally}"
 
     def start(self, wanted: NDArray[np.int64]) -> None:
-        """See `TileSource`; in a sweep it is called ahead of the loop.
-
-        Raises
-        ------
-        ClusterError, NotAllowed
-            As `ClusterWorkers.open`.
-        """
+        """See `TileSource`; in a sweep it is called ahead of the loop."""
         if self._pool is not None and not self._stopping:
             return
-        if self._content is None:
-            self.begun = time.perf_counter()
-            self._content = self._workers.open(self._job)
-            loop = self._client.loop
-            self._done = as_completed([], loop, with_results=True, raise_errors=False)
-        if self._portions is None or (self._portions.wanted != wanted).any():
+        self.begun = self.begun or time.perf_counter()
+        if (self._portions.wanted != wanted).any():
             self._portions = Portions(self._film, wanted)
         self._stopping = False
         self._seen = time.monotonic()
@@ -242,14 +240,12 @@ class ClusterTiles:
     def end(self) -> None:
         """See `TileSource`; what workers are at is taken in, for `LAST_WORDS` at most."""
         self.stop()
-        if self._content is None:
-            return
         if self._out or self._meetings:
             self._run(self._drain)
             while self._pool is not None and not self._pool.wait():
                 pass
+        self._pool = None
         self._workers.close(self._job, self._content)
-        self._content = self._pool = None
 
     def _run(self, call: Callable[[], None]) -> None:
         self._pool = WorkerPool(1, 1, lambda number, thread: call())
@@ -259,12 +255,11 @@ class ClusterTiles:
 
     def _deal(self) -> None:
         """Submit and take in until all is done, or `stop` is called."""
-        assert self._portions is not None
         try:
             while not self._stopping and not self._finished:
                 self._look_around()
-                self._submit(self._portions)
-                self._take_in(self._portions)
+                self._submit()
+                self._take_in()
         except ClusterError:
             raise
         except Exception as error:  # the picture so far is kept
@@ -272,11 +267,10 @@ class ClusterTiles:
             raise ClusterError(f"{type(error).__name__}: {message}") from error
 
     def _drain(self) -> None:
-        assert self._portions is not None
         last = time.monotonic() + LAST_WORDS
         with suppress(Exception):
             while self._out and time.monotonic() < last and self._alive:
-                self._take_in(self._portions)
+                self._take_in()
         if self._alive:
             with suppress(Exception):
                 self._client.cancel([*self._out, *self._meetings])
@@ -288,8 +282,7 @@ class ClusterTiles:
 
     @property
     def _finished(self) -> bool:
-        waiting = self._portions is not None and self._portions.waiting
-        return not (waiting or self._out or self._again)
+        return not (self._portions.waiting or self._out or self._again)
 
     def _look_around(self) -> None:
         """Meet workers that have come, and take back what lost ones had."""
@@ -322,7 +315,6 @@ class ClusterTiles:
 
     def _meet(self, address: str) -> None:
         """Let a worker get ready, and show that its bits are ours where it differs."""
-        assert self._content is not None and self._portions is not None
         portion, expected = self._proof
         future = self._task(work.meet, made_by(), portion, expected, workers=[address])
         self._met[address] = False
@@ -331,7 +323,7 @@ class ClusterTiles:
     @functools.cached_property
     def _proof(self) -> tuple[Portion, str]:
         """The first samples of some tiles, and a digest of their sums here."""
-        portion = self._portions.sample(CHECKED) if self._portions else Portion((), (), ())
+        portion = self._portions.sample(CHECKED)
         film, sums = self._film, []
         for place, begin, end in zip(*portion, strict=True):
             sums.append(np.zeros_like(film.sums[place]))
@@ -339,7 +331,6 @@ class ClusterTiles:
         return portion, hashlib.sha256(np.array(sums).tobytes()).hexdigest()
 
     def _task(self, call: Callable[..., Any], *arguments: Any, **how: Any) -> Future[Any]:
-        assert self._content is not None
         names = self._content.names
         held = [self._workers.pieces[name] for name in self._content.pieces]
         future = self._client.submit(
@@ -348,8 +339,9 @@ class ClusterTiles:
         self._done.add(future)
         return future
 
-    def _submit(self, portions: Portions) -> None:
+    def _submit(self) -> None:
         """Give Dask as many portions as the workers need; it decides which does what."""
+        portions = self._portions
         good = [address for address in self._present if self._met.get(address)]
         threads = sum(self._present[address] for address in good)
         while len(self._out) < threads + AHEAD * len(good):
@@ -366,7 +358,7 @@ class ClusterTiles:
             self._out[future] = _Task(portion, frozenset(good))
             self._tally.bytes_sent += 0 if sums is None else sums.nbytes
 
-    def _take_in(self, portions: Portions) -> None:
+    def _take_in(self) -> None:
         """Add what has come from workers to the film."""
         batch = self._done.next_batch(block=False)
         if not batch:
@@ -376,9 +368,9 @@ class ClusterTiles:
                 self._answer(self._meetings.pop(future), future, result)
             elif future in self._out:
                 if future.status == "finished":
-                    self._add(portions, self._out.pop(future).portion, *result)
+                    self._add(self._out.pop(future).portion, *result)
                 elif future.status == "error":
-                    self._fail(portions, self._out.pop(future).portion, result[1])
+                    self._fail(self._out.pop(future).portion, result[1])
                 elif self._alive:  # cancelled with its workers
                     self._give_back(future)
 
@@ -395,19 +387,13 @@ class ClusterTiles:
             self._met.pop(address, None)
         self._next_look = 0.0
 
-    def _add(
-        self,
-        portions: Portions,
-        portion: Portion,
-        sums: NDArray[np.float64],
-        seconds: float,
-    ) -> None:
-        self._rate = portions.samples(portion) / max(seconds, 1e-6)
-        portions.add(portion, sums)
+    def _add(self, portion: Portion, sums: NDArray[np.float64], seconds: float) -> None:
+        self._rate = self._portions.samples(portion) / max(seconds, 1e-6)
+        self._portions.add(portion, sums)
         self._tally.portions += 1
         self._tally.bytes_received += sums.nbytes
 
-    def _fail(self, portions: Portions, portion: Portion, error: BaseException) -> None:
+    def _fail(self, portion: Portion, error: BaseException) -> None:
         if isinstance(error, KilledWorker):
             self._raise_deaths(portion, error.allowed_failures + 1)
         raise error
@@ -423,7 +409,6 @@ class ClusterTiles:
             self._raise_deaths(portion, deaths)
 
     def _raise_deaths(self, portion: Portion, deaths: int) -> None:
-        assert self._portions is not None
         raise ClusterError(
             f"{deaths} workers died one after the other at the same piece of work, "
             f"{self._portions.named(portion)}; their logs may say why, such as a lack of "

@@ -179,7 +179,7 @@ def _prepared(key: str, names: Sequence[Name], held: Sequence[bytes]) -> _Ready:
 
 
 def _make_ready(request: Request) -> _Ready:
-    """Build what is asked for; raise NotAllowed if it takes more memory than there is."""
+    """Build a request; raise NotAllowed if it takes more memory than there is."""
     scene = build_scene(request.description)
     options = dataclasses.replace(request.options, threads=_threads_here())
     needs = estimate_workers(scene, request.plan, options)

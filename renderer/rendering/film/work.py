@@ -3,8 +3,8 @@
 A tile has one sum or more, its layers. A place is one tile in one layer: its sums, and how
 many samples they hold, are all there is to know about it. Samples go in parts: part k of a
 tile belongs to layer k % layers, and a place takes its own parts one after the other.
-Whoever keeps to that, in one thread or in many processes, without a break or in several
-goes, adds the same numbers in the same order: no bit of the picture depends on it.
+In one thread or in many processes, without a break or with several, the same numbers are
+added in the same order: no bit of the picture depends on what adds them.
 """
 
 from __future__ import annotations
