@@ -27,7 +27,7 @@ class RayCounts(NamedTuple):
     threads: int = 2  # that trace them
 
 
-# where nobody says how many: a picture of a megapixel at 16 paths a pixel
+# if the caller gives no number: a picture of a megapixel at 16 paths a pixel
 USUAL_RAYS = RayCounts(16e6, 64e6)
 
 

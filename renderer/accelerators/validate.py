@@ -43,7 +43,7 @@ def validate(accel: Any, extents: Extents) -> None:
     ValueError
         If not; the message says which node or cell, and what is wrong with it.
     TypeError
-        If nobody knows how to prove such a structure.
+        If there is no proof for such a structure.
     """
     proof = VALIDATORS.get(type(accel))
     if proof is None:

@@ -60,10 +60,9 @@ def test_lanes_of_other_processors(as_on):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", ["test_ray_streams.py", "test_placed_streams.py"])
-def test_streams_of_other_processors(as_on, file):
+def test_streams_of_other_processors(as_on):
     """With AVX2 alone rays go one by one in leaves, elsewhere 16 go together."""
-    run_tests(as_on, file, "test")
+    run_tests(as_on, "test_streams.py", "test")
 
 
 DRAW = """

@@ -1,8 +1,9 @@
 """Refitting a bounding volume hierarchy to primitives that have moved.
 
 The tree stays, its boxes are made anew from the leaves up: one pass, where a build sorts.
-Hits stay right whatever moves [Wald2007a]; but who shares a node is decided once, so boxes
-grow and overlap as neighbours part, and at last a build costs less than what rays lose.
+Hits stay right whatever moves [Wald2007a]; but which primitives share a node is decided
+once. Boxes grow and overlap as neighbours part, until a build costs less than what rays
+lose.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """The arrays of a binary tree of boxes, and what can be said of any such tree.
 
-`validate_bvh` is the slow truth beside the builder: whatever built a tree, it says whether
-a traversal of it can miss anything.
+`validate_bvh` says whether a traversal of a tree can miss anything, whatever built it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A beam is the box of the origins of some rays and the box of their directions. A
 the beam of a batch (of camera rays, say) does not meet is met by none of its rays
 [Reshetov2005]. What is left of the tree is a list of nodes; each bundle of 16 rays has a
 beam of its own, tested against 16 nodes of the list at once, and begins with those it may
-meet instead of the root. Whether its rays meet them is asked there, so that a beam that is
+meet instead of the root. Its rays are tested against them as usual, so that a beam that is
 too wide costs time and no hit.
 """
 
@@ -54,9 +54,10 @@ from renderer.kernels.lanes.vectors import load3, vec3
 
 ENTRIES = 64  # nodes that the bundles of a batch begin with at most
 ROOM = ENTRIES + 16  # of a list, so that 16 may be read behind its last
-# An axis tells nothing where directions go both ways, or nearly along the planes: less
-# than this share of the largest component.
+# An axis narrows no interval if directions along it have both signs, or are smaller than
+# this share of the largest component.
 _LEAST_SHARE = np.float32(1e-6)
+_INFINITY = np.float32(np.inf)
 
 
 class Beam(NamedTuple):
@@ -64,7 +65,7 @@ class Beam(NamedTuple):
 
     low: Any  # least origins, with their margins
     high: Any
-    least: Any  # of 1 / direction; 0 for an axis that tells nothing
+    least: Any  # of 1 / direction; 0 for an axis that narrows nothing
     most: Any
 
 
@@ -78,13 +79,22 @@ class Entries(NamedTuple):
 
 
 @kernel
-def _least3(v):
-    return vec3(smallest(v.x), smallest(v.y), smallest(v.z))
+def _least3(v, mask):
+    """Return the least of each component among the lanes of a mask."""
+    return vec3(
+        smallest(select(mask, v.x, _INFINITY)),
+        smallest(select(mask, v.y, _INFINITY)),
+        smallest(select(mask, v.z, _INFINITY)),
+    )
 
 
 @kernel
-def _most3(v):
-    return vec3(largest(v.x), largest(v.y), largest(v.z))
+def _most3(v, mask):
+    return vec3(
+        largest(select(mask, v.x, -_INFINITY)),
+        largest(select(mask, v.y, -_INFINITY)),
+        largest(select(mask, v.z, -_INFINITY)),
+    )
 
 
 @kernel
@@ -113,21 +123,21 @@ def _beam(low, high, least, most):
     y = max(abs(least.y), abs(most.y))
     limit = max(max(x, y), max(abs(least.z), abs(most.z))) * _LEAST_SHARE
     one, zero = np.float32(1.0), np.float32(0.0)
-    tells_x = (least.x > limit) | (most.x < -limit)
-    tells_y = (least.y > limit) | (most.y < -limit)
-    tells_z = (least.z > limit) | (most.z < -limit)
+    narrows_x = (least.x > limit) | (most.x < -limit)
+    narrows_y = (least.y > limit) | (most.y < -limit)
+    narrows_z = (least.z > limit) | (most.z < -limit)
     return Beam(
         low,
         high,
         vec3(
-            one / most.x if tells_x else zero,
-            one / most.y if tells_y else zero,
-            one / most.z if tells_z else zero,
+            one / most.x if narrows_x else zero,
+            one / most.y if narrows_y else zero,
+            one / most.z if narrows_z else zero,
         ),
         vec3(
-            one / least.x if tells_x else zero,
-            one / least.y if tells_y else zero,
-            one / least.z if tells_z else zero,
+            one / least.x if narrows_x else zero,
+            one / least.y if narrows_y else zero,
+            one / least.z if narrows_z else zero,
         ),
     )
 
@@ -147,7 +157,7 @@ def _between(enter, leave, lower, upper, low, high, least, most):
 def _meets(beam, lower, upper, zero):
     """Return the mask of the boxes that a beam may meet; `zero`: of as many lanes."""
     b = beam
-    leave = zero + np.float32(np.inf)
+    leave = zero + _INFINITY
     enter, leave = _between(
         zero, leave, lower.x, upper.x, b.low.x, b.high.x, b.least.x, b.most.x
     )
@@ -163,31 +173,11 @@ def _meets(beam, lower, upper, zero):
 @kernel
 def _bundle_beam(beam, alike, origin, direction, traced):
     """Return the beam of 16 rays; `alike` says that all rays start where `beam` does."""
-    x, y, z = direction.x, direction.y, direction.z
-    inf = np.float32(np.inf)
-    least = _least3(
-        vec3(select(traced, x, inf), select(traced, y, inf), select(traced, z, inf))
-    )
-    most = _most3(
-        vec3(select(traced, x, -inf), select(traced, y, -inf), select(traced, z, -inf))
-    )
     low, high = beam.low, beam.high
     if not alike:
         below, above = origin_margins(origin)
-        low = _least3(
-            vec3(
-                select(traced, below.x, inf),
-                select(traced, below.y, inf),
-                select(traced, below.z, inf),
-            )
-        )
-        high = _most3(
-            vec3(
-                select(traced, above.x, -inf),
-                select(traced, above.y, -inf),
-                select(traced, above.z, -inf),
-            )
-        )
+        low, high = _least3(below, traced), _most3(above, traced)
+    least, most = _least3(direction, traced), _most3(direction, traced)
     return _beam(low, high, least, most)
 
 
@@ -229,7 +219,7 @@ def find_entries(accel, rays, ends, first, count, entries):
     Returns the beam, whether all rays start at one point, and where in `entries` the list
     begins and how long it is.
     """
-    inf, minus = splat_f32(np.float32(np.inf)), splat_f32(np.float32(-np.inf))
+    inf, minus = splat_f32(_INFINITY), splat_f32(-_INFINITY)
     low, least = vec3(inf, inf, inf), vec3(inf, inf, inf)
     high, most = vec3(minus, minus, minus), vec3(minus, minus, minus)
     end = minus
@@ -246,8 +236,9 @@ def find_entries(accel, rays, ends, first, count, entries):
         end = maximum(select(live, load_row(ends, 0, i), end), end)
         moved = (origin.x != start.x) | (origin.y != start.y) | (origin.z != start.z)
         other = other | (moved & live)
-    least, most = _least3(least), _most3(most)
-    beam = _beam(_least3(low), _most3(high), least, most)
+    every = splat_mask(True)
+    least, most = _least3(least, every), _most3(most, every)
+    beam = _beam(_least3(low, every), _most3(high, every), least, most)
     octant = 1 if least.x + most.x < 0.0 else 0
     octant |= 2 if least.y + most.y < 0.0 else 0
     octant |= 4 if least.z + most.z < 0.0 else 0

@@ -75,7 +75,7 @@ def intersect_together(primitives, start, end, query, rays, lists, place, m):
         t = select(live, gather_row(rays.for_boxes, T, ray, live), ENDED)
         prim = gather_row(query.prim, 0, number, live)
         prim = splat_i32(-1) if query.any_hit != 0 else prim
-        before = Nearest(t, prim, t, t)  # u and v as good as any: no hit yet
+        before = Nearest(t, prim, t, t)  # any u and v: no hit yet
         near = nearest_of(
             primitives, start, end, origin, direction, before, None, zero, zero
         )

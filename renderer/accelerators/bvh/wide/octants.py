@@ -33,7 +33,7 @@ from renderer.kernels.lanes.vectors import gather3, load3
 STREAM = 1024  # rays that go together at most
 ROW = STREAM + 32
 AFAR = 8  # in place of an octant: origins whose rounding would spoil the boxes of others
-_NOBODY = 9  # and rays that have no answer to find
+_NOT_TRACED = 9  # and rays that hit nothing: not finite, or blocked already
 ENDED = np.float32(-1.0)  # the end of a ray that enters nothing more
 # rows of `StreamRays.for_boxes`
 INVERSE = 0  # 3 rows: 1 / direction
@@ -72,7 +72,7 @@ def write_octants(query, begin, end, near, divided, octants):
         far = fabs(origin.x) + fabs(origin.y) + fabs(origin.z) > near
         octant = select(far, AFAR, octant if divided else none)
         traced = is_finite_ray(origin, d) & ~_blocked(query, i)
-        store_row(octants, 0, i - begin, select(traced, octant, _NOBODY))
+        store_row(octants, 0, i - begin, select(traced, octant, _NOT_TRACED))
 
 
 @kernel

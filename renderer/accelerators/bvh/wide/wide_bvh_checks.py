@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
 from renderer.accelerators.bvh.wide.wide_bvh_build import (
     BOX_BYTES,
     CHILD,
@@ -35,26 +36,31 @@ def validate_wide(accel: Any, extents: Extents) -> None:
     ValueError
         If not; the message says which tree, node and block or primitive.
     """
-    lower, upper = _block_boxes(accel.blocks, extents)
-    validate_wide_nodes(accel.octets, lower, upper)
+    lower, upper = _boxes_in_blocks(accel.blocks, extents)
+    validate_wide_nodes(accel.octets, lower.min(axis=1), upper.max(axis=1))
     _validate_orders(accel.integers, accel.order)
-    _validate_pairs(accel.pairs, accel.blocks, lower, upper)
-    _validate_boxes(accel, extents)
+    _validate_pairs(accel.pairs, accel.blocks, extents)
+    boxes = accel.boxes.reshape(-1, 6, WIDTH).swapaxes(1, 2)
+    if not np.array_equal(boxes, np.concatenate((lower, upper), axis=2)):
+        raise ValueError("a block of the wide tree has boxes of other primitives")
     _validate_ways_across(accel)
 
 
-def _block_boxes(blocks: Any, extents: Extents) -> tuple[Any, Any]:
-    """Return the (n, 3) corners of each block; check that they share out the primitives."""
-    ids = blocks.id.reshape(-1, WIDTH)
-    held = ids[ids >= 0].astype(np.int64)
-    n = extents.lower.shape[1]
-    if len(held) != n or len(np.unique(held)) != n:
-        raise ValueError(f"blocks hold {len(np.unique(held))} of {n} primitives once")
-    column = np.where(ids >= 0, np.searchsorted(np.sort(held), ids), 0)
-    filled = (ids >= 0)[..., None]
-    lower = np.where(filled, extents.lower.T[column], np.inf).min(axis=1)
-    upper = np.where(filled, extents.upper.T[column], -np.inf).max(axis=1)
-    return lower, upper
+def _columns_of(ids: Any, n: int) -> Any:
+    """Return which column of the primitives each id is; check that each is there once."""
+    if len(ids) != n or len(np.unique(ids)) != n:
+        raise ValueError(f"blocks hold {len(np.unique(ids))} of {n} primitives once")
+    return np.searchsorted(np.sort(ids), ids)
+
+
+def _boxes_in_blocks(blocks: Any, extents: Extents) -> tuple[Any, Any]:
+    """Return the (blocks, 8, 3) corners of primitives; an empty place holds nothing."""
+    filled = blocks.id >= 0
+    column = _columns_of(blocks.id[filled], extents.lower.shape[1])
+    lower = np.full((len(filled), 3), np.inf, np.float32)
+    upper = -lower
+    lower[filled], upper[filled] = extents.lower.T[column], extents.upper.T[column]
+    return lower.reshape(-1, WIDTH, 3), upper.reshape(-1, WIDTH, 3)
 
 
 def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
@@ -97,16 +103,6 @@ def validate_wide_nodes(octets: Any, lower: Any, upper: Any) -> None:
             held_high[node] = np.maximum(held_high[node], b)
 
 
-def _validate_boxes(accel: Any, extents: Extents) -> None:
-    """Check that the boxes of each block are those of its primitives."""
-    ids = accel.blocks.id
-    filled = np.flatnonzero(ids >= 0)
-    column = np.searchsorted(np.sort(ids[filled]), ids[filled])
-    boxes = accel.boxes.reshape(-1, 6, WIDTH).swapaxes(1, 2).reshape(-1, 6)[filled]
-    if not np.array_equal(boxes.T, np.vstack((extents.lower, extents.upper))[:, column]):
-        raise ValueError("a block of the wide tree has boxes of other primitives")
-
-
 def _validate_ways_across(accel: Any) -> None:
     """Check that wide nodes and pairs hold the same where one leads to the other."""
     children = accel.integers.reshape(-1, WIDE_WORDS)[:, CHILD : CHILD + 8]
@@ -146,35 +142,23 @@ def _validate_orders(integers: Any, order: Any) -> None:
         )
 
 
-def _validate_pairs(pairs: Any, blocks: Any, lower: Any, upper: Any) -> None:
-    boxes = pairs.floats.reshape(-1, PAIR_WORDS)[:, :6]
-    links = pairs.integers.reshape(-1, PAIR_WORDS)[:, PAIR_CHILD:]
-    seen: list[int] = []
-    waiting = [(0, np.array([-np.inf] * 3), np.array([np.inf] * 3))]
-    while waiting:
-        node, outer_low, outer_high = waiting.pop()
-        low, high = boxes[node, :3], boxes[node, 3:]
-        if (low < outer_low).any() or (high > outer_high).any():
-            raise ValueError(f"pair node {node} is not inside of its parent")
-        child, count = links[node]
-        if count < 0 and not 0 < child < len(boxes) - 1:
-            raise ValueError(f"pair node {node} has children that do not exist")
-        if len(seen) + len(waiting) > len(boxes):
-            raise ValueError(f"pair node {node} is below itself")
-        if count < 0:
-            waiting += [(child, low, high), (child + 1, low, high)]
-            continue
-        block = child // WIDTH
-        if not 0 <= block < len(lower):
-            raise ValueError(f"pair node {node} names block {block} of {len(lower)}")
-        seen.append(block)
-        if child % WIDTH or count != (blocks.id[child : child + WIDTH] >= 0).sum():
-            raise ValueError(
-                f"pair node {node} is a leaf of other primitives than a block's"
-            )
-        if (low > lower[block]).any() or (high < upper[block]).any():
-            raise ValueError(f"pair node {node} does not hold block {block}")
-    _require_once("block of the pairs", np.array(seen), 0, len(lower))
+def _validate_pairs(pairs: Any, blocks: Any, extents: Extents) -> None:
+    """Check the pairs as the binary tree that they are; its leaves are blocks."""
+    used = np.arange(len(pairs.floats) // PAIR_WORDS) != 1  # the root is alone in its pair
+    boxes = pairs.floats.reshape(-1, PAIR_WORDS)[used, :PAIR_CHILD]
+    child, count = pairs.integers.reshape(-1, PAIR_WORDS)[used, PAIR_CHILD:].T
+    leaf = count > 0
+    if (child[leaf] % WIDTH != 0).any():
+        raise ValueError("a leaf of the pairs does not begin with a block")
+    filled = blocks.id >= 0
+    before = np.cumsum(filled) - filled  # primitives before each place of the blocks
+    first = np.where(leaf, before.take(child, mode="clip"), child - 1)
+    order = _columns_of(blocks.id[filled], extents.lower.shape[1])
+    tree = BvhTree(boxes, first, np.where(leaf, count, 0), order)
+    try:
+        validate_bvh(tree, extents.lower, extents.upper)
+    except ValueError as error:
+        raise ValueError(f"pairs: {error}") from None
 
 
 def _require_once(what: str, found: Any, first: int, end: int) -> None:

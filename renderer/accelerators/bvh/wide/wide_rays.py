@@ -243,9 +243,9 @@ def add_node(tally, number, ray, depth):
 
 @kernel
 def _prefetch(accel, node):
-    """Ask for what a ray will look at when its next turn comes."""
-    # both kinds without a branch, which would be mispredicted: at worst, lines of node or
-    # block 0 are asked for, which are there
+    """Fetch into the cache what a ray reads when its next turn comes."""
+    # Both kinds without a branch, which would be mispredicted. At worst node or block 0 is
+    # fetched, which exists.
     inner = max(node, 0) * WIDE_BYTES
     prefetch(accel.octets, 0, inner)
     prefetch(accel.octets, 0, inner + 64)
