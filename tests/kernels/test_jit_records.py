@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import pickle
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -250,3 +252,22 @@ def test_the_class_behind_a_type() -> None:
     assert record_class(record_type(One(1)).record) is One
     assert record_class(types.float32) is None
     assert record_class(types.none) is None
+
+
+def test_the_text_of_a_users_file_tells_its_records_apart(tmp_path, monkeypatch) -> None:
+    """Kernels are kept by the names of types, and are chosen by classes within records."""
+    names = []
+    for text in ("", "# edited\n"):
+        place = tmp_path / f"of_{len(text)}"
+        place.mkdir()
+        (place / "my_record.py").write_text(
+            f"{text}from typing import NamedTuple\nclass Mine(NamedTuple):\n    x: float\n"
+        )
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(place)
+            patch.delitem(sys.modules, "my_record", raising=False)
+            mine = importlib.import_module("my_record").Mine
+            names.append(record_type(One(mine(1.0))).name)
+            del sys.modules["my_record"]
+    assert names[0] != names[1]
+    assert names[0].startswith("Record.One.")
