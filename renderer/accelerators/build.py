@@ -15,12 +15,6 @@ from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.wide_bvh import build_wide
 from renderer.accelerators.choice import choose_structure, choose_structures
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
-from renderer.accelerators.extents import (
-    Extents,
-    Hulls,
-    PrimitiveGroup,
-    extents_of,
-)
 from renderer.accelerators.grids.clustered_grids import build_clustered_grids
 from renderer.accelerators.grids.nested_grids import build_nested_grids
 from renderer.accelerators.grids.uniform_grid import (
@@ -41,6 +35,12 @@ from renderer.accelerators.rays.boxes import build_boxes
 from renderer.accelerators.rays.brute_force import build_brute_force
 from renderer.errors import SceneError
 from renderer.kernels.records.kernel_scene import EMIT
+from renderer.plugins.shapes.extents import (
+    Extents,
+    Hulls,
+    PrimitiveGroup,
+    extents_of,
+)
 from renderer.plugins.shapes.flat.triangle import Triangles
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS

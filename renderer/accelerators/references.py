@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.kernels.jit import kernel
+from renderer.plugins.shapes.extents import Extents
 
 
 class Hulls(NamedTuple):

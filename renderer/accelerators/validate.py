@@ -15,7 +15,6 @@ from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
 from renderer.accelerators.bvh.wide_bvh import WideBvh
-from renderer.accelerators.extents import Extents
 from renderer.accelerators.grids.hierarchical_grid import (
     HierarchicalGrid,
     validate_hierarchical_grid,
@@ -26,6 +25,7 @@ from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
 from renderer.accelerators.octree_and_bsp.octree import Octree, validate_octree
 from renderer.accelerators.rays.boxes import Boxes
 from renderer.accelerators.rays.brute_force import BruteForce
+from renderer.plugins.shapes.extents import Extents
 
 
 def validate(accel: Any, extents: Extents) -> None:

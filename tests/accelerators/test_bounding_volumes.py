@@ -25,9 +25,9 @@ from renderer.accelerators.bounding_volumes.k_dop import KDop, fit_k_dop
 from renderer.accelerators.bounding_volumes.obb import Obb, fit_obb
 from renderer.accelerators.bounding_volumes.sphere import fit_sphere
 from renderer.accelerators.bounding_volumes.volumes import VOLUMES, hits_volume, which_hit
-from renderer.accelerators.extents import extents_of
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.vectors import column
+from renderer.plugins.shapes.extents import extents_of
 
 every_volume = pytest.mark.parametrize("name", VOLUMES)
 CUBE = np.array(list(itertools.product((0.0, 1.0), repeat=3))).T

@@ -6,10 +6,10 @@ import numpy as np
 from kernel_probes import soup, triangles
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.extents import Extents, extents_of
 from renderer.accelerators.grids.grid_cells import Grids
 from renderer.accelerators.grids.hierarchical_grid import validate_hierarchical_grid
 from renderer.accelerators.grids.uniform_grid import UniformGrid, validate_uniform_grid
+from renderer.plugins.shapes.extents import Extents, extents_of
 
 NAMES = ("grid", "grid-without-mailboxes", "grid-nested", "grid-clusters")
 HIERARCHIES = ("grid-nested", "grid-clusters")

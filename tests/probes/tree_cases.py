@@ -19,8 +19,8 @@ from kernel_probes import (
 )
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.extents import Extents, extents_of
 from renderer.kernels.records.tally import make_tally
+from renderer.plugins.shapes.extents import Extents, extents_of
 
 REACH = 20.0  # of rays that take the fast way
 RAYS = 2000

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderer.accelerators.extents import ROUNDING, Extents
+from renderer.plugins.shapes.extents import ROUNDING, Extents
 
 
 class GrownPoints(NamedTuple):

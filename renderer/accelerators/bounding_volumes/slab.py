@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.extents import ROUNDING
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import fabs, select
+from renderer.plugins.shapes.extents import ROUNDING
 
 # A Python literal would make scalars float64.
 ONE = np.float32(1.0)

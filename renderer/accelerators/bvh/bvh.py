@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.box_entry import origin_margins, packet_enters, ray_enters
 from renderer.accelerators.rays.packets import (
     Nearest,
@@ -47,6 +46,7 @@ from renderer.kernels.records.tally import (
     note_packet_stack,
     note_stack,
 )
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
 _INFINITY = np.float32(np.inf)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.grids.grid_cells import (
     COLUMNS,
     MOST_COPIES,
@@ -26,6 +25,7 @@ from renderer.accelerators.grids.grid_cells import (
 from renderer.accelerators.grids.grid_resolution import DENSITY, cell_count
 from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
 from renderer.kernels.jit import builder_kernel, kernel
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 GAP = 2.0  # factor between two sizes, with none in between, that parts two classes
 LINK = 4.0  # edge of the raster's cells, in median sizes of the class

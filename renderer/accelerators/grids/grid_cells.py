@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.accelerators.grids.grid_resolution import (
     cell_count,
     choose_resolution,
@@ -21,6 +20,7 @@ from renderer.accelerators.grids.grid_resolution import (
 )
 from renderer.kernels.jit import builder_kernel, kernel
 from renderer.kernels.lanes.local import local_i64
+from renderer.plugins.shapes.extents import Extents
 
 # Most cells that hold a primitive, on the average: a grid of more is made coarser. With
 # `DENSITY` it bounds the memory: 4 (4 + 32) bytes for each primitive.

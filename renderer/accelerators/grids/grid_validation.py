@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.accelerators.grids.grid_cells import Grids
 from renderer.accelerators.grids.grid_walk import LEVELS
 from renderer.accelerators.octree_and_bsp.cell_checks import in_sorted
+from renderer.plugins.shapes.extents import Extents
 
 # Rays that are in a cell may be so far outside of it by their rounding, in `pad` (which is
 # 32 units in the last place of `reach`; a plane's distance takes 4 operations).

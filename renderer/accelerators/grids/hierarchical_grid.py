@@ -31,7 +31,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.extents import Extents
 from renderer.accelerators.grids.grid_cells import Grids
 from renderer.accelerators.grids.grid_validation import validate_grids
 from renderer.accelerators.grids.grid_walk import (
@@ -55,6 +54,7 @@ from renderer.accelerators.rays.single_ray import (
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, note_stack
+from renderer.plugins.shapes.extents import Extents
 
 
 class HierarchicalGrid(NamedTuple):

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.grids.grid_cells import (
     MOST_COPIES,
     Grids,
@@ -28,6 +27,7 @@ from renderer.accelerators.grids.grid_resolution import cell_count
 from renderer.accelerators.grids.grid_walk import LEVELS
 from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
 from renderer.kernels.jit import builder_kernel, kernel
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 DENSITY = 2.0  # cells for each primitive: half of what a grid without finer ones has
 MANY = 8  # primitives that a cell holds without any thought of a grid

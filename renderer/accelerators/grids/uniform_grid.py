@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.grids.grid_cells import (
     MOST_COPIES,
     Grids,
@@ -46,6 +45,7 @@ from renderer.accelerators.rays.single_ray import (
 from renderer.kernels.jit import builder_kernel, kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 
 class UniformGrid(NamedTuple):

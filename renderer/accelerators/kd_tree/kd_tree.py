@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.kd_tree.kd_tree_build import build_kd_arrays
 from renderer.accelerators.kd_tree.kd_tree_checks import validate_kd_arrays
 from renderer.accelerators.kd_tree.kd_tree_nodes import LEAF
@@ -30,6 +29,7 @@ from renderer.accelerators.references import boxes_of, hulls_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 STACK = 64  # the builder keeps the depth at 60 or below
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.accelerators.kd_tree.kd_tree_nodes import LEAF, MAX_DEPTH
 from renderer.accelerators.kd_tree.kd_tree_split import BLOCK, BLOCK_COST, TRAVERSAL_COST
 from renderer.accelerators.octree_and_bsp.cell_checks import (
@@ -20,6 +19,7 @@ from renderer.accelerators.octree_and_bsp.cell_checks import (
     require_lists,
     require_none,
 )
+from renderer.plugins.shapes.extents import Extents
 
 Cells = NDArray[np.float32]  # (nodes, 6)
 

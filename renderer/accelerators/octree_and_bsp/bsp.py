@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.octree_and_bsp.bsp_build import (
     MARGIN,
     MAX_DEPTH,
@@ -29,6 +28,7 @@ from renderer.accelerators.rays.single_ray import hit_in_list, nearest_of_all
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 STACK = 64  # the builder keeps the depth at 60 or below
 PROVEN = 1.5  # pads that the traversal needs hulls to be grown by

@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.kernels.jit import builder_kernel, kernel
+from renderer.plugins.shapes.extents import Extents
 
 LEAF = 4  # up to so many primitives are not divided further
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks

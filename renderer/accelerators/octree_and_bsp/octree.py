@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.octree_and_bsp.octree_build import EMPTY, build_octree_arrays
 from renderer.accelerators.octree_and_bsp.octree_checks import validate_octree_arrays
 from renderer.accelerators.rays.ray_by_ray import trace_ray
@@ -23,6 +22,7 @@ from renderer.accelerators.references import boxes_of, hulls_of
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.local import local_f32, local_i32
 from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 STACK = 64  # three more a level than it is deep, at most 16 levels
 

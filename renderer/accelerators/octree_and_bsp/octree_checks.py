@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents
 from renderer.accelerators.octree_and_bsp.cell_checks import (
     in_sorted,
     reaches_into,
@@ -19,6 +18,7 @@ from renderer.accelerators.octree_and_bsp.cell_checks import (
     require_none,
 )
 from renderer.accelerators.octree_and_bsp.octree_build import MAX_DEPTH
+from renderer.plugins.shapes.extents import Extents
 
 _BITS = np.arange(8)[:, None] >> np.arange(3) & 1 == 1  # (8, 3) above the centre?
 

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.packets import (
     blocked_by,
     load_nearest,
@@ -21,6 +20,7 @@ from renderer.kernels.lanes.functions import first_lanes, select, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 
 class BruteForce(NamedTuple):

@@ -23,10 +23,10 @@ from kernel_probes import (
 )
 
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.extents import extents_of
 from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
 from renderer.accelerators.octree_and_bsp.bsp_build import EXTRA, LEAF, MAX_DEPTH
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
+from renderer.plugins.shapes.extents import extents_of
 
 RAYS = 2000
 every_kind = pytest.mark.parametrize("kind", KINDS)

@@ -17,13 +17,13 @@ from grid_probes import (
 )
 from kernel_probes import KINDS, rectangles, soup, spheres
 
-from renderer.accelerators.extents import Extents, Hulls
 from renderer.accelerators.grids import clustered_grids, nested_grids
 from renderer.accelerators.grids.grid_cells import MOST_COPIES, Grids
 from renderer.accelerators.grids.grid_resolution import DENSITY
 from renderer.accelerators.grids.grid_validation import validate_grids
 from renderer.accelerators.grids.grid_walk import LEVELS
 from renderer.accelerators.grids.uniform_grid import UniformGrid, build_uniform_grid
+from renderer.plugins.shapes.extents import Extents, Hulls
 
 every_name = pytest.mark.parametrize("name", NAMES)
 

@@ -1,6 +1,6 @@
-"""Where the primitives of one kind are: what every builder of an accelerator is given.
+"""Boxes and hulls of primitives: what every builder of an accelerator is given.
 
-Builders never see triangles or spheres, only their boxes and hulls; so each structure
+A builder never sees triangles or spheres, only their boxes and hulls. So each accelerator
 holds every kind of primitive.
 """
 
@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.plugins.shapes.registry import SHAPES
-from renderer.scene.scene import primitive_bounds
 
 # The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
 # that went into it (32 units in the last place of single precision).
@@ -33,6 +32,18 @@ class Hulls(NamedTuple):
     normal: NDArray[np.float32]
 
 
+def primitive_bounds(
+    kind: str, surfaces: Any
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return lower and upper corners, (3, n) each, of a kind's primitives."""
+    points = SHAPES[kind].corners(surfaces)
+    lower = np.minimum.reduce(points)
+    upper = np.maximum.reduce(points)
+    # the sums above are rounded, and the hit test rounds in another way: pad by that
+    slack = ROUNDING * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
+    return (lower - slack).astype(np.float32), (upper + slack).astype(np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class Extents:
     """Boxes and hulls of n primitives, and how far from them rays may find them."""
@@ -40,11 +51,11 @@ class Extents:
     lower: NDArray[np.float32]  # (3, n) smallest x, y, z
     upper: NDArray[np.float32]  # (3, n) largest x, y, z
     # Rays from |x| + |y| + |z| <= reach find a primitive up to `pad` outside of its box.
-    # What keeps primitives in cells adds it to boxes and hulls; rays from farther away take
-    # the slow way through all of them.
+    # A structure of cells grows boxes and hulls by it, and tests rays from farther away
+    # against all primitives.
     reach: float
     pad: float
-    make_hulls: Callable[[], Hulls]  # computed when asked for: a hierarchy of boxes is not
+    make_hulls: Callable[[], Hulls]  # computed on first use: a BVH needs none
 
     @functools.cached_property
     def _hulls(self) -> Hulls:
@@ -74,7 +85,7 @@ def extents_of(
     Parameters
     ----------
     kind
-        One of `renderer.scene.scene.KINDS`.
+        One of `renderer.plugins.shapes.registry.SHAPES`.
     surfaces
         The record of that kind.
     order
