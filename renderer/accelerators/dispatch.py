@@ -18,16 +18,11 @@ from renderer.accelerators.bvh.wide_bvh import (
     closest_hit_wide,
     closest_hit_wide_bundles,
 )
-from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
-from renderer.accelerators.grids.uniform_grid import UniformGrid
 from renderer.accelerators.instances.instances import (
     Instances,
     any_hit_instances,
     closest_hit_instances,
 )
-from renderer.accelerators.kd_tree.kd_tree import KdTree
-from renderer.accelerators.octree_and_bsp.bsp import Bsp
-from renderer.accelerators.octree_and_bsp.octree import Octree
 from renderer.accelerators.rays.boxes import (
     Boxes,
     any_hit_boxes,
@@ -38,7 +33,9 @@ from renderer.accelerators.rays.brute_force import (
     any_hit_brute_force,
     closest_hit_brute_force,
 )
-from renderer.accelerators.rays.ray_by_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
+from renderer.textbook.cell_tree import CellTree
+from renderer.textbook.grid_walk import Grids
+from renderer.textbook.one_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
 
 
 class Traversals(NamedTuple):
@@ -64,6 +61,6 @@ TRAVERSALS = {
         closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
     ),
     Instances: _alike(closest_hit_instances, any_hit_instances),
+    CellTree: _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray),
+    Grids: _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray),
 }
-for _structure in (Bsp, UniformGrid, HierarchicalGrid, KdTree, Octree):
-    TRAVERSALS[_structure] = _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray)

@@ -7,11 +7,7 @@ from typing import Any, NamedTuple
 
 from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_tree import bvh_cost, bvh_depth
-from renderer.accelerators.kd_tree.kd_tree import KdTree
-from renderer.accelerators.kd_tree.kd_tree_checks import kd_cells, kd_cost
-from renderer.accelerators.octree_and_bsp.bsp import Bsp
-from renderer.accelerators.octree_and_bsp.octree import Octree
-from renderer.accelerators.octree_and_bsp.octree_checks import octree_cells
+from renderer.textbook.cell_tree import CellTree, cells_of, tree_cost
 
 
 class StructureFacts(NamedTuple):
@@ -24,11 +20,9 @@ class StructureFacts(NamedTuple):
 # record -> how its depth and its cost are found
 _DEPTH: dict[type, Callable[[Any], int]] = {
     Bvh: bvh_depth,
-    Bsp: bvh_depth,  # its nodes name children and leaves as a Bvh's do
-    KdTree: lambda tree: int(kd_cells(tree)[1].max()),
-    Octree: lambda tree: int(octree_cells(tree)[1].max()),
+    CellTree: lambda tree: int(cells_of(tree)[1].max()),
 }
-_COST: dict[type, Callable[[Any], float]] = {Bvh: bvh_cost, KdTree: kd_cost}
+_COST: dict[type, Callable[[Any], float | None]] = {Bvh: bvh_cost, CellTree: tree_cost}
 
 
 def structure_facts(accel: Any) -> StructureFacts:

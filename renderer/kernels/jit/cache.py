@@ -47,6 +47,7 @@ KERNEL_FOLDERS = (
     "kernels",
     "plugins",
     "replay",
+    "textbook",
 )
 
 

@@ -1,4 +1,4 @@
-"""What the tests of the kd-tree and of the octree share: scenes, rays, comparisons."""
+"""What the tests of the textbook's structures share: names, scenes, rays, counts."""
 
 from __future__ import annotations
 
@@ -6,66 +6,23 @@ import itertools
 from typing import Any
 
 import numpy as np
-from kernel_probes import (
-    Found,
-    blocked,
-    closest,
-    directions,
-    rectangles,
-    spheres,
-    trace,
-    triangles,
-    workspace,
-)
+from kernel_probes import closest, directions, rectangles, soup, spheres, triangles
 
-from renderer.accelerators.build import build_accelerator
 from renderer.kernels.records.tally import make_tally
-from renderer.plugins.shapes.extents import Extents, extents_of
 
 REACH = 20.0  # of rays that take the fast way
 RAYS = 2000
-
-
-def columns(surfaces: Any) -> np.ndarray:
-    return np.arange(surfaces.end - surfaces.first)
-
-
-def extents(kind: str, surfaces: Any) -> Extents:
-    return extents_of(kind, surfaces, columns(surfaces), REACH)
-
-
-def build(name: str, kind: str, surfaces: Any) -> Any:
-    return build_accelerator(kind, surfaces, columns(surfaces), name, REACH)
-
-
-def assert_same_hits(
-    tree: Any, kind: str, surfaces: Any, origin: Any, direction: Any, t_max: Any = np.inf
-) -> Found:
-    """Compare nearest and any hits with brute force, bit for bit; return the hits."""
-    truth = closest(
-        build("brute", kind, surfaces), origin, direction, t_max=t_max, coherent=True
-    )
-    found = closest(tree, origin, direction, t_max=t_max)
-    np.testing.assert_array_equal(found.prim, truth.prim)
-    hit = truth.prim >= 0
-    np.testing.assert_array_equal(found.t, truth.t)
-    for name in ("t", "u", "v"):
-        expected, got = (getattr(f, name)[hit] for f in (truth, found))
-        np.testing.assert_array_equal(got.view(np.int32), expected.view(np.int32), name)
-    np.testing.assert_array_equal(blocked(tree, origin, direction, t_max=t_max), hit)
-    return truth
+TREES = ("kd-middle", "kd-median", "kd-sah", "octree", "bsp")
+ACROSS_AXES = TREES[:-1]
+HIERARCHIES = ("grid-nested", "grid-clusters")
+GRIDS = ("grid", "grid-without-mailboxes", *HIERARCHIES)
 
 
 def counts(accel: Any, origin: Any, direction: Any) -> np.ndarray:
     """The tally of rays (n, 3): rows of `tally.NAMES`, one column a ray."""
-    n = len(origin)
-    work, tally = workspace(n), make_tally(n)
-    work.rays.origin[:, :n] = np.asarray(origin).T
-    work.rays.direction[:, :n] = np.asarray(direction).T
-    work.hits.t[:n] = np.inf
-    work.hits.prim[:] = -1
-    trace(accel, work, 0, n, False, tally)
-    return tally[:, :n]
+    tally = make_tally(len(origin))
+    closest(accel, origin, direction, tally=tally)
+    return tally[:, : len(origin)]
 
 
 def axis_directions() -> np.ndarray:
@@ -138,3 +95,21 @@ def rays_into_the_ball(n: int, rng: Any) -> Any:
     origin = 2 * directions(n, rng)
     towards = rng.uniform(-0.3, 0.3, (n, 3)) - origin
     return origin, towards / np.linalg.norm(towards, axis=1, keepdims=True)
+
+
+def mixed_sizes(kind: str, rng: Any) -> Any:
+    """A few large ones around two swarms of small ones."""
+    mixture = ((5, 9.0, 0.0), (300, 0.3, 0.0), (600, 0.3, 4.0))
+    parts = [soup(kind, n, rng, size=s, center=c) for n, s, c in mixture]
+    fields = [f for f in parts[0]._fields[2:] if getattr(parts[0], f) is not None]
+    joined = {f: np.concatenate([getattr(p, f) for p in parts], axis=-1) for f in fields}
+    first = parts[0].first
+    return parts[0]._replace(first=first, end=first + 905, **joined)
+
+
+def sheets(n: int, rng: Any) -> Any:
+    """n parallel squares of edge 1, 1/n apart, tilted; and their axes x, y, z (normal)."""
+    frame, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    x, y, z = frame.T
+    corner = -0.5 * (x + y) + (np.arange(n)[:, None] / n - 0.5) * z
+    return rectangles(corner, np.tile(x, (n, 1)), np.tile(y, (n, 1))), frame.T
