@@ -33,6 +33,7 @@ from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import KINDS, Scene
 from renderer.textbook.bsp import build_bsp
+from renderer.textbook.bvh import build_box_tree
 from renderer.textbook.clustered_grids import build_clustered_grids
 from renderer.textbook.kd_tree import CHEAPEST, MEDIAN, MIDDLE, build_kd_tree
 from renderer.textbook.nested_grids import build_nested_grids
@@ -45,7 +46,9 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "boxes": build_boxes,
     "bvh": build_bvh,
     "bvh-median": functools.partial(build_bvh, rule="median"),
-    "bvh-middle": functools.partial(build_bvh, rule="middle"),
+    "bvh-middle": functools.partial(
+        build_box_tree, build_tree=functools.partial(build_tree, rule="middle")
+    ),
     "wide": build_wide,
     "bsp": build_bsp,
     "grid": build_uniform_grid,

@@ -33,6 +33,7 @@ from renderer.accelerators.rays.brute_force import (
     any_hit_brute_force,
     closest_hit_brute_force,
 )
+from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import CellTree
 from renderer.textbook.grid_walk import Grids
 from renderer.textbook.one_ray import any_hit_ray_by_ray, closest_hit_ray_by_ray
@@ -61,6 +62,7 @@ TRAVERSALS = {
         closest_hit_wide_bundles, closest_hit_wide, any_hit_wide_bundles, any_hit_wide
     ),
     Instances: _alike(closest_hit_instances, any_hit_instances),
+    BoxTree: _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray),
     CellTree: _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray),
     Grids: _alike(closest_hit_ray_by_ray, any_hit_ray_by_ray),
 }

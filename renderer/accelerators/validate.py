@@ -18,9 +18,10 @@ from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.rays.boxes import Boxes
 from renderer.accelerators.rays.brute_force import BruteForce
 from renderer.plugins.shapes.extents import Extents
+from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import CellTree
 from renderer.textbook.grid_walk import Grids
-from renderer.textbook.validate import validate_cells
+from renderer.textbook.validate import validate_structure
 
 
 def validate(accel: Any, extents: Extents) -> None:
@@ -95,6 +96,7 @@ VALIDATORS: dict[type, Callable[[Any, Extents], None]] = {
     Boxes: _validate_boxes,
     Bvh: _validate_bvh,
     WideBvh: validate_wide,
-    CellTree: validate_cells,
-    Grids: validate_cells,
+    BoxTree: validate_structure,
+    CellTree: validate_structure,
+    Grids: validate_structure,
 }

@@ -9,5 +9,6 @@ Every structure has the same three parts, so that a reader who knows one knows t
   makes it return the first hit found, which is all that a shadow ray needs.
 
 `validate.py` proves that no ray can miss a primitive in any of them. The production tracer
-is in `renderer/accelerators/`; it shares the tests of primitives and nothing else.
+is in `renderer/accelerators/`; it shares the tests of primitives, and the builder of the
+BVH. Bounding volumes by themselves are in `bounding_volumes.py`.
 """

@@ -11,7 +11,10 @@ tested per ray:
 ==============================================  ==========  ==========  ==========
 scene                                           one grid    nested      clusters
 ==============================================  ==========  ==========  ==========
-MEASURED
+mesh of 81,920 triangles, seen from afar        24 + 24     23 + 11     25 + 24
+20,000 triangles everywhere                     50 + 29     39 + 40     51 + 29
+ten swarms of 2000 triangles, rays at them      51 + 400    58 + 20     26 + 14
+a ball of 5000 triangles in a stadium           1 + 5000    32 + 24     27 + 19
 ==============================================  ==========  ==========  ==========
 
 Clusters cross empty space in the fewest steps. Nested grids need nothing to cluster, and

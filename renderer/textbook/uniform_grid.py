@@ -25,8 +25,8 @@ from renderer.textbook.one_ray import MAILBOXES
 
 # Cells for each primitive. A density of one makes the cube root of n cells along each
 # edge, as the lecture has it; the best one is a constant [Cleary1988]. Cells visited and
-# primitives tested per ray from afar, mesh of 81,920 triangles: 17 and 45 at a density of
-# 1, 27 and 25 at 4, 34 and 19 at 8; a step costs a third to half of a test.
+# primitives tested per ray from afar, mesh of 81,920 triangles: 15 and 47 at a density of
+# 1, 24 and 24 at 4, 31 and 18 at 8; a step costs a third to half of a test.
 DENSITY = 4.0
 # Most cells that list a primitive, on the average: a grid of more is made coarser.
 MOST_COPIES = 32

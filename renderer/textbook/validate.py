@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.plugins.shapes.extents import Extents
+from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import MAX_DEPTH, PROVEN, CellTree
 from renderer.textbook.grid_walk import LEVELS, Grids
 
@@ -24,8 +25,8 @@ _CHUNK = 100_000  # pairs of a primitive and a plane that are looked at together
 _ASTRAY = 0.25
 
 
-def validate_cells(structure: Any, extents: Extents) -> None:
-    """Check that a `CellTree` or `Grids` is one, and that a ray finds each of n primitives.
+def validate_structure(structure: Any, extents: Extents) -> None:
+    """Check a `CellTree`, `BoxTree` or `Grids`, and that rays find each of n primitives.
 
     Raises
     ------
@@ -37,7 +38,11 @@ def validate_cells(structure: Any, extents: Extents) -> None:
     _require(structure.reach <= np.float32(extents.reach), "the reach is beyond the pads'")
     if isinstance(structure, CellTree):
         _require_nodes(structure, n)
+        _require_planes(structure)
         _require_held_by_leaves(structure, extents)
+    elif isinstance(structure, BoxTree):
+        _require_nodes(structure, n)
+        _require_held_by_boxes(structure, extents)
     else:
         _require_cells(structure, n)
         _require_held_by_cells(structure, extents)
@@ -59,13 +64,13 @@ def _is_listed(key: Columns, listed: Columns) -> NDArray[np.bool_]:
     return np.append(listed, -1)[np.searchsorted(listed, key)] == key
 
 
-# ---------------------------------------------------------------------- trees of cells
+# ----------------------------------------------------------------------------- trees
 
 
-def _require_nodes(tree: CellTree, n: int) -> None:
-    """Check nodes, planes and leaves, each by itself."""
+def _require_nodes(tree: Any, n: int) -> None:
+    """Check nodes and leaves, each by itself."""
     nodes = len(tree.child)
-    lengths = {len(rows) for rows in (tree.plane, tree.first, tree.end)}
+    lengths = {len(rows) for rows in (tree[0], tree.first, tree.end)}
     _require(lengths == {nodes}, "the arrays of nodes differ in length")
     inner, leaves = np.flatnonzero(tree.child), np.flatnonzero(tree.child == 0)
     behind = tree.child[inner].astype(np.int64)
@@ -79,6 +84,39 @@ def _require_nodes(tree: CellTree, n: int) -> None:
     _require_none("leaf", leaves[outside], "has items that do not exist")
     strange = np.flatnonzero((tree.items < 0) | (tree.items >= n))
     _require_none("item", strange, "is no primitive's column")
+
+
+def _listed(tree: Any) -> tuple[Columns, Columns]:
+    """Return the leaf and the primitive of each reference."""
+    leaves = np.flatnonzero(tree.child == 0)
+    counts = (tree.end - tree.first)[leaves]
+    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    items = tree.items[np.repeat(tree.first[leaves], counts) + place]
+    return np.repeat(leaves, counts), items.astype(np.int64)
+
+
+def _require_held_by_boxes(tree: BoxTree, extents: Extents) -> None:
+    """Check that boxes hold all that is below them, and that leaves hold each primitive."""
+    pad, (leaf, k) = extents.pad, _listed(tree)
+    lost = np.setdiff1d(np.arange(extents.lower.shape[1]), k)
+    _require_none("primitive", lost, "is in no leaf")
+    inside = (tree.boxes[leaf, :3] <= extents.lower.T[k] - pad).all(axis=1)
+    inside &= (tree.boxes[leaf, 3:] >= extents.upper.T[k] + pad).all(axis=1)
+    _require_none("leaf", leaf[~inside], "does not hold its primitives")
+    inner = np.flatnonzero(tree.child)
+    for child in (tree.child[inner], tree.child[inner] + 1):
+        inside = (tree.boxes[inner, :3] <= tree.boxes[child, :3]).all(axis=1)
+        inside &= (tree.boxes[inner, 3:] >= tree.boxes[child, 3:]).all(axis=1)
+        _require_none("node", inner[~inside], "does not hold its children")
+    level = np.zeros(1, np.int64)
+    for _ in range(MAX_DEPTH + 1):
+        level = tree.child[level[tree.child[level] > 0]].astype(np.int64)
+        level = np.concatenate((level, level + 1))
+    _require_none("node", level, f"is deeper than {MAX_DEPTH}")
+
+
+def _require_planes(tree: CellTree) -> None:
+    inner = np.flatnonzero(tree.child)
     length = np.linalg.norm(tree.plane[inner, :3].astype(np.float64), axis=1)
     _require_none("node", inner[~(np.abs(length - 1.0) < 1e-6)], "has no unit normal")
     # what the bound on the rounding of distances rests on
@@ -91,11 +129,8 @@ def _require_held_by_leaves(tree: CellTree, extents: Extents) -> None:
     inside = (tree.bounds[:3] <= extents.lower.T - pad).all(axis=1)
     inside &= (tree.bounds[3:] >= extents.upper.T + pad).all(axis=1)
     _require_none("primitive", np.flatnonzero(~inside), "is out of bounds")
-    leaves = np.flatnonzero(tree.child == 0)
-    counts = (tree.end - tree.first)[leaves]
-    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    items = tree.items[np.repeat(tree.first[leaves], counts) + place]
-    listed = np.sort(np.repeat(leaves, counts) * n + items)
+    leaf, held = _listed(tree)
+    listed = np.sort(leaf * n + held)
     node, k = np.zeros(n, np.int64), np.arange(n)
     for _ in range(MAX_DEPTH + 1):
         at_leaf = tree.child[node] == 0

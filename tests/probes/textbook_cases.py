@@ -12,8 +12,9 @@ from renderer.kernels.records.tally import make_tally
 
 REACH = 20.0  # of rays that take the fast way
 RAYS = 2000
-TREES = ("kd-middle", "kd-median", "kd-sah", "octree", "bsp")
-ACROSS_AXES = TREES[:-1]
+CELL_TREES = ("kd-middle", "kd-median", "kd-sah", "octree", "bsp")
+TREES = (*CELL_TREES, "bvh-middle")
+ACROSS_AXES = CELL_TREES[:-1]
 HIERARCHIES = ("grid-nested", "grid-clusters")
 GRIDS = ("grid", "grid-without-mailboxes", *HIERARCHIES)
 

@@ -18,7 +18,7 @@ from renderer.textbook.kd_tree import BINS, CHEAPEST, KdRule, cheapest_plane, sp
 from renderer.textbook.nested_grids import build_nested_grids
 from renderer.textbook.octree import MAX_LEVELS
 from renderer.textbook.uniform_grid import DENSITY, build_uniform_grid
-from renderer.textbook.validate import validate_cells
+from renderer.textbook.validate import validate_structure
 
 # ------------------------------------------------------------ the surface area heuristic
 
@@ -206,7 +206,7 @@ def test_mailboxes_save_all_tests_but_one():
             density=33_000,
         )
         assert accel.resolution.tolist() == [[32, 32, 32]]
-        validate_cells(accel, extents)
+        validate_structure(accel, extents)
         tallies.append(counts(accel, origin, direction))
     without, with_mailboxes = tallies
     assert without[NODES].min() >= 32
@@ -222,4 +222,4 @@ def test_all_at_the_origin():
     nowhere = Extents(zero, zero, 0.0, 0.0, lambda: hulls)
     held = accelerator("spheres", soup("spheres", 2, np.random.default_rng(0)), "brute")
     for build in (build_uniform_grid, build_nested_grids, build_clustered_grids):
-        validate_cells(build(nowhere, lambda columns: held.primitives), nowhere)
+        validate_structure(build(nowhere, lambda columns: held.primitives), nowhere)

@@ -33,6 +33,7 @@ from textbook_cases import (
 )
 
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK
+from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import MAX_DEPTH, CellTree, cells_of
 from renderer.textbook.cell_tree import STACK as ROOM
 from renderer.textbook.cell_tree_build import EXTRA
@@ -52,6 +53,8 @@ def check(name, kind, surfaces, reach=REACH):
         assert len(accel.items) <= (1 + EXTRA) * n
         assert len(accel.child) < 2 * (1 + EXTRA) * n
         assert cells_of(accel)[1].max() <= MAX_DEPTH < ROOM
+    elif isinstance(accel, BoxTree):
+        assert len(accel.items) == n and len(accel.child) < 2 * n
     else:
         assert len(accel.items) <= 2 * MOST_COPIES * n
         assert len(accel.start) <= 9 * n + 1

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from agreement import extents_for, proved
 from kernel_probes import soup
-from textbook_cases import GRIDS, HIERARCHIES, TREES, mixed_sizes
+from textbook_cases import CELL_TREES, GRIDS, HIERARCHIES, mixed_sizes
 
 from renderer.textbook.cell_tree import MAX_DEPTH
 from renderer.textbook.grid_walk import LEVELS
-from renderer.textbook.validate import validate_cells
+from renderer.textbook.validate import validate_structure
 
 
 def changed(record, field, place, value):
@@ -21,7 +21,7 @@ def changed(record, field, place, value):
 
 def refuses(structure, extents, fault):
     with pytest.raises(ValueError, match=fault):
-        validate_cells(structure, extents)
+        validate_structure(structure, extents)
 
 
 # ---------------------------------------------------------------------- trees of cells
@@ -64,7 +64,7 @@ def damaged_trees(tree):
     }
 
 
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize("name", CELL_TREES)
 def test_damaged_trees_are_refused(name):
     surfaces = soup("triangles", 300, np.random.default_rng(15), size=0.2)
     extents = extents_for("triangles", surfaces)
@@ -74,7 +74,7 @@ def test_damaged_trees_are_refused(name):
             refuses(damaged, extents, fault)
 
 
-@pytest.mark.parametrize("name", TREES)
+@pytest.mark.parametrize("name", CELL_TREES)
 def test_each_reference_that_is_missing_is_missed(name):
     """Builders list a little more than is needed; of the tests of a proof few are idle."""
     surfaces = soup("spheres", 200, np.random.default_rng(17), size=0.2)
@@ -84,7 +84,9 @@ def test_each_reference_that_is_missing_is_missed(name):
     places = np.linspace(0, len(tree.items) - 1, 50).astype(int)
     for k in places:
         try:
-            validate_cells(changed(tree, "items", k, (tree.items[k] + 1) % 200), extents)
+            validate_structure(
+                changed(tree, "items", k, (tree.items[k] + 1) % 200), extents
+            )
         except ValueError as error:
             assert "does not list" in str(error)
             missed += 1
@@ -105,6 +107,25 @@ def test_a_tree_deeper_than_the_stack_is_refused():
     end[:] = 1
     chain = tree._replace(plane=plane, child=child, first=first, end=end)
     refuses(chain, extents_for("spheres", surfaces), "deeper than")
+
+
+def test_a_damaged_tree_of_boxes_is_refused():
+    surfaces = soup("triangles", 300, np.random.default_rng(15), size=0.2)
+    extents = extents_for("triangles", surfaces)
+    tree = proved("bvh-middle", "triangles", surfaces)
+    inner = int(np.flatnonzero(tree.child)[3])
+    leaf = int(np.flatnonzero(tree.child == 0)[0])
+    for fault, damaged in {
+        "is in no leaf": changed(tree, "items", 0, tree.items[1]),
+        "does not hold its primitives": changed(tree, "boxes", (leaf, 3), -9),
+        "does not hold its children": changed(tree, "boxes", (inner, 0), 9),
+        "comes after its children": changed(tree, "child", inner, 1),
+        "children that do not exist": changed(tree, "child", inner, len(tree.child)),
+        "items that do not exist": changed(tree, "end", leaf, 10**6),
+        "beyond the pads": tree._replace(reach=np.float32(100.0)),
+        "differ in length": tree._replace(end=tree.end[:-1]),
+    }.items():
+        refuses(damaged, extents, fault)
 
 
 # -------------------------------------------------------------------------------- grids
@@ -162,7 +183,7 @@ def test_each_item_that_is_missing_is_missed(name):
     missed = 0
     for k in [*places, *inner[:3]]:
         try:
-            validate_cells(without_item(good, k), extents)
+            validate_structure(without_item(good, k), extents)
         except ValueError as error:
             assert "does not list" in str(error) or "lies in no other" in str(error)
             missed += 1
@@ -205,6 +226,6 @@ def test_a_grid_in_two_grids_and_too_many_in_each_other():
     def chain(depth):
         return grids_of_one_cell(*([1 + g] for g in range(1, depth)), [0])
 
-    validate_cells(chain(LEVELS), extents)
+    validate_structure(chain(LEVELS), extents)
     refuses(chain(LEVELS + 1), extents, "lies in too many others")
     refuses(grids_of_one_cell([2, 3], [3], [0]), extents, "grid 2 .* lies in two others")

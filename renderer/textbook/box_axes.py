@@ -13,18 +13,28 @@ the pass that finds them; the local minima are compared on all points.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bounding_volumes.grown_points import GrownPoints
 from renderer.kernels.jit import entry_kernel
 
 KEPT = 256  # extreme points, at most, in half as many directions
 MOST_ROUNDS = 12  # of turning about all three axes; 2 to 5 were seen
 
 Axes = NDArray[np.float64]  # (3, 3) rows: orthonormal
+
+
+class GrownPoints(NamedTuple):
+    """Balls; a point is one of radius 0."""
+
+    center: NDArray[np.float64]  # (3, n)
+    radius: NDArray[np.float64]  # (n,)
+    # Room for the rounding of ray tests, along each axis: the same fraction of the
+    # coordinates that boxes of primitives are padded by. The ray's own coordinates are
+    # looked after in the test.
+    pad: float
 
 
 def box_axes(points: GrownPoints) -> Axes:

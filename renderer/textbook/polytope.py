@@ -20,13 +20,13 @@ def polytope_area(
     Parameters
     ----------
     normals
-        (s, 3), of any length; the first three are the axes, which bound the volume.
+        (s, 3), of any length; the first three are across each other: they bound it.
     lower, upper
         (s,), lower <= upper.
     """
     low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
     # around the middle of the box, so that far volumes do not cost digits
-    middle = (low[:3] + high[:3]) / 2.0
+    middle = np.linalg.solve(normals[:3], (low[:3] + high[:3]) / 2.0)
     shift = normals @ middle
     size = 2.0 * float(np.linalg.norm(high[:3] - low[:3]))
     planes = np.concatenate((normals, -normals))

@@ -15,19 +15,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_probes import KINDS, accelerator, closest, directions, float32, soup, unit
 
-from renderer.accelerators.bounding_volumes.aabb import Aabb
-from renderer.accelerators.bounding_volumes.grown_points import (
+from renderer.kernels.jit import entry_kernel
+from renderer.kernels.lanes.vectors import column
+from renderer.plugins.shapes.extents import extents_of
+from renderer.textbook.bounding_volumes import Aabb, Slabs, hits_volume, which_hit
+from renderer.textbook.volume_fits import (
+    VOLUMES,
+    fit_k_dop,
+    fit_obb,
+    fit_sphere,
     points_of_extents,
     rounded_down,
     rounded_up,
 )
-from renderer.accelerators.bounding_volumes.k_dop import KDop, fit_k_dop
-from renderer.accelerators.bounding_volumes.obb import Obb, fit_obb
-from renderer.accelerators.bounding_volumes.sphere import fit_sphere
-from renderer.accelerators.bounding_volumes.volumes import VOLUMES, hits_volume, which_hit
-from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.vectors import column
-from renderer.plugins.shapes.extents import extents_of
 
 every_volume = pytest.mark.parametrize("name", VOLUMES)
 CUBE = np.array(list(itertools.product((0.0, 1.0), repeat=3))).T
@@ -298,9 +298,6 @@ def slabs_of(name, volume):
         return None
     if name == "AABB":
         return np.eye(3), *(a.astype(float) for a in volume)
-    if name == "OBB":
-        axes, middle = volume.axes.T.astype(float), volume.center[:, 0].astype(float)
-        return axes, axes @ middle - volume.half, axes @ middle + volume.half
     return tuple(a.astype(float) for a in (volume.normal.T, volume.lower, volume.upper))
 
 
@@ -369,13 +366,7 @@ def test_rays_in_a_face_at_the_worlds_origin():
     zero, one = np.zeros(3, np.float32), np.ones(3, np.float32)
     axes = float32(np.eye(3))
     for lower, upper in ((zero, one), (-one, zero)):
-        middle = float32((lower + upper)[:, None] / 2)
-        boxes = (
-            Aabb(lower, upper),
-            Obb(middle, axes, one / 2),
-            KDop(axes, lower, upper, one),
-        )
-        for box in boxes:
+        for box in (Aabb(lower, upper), Slabs(axes, lower, upper, one)):
             what = f"{type(box).__name__} from {lower} to {upper}"
             assert hits(box, zero, SIGNED_ZEROS).all(), f"{what} is missed"
             assert not hits(box, zero, np.eye(3), -1.0).any(), f"{what} is hit behind"
