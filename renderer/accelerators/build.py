@@ -15,35 +15,29 @@ from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.wide_bvh import build_wide
 from renderer.accelerators.choice import choose_structure, choose_structures
 from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
-from renderer.accelerators.extents import (
+from renderer.accelerators.instances.instances_build import build_instances, build_nodes
+from renderer.accelerators.non_occluders import find_non_occluders
+from renderer.accelerators.rays.boxes import build_boxes
+from renderer.accelerators.rays.brute_force import build_brute_force
+from renderer.errors import SceneError
+from renderer.kernels.records.kernel_scene import EMIT
+from renderer.plugins.shapes.extents import (
     Extents,
     Hulls,
     PrimitiveGroup,
     extents_of,
 )
-from renderer.accelerators.grids.clustered_grids import build_clustered_grids
-from renderer.accelerators.grids.nested_grids import build_nested_grids
-from renderer.accelerators.grids.uniform_grid import (
-    build_uniform_grid,
-    build_uniform_grid_without_mailboxes,
-)
-from renderer.accelerators.instances.instances_build import build_instances, build_nodes
-from renderer.accelerators.kd_tree.kd_tree import (
-    build_kd_median,
-    build_kd_middle,
-    build_kd_sah,
-)
-from renderer.accelerators.non_occluders import find_non_occluders
-from renderer.accelerators.octree_and_bsp.bsp import build_bsp
-from renderer.accelerators.octree_and_bsp.octree import build_octree
-from renderer.accelerators.rays.boxes import build_boxes
-from renderer.accelerators.rays.brute_force import build_brute_force
-from renderer.errors import SceneError
-from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.shapes.flat.flat import FlatSurfaces
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import Scene
+from renderer.textbook.bsp import build_bsp
+from renderer.textbook.bvh import build_box_tree
+from renderer.textbook.clustered_grids import build_clustered_grids
+from renderer.textbook.kd_tree import CHEAPEST, MEDIAN, MIDDLE, build_kd_tree
+from renderer.textbook.nested_grids import build_nested_grids
+from renderer.textbook.octree import build_octree
+from renderer.textbook.uniform_grid import build_uniform_grid
 
 # name -> how it is built
 BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
@@ -51,16 +45,18 @@ BUILDERS: dict[str, Callable[[Extents, PrimitiveGroup], Any]] = {
     "boxes": build_boxes,
     "bvh": build_bvh,
     "bvh-median": functools.partial(build_bvh, rule="median"),
-    "bvh-middle": functools.partial(build_bvh, rule="middle"),
+    "bvh-middle": functools.partial(
+        build_box_tree, build_tree=functools.partial(build_tree, rule="middle")
+    ),
     "wide": build_wide,
     "bsp": build_bsp,
     "grid": build_uniform_grid,
-    "grid-without-mailboxes": build_uniform_grid_without_mailboxes,
+    "grid-without-mailboxes": functools.partial(build_uniform_grid, mailboxed=None),
     "grid-nested": build_nested_grids,
     "grid-clusters": build_clustered_grids,
-    "kd-middle": build_kd_middle,
-    "kd-median": build_kd_median,
-    "kd-sah": build_kd_sah,
+    "kd-middle": functools.partial(build_kd_tree, rule=MIDDLE),
+    "kd-median": functools.partial(build_kd_tree, rule=MEDIAN),
+    "kd-sah": functools.partial(build_kd_tree, rule=CHEAPEST),
     "octree": build_octree,
 }
 

@@ -15,8 +15,9 @@ from renderer.accelerators.cost_model import (
     estimate_all,
 )
 from renderer.accelerators.rays.boxes import expected_cost
+from renderer.plugins.shapes.extents import primitive_bounds
 from renderer.plugins.shapes.registry import SHAPES
-from renderer.scene.scene import Scene, primitive_bounds
+from renderer.scene.scene import Scene
 
 _TO_BUILD_BOXES = 2e-3  # seconds that they must save, five times what they take
 _MOST_IN_BOXES = 1024  # above it they take longer to build, and a tree pays

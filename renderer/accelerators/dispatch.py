@@ -12,12 +12,7 @@ import numpy as np
 
 from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.wide_bvh import WideBvh
-from renderer.accelerators.grids.hierarchical_grid import HierarchicalGrid
-from renderer.accelerators.grids.uniform_grid import UniformGrid
 from renderer.accelerators.instances.instances import Instances
-from renderer.accelerators.kd_tree.kd_tree import KdTree
-from renderer.accelerators.octree_and_bsp.bsp import Bsp
-from renderer.accelerators.octree_and_bsp.octree import Octree
 from renderer.accelerators.rays.boxes import Boxes
 from renderer.accelerators.rays.brute_force import BruteForce
 from renderer.accelerators.rays.query import (
@@ -26,8 +21,11 @@ from renderer.accelerators.rays.query import (
     traverse,
     traverse_coherent,
 )
-from renderer.accelerators.rays.ray_by_ray import trace_ray_by_ray
 from renderer.kernels.jit import method_kernel
+from renderer.textbook.bvh import BoxTree
+from renderer.textbook.cell_tree import CellTree
+from renderer.textbook.grid_walk import Grids
+from renderer.textbook.one_ray import trace_ray_by_ray
 
 
 class Traversals(NamedTuple):
@@ -63,7 +61,7 @@ def any_hit_coherent(accel, shadow_rays, count, tally):
     traverse_coherent(accel, any_hits(shadow_rays), np.int64(0), count, tally)
 
 
-_RAY_BY_RAY = (Bsp, UniformGrid, HierarchicalGrid, KdTree, Octree)
+_RAY_BY_RAY = (BoxTree, CellTree, Grids)
 traverse.by(*_RAY_BY_RAY)(trace_ray_by_ray)
 
 TRAVERSALS = {

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.choice import choose_structures
 from renderer.accelerators.cost_model import RayCounts
-from renderer.accelerators.extents import ROUNDING
 from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.lights.registry import plugin_of
+from renderer.plugins.shapes.extents import ROUNDING
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.light_order import light_order
 from renderer.scene.scene import Scene

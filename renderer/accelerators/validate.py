@@ -15,17 +15,13 @@ from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
 from renderer.accelerators.bvh.wide_bvh import WideBvh
-from renderer.accelerators.extents import Extents
-from renderer.accelerators.grids.hierarchical_grid import (
-    HierarchicalGrid,
-    validate_hierarchical_grid,
-)
-from renderer.accelerators.grids.uniform_grid import UniformGrid, validate_uniform_grid
-from renderer.accelerators.kd_tree.kd_tree import KdTree, validate_kd_tree
-from renderer.accelerators.octree_and_bsp.bsp import Bsp, validate_bsp
-from renderer.accelerators.octree_and_bsp.octree import Octree, validate_octree
 from renderer.accelerators.rays.boxes import Boxes
 from renderer.accelerators.rays.brute_force import BruteForce
+from renderer.plugins.shapes.extents import Extents
+from renderer.textbook.bvh import BoxTree
+from renderer.textbook.cell_tree import CellTree
+from renderer.textbook.grid_walk import Grids
+from renderer.textbook.validate import validate_structure
 
 
 def validate(accel: Any, extents: Extents) -> None:
@@ -100,9 +96,7 @@ VALIDATORS: dict[type, Callable[[Any, Extents], None]] = {
     Boxes: _validate_boxes,
     Bvh: _validate_bvh,
     WideBvh: validate_wide,
-    UniformGrid: validate_uniform_grid,
-    HierarchicalGrid: validate_hierarchical_grid,
-    KdTree: validate_kd_tree,
-    Octree: validate_octree,
-    Bsp: validate_bsp,
+    BoxTree: validate_structure,
+    CellTree: validate_structure,
+    Grids: validate_structure,
 }

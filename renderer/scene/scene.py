@@ -22,6 +22,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.shapes.arrays import float32
 from renderer.plugins.shapes.arrays import unit_normals as unit_normals
+from renderer.plugins.shapes.extents import primitive_bounds
 from renderer.plugins.shapes.registry import KINDS as KINDS
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.scene.attributes import check_attributes
@@ -137,16 +138,6 @@ class Scene:
             for kind, surfaces in self.surfaces.items()
         ]
         return placed_boxes(self.placements, group_boxes(primitives))
-
-
-def primitive_bounds(kind: str, s: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return lower and upper corners, (3, n) each, of a kind's primitives."""
-    points = SHAPES[kind].corners(s)
-    lower = np.minimum.reduce(points)
-    upper = np.maximum.reduce(points)
-    # the sums above are rounded, and the hit test rounds in another way: pad by that
-    slack = np.float32(32 * 2.0**-24) * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
-    return float32(lower - slack), float32(upper + slack)
 
 
 def primitives_of_shapes(scene: Scene) -> list[NDArray[np.int32]]:

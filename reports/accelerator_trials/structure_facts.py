@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from renderer.accelerators.bvh.bvh import Bvh
-from renderer.accelerators.bvh.bvh_tree import bvh_cost, bvh_depth
-from renderer.accelerators.kd_tree.kd_tree import KdTree
-from renderer.accelerators.kd_tree.kd_tree_checks import kd_cells, kd_cost
-from renderer.accelerators.octree_and_bsp.bsp import Bsp
-from renderer.accelerators.octree_and_bsp.octree import Octree
-from renderer.accelerators.octree_and_bsp.octree_checks import octree_cells
+from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, bvh_depth
+from renderer.textbook.bvh import BoxTree
+from renderer.textbook.cell_tree import CellTree, cells_of, tree_cost
 
 
 class StructureFacts(NamedTuple):
@@ -21,14 +20,22 @@ class StructureFacts(NamedTuple):
     cost: float | None  # of a ray that meets the root, by the surface area heuristic
 
 
+def _bvh_tree(tree: BoxTree) -> BvhTree:
+    count = np.where(tree.child == 0, tree.end - tree.first, 0)
+    return BvhTree(tree.boxes, tree.child, count, tree.items)
+
+
 # record -> how its depth and its cost are found
 _DEPTH: dict[type, Callable[[Any], int]] = {
     Bvh: bvh_depth,
-    Bsp: bvh_depth,  # its nodes name children and leaves as a Bvh's do
-    KdTree: lambda tree: int(kd_cells(tree)[1].max()),
-    Octree: lambda tree: int(octree_cells(tree)[1].max()),
+    BoxTree: lambda tree: bvh_depth(_bvh_tree(tree)),
+    CellTree: lambda tree: int(cells_of(tree)[1].max()),
 }
-_COST: dict[type, Callable[[Any], float]] = {Bvh: bvh_cost, KdTree: kd_cost}
+_COST: dict[type, Callable[[Any], float | None]] = {
+    Bvh: bvh_cost,
+    BoxTree: lambda tree: bvh_cost(_bvh_tree(tree)),
+    CellTree: tree_cost,
+}
 
 
 def structure_facts(accel: Any) -> StructureFacts:

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.bounding_volumes.grown_points import points_of_extents
-from renderer.accelerators.bounding_volumes.volumes import VOLUMES, which_hit
 from renderer.accelerators.build import build_accelerator
-from renderer.accelerators.extents import extents_of
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.records.batch import PADDING
+from renderer.plugins.shapes.extents import extents_of
 from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
+from renderer.textbook.bounding_volumes import which_hit
+from renderer.textbook.volume_fits import VOLUMES, points_of_extents
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import flat, in_batches
 from reports.accelerator_trials.tracing import make_query, trace

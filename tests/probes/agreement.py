@@ -16,8 +16,8 @@ from kernel_probes import KINDS, Found, accelerator, blocked, closest
 
 from renderer.accelerators.build import BUILDERS
 from renderer.accelerators.dispatch import TRAVERSALS
-from renderer.accelerators.extents import Extents, extents_of
 from renderer.accelerators.validate import validate
+from renderer.plugins.shapes.extents import Extents, extents_of
 
 NAMES = tuple(BUILDERS)
 # Grouped by name, so that the processes of a test run share out what is to be compiled.

@@ -16,7 +16,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from kernel_probes import directions, float32, triangles, unit
 
-from renderer.accelerators.extents import Extents
+from renderer.plugins.shapes.extents import Extents
 from renderer.scene_file.meshes.mesh import _degenerate
 
 # The same examples in every run: a failure of one run is a failure of the next.

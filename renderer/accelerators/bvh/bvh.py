@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh_build import build_tree
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.box_entry import origin_margins, packet_enters, ray_enters
 from renderer.accelerators.rays.packets import begin_packet, end_packet, intersect_packet
 from renderer.accelerators.rays.query import traverse, traverse_coherent
-from renderer.accelerators.rays.ray_by_ray import trace_ray, trace_ray_by_ray
 from renderer.accelerators.rays.single_ray import (
     RayHit,
     blocked_in_range,
+    load_hit,
     nearest_in_range,
+    store_hit,
 )
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import first_lanes, lane, mask_bits
 from renderer.kernels.lanes.local import local_f32, local_i32
-from renderer.kernels.lanes.vectors import load3, vec3
+from renderer.kernels.lanes.vectors import column, load3, vec3
 from renderer.kernels.records.tally import (
     BOXES,
     NODES,
@@ -35,6 +35,7 @@ from renderer.kernels.records.tally import (
     note_packet_stack,
     note_stack,
 )
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 STACK = 64  # at most `MAX_DEPTH` = 60 edges to a leaf
 _INFINITY = np.float32(np.inf)
@@ -116,10 +117,6 @@ def trace_bvh_packets(bvh, query, first, count, tally):
         end_packet(query, i, packet, traced)
 
 
-traverse.by(Bvh)(trace_ray_by_ray)
-
-
-@trace_ray.by(Bvh)
 @kernel
 def trace_bvh_ray(bvh, origin, direction, hit, any_hit, tally, i):
     """Return the nearest hit of one ray, or the first one found if any hit will do.
@@ -175,3 +172,22 @@ def trace_bvh_ray(bvh, origin, direction, hit, any_hit, tally, i):
         elif blocked_in_range(primitives, child, end, origin, direction, hit.t, tally, i):
             return RayHit(hit.t, np.int32(0), hit.u, hit.v)
     return hit
+
+
+@traverse.by(Bvh)
+@kernel
+def trace_bvh(bvh, query, first, count, tally):
+    """Answer a query for rays first to first + count - 1, one at a time."""
+    any_hit, zero = query.any_hit, np.float32(0.0)
+    for i in range(first, first + count):
+        if any_hit != 0 and query.prim[i] != 0:
+            continue
+        origin, direction = column(query.origin, i), column(query.direction, i)
+        hit = RayHit(query.ends[i], np.int32(-1), zero, zero)
+        if any_hit == 0:
+            hit = load_hit(query, i)
+        hit = trace_bvh_ray(bvh, origin, direction, hit, any_hit, tally, i)
+        if any_hit == 0:
+            store_hit(query, i, hit)
+        elif hit.prim >= 0:
+            query.prim[i] = 1

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.bvh import Bvh
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.kernels.jit import entry_kernel
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 
 def refit_bvh(bvh: Bvh, extents: Extents, group: PrimitiveGroup, first: int = 0) -> Bvh:

@@ -22,9 +22,9 @@ from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.streams.ray_packets import PairedBvh, trace_bundles
 from renderer.accelerators.bvh.streams.ray_streams import trace_stream
 from renderer.accelerators.bvh.wide.wide_bvh_build import collapse, far_to_near, pack_pairs
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.query import traverse, traverse_coherent
 from renderer.plugins.shapes.blocks import WIDTH, blocks_of
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 # Fewer rays than this are no stream, or it takes up to 1.6 times as long as rays one by one
 # (8 rays). At 64 the stream is ahead by 1.06 (6320 triangles) and 1.11 (24,002), at 128 by

@@ -17,13 +17,13 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     collapse,
     far_to_near,
 )
-from renderer.accelerators.extents import ROUNDING
 from renderer.accelerators.instances.instance_leaves import primitives_of
 from renderer.accelerators.instances.instances import Instances
 from renderer.plugins.shapes.blocks import WIDTH, aligned_bytes, blocks_of
+from renderer.plugins.shapes.extents import ROUNDING, primitive_bounds
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.scene.placed_groups import distortion, translation
-from renderer.scene.scene import KINDS, Scene, primitive_bounds
+from renderer.scene.scene import KINDS, Scene
 
 # Seen from the world, an object's point is off by the rounding of the ray's way into the
 # object's space (4 units in the last place of the origin, 3 of the direction, which goes up

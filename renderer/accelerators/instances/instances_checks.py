@@ -18,8 +18,9 @@ from renderer.accelerators.instances.instance_leaves import (
     of_kind,
 )
 from renderer.accelerators.instances.instances import Instances
+from renderer.plugins.shapes.extents import primitive_bounds
 from renderer.scene.placed_groups import linear_part, translation
-from renderer.scene.scene import KINDS, Scene, primitive_bounds
+from renderer.scene.scene import KINDS, Scene
 
 
 def validate_instances(instances: Instances, scene: Scene) -> None:

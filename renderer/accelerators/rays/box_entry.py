@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.accelerators.extents import ROUNDING
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import fabs, maximum, minimum, select, splat_f32
 from renderer.kernels.lanes.vectors import vec3
+from renderer.plugins.shapes.extents import ROUNDING
 
 # A slab's far distance is stretched by 2 gamma(3), which closes the holes that rounding
 # would leave in the boxes of flat primitives [Ize2013].

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.box_entry import origin_margins, packet_enters
 from renderer.accelerators.rays.packets import Nearest, blocked_by, nearest_in_order
 from renderer.accelerators.rays.query import traverse
@@ -32,6 +31,7 @@ from renderer.kernels.lanes.local import local_i32
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, scatter_row
 from renderer.kernels.lanes.vectors import gather3, load3
 from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, add_to_packet
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 MOST = 8  # boxes: their lists lie on the processor's stack, 35 KB
 _BATCH = 1024  # rays that are listed at once

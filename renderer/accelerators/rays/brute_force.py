@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.extents import Extents, PrimitiveGroup
 from renderer.accelerators.rays.packets import (
     Nearest,
     begin_packet,
@@ -23,6 +22,7 @@ from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
+from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 
 
 class BruteForce(NamedTuple):

@@ -50,6 +50,7 @@ KERNEL_FOLDERS = (
     "kernels",
     "plugins",
     "replay",
+    "textbook",
 )
 
 

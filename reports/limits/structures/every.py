@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import BUILDERS, build_accelerator
+from renderer.textbook.cell_tree import CellTree
 from reports.accelerator_trials.meshes import displaced_icosphere, triangle_surfaces
 from reports.accelerator_trials.rays import random_rays
 from reports.limits.our_hits import nearest_hits
@@ -26,9 +27,9 @@ def _brute(triangles: float) -> float:
 def on_planes() -> NDArray[np.float32]:
     """Return points (n, 3) that lie exactly on three planes of a structure over the ball.
 
-    Centres of the octree's cells, lower corners of the BVH's boxes, and points where three
-    cuts of the k-d tree would cross; and last the point for which structures over rays
-    from here are the same ones.
+    Points where three planes of the octree and of the k-d tree would cross, and lower
+    corners of the BVH's boxes; and last the point for which structures over rays from here
+    are the same ones.
     """
     surfaces = triangle_surfaces(BALL)
     order = np.arange(BALL.triangles)
@@ -36,11 +37,15 @@ def on_planes() -> NDArray[np.float32]:
         build_accelerator("triangles", surfaces, order, name, REACH)
         for name in ("octree", "bvh", "kd-sah")
     )
-    place, axis = tree.split[0::2], tree.link[1::2] % 4
-    fewest = min(np.count_nonzero(axis == k) for k in range(3))
-    cuts = np.stack([place[axis == k][:fewest] for k in range(3)], axis=1)
     last = np.array([(REACH, 0.0, 0.0)], np.float32)
-    return np.concatenate((octree.centre, bvh.bounds[:, :3], cuts, last))
+    return np.concatenate((_crossings(octree), bvh.bounds[:, :3], _crossings(tree), last))
+
+
+def _crossings(tree: CellTree) -> NDArray[np.float32]:
+    """Return points (n, 3) where a plane across x, one across y and one across z meet."""
+    offsets = [tree.plane[tree.plane[:, axis] == 1.0, 3] for axis in range(3)]
+    fewest = min(map(len, offsets))
+    return np.stack([offset[:fewest] for offset in offsets], axis=1)
 
 
 def _differ(zeros: float) -> float:

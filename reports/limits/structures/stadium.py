@@ -93,7 +93,7 @@ ROWS = (
     _row("octree", "Octree", 1e4, 1e5, _PAD),
     _row("bsp", "BSP tree", 1e3, 1e5, _PAD),
     _row("kd-middle", "k-d tree cut in the middle", 1e4, 1e5, _PAD),
-    _row("kd-median", "k-d tree cut at the median", 1e3, 1e5, _PAD),
+    _row("kd-median", "k-d tree cut at the median", 300.0, 1e5, _PAD),
     _row("kd-sah", "k-d tree by surface area", 1e4, 1e5, _PAD),
     _row("bvh", "BVH by surface area", 1e5, None, _WASTE),
     _row("wide", "BVH of eight children", 1e5, None, _WASTE),

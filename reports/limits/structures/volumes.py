@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from renderer.accelerators.bounding_volumes.volumes import VOLUMES
+from renderer.textbook.volume_fits import VOLUMES
 from reports.limits.row import Row
 from reports.limits.vectors import unit
 

@@ -10,7 +10,7 @@ from renderer.accelerators.build import primitive_group
 from renderer.accelerators.bvh.bvh import build_bvh
 from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost, validate_bvh
-from renderer.accelerators.extents import extents_of
+from renderer.plugins.shapes.extents import extents_of
 from renderer.plugins.shapes.flat.flat import replaced
 
 RAYS = 2000

@@ -18,8 +18,8 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_WORDS,
 )
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
-from renderer.accelerators.extents import extents_of
 from renderer.plugins.shapes.blocks import WIDTH
+from renderer.plugins.shapes.extents import extents_of
 
 
 def built(surfaces, kind="triangles"):

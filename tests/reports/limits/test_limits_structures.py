@@ -22,9 +22,9 @@ def test_the_wall_lies_on_the_cut():
     surfaces = triangle_surfaces(mesh)
     order = np.arange(mesh.triangles)
     octree = build_accelerator("triangles", surfaces, order, "octree", 3.0)
-    assert octree.centre[0, 0] == 0.0
     tree = build_accelerator("triangles", surfaces, order, "kd-middle", 3.0)
-    assert (tree.split[0], tree.link[1] % 4) == (0.0, 0)  # of the root: place, axis
+    for root in (octree.plane[0], tree.plane[0]):
+        assert root.tolist() == [1.0, 0.0, 0.0, 0.0]
 
 
 def test_rays_start_on_planes_of_the_structures():
@@ -37,9 +37,9 @@ def test_rays_start_on_planes_of_the_structures():
     bvh = build_accelerator("triangles", surfaces, order, "bvh", reach)
     tree = build_accelerator("triangles", surfaces, order, "kd-sah", reach)
     for axis in range(3):
-        cuts = tree.split[0::2][tree.link[1::2] % 4 == axis]
-        planes = (octree.centre[:, axis], bvh.bounds[:, axis], cuts)
-        assert np.all(np.isin(places[:-1, axis], np.concatenate(planes)))
+        cuts = [t.plane[t.plane[:, axis] == 1.0, 3] for t in (octree, tree)]
+        planes = np.concatenate((bvh.bounds[:, axis], *cuts))
+        assert np.all(np.isin(places[:-1, axis], planes))
 
 
 def test_the_teapot_is_in_one_cell_of_a_wide_stadium():

@@ -17,8 +17,8 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_BYTES,
     WIDE_WORDS,
 )
-from renderer.accelerators.extents import Extents
 from renderer.plugins.shapes.blocks import WIDTH
+from renderer.plugins.shapes.extents import Extents
 
 
 def validate_wide(accel: Any, extents: Extents) -> None:

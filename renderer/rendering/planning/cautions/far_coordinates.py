@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from renderer.plugins.shapes.extents import primitive_bounds
 from renderer.rendering.planning.cautions.caution import listed, name_of
 from renderer.rendering.planning.plan import Plan
-from renderer.scene.scene import Scene, primitive_bounds
+from renderer.scene.scene import Scene
 from renderer.scene_file.description import PerspectiveCamera
 
 STEP = 2.0**-23  # of float32, relative

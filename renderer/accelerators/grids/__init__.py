@@ -1,1 +1,0 @@
-"""Uniform grids, and grids in grids."""

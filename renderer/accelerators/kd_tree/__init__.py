@@ -1,1 +1,0 @@
-"""The kd-tree and the three ways to split it."""

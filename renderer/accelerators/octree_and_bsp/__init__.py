@@ -1,1 +1,0 @@
-"""Octree and BSP tree."""

@@ -1,0 +1,113 @@
+"""Boxes and hulls of primitives: what every builder of an accelerator is given.
+
+A builder never sees triangles or spheres, only their boxes and hulls. So each accelerator
+holds every kind of primitive.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.plugins.shapes.registry import SHAPES
+
+# The rounding of a hit's t and (u, v) moves it by up to this fraction of the coordinates
+# that went into it (32 units in the last place of single precision).
+ROUNDING = np.float32(32 * 2.0**-24)
+
+# (n,) column numbers -> the group of those primitives, in that order; one may come twice
+PrimitiveGroup = Callable[[NDArray[np.int64]], Any]
+
+
+class Hulls(NamedTuple):
+    """See the properties of `Extents`."""
+
+    points: NDArray[np.float32]
+    radius: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+def primitive_bounds(
+    kind: str, surfaces: Any
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return lower and upper corners, (3, n) each, of a kind's primitives."""
+    points = SHAPES[kind].corners(surfaces)
+    lower = np.minimum.reduce(points)
+    upper = np.maximum.reduce(points)
+    # the sums above are rounded, and the hit test rounds in another way: pad by that
+    slack = ROUNDING * np.maximum(np.abs(lower), np.abs(upper)).max(axis=0)
+    return (lower - slack).astype(np.float32), (upper + slack).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Extents:
+    """Boxes and hulls of n primitives, and how far from them rays may find them."""
+
+    lower: NDArray[np.float32]  # (3, n) smallest x, y, z
+    upper: NDArray[np.float32]  # (3, n) largest x, y, z
+    # Rays from |x| + |y| + |z| <= reach find a primitive up to `pad` outside of its box.
+    # A structure of cells grows boxes and hulls by it, and tests rays from farther away
+    # against all primitives.
+    reach: float
+    pad: float
+    make_hulls: Callable[[], Hulls]  # computed on first use: a BVH needs none
+
+    @functools.cached_property
+    def _hulls(self) -> Hulls:
+        return self.make_hulls()
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """(3, 4, n): a primitive lies within their convex hull, grown by `radius`."""
+        return self._hulls.points
+
+    @property
+    def radius(self) -> NDArray[np.float32]:
+        """(n,)."""
+        return self._hulls.radius
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """(3, n) unit, of the plane that a primitive lies in; 0 where it is not flat."""
+        return self._hulls.normal
+
+
+def extents_of(
+    kind: str, surfaces: Any, order: NDArray[np.int64], reach: float = 0.0
+) -> Extents:
+    """Return the extents of some primitives of one kind.
+
+    Parameters
+    ----------
+    kind
+        One of `renderer.plugins.shapes.registry.SHAPES`.
+    surfaces
+        The record of that kind.
+    order
+        Columns of the record, (n,).
+    reach
+        Rays from this far (sum of absolute coordinates) shall be fast; what encloses the
+        primitives always is.
+    """
+    lower, upper = primitive_bounds(kind, surfaces)
+    if not np.array_equal(order, np.arange(lower.shape[1])):
+        lower, upper = (np.ascontiguousarray(side[:, order]) for side in (lower, upper))
+    largest = np.maximum(np.abs(lower), np.abs(upper))
+    if len(order):
+        reach = max(reach, float(largest.sum(axis=0).max()))
+    reach = float(np.float32(reach * 1.000001))  # kernels sum |x| + |y| + |z| in float32
+
+    def make_hulls() -> Hulls:
+        points, radius, normal = SHAPES[kind].hull(surfaces, order)
+        return Hulls(
+            np.ascontiguousarray(points, np.float32),
+            (radius + ROUNDING * largest.max(axis=0)).astype(np.float32),
+            np.ascontiguousarray(normal, np.float32),
+        )
+
+    return Extents(lower, upper, reach, float(ROUNDING) * reach, make_hulls)

@@ -1,0 +1,219 @@
+"""Bounding volumes fitted to points: as small as can be, and nothing sticks out.
+
+Points are grown by radii, so that their hull covers every kind of primitive. Fitting is
+done in double precision and stored in single, rounded away from the points.
+
+How good a volume is, is the share of random rays that meet it. By Cauchy's formula a
+convex body's projected area, in the mean over all directions, is a quarter of its surface
+area. So of the lines that meet a convex body, those that also meet a convex body within it
+are the ratio of the two surface areas, which is computed here exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from renderer.plugins.shapes.extents import ROUNDING, Extents
+from renderer.textbook.bounding_volumes import DIAGONAL, Aabb, BoundingSphere, Slabs
+from renderer.textbook.box_axes import GrownPoints, box_axes
+from renderer.textbook.polytope import polytope_area
+from renderer.textbook.smallest_ball import smallest_ball
+
+# Normals of the slabs of a k-DOP: k directions are k / 2 slabs. 6: the axes, a box. 10: and
+# two diagonals of the faces across one axis, a box with four bevelled edges. 14: the axes
+# and the four diagonals of a cube, a box with bevelled corners, as Kay and Kajiya took
+# them. Whole numbers, not unit vectors: products with them are exact.
+_AXES = np.eye(3)
+_CORNERS = np.array([[1.0, 1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
+_BEVELS = (  # edges along x, y, z
+    np.array([[0.0, 1, 1], [0, 1, -1]]),
+    np.array([[1.0, 0, 1], [1, 0, -1]]),
+    np.array([[1.0, 1, 0], [1, -1, 0]]),
+)
+ORIENTATIONS = {
+    6: (_AXES,),
+    10: tuple(np.concatenate((_AXES, bevel)) for bevel in _BEVELS),
+    14: (np.concatenate((_AXES, _CORNERS)),),
+}
+
+
+class Volume(NamedTuple):
+    """What one kind of volume can do, outside of kernels."""
+
+    fit: Callable[..., Any]  # (points (3, n), radius (n,) or a number) -> record
+    area: Callable[[Any], float]  # surface of a record; a flat volume has two sides
+    contains: Callable[..., NDArray[np.bool_]]  # (record, points, radius) -> (n,)
+
+
+def grown_points(points: ArrayLike, radius: ArrayLike = 0.0) -> GrownPoints:
+    """Check and convert what a volume is to be fitted to.
+
+    Parameters
+    ----------
+    points
+        (3, n), n >= 1, finite.
+    radius
+        (n,) or one number for all, >= 0 and finite.
+
+    Raises
+    ------
+    ValueError
+        If that is not so.
+    """
+    center = np.asarray(points, np.float64)
+    if center.ndim != 2 or center.shape[0] != 3 or center.shape[1] == 0:
+        raise ValueError(f"a volume needs points (3, n), n >= 1, not {center.shape}")
+    radii = np.broadcast_to(np.asarray(radius, np.float64), center.shape[1:])
+    if not (np.isfinite(center).all() and np.isfinite(radii).all()):
+        raise ValueError("a volume needs finite points and radii")
+    if (radii < 0.0).any():
+        raise ValueError(f"radius {radii.min()} is negative")
+    largest = float((np.abs(center) + radii).max())
+    return GrownPoints(center, radii, float(ROUNDING) * largest)
+
+
+def points_of_extents(extents: Extents) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return (points (3, 4 n), radius (4 n,)) of primitives, for any of the fits."""
+    return extents.points.reshape(3, -1), np.tile(extents.radius, 4)
+
+
+def rounded_up(values: ArrayLike) -> Any:
+    """Return the smallest float32 that are not below the values."""
+    exact = np.asarray(values, np.float64)
+    near = exact.astype(np.float32)
+    return np.where(near < exact, np.nextafter(near, np.float32(np.inf)), near)
+
+
+def rounded_down(values: ArrayLike) -> Any:
+    """Return the largest float32 that are not above the values."""
+    return -rounded_up(-np.asarray(values, np.float64))
+
+
+# ---------------------------------------------------------------------------- the fits
+
+
+def fit_sphere(points: ArrayLike, radius: ArrayLike = 0.0) -> BoundingSphere:
+    """Return the smallest sphere around points (3, n) grown by radii (n,).
+
+    The radius grows by what rounding the centre to single precision costs, and by the pad,
+    about 10^-5 of the coordinates.
+    """
+    grown = grown_points(points, radius)
+    center = smallest_ball(grown.center, grown.radius).astype(np.float32)
+    offset = grown.center - center[:, None].astype(np.float64)
+    reach = (np.linalg.norm(offset, axis=0) + grown.radius).max()
+    reach = reach * (1.0 + 1e-15) + float(DIAGONAL) * grown.pad
+    return BoundingSphere(center[:, None], rounded_up([reach]))
+
+
+def fit_aabb(points: ArrayLike, radius: ArrayLike = 0.0) -> Aabb:
+    """Return the smallest axis-aligned box, up to rounding, around grown points."""
+    grown = grown_points(points, radius)
+    lower = (grown.center - grown.radius).min(axis=1) - grown.pad
+    upper = (grown.center + grown.radius).max(axis=1) + grown.pad
+    return Aabb(rounded_down(lower), rounded_up(upper))
+
+
+def fit_obb(points: ArrayLike, radius: ArrayLike = 0.0) -> Slabs:
+    """Return a small oriented box around grown points, as three slabs.
+
+    Never larger than the axis-aligned one, but for rounding; not always the smallest there
+    is. The axes are rounded first and the slabs measured with the rounded ones, so that
+    rounding lets no point out.
+    """
+    grown = grown_points(points, radius)
+    return _slabs(grown, box_axes(grown).astype(np.float32).astype(np.float64))
+
+
+def fit_k_dop(points: ArrayLike, radius: ArrayLike = 0.0, directions: int = 14) -> Slabs:
+    """Return the slabs of fixed orientations around grown points.
+
+    Every plane touches a point, up to rounding. With 10 directions, of the three axes that
+    edges can be bevelled along the one that gives the least area is taken.
+
+    Raises
+    ------
+    ValueError
+        If `directions` is not 6, 10 or 14, or of `grown_points`.
+    """
+    if directions not in ORIENTATIONS:
+        known = ", ".join(map(str, ORIENTATIONS))
+        raise ValueError(f"slabs of {directions} directions: there are {known}")
+    grown = grown_points(points, radius)
+    choices = [_slabs(grown, normals) for normals in ORIENTATIONS[directions]]
+    return min(choices, key=_area_of_slabs) if len(choices) > 1 else choices[0]
+
+
+def _slabs(points: GrownPoints, normals: NDArray[np.float64]) -> Slabs:
+    """Return slabs (s, 3) that hold all points and their pads."""
+    low, high = _ranges(normals, points.center, points.radius)
+    spread = np.abs(normals).sum(axis=1)
+    return Slabs(
+        np.ascontiguousarray(normals.T, np.float32),
+        rounded_down(low.min(axis=1) - spread * points.pad),
+        rounded_up(high.max(axis=1) + spread * points.pad),
+        spread.astype(np.float32),
+    )
+
+
+def _ranges(normals: NDArray[np.float64], points: ArrayLike, radius: ArrayLike) -> Any:
+    """Return the smallest and largest n . x of each grown point, (s, n) each."""
+    along = normals @ np.asarray(points, np.float64)
+    lengths = np.linalg.norm(normals, axis=1)[:, None]
+    grown = lengths * np.asarray(radius, np.float64)
+    return along - grown, along + grown
+
+
+# ----------------------------------------------------------------- areas and contents
+
+
+def _area_of_sphere(sphere: BoundingSphere) -> float:
+    return float(4.0 * np.pi * np.float64(sphere.radius[0]) ** 2)
+
+
+def _area_of_aabb(box: Aabb) -> float:
+    a, b, c = np.subtract(box.upper, box.lower, dtype=np.float64)
+    return float(2.0 * (a * b + b * c + c * a))
+
+
+def _area_of_slabs(slabs: Slabs) -> float:
+    return polytope_area(slabs.normal.T.astype(np.float64), slabs.lower, slabs.upper)
+
+
+def _sphere_contains(
+    sphere: BoundingSphere, points: ArrayLike, radius: ArrayLike = 0.0
+) -> Any:
+    offset = np.asarray(points, np.float64) - sphere.center.astype(np.float64)
+    reach = np.linalg.norm(offset, axis=0) + np.asarray(radius, np.float64)
+    return reach <= sphere.radius[0]
+
+
+def _within(
+    volume: Any, normals: NDArray[Any], points: ArrayLike, radius: ArrayLike
+) -> Any:
+    low, high = _ranges(normals.astype(np.float64), points, radius)
+    inside = (low >= volume.lower[:, None]) & (high <= volume.upper[:, None])
+    return inside.all(axis=0)
+
+
+def _aabb_contains(box: Aabb, points: ArrayLike, radius: ArrayLike = 0.0) -> Any:
+    return _within(box, _AXES, points, radius)
+
+
+def _slabs_contain(slabs: Slabs, points: ArrayLike, radius: ArrayLike = 0.0) -> Any:
+    return _within(slabs, slabs.normal.T, points, radius)
+
+
+VOLUMES = {
+    "sphere": Volume(fit_sphere, _area_of_sphere, _sphere_contains),
+    "AABB": Volume(fit_aabb, _area_of_aabb, _aabb_contains),
+    "OBB": Volume(fit_obb, _area_of_slabs, _slabs_contain),
+} | {
+    f"{k}-DOP": Volume(partial(fit_k_dop, directions=k), _area_of_slabs, _slabs_contain)
+    for k in ORIENTATIONS
+}
