@@ -13,19 +13,13 @@ Numba and NumPy are not imported here: `lightproof --help` does not wait for the
 from __future__ import annotations
 
 import dataclasses
-import functools
-import inspect
-import operator
 import os
-import reprlib
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, overload
+from typing import Any, NamedTuple
 
-from renderer.errors import SceneError, did_you_mean
+from renderer.errors import SceneError
 from renderer.process.memory import parse_size
 from renderer.process.names import (
     ACCELERATORS,
@@ -36,13 +30,20 @@ from renderer.process.names import (
     SAMPLERS,
 )
 from renderer.process.worker_pool import default_threads
+from renderer.rendering.option_values import (
+    MOST_SEED,
+    parse_cluster,
+    parse_count,
+    parse_error,
+    parse_seconds,
+    parse_seed,
+    positive,
+    whole,
+)
 from renderer.rendering.progress_display import Progress
 
 MOST_SAMPLES = 1 << 24  # per pixel, as in a file
 MOST_THREADS = 1024
-MOST_SEED = 2**32 - 1
-MOST_LOCAL = 256  # processes of a cluster on this machine
-PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 class Option(NamedTuple):
@@ -82,84 +83,6 @@ def _option(
     return dataclasses.field(default=default, metadata={"option": option})
 
 
-def _whole(least: int, most: int) -> Callable[[str, Any], int]:
-    """Return a check for integers, NumPy's included, from `least` to `most`."""
-
-    def check(name: str, value: Any) -> int:
-        try:
-            number = operator.index(value)
-        except TypeError:
-            possible = f"whole numbers from {least} to {most} are possible"
-            raise TypeError(f"{name} is {shown_value(value)}; {possible}") from None
-        if not least <= number <= most:
-            raise SceneError(f"{name} is {number}; {least} to {most} are possible")
-        return number
-
-    return check
-
-
-def _positive(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise TypeError(f"{name} is {shown_value(value)}; positive numbers are possible")
-    if not 0.0 < float(value) < float("inf"):
-        raise SceneError(f"{name} is {value}; positive numbers are possible")
-    return float(value)
-
-
-def parse_count(text: str) -> int:
-    """Read a whole number of at least 1."""
-    if (value := _parse_whole(text)) < 1:
-        raise ValueError(f"{value} is less than 1")
-    return value
-
-
-def _parse_whole(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is no whole number") from None
-
-
-def _parse_seed(text: str) -> int:
-    if not 0 <= (value := _parse_whole(text)) <= MOST_SEED:
-        raise ValueError(f"{value} is not in 0 to {MOST_SEED}")
-    return value
-
-
-def _parse_error(text: str) -> float:
-    number = _parse_number(text.removesuffix("%"))
-    if text.endswith("%"):
-        return number / 100
-    if number >= 1:
-        raise ValueError(f"{text} is 100 % or more; is {text}% meant?")
-    return number
-
-
-def _parse_seconds(text: str) -> float:
-    return _parse_number(text.removesuffix("s"))
-
-
-def _parse_number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise ValueError(f"{text!r} is no number") from None
-    if not 0.0 < value < float("inf"):
-        raise ValueError(f"{text} is not more than 0, and finite")
-    return value
-
-
-def _parse_cluster(where: str) -> str:
-    """Return the address of a cluster, or `local:N`."""
-    kind, _, count = where.partition(":")
-    if kind == "local":
-        if not (count.isdecimal() and 1 <= int(count) <= MOST_LOCAL):
-            raise ValueError(f"{where!r}: local:N starts N processes, 1 to {MOST_LOCAL}")
-    elif not where.startswith(PROTOCOLS):
-        raise ValueError(f"{where!r} is neither local:N nor an address tcp://host:8786")
-    return where
-
-
 @dataclass(frozen=True)
 class RenderOptions:
     """The options of a render, checked when they are made.
@@ -178,7 +101,7 @@ class RenderOptions:
         "plan picture bands",
         "samples per pixel (default: the file's)",
         parse=parse_count,
-        check=_whole(1, MOST_SAMPLES),
+        check=whole(1, MOST_SAMPLES),
     )
     seed: int = _option(
         0,
@@ -186,8 +109,8 @@ class RenderOptions:
         "picture identity travels bands",
         "the same seed gives the same picture, bit for bit, at any number of threads "
         "(default: 0)",
-        parse=_parse_seed,
-        check=_whole(0, MOST_SEED),
+        parse=parse_seed,
+        check=whole(0, MOST_SEED),
     )
     threads: int | None = _option(
         None,
@@ -195,7 +118,7 @@ class RenderOptions:
         "plan bands",
         "threads that render (default: one for each processor)",
         parse=parse_count,
-        check=_whole(1, MOST_THREADS),
+        check=whole(1, MOST_THREADS),
     )
     integrator: str | None = _option(
         None,
@@ -252,8 +175,8 @@ class RenderOptions:
         "`rendering.accuracy` has the formula); --spp is then the most samples that it may "
         "take, and a file's sampler whose points depend on their number gives way to "
         "independent",
-        parse=_parse_error,
-        check=_positive,
+        parse=parse_error,
+        check=positive,
     )
     time_limit: float | None = _option(
         None,
@@ -261,8 +184,8 @@ class RenderOptions:
         "",
         "render for about so many seconds, compilation not included, and say the error "
         "that was reached",
-        parse=_parse_seconds,
-        check=_positive,
+        parse=parse_seconds,
+        check=positive,
     )
     checkpoint: str | os.PathLike[str] | None = _option(
         None,
@@ -277,8 +200,8 @@ class RenderOptions:
         "--every SECONDS",
         "",
         "seconds between two writings of the checkpoint (default: 60)",
-        parse=_parse_seconds,
-        check=_positive,
+        parse=parse_seconds,
+        check=positive,
     )
     resume: bool = _option(
         False,
@@ -295,7 +218,7 @@ class RenderOptions:
         "render on a Dask cluster, the same picture (docs/cluster.md); in Python a "
         "`distributed.Client`; on the command line local:4, which starts 4 processes, or "
         "the address of one that runs, tcp://host:8786",
-        parse=_parse_cluster,
+        parse=parse_cluster,
     )
     memory: int | float | str | None = _option(
         None,
@@ -375,76 +298,3 @@ NEEDED = {name for name, default in DEFAULTS.items() if default is not None}
 def names_of(role: str) -> list[str]:
     """Return the names of the options that have a role; see `Option`."""
     return [name for name, option in OPTIONS.items() if role in option.roles]
-
-
-def shown_value(value: object) -> str:
-    """Return a value and its type on one line, cut if it is long."""
-    shown = " ".join(reprlib.repr(value).split())
-    return f"{shown} (of type {type(value).__name__})"
-
-
-# ------------------------------------------------------------ functions that take options
-
-P = ParamSpec("P")
-Made = TypeVar("Made")
-A = TypeVar("A")
-B = TypeVar("B")
-R = TypeVar("R")
-
-
-@overload
-def with_keywords(
-    make: Callable[P, Made], call: Callable[[A, Made], R], name: str
-) -> Callable[Concatenate[A, P], R]: ...
-@overload
-def with_keywords(
-    make: Callable[P, Made], call: Callable[[A, B, Made], R], name: str
-) -> Callable[Concatenate[A, B, P], R]: ...
-def with_keywords(
-    make: Callable[..., Any], call: Callable[..., Any], name: str
-) -> Callable[..., Any]:
-    """Return a function that takes options as arguments, and calls one that takes them.
-
-    Parameters
-    ----------
-    make
-        `RenderOptions`; its fields become parameters, for type checkers too.
-    call
-        Its last parameter is an object of options. `{options}` in its documentation
-        becomes theirs.
-    name
-        Of the new function.
-    """
-    *first, _ = inspect.signature(call).parameters.values()
-    signature = inspect.signature(call).replace(
-        parameters=[*first, *inspect.signature(make).parameters.values()]
-    )
-
-    @functools.wraps(call)
-    def function(*arguments: Any, **keywords: Any) -> Any:
-        try:
-            bound = signature.bind(*arguments, **keywords).arguments
-        except TypeError as error:
-            known = signature.parameters
-            near = [did_you_mean(word, known) for word in keywords if word not in known]
-            raise TypeError(f"{name}(): {error}{''.join(near[:1])}") from None
-        return call(*(bound.pop(each.name) for each in first), make(**bound))
-
-    function.__name__ = function.__qualname__ = name
-    function.__signature__ = signature  # type: ignore[attr-defined]
-    function.__doc__ = (call.__doc__ or "").replace("{options}", _documentation(), 1)
-    return function
-
-
-@functools.cache
-def _documentation() -> str:
-    """Return the options as parameters of a documentation in NumPy's style."""
-    text = []
-    for field in dataclasses.fields(RenderOptions):
-        text.append(f"{field.name} : {field.type}, default {field.default!r}")
-        told = OPTIONS[field.name].help
-        text += textwrap.wrap(f"{told[0].upper()}{told[1:]}.", 84, **_INDENTED)
-    return "\n    ".join(text)
-
-
-_INDENTED: Any = {"initial_indent": " " * 4, "subsequent_indent": " " * 4}

@@ -42,8 +42,10 @@ from renderer.rendering.cluster.connect import workers_of
 from renderer.rendering.film.film import Film
 from renderer.rendering.goal import Goal, goal_of, options_of_goal
 from renderer.rendering.job import RenderJob, build_job
+from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import check_room, estimate_all
-from renderer.rendering.options import RenderOptions, shown_value, with_keywords
+from renderer.rendering.option_values import shown_value
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import shown_spp
 from renderer.rendering.progress_display import Progress, shown

@@ -14,8 +14,9 @@ from renderer.process.names import REPLAY
 from renderer.rendering.aovs import plans_of, with_picture
 from renderer.rendering.film.band import Band
 from renderer.rendering.job import RenderJob, build_job, film_shape
+from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
-from renderer.rendering.options import OPTIONS, RenderOptions, with_keywords
+from renderer.rendering.options import OPTIONS, RenderOptions
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan

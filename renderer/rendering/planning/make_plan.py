@@ -14,7 +14,8 @@ from renderer.integrators.registry import INTEGRATORS
 from renderer.plugins.bsdfs.registry import reaches_all
 from renderer.plugins.lights.registry import plugin_of
 from renderer.process.names import REPLAY
-from renderer.rendering.options import RenderOptions, with_keywords
+from renderer.rendering.keywords import with_keywords
+from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
