@@ -33,6 +33,7 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
+from renderer.plugins.bsdfs.mirror import refracted
 from renderer.plugins.lights.finite.spheres import (
     cone_of_density,
     even_part_of_cone,
@@ -43,7 +44,6 @@ from renderer.plugins.lights.finite.spheres import (
 from renderer.plugins.sampling.arithmetic import (
     cosine_direction,
     density_normal,
-    refracted,
     seen_from,
     tangents_of,
     to_world,
