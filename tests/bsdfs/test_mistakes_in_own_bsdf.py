@@ -6,6 +6,7 @@ compiled, so that a case takes a tenth of a second.
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import re
 import sys
@@ -621,6 +622,24 @@ def test_a_plugin_is_told_what_is_wrong_with_its_twin(tmp_path):
             assert not re.search("Mitsuba's format|report it", stopped.reasons[0])
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "kernel"),
+    [
+        (EVALUATED, "    return f_cos * ((cos_i - 2.0) * 0.0 / 0.0), cos_i\n", "eval_pdf"),
+        (SAMPLED, SAMPLED.replace("weight,", "weight * sqrt(wi.z - 1.0),"), "sample"),
+    ],
+    ids=["eval_pdf", "sample"],
+)
+def test_nan_is_refused(tmp_path, old, new, kernel):
+    """It is not above 0, so that the light would be missing without a word."""
+    path, _ = written(tmp_path, old, new)
+    plugin_file.import_plugin_file(str(path))
+    with pytest.raises(PluginError) as caught:
+        renderer.render(renderer.load_file(SCENE), spp=1)
+    line = one_line(str(caught.value))
+    assert line.startswith(f"{path}:") and f"{kernel} of BSDF 'lunar' returns NaN" in line
+
+
 # ------------------------------------------------------------------ what is right
 
 
@@ -628,6 +647,9 @@ def test_the_renderers_own_kinds_pass_the_check():
     """Otherwise the check would refuse what is right."""
     for name in ("diffuse", "conductor", "dielectric", "plastic", "thindielectric", "null"):
         kind = BSDFS[name]
+        kernels = ((key, getattr(kind, key)) for key in ("sample", "eval_pdf", "albedo"))
+        given = tuple((key, kernel) for key, kernel in kernels if kernel is not None)
+        kind = dataclasses.replace(kind, users_kernels=given)
         assert set(hints_of(kind.parameters).values()) <= {Color, Float}
         check_kernels_of(kind, along_u(Plain()) if kind.oriented else Plain())
 

@@ -56,7 +56,6 @@ def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(
     What is added belongs to the folder of BSDFs or to the lanes that formulas are written
     in, or is made for the record of the kind: no stage, light, shape or accelerator. The
     path tracer around it is found in the cache.
-    Functions without a module are the loaders of parameters, written by a program.
     """
     before = {kernel[:3] for kernel in of_a_diffuse_ball}
     names = {kernel.name for kernel in of_their_own(of_a_diffuse_ball)}
@@ -73,8 +72,7 @@ def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(
         others = [
             kernel
             for kernel in added
-            if kernel.module is not None
-            and not kernel.module.startswith(folders)
+            if not kernel.module.startswith(folders)
             and not kernel.arguments[0].startswith(own)
         ]
         assert others == []

@@ -281,7 +281,9 @@ class _Attributes(AttributeTemplate):  # type: ignore[misc]
         if field is None:
             return None
         part = field[0]
-        return RecordType(part) if isinstance(part, types.BaseNamedTuple) else part
+        if not isinstance(part, types.BaseNamedTuple):
+            return part
+        return RecordType(part, numba_type.source)  # a class of that name may be older
 
 
 def _load(builder: Any, base: Any, word: int, llvm_type: Any) -> Any:

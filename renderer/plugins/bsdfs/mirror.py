@@ -1,12 +1,31 @@
-"""Reflection at a mirror, and at the facets of a rough surface."""
+"""The two directions of smooth interfaces: reflection and refraction."""
 
 from __future__ import annotations
 
-from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.vectors import dot
+from typing import Any
+
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import select
+from renderer.kernels.lanes.vectors import dot, vec3
+from renderer.plugins.sampling.arithmetic import AlongU, Plain
 
 
 @kernel
 def reflect(wo, normal):
     """Return wo mirrored at the normal: the angle of incidence is that of exit."""
     return normal * (2.0 * dot(wo, normal)) - wo
+
+
+@interface
+def refracted(arithmetic: Any, wo: Any, eta: Any, cos_t: Any) -> Any:
+    """Return local wo bent by Snell's law at the plane z = 0.
+
+    The index eta is inside (z < 0) over outside; cos_t is the z of what is returned.
+    """
+
+
+@refracted.by(Plain, AlongU)
+@kernel
+def _refracted(arithmetic, wo, eta, cos_t):
+    ratio = select(wo.z >= 0.0, 1.0 / eta, eta)
+    return vec3(-(wo.x * ratio), -(wo.y * ratio), cos_t)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.functions import fabs, select
+from renderer.kernels.lanes.functions import fabs
 from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import (
     cross,
@@ -50,14 +50,6 @@ def cosine_direction(arithmetic: Any, x: Any, y: Any) -> Any:
 
 
 @interface
-def refracted(arithmetic: Any, wo: Any, eta: Any, cos_t: Any) -> Any:
-    """Return local wo bent by Snell's law at the plane z = 0.
-
-    The index eta is inside (z < 0) over outside; cos_t is the z of what is returned.
-    """
-
-
-@interface
 def to_world(arithmetic: Any, frame: Frame, local: Any) -> Any:
     """Return the direction in the world that has components `local` in a frame."""
 
@@ -93,13 +85,6 @@ def to_local(frame, direction):
 @kernel
 def _cosine_direction(arithmetic, x, y):
     return square_to_cosine_hemisphere(x, y)
-
-
-@refracted.by(Plain, AlongU)
-@kernel
-def _refracted(arithmetic, wo, eta, cos_t):
-    ratio = select(wo.z >= 0.0, 1.0 / eta, eta)
-    return vec3(-(wo.x * ratio), -(wo.y * ratio), cos_t)
 
 
 @to_world.by(Plain, AlongU)

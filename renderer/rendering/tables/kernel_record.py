@@ -53,7 +53,10 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.rendering.tables.render_mode import Variant
-from renderer.rendering.user_kernels.check import check_kernels_of_users
+from renderer.rendering.user_kernels.check import (
+    check_kernels_of_users,
+    check_values_of_users,
+)
 from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (
     asked_lights,
@@ -137,6 +140,7 @@ class _SceneTables:
     ) -> None:
         self.methods = tables = MethodTables()
         tables.prepare(check_kernels_of_users, scene.materials.kinds, variant.arithmetic)
+        tables.prepare(check_values_of_users, scene.materials)
         settings = _settings(scene, plan, variant)
         self.surfaces = surfaces = _surfaces(scene, settings, variant)
         placements = scene.placements or _NO_PLACEMENTS

@@ -21,11 +21,13 @@ from renderer.kernels.lanes.vectors import Vec3Type
 from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Numbers
 from renderer.plugins.bsdfs.parameters import hints_of
 from renderer.plugins.bsdfs.registration import CALLED_WITH
+from renderer.plugins.bsdfs.try_out import kernel_with_nan
 from renderer.plugins.sampling.arithmetic import along_u
 from renderer.process.source_places import definition_of, shown_place
 from renderer.rendering.user_kernels.diagnosis import explain
 from renderer.rendering.user_kernels.statements import check_statements, tree_of
 from renderer.rendering.user_kernels.words import core_of, in_words
+from renderer.scene.materials import MaterialTables, is_textured, kind_of, value_of
 
 LANES, VECTOR, LOBES = f32x16, Vec3Type(f32x16), i32x16
 _BRANCH = (Branch, {"weight": VECTOR, "share": LANES, "cos_t": LANES, "eta": LANES})
@@ -67,6 +69,32 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind], arithmetic: Any) -> None:
             if record_type(rounded) not in passed:
                 check_kernels_of(leaf, rounded)
                 passed.add(record_type(rounded))
+
+
+def check_values_of_users(materials: MaterialTables) -> None:
+    """Refuse a BSDF of a user whose kernels return NaN with the parameters of a scene.
+
+    NaN is neither above 0 nor below: the stages would drop such light without a word. What
+    is inside of other BSDFs is not looked at; of a textured parameter it is the value 0.5.
+
+    Raises
+    ------
+    PluginError
+        With the function that returns NaN.
+    """
+    constant = materials.values()
+    for k, bsdf in enumerate(materials.bsdfs):
+        kind = kind_of(bsdf)
+        if kind.inside or not kind.users_kernels:
+            continue
+        values = constant[:, k].copy()
+        for name, first, count in kind.layout():
+            if is_textured(value_of(bsdf, name)):
+                values[first : first + count] = 0.5
+        if name := kernel_with_nan(kind, values):
+            place = definition_of(dict(kind.users_kernels)[name])
+            said = f"{name} of BSDF {kind.name!r} returns NaN: is there a division by 0, or"
+            raise PluginError(f"{said} a root of a negative number?", place)
 
 
 def blame_users(error: Exception, kinds: Iterable[BsdfKind]) -> None:

@@ -33,10 +33,10 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
+from renderer.plugins.bsdfs.mirror import refracted
 from renderer.plugins.sampling.arithmetic import (
     cosine_direction,
     density_normal,
-    refracted,
     seen_from,
     tangents_of,
     to_world,

@@ -8,8 +8,8 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import select, splat_f32, splat_i32
 from renderer.kernels.lanes.vectors import select3, vec3
 from renderer.plugins.bsdfs.kind import DELTA, BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.mirror import refracted
 from renderer.plugins.bsdfs.smooth.fresnel import fresnel_dielectric
-from renderer.plugins.sampling.arithmetic import refracted
 from renderer.scene_file.colors.refractive_indices import INDICES
 from renderer.scene_file.description import Dielectric as Description
 from renderer.scene_file.description import Texture
