@@ -63,7 +63,7 @@ class Row:
     @property
     def compiles(self) -> bool:
         """Whether there was a mutant to render: Numba may refuse what was edited."""
-        refused = "Failed in kernel mode pipeline"  # Numba's words
+        refused = "Failed in nopython mode pipeline"  # Numba's words
         return not any(r.name == RUNS and refused in r.why for r in self.rungs)
 
     @property
