@@ -9,7 +9,7 @@ OUT := reports/out
 # Set in many containers; here some hundred processes would compile 400 files each.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help kernels demo proof proof-full limits resilience scaling test test-all lint \
+.PHONY: help kernels wheel demo proof proof-full limits resilience scaling test test-all lint \
   format bench bench-accelerators charts needs soak keep history clean
 .DEFAULT_GOAL := help
 
@@ -19,6 +19,9 @@ help: ## list these targets
 
 kernels: $(INSTALLED) ## compile all kernels once, with all processors
 	@$(BIN)/python -m renderer --compile
+
+wheel: $(INSTALLED) ## build a wheel with compiled kernels for x86-64-v3 and -v4 (long)
+	@$(BIN)/python build_wheel.py dist
 
 demo: kernels ## render every scene in both renderers, write the HTML page
 	@$(BIN)/python -m reports --no-accelerators --no-proof --out $(OUT)
