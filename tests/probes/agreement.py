@@ -55,11 +55,13 @@ every_name_of_cylinders = pytest.mark.parametrize(
 # traversal with another are slow: the quick tests compare the hits of all of them.
 _SHARED = {
     "grid-without-mailboxes",
+    "grid-nested",
     "grid-clusters",
+    "octree",
+    "bsp",
     "kd-middle",
     "kd-median",
     "bvh-median",
-    "bvh-middle",
 }
 one_of_each_family = pytest.mark.parametrize(
     "name",
