@@ -11,13 +11,7 @@ import pytest
 from own_shape import ELLIPSOIDS
 
 import renderer
-from renderer.accelerators.build import Accelerators
 from renderer.plugins.shapes.registry import KINDS, PLUGINS, SHAPES, register_shape
-
-# to be deleted together with the named fields of `Accelerators`
-pytestmark = pytest.mark.skipif(
-    "by_kind" not in Accelerators._fields, reason="accelerators know kinds by name"
-)
 
 CAMERA = """<sensor type="perspective"><float name="fov" value="40"/>
 <transform name="to_world"><lookat origin="3,-7,4" target="0,0,0.5" up="0,0,1"/></transform>
