@@ -272,6 +272,14 @@ def _layout(record: Any) -> dict[str, tuple[Any, int]]:
     return _LAYOUTS[record]
 
 
+def _holds_users(record: Any) -> bool:
+    """Return whether a record, or one inside of it, is of a class that a user has made."""
+    if not record.instance_class.__module__.startswith("renderer."):
+        return True
+    parts = (part for part in record.types if isinstance(part, types.BaseNamedTuple))
+    return any(map(_holds_users, parts))
+
+
 @infer_getattr
 class _Attributes(AttributeTemplate):  # type: ignore[misc]
     key = RecordType
@@ -283,7 +291,8 @@ class _Attributes(AttributeTemplate):  # type: ignore[misc]
         part = field[0]
         if not isinstance(part, types.BaseNamedTuple):
             return part
-        return RecordType(part, numba_type.source)  # a class of that name may be older
+        # an older class of a user's may have the same name
+        return RecordType(part, numba_type.source if _holds_users(part) else "")
 
 
 def _load(builder: Any, base: Any, word: int, llvm_type: Any) -> Any:
