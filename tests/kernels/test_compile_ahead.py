@@ -21,7 +21,7 @@ from renderer.plugins.sensors.registry import SENSORS
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.plugins.textures.registry import TEXTURES
 from renderer.process.names import ACCELERATORS, REPLAY, SAMPLERS
-from renderer.rendering import compile_ahead, preparation, rendering
+from renderer.rendering import compile_ahead, job
 from renderer.rendering.every_kernel import small_scenes, without_replay, write_files
 from renderer.rendering.tables import methods
 
@@ -54,33 +54,33 @@ def test_every_plugin_is_in_a_small_scene(tmp_path: Path) -> None:
     assert REPLAY not in left and "sobol" in left
 
 
-class _Asked(Exception):
-    """All methods of a render have been asked for."""
+class _AllKnown(Exception):
+    """Raised when all methods of a render are known."""
 
 
-def asked_methods(monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, ...]]:
+def requested_methods(monkeypatch: pytest.MonkeyPatch) -> set[tuple[str, ...]]:
     """Return the set in which methods are noted from now on, instead of compiled."""
-    asked: set[tuple[str, ...]] = set()
+    requested: set[tuple[str, ...]] = set()
 
     def note(kernel: Any, record: Any, arguments: Any, returns: Any = None) -> Method:
         name = f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}"
-        asked.add((name, str(record.numba_type), str(arguments)))
+        requested.add((name, str(record.numba_type), str(arguments)))
         return Method(1, record.address)
 
-    def stop(self: rendering.Rendering) -> float:
-        work = rendering.pack(self.make_workspace(self.channels))
+    def stop(self: job.RenderJob) -> float:
+        work = job.pack(self.make_workspace(self.shape.channels))
         types = methods.TILE, methods.INT, work.numba_type
         note(self._trace, self._packed_scene, types)
-        raise _Asked
+        raise _AllKnown
 
     monkeypatch.setattr(methods, "method_of", note)
-    monkeypatch.setattr(rendering.Rendering, "compile", stop)
-    monkeypatch.setattr(preparation, "compile_builders", lambda *_: 0.0)
-    return asked
+    monkeypatch.setattr(job.RenderJob, "compile", stop)
+    monkeypatch.setattr(job, "compile_builders", lambda *_: 0.0)
+    return requested
 
 
-def ask(scene: renderer.Scene, **options: Any) -> None:
-    with pytest.raises(_Asked):
+def request_methods(scene: renderer.Scene, **options: Any) -> None:
+    with pytest.raises(_AllKnown):
         renderer.render(scene, **{"spp": 4, "threads": 1} | options)
 
 
@@ -104,19 +104,19 @@ SCENES = (
 def test_scenes_need_no_other_methods(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
     """Of those without BSDFs that are nested in each other in their own way."""
     write_files(tmp_path)
-    asked = asked_methods(monkeypatch)
+    requested = requested_methods(monkeypatch)
     for small in map(without_replay, small_scenes()):
         scene = renderer.load_dict(small.scene, base_dir=tmp_path)
         for options in small.renders:
-            ask(scene, **options)
-    ahead = asked.copy()
+            request_methods(scene, **options)
+    ahead = requested.copy()
     assert len(ahead) > 300
     for name in SCENES:
         scene = renderer.load_file(ROOT / "scenes" / name / "scene.xml")
-        asked.clear()
-        ask(scene)
-        ask(scene, sampler="stratified")
-        assert asked <= ahead, name
+        requested.clear()
+        request_methods(scene)
+        request_methods(scene, sampler="stratified")
+        assert requested <= ahead, name
 
 
 # ------------------------------------------------------------------------- on the disk
@@ -158,7 +158,7 @@ def test_later_renders_compile_nothing(tmp_path: Path, monkeypatch) -> None:
     names = ("integrators", "independent", "constant", "dielectric", "brute")
     subprocess.run([sys.executable, tmp_path / "compile.py", *names], check=True)
     kernels = needed_by("test_compile_ahead.render_unlike_scenes()")
-    assert {"trace_paths", "scatter_kind", "closest_hit_brute_force"} <= {
+    assert {"trace_paths", "scatter_kind", "trace_brute_force"} <= {
         kernel.name for kernel in kernels
     }
     assert [kernel for kernel in kernels if not kernel.found] == []

@@ -316,7 +316,7 @@ def test_cache_moves_when_a_kernel_source_changes(tmp_path: Path) -> None:
     shutil.copytree(Path(renderer.__file__).parent, package, ignore=half_written)
     (package / "__init__.py").write_text("")
     before = _hash_of(package)
-    for left_out in ("scene_file/plugins.py", "rendering/rendering.py"):
+    for left_out in ("scene_file/plugins.py", "rendering/render.py"):
         with (package / left_out).open("r+") as source:
             source.seek(0, os.SEEK_END)
             source.write("# an edit\n")

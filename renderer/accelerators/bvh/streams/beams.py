@@ -24,7 +24,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     WIDE_WORDS,
 )
 from renderer.accelerators.rays.box_entry import STRETCH, origin_margins
-from renderer.accelerators.rays.ray_interval import is_finite_ray
+from renderer.accelerators.rays.single_ray import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     as_f32,

@@ -33,7 +33,7 @@ from renderer.accelerators.rays.packets import (
     end_packet,
     intersect_packet,
 )
-from renderer.accelerators.rays.ray_interval import is_finite_ray
+from renderer.accelerators.rays.single_ray import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,

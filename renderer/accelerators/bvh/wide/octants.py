@@ -11,7 +11,7 @@ import numpy as np
 
 from renderer.accelerators.rays.box_entry import MARGIN as BOX_MARGIN
 from renderer.accelerators.rays.box_entry import safe_reciprocal
-from renderer.accelerators.rays.ray_interval import is_finite_ray
+from renderer.accelerators.rays.single_ray import is_finite_ray
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.columns import store_columns
 from renderer.kernels.lanes.functions import (
