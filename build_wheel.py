@@ -21,12 +21,12 @@ from collections.abc import Collection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from renderer.kernels.jit.shipped import LEVELS, runs
+from renderer.kernels.jit.cache import LEVELS, runs
 
 ROOT = Path(__file__).parent
 _COMPILE = """
 import sys
-from renderer.rendering.compile_ahead import compile_all
+from renderer.command.compile_ahead import compile_all
 compile_all(
     lambda done, total: print(f"\\r{done} of {total}", end="", flush=True),
     replay=False,

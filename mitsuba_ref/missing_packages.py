@@ -14,7 +14,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 
 from renderer.errors import SceneError
-from renderer.process.standard_streams import make_streams_tolerant
+from renderer.process.signals import make_streams_tolerant
 
 # What the extra `harness` of pyproject.toml installs, as it is imported.
 HARNESS = (

@@ -13,7 +13,7 @@ import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from renderer.process.version import VERSION
+from renderer.process.names import VERSION
 
 if TYPE_CHECKING:
     from renderer.errors import ClusterError, SceneError
@@ -181,8 +181,8 @@ def simplify(scene: Scene, *words: str) -> Scene:
     SceneError
         For a name or a value that does not exist in this scene.
     """
+    from renderer.advice.simplifications import simplified
     from renderer.scene.scene import build_scene
-    from renderer.scene.simplifications.simplify import simplified
 
     description = scene.description
     for word in words:

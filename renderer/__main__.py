@@ -32,7 +32,7 @@ def command(module: str = "renderer.command.cli") -> NoReturn:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from renderer.process.standard_streams import make_streams_tolerant
+    from renderer.process.signals import make_streams_tolerant
 
     make_streams_tolerant()
     main: Callable[[], int] = importlib.import_module(module).main

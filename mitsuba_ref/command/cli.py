@@ -13,7 +13,7 @@ from mitsuba_ref.command.trace_options import add_trace_options, asks_for_trace
 from mitsuba_ref.records.request import FEWEST_SEEDS, MIN_THREADS, TIME_LIMIT
 from mitsuba_ref.records.verdicts import statuses_in_words
 from renderer.errors import SceneError
-from renderer.process.working_folder import leave_deleted_folder
+from renderer.process.signals import leave_deleted_folder
 
 if TYPE_CHECKING:
     from mitsuba_ref.our_renderer.picture import RenderOurs

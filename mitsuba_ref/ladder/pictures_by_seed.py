@@ -35,7 +35,7 @@ SEED_STEP = 61
 
 Mitsuba gives each pixel a separate random stream. Their numbers start at the render's seed
 times the pixels of the film, as though all blocks were full
-(`renderer.replay.numbers.pixel_seeds`).
+(`renderer.replay.numbers`).
 Pictures of neighbouring seeds therefore have streams in common, at other pixels: 22 % of
 them at 48 x 48. A step of 61 is enough for films that fill a sixtieth of their blocks. It
 is prime, since seeds count modulo 2^32 / pixels only.

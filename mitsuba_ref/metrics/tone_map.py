@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from renderer.rendering.picture.srgb import srgb_from_linear
+from renderer.rendering.picture.picture import srgb_from_linear
 
 DESCRIPTION = "Reinhard x / (1 + x) per channel, then the sRGB transfer curve; exposure 1"
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.our_renderer.traced_path import Numbers, light_number
-from renderer.kernels.records.tile import Tile
+from renderer.kernels.records.batch import Tile
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.rendering.job import RenderJob
-from renderer.replay.drawn_ahead import (
+from renderer.replay.sequences import (
     APERTURE,
     BSDF,
     BSDF_CHOICE,

@@ -18,7 +18,7 @@ from renderer.scene_file.description import (
     ReconstructionFilter,
     SceneDescription,
 )
-from renderer.scene_file.plugin_file import import_plugin_file
+from renderer.scene_file.plugins import import_plugin_file
 
 Array = NDArray[np.float32]
 
@@ -124,7 +124,7 @@ def read_scene(request: RenderRequest) -> SceneDescription:
 
 def cautions_about(request: RenderRequest) -> tuple[str, ...]:
     """Return what is known to fail in the scene of a request; none if we refuse it."""
-    from renderer.rendering.planning.cautions import cautions_of
+    from renderer.advice.all_cautions import cautions_of
     from renderer.rendering.planning.make_plan import make_plan
     from renderer.scene.scene import build_scene
 

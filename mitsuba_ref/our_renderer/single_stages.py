@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.path import begin_bounce
+from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.direct_light import (
     cast_shadow_rays,
     lights_asked,
     sample_lights,
 )
 from renderer.integrators.stages.emission import add_emitted_light
-from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits, trace_shadow_rays
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.scatter import scatter
-from renderer.integrators.stages.surface.surface import append_hits, surface_points
+from renderer.integrators.stages.surface import append_hits, surface_points
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.records.kernel_scene import ANY
 

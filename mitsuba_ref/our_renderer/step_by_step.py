@@ -29,7 +29,7 @@ from mitsuba_ref.our_renderer.traced_path import (
 )
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.jit import pack
-from renderer.kernels.records.tile import Tile
+from renderer.kernels.records.batch import Tile
 from renderer.rendering.job import RenderJob
 
 NAME = "lightproof"

@@ -103,7 +103,7 @@ class ReferenceCache:
 def entry_name(request: RenderRequest, files: Sequence[str | Path]) -> str:
     """Return the hash that names the entry of `request`; threads change no picture."""
     from renderer.kernels.jit import with_neighbours
-    from renderer.replay.rounding.camera import ENTRIES
+    from renderer.replay.camera import ENTRIES
 
     digest = hashlib.sha256()
     # Of the paths only the file names count: a clone elsewhere finds the same entry.

@@ -112,7 +112,7 @@ def render_reference(request: RenderRequest) -> Reference:
 def camera_entries(mi: Any, sensor: Any) -> Array:
     """Return what of the matrix from the crop window to the camera a replay rounds by."""
     # with it comes Numba: 0.4 s, for which no other picture of Mitsuba's has to wait
-    from renderer.replay.rounding.camera import ENTRIES
+    from renderer.replay.camera import ENTRIES
 
     film = sensor.film()
     window = (film.size(), film.crop_size(), film.crop_offset())

@@ -16,12 +16,12 @@ from renderer.process.source_places import (
     place_of_error,
     shown_place,
 )
-from renderer.scene_file.plugin_file import (
+from renderer.scene_file.plugins import (
     import_plugin_file,
     neighbours_importable,
     plugin_error,
+    registered_kinds,
 )
-from renderer.scene_file.plugins import registered_kinds
 
 REGISTER = "register_mitsuba"
 HOW = 'docs/adding-a-bsdf.md, "Compare it with Mitsuba", shows how'

@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from renderer.accelerators.bvh.bvh import build_bvh
 from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.wide_bvh import build_wide
-from renderer.accelerators.choice import choose_structure, choose_structures
-from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
+from renderer.accelerators.choice import (
+    USUAL_RAYS,
+    RayCounts,
+    choose_structure,
+    choose_structures,
+)
 from renderer.accelerators.instances.instances_build import build_instances, build_nodes
 from renderer.accelerators.non_occluders import find_non_occluders
-from renderer.accelerators.rays.boxes import build_boxes
-from renderer.accelerators.rays.brute_force import build_brute_force
+from renderer.accelerators.rays.boxes import build_boxes, build_brute_force
 from renderer.errors import SceneError
 from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.shapes.extents import (
@@ -27,7 +30,7 @@ from renderer.plugins.shapes.extents import (
     PrimitiveGroup,
     extents_of,
 )
-from renderer.plugins.shapes.flat.flat import FlatSurfaces
+from renderer.plugins.shapes.flat import FlatSurfaces
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.process.names import ACCELERATORS
 from renderer.scene.scene import Scene

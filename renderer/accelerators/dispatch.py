@@ -13,8 +13,7 @@ import numpy as np
 from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.instances.instances import Instances
-from renderer.accelerators.rays.boxes import Boxes
-from renderer.accelerators.rays.brute_force import BruteForce
+from renderer.accelerators.rays.boxes import Boxes, BruteForce
 from renderer.accelerators.rays.query import (
     any_hits,
     nearest_hits,

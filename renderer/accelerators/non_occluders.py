@@ -18,13 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.accelerators.choice import choose_structures
-from renderer.accelerators.cost_model import RayCounts
+from renderer.accelerators.choice import RayCounts, choose_structures
 from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.lights.registry import plugin_of
 from renderer.plugins.shapes.extents import ROUNDING
 from renderer.plugins.shapes.registry import SHAPES
-from renderer.scene.light_order import light_order
+from renderer.scene.light_properties import light_order
 from renderer.scene.scene import Scene
 
 MOST = 1024  # primitives of a kind, or lights; of more only their box is looked at

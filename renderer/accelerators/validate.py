@@ -15,8 +15,7 @@ from renderer.accelerators.bvh.bvh import Bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, validate_bvh
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
 from renderer.accelerators.bvh.wide_bvh import WideBvh
-from renderer.accelerators.rays.boxes import Boxes
-from renderer.accelerators.rays.brute_force import BruteForce
+from renderer.accelerators.rays.boxes import Boxes, BruteForce
 from renderer.plugins.shapes.extents import Extents
 from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import CellTree

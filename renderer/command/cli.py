@@ -31,9 +31,8 @@ from renderer.command.outputs import (
 from renderer.errors import CheckpointWarning, ClusterError, SceneError
 from renderer.process.cache_folder import cache_root, clear_caches
 from renderer.process.memory import limited_to
-from renderer.process.standard_streams import output_is_lost
-from renderer.process.working_folder import leave_deleted_folder
-from renderer.rendering.options import OPTIONS
+from renderer.process.signals import leave_deleted_folder, output_is_lost
+from renderer.rendering.render_options import OPTIONS
 
 if TYPE_CHECKING:  # what imports Numba, half a second, is imported where it is used
     from renderer.rendering.cluster.source import ClusterWorkers
@@ -103,7 +102,7 @@ def _run(options: argparse.Namespace, interrupts: Interrupts, written: list[Path
     with interrupts.put_off():  # they are there when the functions below import them
         for module in _WITH_C_CODE:
             importlib.import_module(module)
-        from renderer.scene_file.plugin_file import import_plugin_file
+        from renderer.scene_file.plugins import import_plugin_file
 
     draws = options.frames is not None or not options.explain
     leave_deleted_folder(options, needs_output=draws)
@@ -222,7 +221,7 @@ def _load(options: argparse.Namespace, path: Path) -> Scene:
 
 def describe(options: argparse.Namespace, path: Path) -> SceneDescription:
     """Read a scene with what the options replace and leave out of it."""
-    from renderer.scene.simplifications.simplify import simplified
+    from renderer.advice.simplifications import simplified
     from renderer.scene_file import read_file_with
 
     description = read_file_with(path, dict(options.define), options.allow_outside)

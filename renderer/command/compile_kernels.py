@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 
-from renderer.process.standard_streams import output_is_lost
+from renderer.process.signals import output_is_lost
 from renderer.rendering.progress_display import LINE_EVERY
 
 
@@ -23,7 +23,7 @@ def compile_kernels(*, quiet: bool) -> int:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from renderer.rendering.compile_ahead import compile_all
+    from renderer.command.compile_ahead import compile_all
 
     began = said = time.monotonic()
     terminal = sys.stderr.isatty()

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import renderer
 from renderer.command.sweep import parse_frames
 from renderer.process.cache_folder import cache_root
-from renderer.rendering.options import DEFAULTS, OPTIONS, RenderOptions
+from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions
 
 EPILOG = """examples:
   lightproof scenes/cornell-box/scene.xml -o cornell.exr -o cornell.png --spp 256

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from renderer.errors import SceneError
 from renderer.process.whole_file import target_of
-from renderer.rendering.options import DEFAULTS, OPTIONS, names_of
 from renderer.rendering.progress_display import shown_rate
+from renderer.rendering.render_options import DEFAULTS, OPTIONS, names_of
 
 if TYPE_CHECKING:  # needs Numba
     from renderer.rendering.picture.image import Image

@@ -5,15 +5,15 @@ from __future__ import annotations
 import textwrap
 from itertools import chain
 
+from renderer.advice.all_cautions import cautions_of
 from renderer.process import memory
 from renderer.rendering.aovs import plans_of
 from renderer.rendering.goal import options_of_goal
 from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import Estimate, estimate_all
-from renderer.rendering.options import OPTIONS, RenderOptions
-from renderer.rendering.planning.cautions import cautions_of
 from renderer.rendering.planning.explanation import TOPIC_WIDTH
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import OPTIONS, RenderOptions
 from renderer.scene.scene import Scene
 
 WIDTH = 92

@@ -195,7 +195,6 @@ def of_frame(options: argparse.Namespace, frame: int) -> argparse.Namespace:
 
 def made_from(scene: Scene, command: str) -> str:
     """Return a digest of all that a picture depends on."""
-    from renderer.rendering.checkpoints.content import content_digest
-    from renderer.rendering.checkpoints.identity import made_by
+    from renderer.rendering.checkpoints.identity import content_digest, made_by
 
     return content_digest(scene.description, made_by(), command)

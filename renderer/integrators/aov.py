@@ -14,7 +14,7 @@ from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown, as_
 from renderer.integrators.stages import first_hit
 from renderer.scene_file.description import AOV_KINDS, Integrator
 from renderer.scene_file.numbers import quoted, split_list
-from renderer.scene_file.objects.view.integrators import read_integrator
+from renderer.scene_file.objects.sensors import read_integrator
 from renderer.scene_file.properties import Properties
 
 _CHANNELS = {

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.integrators.kind import IntegratorKind, Shown
 from renderer.scene_file.description import Integrator, Moments
-from renderer.scene_file.objects.view.integrators import read_integrator
+from renderer.scene_file.objects.sensors import read_integrator
 from renderer.scene_file.properties import Properties
 from renderer.scene_file.tree import Element
 

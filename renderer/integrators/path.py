@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 from renderer.integrators.kind import MOST, Case, Decision, IntegratorKind
+from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.direct_light import direct_light
 from renderer.integrators.stages.emission import add_emitted_light
-from renderer.integrators.stages.film.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect, reset_hits
 from renderer.integrators.stages.materials import group_by_bsdf
 from renderer.integrators.stages.scatter import scatter

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from renderer.integrators.stages.film.film import add_to_tile, clear, close_sums, open_sums
+from renderer.integrators.stages.film import add_to_tile, clear, close_sums, open_sums
 from renderer.kernels.jit import call, entry_kernel, kernel
-from renderer.kernels.records.batch import CAPACITY
-from renderer.kernels.records.tile import Tile, has_places
+from renderer.kernels.records.batch import CAPACITY, Tile, has_places
 
 
 @kernel

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.integrators.kind import Case, Decision, IntegratorKind, Shown
-from renderer.integrators.stages.film.camera_rays import camera_rays
-from renderer.integrators.stages.film.heat_map import heat_map
+from renderer.integrators.stages.camera_rays import camera_rays
+from renderer.integrators.stages.film import heat_map
 from renderer.integrators.stages.intersect import intersect
 from renderer.kernels.jit import method_kernel
-from renderer.kernels.records.tally import ROWS
+from renderer.kernels.records.batch import ROWS
 from renderer.scene_file.description import Integrator
 
 COLOURS = (

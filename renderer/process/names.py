@@ -1,9 +1,17 @@
-"""The names that the command line and `render` take, without what stands behind them.
-
-That is Numba and the kernels, which `--help` should not have to wait for.
-"""
+"""The version, and the names that options take."""
 
 from __future__ import annotations
+
+# ------------------------------------------------------------------------------ version
+# The version of this program, as files and checkpoints name it.
+
+VERSION = "0.1.0"
+
+
+# -------------------------------------------------------------------------------- names
+# The names that the command line and `render` take, without what stands behind them.
+#
+# That is Numba and the kernels, which `--help` should not have to wait for.
 
 INTEGRATORS = ("auto", "direct", "whitted", "path", "depth", "aov", "work")
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler", "sobol")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.make_plan import plan_with
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 from renderer.scene_file.description import Integrator
 

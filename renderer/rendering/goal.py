@@ -16,8 +16,8 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import Accuracy, estimate
 from renderer.rendering.film.film import Film
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 
 MOST_BY_DEFAULT = 1 << 20  # samples per pixel where `spp` is not given

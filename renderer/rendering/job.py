@@ -14,25 +14,17 @@ from renderer.accelerators.build import compile_builders
 from renderer.integrators.direct import KEPT
 from renderer.integrators.moment import squared_sums
 from renderer.integrators.render_tiles import render_tiles
-from renderer.integrators.stages.film.film import (
-    BOX,
-    FilterTable,
-    filter_border,
-    filter_table,
-)
+from renderer.integrators.stages.film import BOX, FilterTable, filter_border, filter_table
 from renderer.integrators.whitted import REGION
 from renderer.kernels.jit import Method, Packed, compiled_for, pack
-from renderer.kernels.records.batch import CAPACITY, Workspace, make_workspace
+from renderer.kernels.records.batch import CAPACITY, TILE_SIZE, Workspace, make_workspace
 from renderer.kernels.records.kernel_scene import KernelScene
-from renderer.kernels.records.tile import TILE_SIZE
 from renderer.rendering.compilation import CompilationWatch
-from renderer.rendering.film.band import FilmShape
-from renderer.rendering.film.film import Film
-from renderer.rendering.film.finished_tiles import FinishedTiles
-from renderer.rendering.film.work import SAMPLES_PER_JOB
-from renderer.rendering.options import RenderOptions
+from renderer.rendering.film.band import FilmShape, FinishedTiles
+from renderer.rendering.film.film import SAMPLES_PER_JOB, Film
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.progress_display import Progress
+from renderer.rendering.render_options import RenderOptions
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.methods import INT, TILE, method_of
 from renderer.rendering.tables.render_mode import mode_for

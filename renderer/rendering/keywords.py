@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any, Concatenate, ParamSpec, TypeVar, overload
 
 from renderer.errors import did_you_mean
-from renderer.rendering.options import OPTIONS, RenderOptions
+from renderer.rendering.render_options import OPTIONS, RenderOptions
 
 P = ParamSpec("P")
 Made = TypeVar("Made")

@@ -17,8 +17,8 @@ from renderer.errors import NotAllowed
 from renderer.process import memory
 from renderer.rendering.film.band import FilmShape
 from renderer.rendering.job import film_shape, workspace_of
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 
 # Bytes for a primitive at the peak of a build, measured with 51,200 triangles in a mesh and

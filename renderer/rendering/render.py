@@ -29,7 +29,7 @@ import numpy as np
 from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.integrators.moment import show_moments
 from renderer.process.memory import limited_to
-from renderer.process.version import VERSION
+from renderer.process.names import VERSION
 from renderer.rendering.accuracy import Accuracy
 from renderer.rendering.aovs import plans_of, with_picture
 from renderer.rendering.checkpoints.checkpoint import (
@@ -44,12 +44,11 @@ from renderer.rendering.goal import Goal, goal_of, options_of_goal
 from renderer.rendering.job import RenderJob, build_job
 from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import check_room, estimate_all
-from renderer.rendering.option_values import shown_value
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.picture import shown_spp
 from renderer.rendering.progress_display import Progress, shown
 from renderer.rendering.render_loop import Outcome, run
+from renderer.rendering.render_options import RenderOptions, shown_value
 from renderer.rendering.tile_sources import Threads, TileSource
 from renderer.scene.scene import Scene
 

@@ -18,8 +18,8 @@ from renderer.rendering.checkpoints.checkpoint import Checkpoint
 from renderer.rendering.film.film import Film
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import MOST_SAMPLES
 from renderer.rendering.progress_display import Progress
+from renderer.rendering.render_options import MOST_SAMPLES
 from renderer.rendering.tile_sources import Threads, TileSource
 
 

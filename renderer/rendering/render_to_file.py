@@ -16,13 +16,13 @@ from renderer.rendering.film.band import Band
 from renderer.rendering.job import RenderJob, build_job, film_shape
 from renderer.rendering.keywords import with_keywords
 from renderer.rendering.memory_estimate import check_room, estimate_all, rows_at_once
-from renderer.rendering.options import OPTIONS, RenderOptions
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.progress_display import Progress, shown
 from renderer.rendering.render import image_of
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import OPTIONS, RenderOptions
 from renderer.scene.scene import Scene
 
 POSSIBLE = "possible is `render`"

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.process.worker_pool import WorkerPool
+from renderer.rendering.film.band import FinishedTiles
 from renderer.rendering.film.film import Film
-from renderer.rendering.film.finished_tiles import FinishedTiles
 from renderer.rendering.job import RenderJob
 
 

@@ -1,4 +1,4 @@
-"""A replay of Mitsuba's numbers and roundings: the interfaces, implemented again."""
+"""The mode that replays Mitsuba, and the scenes that it refuses."""
 
 from __future__ import annotations
 
@@ -9,40 +9,99 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.errors import NotReplayable
 from renderer.kernels.jit import pack
-from renderer.plugins.lights.finite.spot import SpotLights
-from renderer.plugins.lights.infinite.envmap import EnvironmentMaps
-from renderer.plugins.sampling.source import Sampling
+from renderer.plugins.lights.envmap import EnvironmentMaps
+from renderer.plugins.lights.spot import SpotLights
+from renderer.plugins.sampling.numbers_and_warps import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
-from renderer.plugins.shapes.flat.flat import replaced
-from renderer.replay.drawn_ahead import (
+from renderer.plugins.shapes.flat import replaced
+from renderer.replay.camera import replay_camera, round_camera_rays
+from renderer.replay.directions import AsMitsuba
+from renderer.replay.environment import rounded_environment
+from renderer.replay.exact_hits import face_normals, triangle_tangents
+from renderer.replay.hit_points import hooks_of_hits
+from renderer.replay.light_rounding import rounded_shares, rounded_spots, triangle_shares
+from renderer.replay.new_rays import Leaving, round_rays
+from renderer.replay.numbers import BLOCK_SIZE, pixel_seeds
+from renderer.replay.sequences import (
     Replay,
     begin_bounce,
     choose_light,
     draw,
     draw_aperture,
     draw_film,
+    make_sequence,
     rows_of,
 )
-from renderer.replay.numbers.pixel_seeds import pixel_seeds
-from renderer.replay.rounding.camera import replay_camera, round_camera_rays
-from renderer.replay.rounding.directions import AsMitsuba
-from renderer.replay.rounding.environment import rounded_environment
-from renderer.replay.rounding.hits.hit_points import hooks_of_hits
-from renderer.replay.rounding.hits.triangle_arithmetic import (
-    face_normals,
-    triangle_tangents,
-)
-from renderer.replay.rounding.mesh_lights import triangle_shares
-from renderer.replay.rounding.new_rays import Leaving, round_rays
-from renderer.replay.rounding.spots import rounded_spots
-from renderer.replay.rounding.texture_means import rounded_shares
-from renderer.replay.sequences import make_sequence
-from renderer.scene.light_order import light_order
+from renderer.scene.light_properties import light_order
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import MaterialTables, kind_of, sides
 from renderer.scene.scene import Scene
-from renderer.scene_file.description import EnvironmentMap, Sampler, SpotLight
+from renderer.scene_file.description import EnvironmentMap, Integrator, Sampler, SpotLight
+
+# ----------------------------------------------------------------------------- refusals
+# What cannot be replayed.
+
+MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
+
+
+def check_replay(asked: Integrator, method: str, extended: bool) -> None:
+    """Refuse integrators for which Mitsuba's order of random numbers cannot be followed.
+
+    Parameters
+    ----------
+    asked
+        The integrator of the file.
+    method
+        What is rendered.
+    extended
+        Whether lights have an area.
+
+    Raises
+    ------
+    NotReplayable
+        One line that says why, and what is possible.
+    """
+    if method == "work":
+        raise NotReplayable(
+            "sampler 'mitsuba': Mitsuba has no integrator that counts work; possible are "
+            "path, direct, depth, aov and whitted"
+        )
+    integrators = (asked, asked.nested or asked)
+    if any(i.block_size not in (0, BLOCK_SIZE) or not i.one_pass for i in integrators):
+        raise NotReplayable(
+            "sampler 'mitsuba': the file divides the work in its own way (block_size, "
+            f"samples_per_pass); possible are block_size {BLOCK_SIZE} and a single pass"
+        )
+    if method == "whitted" and extended:
+        raise NotReplayable(
+            "sampler 'mitsuba': a tree of rays that samples lights with an area draws in "
+            "the order of the tree; possible are path, direct, and whitted with point, "
+            "spot and directional lights"
+        )
+    most = max(asked.emitter_samples, asked.bsdf_samples)
+    if method == "direct" and most > MOST_SAMPLES:
+        raise NotReplayable(
+            f"sampler 'mitsuba': direct with {asked.emitter_samples} emitter_samples and "
+            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are up to "
+            f"{MOST_SAMPLES}, whose numbers are drawn ahead"
+        )
+    if asked.strategy != "both" or not asked.caustics:
+        raise NotReplayable(
+            "sampler 'mitsuba': Mitsuba has no integrator with one of the two ways to find "
+            "light, or without caustics; possible is the scene without sampling=lights, "
+            "sampling=bsdfs and caustics=off"
+        )
+    if asked.stands_for:
+        raise NotReplayable(
+            f"sampler 'mitsuba': {asked.stands_for}, which is rendered by path here, draws "
+            "in another order; its pictures agree in the mean"
+        )
+
+
+# -------------------------------------------------------------------------- replay mode
+# A replay of Mitsuba's numbers and roundings: the interfaces, implemented again.
 
 
 class Planned(Protocol):

@@ -3,42 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import record_class
-from renderer.replay.numbers.dimensions import begin_dimensions
-from renderer.replay.samplers.independent import (
+from renderer.kernels.jit import kernel, method_kernel, record_class
+from renderer.kernels.lanes.functions import as_i32, splat_f32, splat_i32
+from renderer.kernels.lanes.memory import gather_row, load_row, store_row
+from renderer.kernels.records.batch import CAPACITY, sample_key, slot_pixel
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, choose_one
+from renderer.replay.numbers import begin_dimensions
+from renderer.replay.samplers import (
     Independent,
+    LowDiscrepancy,
+    Multijitter,
+    Orthogonal,
+    Stratified,
     begin_independent,
     make_independent,
+    make_low_discrepancy,
+    make_multijitter,
+    make_orthogonal,
+    make_stratified,
     next_independent_1d,
     next_independent_2d,
-)
-from renderer.replay.samplers.low_discrepancy import (
-    LowDiscrepancy,
-    make_low_discrepancy,
     next_low_discrepancy_1d,
     next_low_discrepancy_2d,
-)
-from renderer.replay.samplers.multijitter import (
-    Multijitter,
-    make_multijitter,
     next_multijitter_1d,
     next_multijitter_2d,
-)
-from renderer.replay.samplers.orthogonal import (
-    Orthogonal,
-    make_orthogonal,
     next_orthogonal_1d,
     next_orthogonal_2d,
-)
-from renderer.replay.samplers.stratified import (
-    Stratified,
-    make_stratified,
     next_stratified_1d,
     next_stratified_2d,
 )
@@ -136,3 +132,162 @@ def _next_2d(sequence, pixel, sample):
     if draw is None:
         return None
     return lambda sequence, pixel, sample: draw(sequence, pixel, sample)
+
+
+# -------------------------------------------------------------------------- drawn ahead
+# The numbers of a replay, drawn ahead: a sampler like the others for all stages.
+#
+# Mitsuba draws from one stream for each pixel, one sample after the other, and how many
+# numbers a bounce takes depends on what is hit. So they are drawn at the start of the
+# bounce (`begin_bounce`) and stored by pixel; the stages read them as from any other
+# sampler. Samples of a pixel never go together (`Plan.level` is 0): each slot is a pixel.
+#
+# Order within a sample (Mitsuba 3.9.1, src/render/integrator.cpp,
+# src/integrators/path.cpp): the place on the film, and that on the lens if there is one;
+# one number for the time if the shutter stays open; then at each hit from which the path
+# may go on: two numbers for a light sample if the surface has a smooth part (whichever
+# side is seen), one and two for the BSDF, one for the roulette. All are drawn even if
+# they are unused. `direct` plays no roulette and draws the BSDF's two before its one:
+# they are arguments of one call, which the wheel's compiler evaluates from the right.
+# Where it takes several samples at a point, those of the lights come first, then those of
+# the BSDF.
+
+# rows of `Replay.numbers`
+FILM = 0  # x, y in the pixel
+APERTURE = 2  # x, y on the lens
+BSDF_CHOICE = 4
+BSDF = 5  # x, y
+ROULETTE = 7
+LIGHT = 8  # x, y
+SET = 6  # rows from BSDF_CHOICE on: as many more for each further sample of `direct`
+
+
+def rows_of(samples: int) -> int:
+    """Return how many rows `Replay.numbers` needs for so many samples at a point."""
+    return BSDF_CHOICE + SET * max(samples, 1)
+
+
+class Replay(NamedTuple):
+    """Numbers drawn ahead from a sampler of Mitsuba's, by pixel of the full film."""
+
+    sequence: Any  # a record of renderer.replay.sequences
+    numbers: NDArray[np.float32]  # (rows_of(samples), pixels)
+    smooth: NDArray[np.int32]  # (shapes,) 1: light samples are drawn at this shape
+    lights: int  # samples of lights at a point
+    bsdf: int  # samples of the BSDF; 0: the integrator draws nothing for BSDFs
+    direct: int  # 1: in the order of `direct`, 0: in that of `path`
+    # when a time is drawn with each camera ray; 0: never, 1: after the film, 2: the lens
+    shutter: int
+
+
+@method_kernel
+def draw_film(sampler, tile, sample, film):
+    """Begin a sample of each pixel of a tile: draw its place on the film."""
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for slot in range(CAPACITY):
+        x, y = slot_pixel(slot, 0)
+        if x >= tile.width or y >= tile.height:
+            continue
+        pixel = (y + tile.y) * tile.film_width + (x + tile.x)
+        begin_sample(sequence, pixel)
+        dx, dy = next_2d(sequence, pixel, sample)
+        if sampler.shutter == 1:
+            next_1d(sequence, pixel, sample)
+        numbers[FILM, pixel], numbers[FILM + 1, pixel] = dx, dy
+        film[0, slot], film[1, slot] = dx, dy
+
+
+@method_kernel
+def draw_aperture(sampler, tile, sample, film):
+    """Draw where on the lens the sample of each pixel of a tile lies."""
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for slot in range(CAPACITY):
+        x, y = slot_pixel(slot, 0)
+        if x >= tile.width or y >= tile.height:
+            continue
+        pixel = (y + tile.y) * tile.film_width + (x + tile.x)
+        u, v = next_2d(sequence, pixel, sample)
+        if sampler.shutter == 2:
+            next_1d(sequence, pixel, sample)
+        numbers[APERTURE, pixel], numbers[APERTURE + 1, pixel] = u, v
+        film[2, slot], film[3, slot] = u, v
+
+
+@kernel
+def _draw_pair(sequence, numbers, row, pixel, sample):
+    x, y = next_2d(sequence, pixel, sample)
+    numbers[row, pixel], numbers[row + 1, pixel] = x, y
+
+
+@kernel
+def _draw_bsdf(sampler, pixel, sample):
+    sequence, numbers = sampler.sequence, sampler.numbers
+    if sampler.direct == 0:
+        numbers[BSDF_CHOICE, pixel] = next_1d(sequence, pixel, sample)
+        _draw_pair(sequence, numbers, BSDF, pixel, sample)
+        numbers[ROULETTE, pixel] = next_1d(sequence, pixel, sample)
+        return
+    for k in range(sampler.bsdf):
+        _draw_pair(sequence, numbers, BSDF + SET * k, pixel, sample)
+        numbers[BSDF_CHOICE + SET * k, pixel] = next_1d(sequence, pixel, sample)
+
+
+@method_kernel
+def begin_bounce(sampler, shape, tile, sample, rays, hits, count):
+    """Draw what the first paths need at the surfaces that they have just hit.
+
+    `shape` is the scene's, by primitive id.
+    """
+    sequence, numbers = sampler.sequence, sampler.numbers
+    for i in range(count):
+        prim = hits.prim[i]
+        if prim < 0:
+            continue
+        x, y = slot_pixel(rays.slot[i], 0)
+        pixel = (y + tile.y) * tile.film_width + x + tile.x
+        if sampler.smooth[shape[prim]] == 1:
+            for k in range(sampler.lights):
+                _draw_pair(sequence, numbers, LIGHT + SET * k, pixel, sample)
+        if sampler.bsdf != 0:
+            _draw_bsdf(sampler, pixel, sample)
+
+
+@kernel
+def _pixels(numbers, tile, slots, i):
+    """Return the pixels of slots i to i + 15, and which are on the film."""
+    pixel = sample_key(tile, load_row(slots, 0, i)).pixel
+    return as_i32(pixel), pixel < np.uint32(numbers.shape[1])
+
+
+@kernel
+def _first_row(sampler, block):
+    """Return the rows' offset for a block of numbers: `direct` counts its samples in it."""
+    return np.int64(0) if sampler.direct == 0 else SET * (block // BLOCKS_PER_BOUNCE)
+
+
+@method_kernel
+def draw(sampler, tile, sample, block, slots, count, numbers):
+    """Hand out x, y, choice and roulette of the BSDF."""
+    drawn, first = sampler.numbers, _first_row(sampler, block)
+    for i in range(0, count, 16):
+        pixel, inside = _pixels(drawn, tile, slots, i)
+        store_row(numbers, 0, i, gather_row(drawn, BSDF + first, pixel, inside))
+        store_row(numbers, 1, i, gather_row(drawn, BSDF + 1 + first, pixel, inside))
+        store_row(numbers, 2, i, gather_row(drawn, BSDF_CHOICE + first, pixel, inside))
+        store_row(numbers, 3, i, gather_row(drawn, ROULETTE + first, pixel, inside))
+
+
+@method_kernel
+def choose_light(sampler, tile, sample, block, turn, lights, slots, count, numbers, light):
+    """Hand out x and y of the light; x chooses it, and the rest of x is its sample's."""
+    drawn, first = sampler.numbers, _first_row(sampler, block)
+    for i in range(0, count, 16):
+        pixel, inside = _pixels(drawn, tile, slots, i)
+        x = gather_row(drawn, LIGHT + first, pixel, inside)
+        chosen = splat_i32(turn)
+        if turn < 0:
+            chosen, x = choose_one(x, lights)
+        store_row(light, 0, i, chosen)
+        store_row(numbers, 0, i, x)
+        store_row(numbers, 1, i, gather_row(drawn, LIGHT + 1 + first, pixel, inside))
+        store_row(numbers, 2, i, splat_f32(0.0))

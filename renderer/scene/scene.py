@@ -20,14 +20,13 @@ from renderer.kernels.records.kernel_scene import (
     Placements,
     Shapes,
 )
-from renderer.plugins.shapes.arrays import float32
-from renderer.plugins.shapes.arrays import unit_normals as unit_normals
 from renderer.plugins.shapes.extents import primitive_bounds
+from renderer.plugins.shapes.primitives import float32
 from renderer.plugins.shapes.registry import KINDS as KINDS
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
-from renderer.scene.attributes import check_attributes
 from renderer.scene.materials import MaterialTables
 from renderer.scene.placed_groups import (
+    check_attributes,
     check_placements,
     group_boxes,
     place,

@@ -15,12 +15,10 @@ from typing import Any
 from renderer.errors import SceneError
 from renderer.scene_file.description import SceneDescription
 from renderer.scene_file.document.dictionary import read_dictionary
-from renderer.scene_file.document.parameters import Parameters
-from renderer.scene_file.document.references import resolve
-from renderer.scene_file.document.xml.xml_tree import read_text_file, read_xml_tree
-from renderer.scene_file.files import Bounds
+from renderer.scene_file.document.references import Parameters, resolve
+from renderer.scene_file.document.xml_tree import read_text_file, read_xml_tree
+from renderer.scene_file.files import Bounds, Reading
 from renderer.scene_file.objects.scenes import read_scene
-from renderer.scene_file.read_context import Reading
 
 __all__ = [
     "Folders",

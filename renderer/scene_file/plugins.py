@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
-from collections.abc import Mapping
+import importlib.util
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
 from typing import Any
+
+from renderer.errors import PluginError, SceneError, did_you_mean
+from renderer.process.source_places import place_of_error
 
 _SUPPORTED: dict[str, tuple[str, ...]] = {
     "scene": ("scene",),
@@ -71,3 +81,94 @@ def every_plugin() -> list[str]:
 def supported_tags() -> tuple[str, ...]:
     """Return the tags that have plugins."""
     return tuple(_SUPPORTED)
+
+
+# -------------------------------------------------------------------------- plugin file
+# A user's file of plugins (`--plugins FILE.py`), which registers them when it is
+# imported.
+#
+# A comparison with another renderer imports the same file in that renderer's process too.
+
+imported: list[str] = []  # the files that were, as absolute paths
+# of each of these: the names that it registers here; Mitsuba's own registers keep no list
+registered_by: dict[str, tuple[str, ...]] = {}
+
+
+@contextmanager
+def neighbours_importable(path: str) -> Iterator[None]:
+    """Let a plugin file import modules of its folder, as a script can."""
+    folder = str(Path(path).resolve().parent)
+    sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        sys.path.remove(folder)
+
+
+def module_name(file: Path) -> str:
+    """Return the name in `sys.modules` of a plugin file."""
+    return f"lightproof_plugins_{file.stem}"
+
+
+@functools.cache
+def import_plugin_file(path: str) -> ModuleType:
+    """Return the module of a plugin file, run once in each process.
+
+    Raises
+    ------
+    PluginError
+        If it cannot be read, or raises; one line that names the file and the line.
+    """
+    file = Path(path)
+    name = module_name(file)
+    specification = importlib.util.spec_from_file_location(name, file)
+    if specification is None or specification.loader is None:
+        raise PluginError("expected a Python file of plugins, NAME.py", path)
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module  # dataclasses look up the module that they are in
+    before = dict(registered_kinds("bsdf"))
+    try:
+        with neighbours_importable(path):
+            specification.loader.exec_module(module)
+    except (Exception, SystemExit) as error:  # a script that ends itself as well
+        del sys.modules[name]
+        raise plugin_error(error, path) from error
+    absolute = str(file.resolve())
+    imported.append(absolute)
+    registered_by[absolute] = tuple(
+        name
+        for name, kind in registered_kinds("bsdf").items()
+        if before.get(name) is not kind
+    )
+    return module
+
+
+def plugin_error(error: BaseException, path: str, what: str = "") -> PluginError:
+    """Return what a user's file has raised, as one line with the place.
+
+    Parameters
+    ----------
+    error
+        Our own complaints keep their words; others are named by their class.
+    path
+        The plugin file, which is named where no line of a user's is known.
+    what
+        Such as "register_mitsuba(): ".
+    """
+    if isinstance(error, PluginError) and error.place:
+        return error
+    said = error.msg if isinstance(error, SyntaxError) else str(error)
+    if not isinstance(error, SceneError):
+        said = f"{type(error).__name__}: {said}{_similar_name(error)}"
+    return PluginError(f"{what}{' '.join(said.split())}", place_of_error(error) or path)
+
+
+def _similar_name(error: BaseException) -> str:
+    """Return "; did you mean ...?" where a module lacks a name that is like one it has."""
+    for pattern in (
+        r"cannot import name '(?P<name>\w+)' from '(?P<module>[\w.]+)'",
+        r"module '(?P<module>[\w.]+)' has no attribute '(?P<name>\w+)'",
+    ):
+        if (match := re.search(pattern, str(error))) and match["module"] in sys.modules:
+            return did_you_mean(match["name"], dir(sys.modules[match["module"]]))
+    return ""

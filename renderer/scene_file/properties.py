@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError, UnsupportedPlugin
 from renderer.scene_file import transforms
+from renderer.scene_file.files import Reading
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.plugin_file import registered_by
-from renderer.scene_file.plugins import UNSUPPORTED_TAGS, supported_plugins, supported_tags
-from renderer.scene_file.read_context import Reading
+from renderer.scene_file.plugins import (
+    UNSUPPORTED_TAGS,
+    registered_by,
+    supported_plugins,
+    supported_tags,
+)
 from renderer.scene_file.tree import UNNAMED, Element, Property, Vector
 
 T = TypeVar("T")

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.scene_file.description import Texture
+from renderer.simple.camera import Vector, normalize, square_to_cosine_hemisphere
 from renderer.simple.shapes import Hit
 from renderer.simple.textures import eval_number, eval_texture
-from renderer.simple.vectors import Vector, normalize, square_to_cosine_hemisphere
 
 BLACK, WHITE = np.zeros(3), np.ones(3)
 UP = np.array([0.0, 0.0, 1.0])

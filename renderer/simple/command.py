@@ -16,8 +16,8 @@ from renderer.command import cli
 from renderer.command.interrupts import Interrupts
 from renderer.command.options import make_parser
 from renderer.command.outputs import check_outputs
-from renderer.process.version import VERSION
-from renderer.process.working_folder import leave_deleted_folder
+from renderer.process.names import VERSION
+from renderer.process.signals import leave_deleted_folder
 from renderer.simple.path_tracer import estimates
 from renderer.simple.scene import INTEGRATORS, Scene
 

@@ -19,13 +19,8 @@ from renderer.scene_file.description import (
     Sphere,
     SpotLight,
 )
+from renderer.simple.camera import Vector, normalize, orthonormal_basis, square_to_sphere
 from renderer.simple.shapes import Hit, Surface
-from renderer.simple.vectors import (
-    Vector,
-    normalize,
-    orthonormal_basis,
-    square_to_sphere,
-)
 
 Light = Emitter | Surface
 EMITTERS = (PointLight, SpotLight, DirectionalLight, ConstantLight)

@@ -27,12 +27,12 @@ from renderer.simple.bsdfs import (
     color,
     number,
 )
+from renderer.simple.camera import Vector, mix, normalize
 from renderer.simple.measured import Measured
 from renderer.simple.principled import Principled, PrincipledThin
 from renderer.simple.rough import RoughConductor, RoughDielectric, RoughPlastic
 from renderer.simple.shapes import Hit
 from renderer.simple.textures import eval_slope
-from renderer.simple.vectors import Vector, mix, normalize
 
 Numbers = tuple[float, float, float]
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from renderer.simple.bsdfs import BLACK, NOTHING, Bsdf, BsdfSample, reflect
+from renderer.simple.camera import Vector, normalize, square_to_cosine_hemisphere
 from renderer.simple.shapes import Hit
-from renderer.simple.vectors import Vector, normalize, square_to_cosine_hemisphere
 
 
 class Measured(Bsdf):

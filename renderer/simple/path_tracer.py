@@ -25,12 +25,11 @@ import numpy as np
 
 from renderer.scene_file.description import SceneDescription, Sensor
 from renderer.simple.bsdfs import BsdfSample, Lobe
-from renderer.simple.camera import Ray, camera_ray
+from renderer.simple.camera import Ray, Vector, camera_ray
 from renderer.simple.lights import pdf_light, power_heuristic, sample_light
 from renderer.simple.materials import Material
 from renderer.simple.scene import Scene, closest_hit, visible
 from renderer.simple.shapes import Hit
-from renderer.simple.vectors import Vector
 
 # four numbers in [0, 1) for the pixel, the sample, and the block: 0 is the place in the
 # pixel, 1 + BLOCKS_PER_BOUNCE * bounce the BSDF there, the blocks after it the lights

@@ -24,15 +24,10 @@ from renderer.simple.bsdfs import (
     reflectance_of_glass,
     refract,
 )
+from renderer.simple.camera import Vector, mix, normalize, square_to_cosine_hemisphere
 from renderer.simple.rough import Microfacets
 from renderer.simple.shapes import Hit
 from renderer.simple.textures import LUMINANCE
-from renderer.simple.vectors import (
-    Vector,
-    mix,
-    normalize,
-    square_to_cosine_hemisphere,
-)
 
 COAT_SHADOWING = Microfacets(0.25, 0.25, beckmann=False)  # whatever the coat's gloss is
 Numbers = tuple[float, float, float]

@@ -27,13 +27,13 @@ from renderer.simple.bsdfs import (
     reflectance_of_glass,
     refract,
 )
-from renderer.simple.shapes import Hit
-from renderer.simple.vectors import (
+from renderer.simple.camera import (
     Vector,
     normalize,
     square_to_cosine_hemisphere,
     square_to_disk,
 )
+from renderer.simple.shapes import Hit
 
 SMOOTHEST = 1e-4  # Mitsuba takes a smaller roughness, and a negative one, for this
 _SLOPES = NormalDist(0.0, math.sqrt(0.5))  # the density is exp(-slope^2) / sqrt(pi)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from renderer.errors import SceneError
-from renderer.scene.light_order import light_order
+from renderer.scene.light_properties import light_order
 from renderer.scene_file.description import (
     CheckerboardTexture,
     ConstantLight,
@@ -14,10 +14,10 @@ from renderer.scene_file.description import (
     SceneDescription,
 )
 from renderer.simple.bsdfs import Bsdf
+from renderer.simple.camera import Vector
 from renderer.simple.lights import EMITTERS, Light
 from renderer.simple.materials import BSDFS, NESTED
 from renderer.simple.shapes import UNIT_SHAPES, Hit, Surface
-from renderer.simple.vectors import Vector
 
 # A ray does not meet the surface that it leaves: t > epsilon, which is far above the
 # rounding of double precision in scenes of up to 100,000 units. A shadow ray ends by this

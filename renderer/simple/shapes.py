@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.scene_file.description import Cylinder, Disk, Mesh, Rectangle, Sphere
-from renderer.scene_file.meshes.surface_area import surface_area
-from renderer.simple.vectors import (
+from renderer.scene_file.meshes.mesh_data import surface_area
+from renderer.simple.camera import (
     Vector,
     normalize,
     orthonormal_basis,

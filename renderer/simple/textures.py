@@ -12,7 +12,7 @@ from renderer.scene_file.description import (
     MeshAttributeTexture,
     Texture,
 )
-from renderer.simple.vectors import Vector
+from renderer.simple.camera import Vector
 
 # luminance of linear sRGB
 LUMINANCE = np.array([0.212671, 0.715160, 0.072169])

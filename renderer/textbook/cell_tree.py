@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.local import local_f32, local_i32
-from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kernels.lanes.vectors import local_f32, local_i32
+from renderer.kernels.records.batch import BOXES, NODES, add_to, note_stack
 from renderer.textbook.one_ray import interval_in_box, test_items, trace_ray
 
 MAX_DEPTH = 60  # edges from the root to the deepest leaf

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import fabs
-from renderer.kernels.lanes.local import local_f32, local_i32
-from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kernels.lanes.vectors import local_f32, local_i32
+from renderer.kernels.records.batch import BOXES, NODES, add_to, note_stack
 from renderer.textbook.one_ray import (
     MAILBOXES,
     already_tested,

@@ -18,7 +18,7 @@ import numpy as np
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import fabs
 from renderer.kernels.lanes.vectors import column
-from renderer.kernels.records.tally import PRIMITIVES, SAVED, add_to
+from renderer.kernels.records.batch import PRIMITIVES, SAVED, add_to
 from renderer.plugins.shapes.primitives import hit_primitive, primitive_at
 
 MAILBOXES = 64  # a power of two

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.local import local_i64
+from renderer.kernels.lanes.vectors import local_i64
 from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
 from renderer.textbook.grid_walk import Grids
 from renderer.textbook.one_ray import MAILBOXES

@@ -1,18 +1,10 @@
-"""Bounding volumes fitted to points: as small as can be, and nothing sticks out.
-
-Points are grown by radii, so that their hull covers every kind of primitive. Fitting is
-done in double precision and stored in single, rounded away from the points.
-
-How good a volume is, is the share of random rays that meet it. By Cauchy's formula a
-convex body's projected area, in the mean over all directions, is a quarter of its surface
-area. So of the lines that meet a convex body, those that also meet a convex body within it
-are the ratio of the two surface areas, which is computed here exactly.
-"""
+"""How bounding volumes are fitted to points: balls, boxes, slabs, polytopes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +13,170 @@ from numpy.typing import ArrayLike, NDArray
 from renderer.plugins.shapes.extents import ROUNDING, Extents
 from renderer.textbook.bounding_volumes import DIAGONAL, Aabb, BoundingSphere, Slabs
 from renderer.textbook.box_axes import GrownPoints, box_axes
-from renderer.textbook.polytope import polytope_area
-from renderer.textbook.smallest_ball import smallest_ball
+
+# ------------------------------------------------------------------------ smallest ball
+# The smallest ball that encloses balls [Gaertner1999] [Fischer2003].
+#
+# At most four balls touch the smallest one and determine it. Start with two that lie far
+# apart, as Ritter does [Ritter1990]; while some ball sticks out, add the one that does so
+# most and solve the small problem of at most five by trying every subset. The radius
+# grows in each round, so no set of four comes twice and it ends; it takes 5 to 15 rounds,
+# each one pass over the balls. (Welzl's recursion is right for points only, not for
+# balls.)
+
+MOST_ROUNDS = 200  # far above what was seen (15); what is found by then is enclosed too
+# What rounding in double precision may do to a radius, as a share of the size.
+TOLERANCE = 1e-12
+
+
+def smallest_ball(
+    centers: NDArray[np.float64], radii: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the centre (3,) of the smallest ball around balls (3, n), (n,), n >= 1."""
+    middle = centers.mean(axis=1)
+    balls = np.vstack((centers - middle[:, None], radii))  # (4, n)
+    size = float(np.abs(balls).max())
+    first = _farthest(balls, np.zeros(3))[0]
+    members = [first, _farthest(balls, balls[:3, first])[0]]
+    center, radius, members = _smallest_of_few(balls, members, size)
+    for _ in range(MOST_ROUNDS):
+        outside, reach = _farthest(balls, center)
+        if reach <= radius + TOLERANCE * size:
+            break
+        found = _smallest_of_few(balls, [*members, outside], size)
+        if found[1] <= radius:  # rounding: there is nothing to be gained any more
+            break
+        center, radius, members = found
+    return center + middle
+
+
+def _farthest(balls: NDArray[np.float64], center: NDArray[np.float64]) -> tuple[int, float]:
+    """Return the ball that reaches farthest from a point, and how far."""
+    reach = np.linalg.norm(balls[:3] - center[:, None], axis=0) + balls[3]
+    index = int(reach.argmax())
+    return index, float(reach[index])
+
+
+def _smallest_of_few(balls: Any, members: list[int], size: float) -> Any:
+    """Return (centre, radius, members that touch it) of the smallest ball around a few.
+
+    It touches some subset from inside, with its centre in the subset's affine hull; of all
+    such balls that enclose the rest it is the smallest.
+    """
+    few = balls[:, members]
+    best: Any = (few[:3].mean(axis=1), np.inf, members)
+    for count in range(1, min(4, len(members)) + 1):
+        for chosen in combinations(range(len(members)), count):
+            for center, radius in _touching(few[:, chosen]):
+                _, reach = _farthest(few, center)
+                if reach <= radius + TOLERANCE * size and radius < best[1]:
+                    best = center, radius, [members[k] for k in chosen]
+    return best
+
+
+def _touching(balls: Any) -> list[tuple[Any, float]]:
+    """Return the balls (at most two) that m balls touch from inside.
+
+    With x the centre relative to ball 0 and q_i ball i relative to it, |x| = R - r_0 and
+    |x - q_i| = R - r_i. The difference of their squares is linear in x and R,
+
+        q_i . x = (|q_i|^2 + r_0^2 - r_i^2) / 2 + R (r_i - r_0),
+
+    so x = u + R v; put into the first it leaves a quadratic equation for R.
+    """
+    p, r = balls[:3, 0], balls[3]
+    if len(r) == 1:
+        return [(p, float(r[0]))]
+    q = (balls[:3, 1:] - p[:, None]).T
+    given = (np.sum(q * q, axis=1) + r[0] ** 2 - r[1:] ** 2) / 2.0
+    u, v = np.linalg.lstsq(q, np.column_stack((given, r[1:] - r[0])), rcond=None)[0].T
+    a, b, c = v @ v - 1.0, u @ v + r[0], u @ u - r[0] ** 2
+    root = np.sqrt(max(b * b - a * c, 0.0))
+    s = -(b + root) if b > 0.0 else root - b
+    radii = [top / below for top, below in ((s, a), (c, s)) if below != 0.0]
+    return [(p + u + R * v, float(R)) for R in radii if r.max() <= R < np.inf]
+
+
+# ----------------------------------------------------------------------------- polytope
+# The surface area of an intersection of slabs: each face cut out of its plane.
+#
+# A large square in the plane is clipped by all other half-spaces [Sutherland1974]. That
+# needs no vertex enumeration and stands degenerate volumes: flat, a line, a point.
+
+Polygon = NDArray[np.float64]  # (m, 3)
+
+
+def polytope_area(
+    normals: NDArray[np.float64], lower: ArrayLike, upper: ArrayLike
+) -> float:
+    """Return the surface area of { x : lower <= normals x <= upper }.
+
+    Parameters
+    ----------
+    normals
+        (s, 3), of any length; the first three are across each other: they bound it.
+    lower, upper
+        (s,), lower <= upper.
+    """
+    low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+    # around the middle of the box, so that far volumes do not cost digits
+    middle = np.linalg.solve(normals[:3], (low[:3] + high[:3]) / 2.0)
+    shift = normals @ middle
+    size = 2.0 * float(np.linalg.norm(high[:3] - low[:3]))
+    planes = np.concatenate((normals, -normals))
+    offsets = np.concatenate((high - shift, shift - low))
+    return sum(_face_area(planes, offsets, k, size) for k in range(len(planes)))
+
+
+def _face_area(
+    planes: NDArray[np.float64], offsets: NDArray[np.float64], face: int, size: float
+) -> float:
+    """Return the area of the part of plane `face` that is behind all others."""
+    slabs = len(planes) // 2
+    polygon = _square(planes[face], offsets[face], size)
+    for other in range(len(planes)):
+        if other % slabs == face % slabs:  # itself, and the other side of its slab
+            continue
+        polygon = _clipped(polygon, planes[other], offsets[other])
+        if len(polygon) < 3:
+            return 0.0
+    fans = np.cross(polygon[1:-1] - polygon[0], polygon[2:] - polygon[0])
+    return float(np.linalg.norm(fans.sum(axis=0))) / 2.0
+
+
+def _square(normal: NDArray[np.float64], offset: float, size: float) -> Polygon:
+    """Return a square in the plane normal . x = offset that holds all of the volume."""
+    n = normal / np.linalg.norm(normal)
+    u = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    u /= np.linalg.norm(u)
+    v = np.cross(n, u)
+    center = normal * (offset / (normal @ normal))
+    return center + size * np.array([u + v, v - u, -u - v, u - v])
+
+
+def _clipped(polygon: Polygon, normal: NDArray[np.float64], offset: float) -> Polygon:
+    """Return the part of a convex polygon with normal . x <= offset."""
+    depth = offset - polygon @ normal
+    kept = []
+    for k in range(len(polygon)):
+        a, b = depth[k - 1], depth[k]
+        if (a >= 0.0) != (b >= 0.0):
+            kept.append(polygon[k - 1] + (polygon[k] - polygon[k - 1]) * (a / (a - b)))
+        if b >= 0.0:
+            kept.append(polygon[k])
+    return np.array(kept).reshape(-1, 3)
+
+
+# -------------------------------------------------------------------------- volume fits
+# Bounding volumes fitted to points: as small as can be, and nothing sticks out.
+#
+# Points are grown by radii, so that their hull covers every kind of primitive. Fitting is
+# done in double precision and stored in single, rounded away from the points.
+#
+# How good a volume is, is the share of random rays that meet it. By Cauchy's formula a
+# convex body's projected area, in the mean over all directions, is a quarter of its
+# surface area. So of the lines that meet a convex body, those that also meet a convex
+# body within it are the ratio of the two surface areas, which is computed here exactly.
 
 # Normals of the slabs of a k-DOP: k directions are k / 2 slabs. 6: the axes, a box. 10: and
 # two diagonals of the faces across one axis, a box with four bevelled edges. 14: the axes

@@ -13,7 +13,7 @@ except ImportError:  # not on Windows: there, nothing watches over the memory
     resource = None  # type: ignore[assignment]
 
 from renderer.accelerators.build import BUILDERS
-from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle import TriangleSurfaces
 from reports.accelerator_study.settings import MEMORY_LIMIT, StudySettings
 from reports.accelerator_trials.contenders import NAIVE, Progress, build, reach_of
 from reports.accelerator_trials.meshes import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from renderer.kernels.records import tally
+from renderer.kernels.records import batch as tally
 from reports.accelerator_study.settings import StudySettings, all_threads
 from reports.accelerator_trials.contenders import Contender, Progress, affordable
 from reports.accelerator_trials.meshes import StudyMesh

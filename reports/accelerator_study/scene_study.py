@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from renderer.accelerators.build import BUILDERS
-from renderer.kernels.records import tally
+from renderer.kernels.records import batch as tally
 from reports.accelerator_study.settings import StudySettings, all_threads
 from reports.accelerator_trials.contenders import (
     NAIVE,

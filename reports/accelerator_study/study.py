@@ -14,8 +14,7 @@ from typing import Any
 
 from mitsuba_ref.records import machine
 from mitsuba_ref.records.json_files import write_atomically
-from renderer.accelerators.choice import choose_structure
-from renderer.accelerators.cost_model import RayCounts
+from renderer.accelerators.choice import RayCounts, choose_structure
 from reports.accelerator_study.further_studies import FURTHER_STUDIES
 from reports.accelerator_study.growth_study import study_growth
 from reports.accelerator_study.lecture_figure import lecture_figure

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.records import tally
+from renderer.kernels.records import batch as tally
 from reports.accelerator_study.settings import StudySettings
 from reports.accelerator_trials.contenders import NAIVE, Contender, Progress
 from reports.accelerator_trials.meshes import BALL_TRIANGLES, StudyMesh

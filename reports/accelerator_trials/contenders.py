@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.build import build_accelerator
-from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.triangle import TriangleSurfaces
 from reports.accelerator_trials.meshes import StudyMesh, triangle_surfaces
 from reports.accelerator_trials.rays import (
     RayBatches,

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.plugins.shapes.flat.flat import places
-from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
-from renderer.scene_file.meshes.ply.ply_file import read_ply
+from renderer.plugins.shapes.flat import places
+from renderer.plugins.shapes.triangle import TriangleSurfaces
+from renderer.scene_file.meshes.ply_file import read_ply
 
 Vector = tuple[float, float, float]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from renderer.kernels.records.batch import CAPACITY, PADDING
-from renderer.scene.scene import unit_normals
+from renderer.plugins.shapes.primitives import unit_normals
 from reports.accelerator_trials.meshes import StudyMesh, View
 
 TILE = 32  # pixels a side: one batch

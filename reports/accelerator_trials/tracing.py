@@ -27,8 +27,7 @@ from renderer.kernels.jit import (
     kernel,
     pack,
 )
-from renderer.kernels.records.batch import CAPACITY, Hits, Rays, ShadowRays
-from renderer.kernels.records.tally import ROWS
+from renderer.kernels.records.batch import CAPACITY, ROWS, Hits, Rays, ShadowRays
 from renderer.process.worker_pool import in_threads
 from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
 

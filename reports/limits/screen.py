@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.rendering.picture.srgb import srgb_from_linear
+from renderer.rendering.picture.picture import srgb_from_linear
 
 GAP = 4  # [pixels] of white between two pictures
 

@@ -22,7 +22,7 @@ from renderer.accelerators.bvh.bvh import Bvh, build_bvh
 from renderer.accelerators.bvh.bvh_build import build_tree
 from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bounds, refit_bvh
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost
-from renderer.kernels.records.tally import NODES
+from renderer.kernels.records.batch import NODES
 from renderer.plugins.shapes.extents import extents_of
 from reports.accelerator_trials.meshes import (
     StudyMesh,

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from renderer.advice.simplifications import is_endless, words_of
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
-from renderer.scene.simplifications.simplify import is_endless, words_of
 from reports.needs.record import Claim
 
 # what a line begins with -> words of the same; "no-light" is each of them

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 import renderer
 from mitsuba_ref.our_renderer.whole_picture import whole
+from renderer.advice.simplifications import differs, offered, simplified
 from renderer.errors import SceneError
-from renderer.rendering.options import MOST_SAMPLES
 from renderer.rendering.picture.image import Image
+from renderer.rendering.render_options import MOST_SAMPLES
 from renderer.scene.scene import Scene
-from renderer.scene.simplifications.simplify import differs, offered, simplified
 from reports.needs.claims import claims_of
 from reports.needs.content import content_of
 from reports.needs.losses import loss_between

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from renderer.rendering.picture.srgb import srgb_from_linear
+from renderer.rendering.picture.picture import srgb_from_linear
 from reports.records.errors import ReportError
 
 Picture = NDArray[np.float32]  # (H, W, 3), linear sRGB

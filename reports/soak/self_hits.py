@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import renderer
 from mitsuba_ref.our_renderer.single_stages import locate_step, next_hit_step
-from renderer.integrators.stages.surface.shading_frame import leave_surface
+from renderer.integrators.stages.surface import leave_surface
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, make_workspace

@@ -27,9 +27,9 @@ from mitsuba_ref.records.proof_file import read_proof
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import relative_error, relative_squares
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
 
 SCENES = Path(__file__).parents[2] / "scenes"

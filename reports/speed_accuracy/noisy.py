@@ -14,7 +14,7 @@ from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from mitsuba_ref.statistics.equal_error import relative_mse_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
-from renderer.scene_file.objects.view.samplers import round_sample_count
+from renderer.scene_file.objects.films import round_sample_count
 from reports.records.errors import ReportError
 from reports.speed_accuracy.contenders import (
     PEERS,

@@ -27,7 +27,7 @@ from mitsuba_ref.speed import timed_mitsuba
 from renderer.process.cache_folder import cache_folder
 from renderer.rendering.accuracy import relative_error
 from renderer.scene_file import SceneDescription
-from renderer.scene_file.objects.view.samplers import round_sample_count
+from renderer.scene_file.objects.films import round_sample_count
 from reports.speed_accuracy import truth
 from reports.speed_accuracy.contenders import Contender, Key, Picture, Say
 

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.scene_file.description import ConstantLight, SceneDescription
-from renderer.simple.camera import camera_ray
+from renderer.simple.camera import Vector, camera_ray
 from renderer.simple.path_tracer import whitted_radiance
 from renderer.simple.scene import Scene
 from renderer.simple.shapes import Surface
-from renderer.simple.vectors import Vector
 
 CENTRE = (0.5, 0.5, 0.5, 0.5)  # in the place of four random numbers
 

@@ -37,7 +37,7 @@ import renderer
 from renderer.accelerators.build import BUILDERS, build_accelerators
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.accelerators.validate import VALIDATORS, validate
-from renderer.kernels.records.tally import STACK, make_tally
+from renderer.kernels.records.batch import STACK, make_tally
 
 BYTES = 1024  # for a primitive and its share of the structure; the worst measured is 289
 WAITING = 128  # nodes on a stack; the worst measured is 98

@@ -20,7 +20,7 @@ from small_scenes import (
 )
 
 import renderer
-from renderer.accelerators.cost_model import USUAL_RAYS
+from renderer.accelerators.choice import USUAL_RAYS
 from renderer.accelerators.non_occluders import MOST, find_non_occluders, never_between
 from renderer.rendering.planning.plan import RAY_OFFSETS
 from renderer.scene.light_properties import asked_lights

@@ -17,8 +17,8 @@ from numba.core.errors import TypingError
 from soups import awkward_rays
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.records import tally as counting
-from renderer.kernels.records.tally import (
+from renderer.kernels.records import batch as counting
+from renderer.kernels.records.batch import (
     BOXES,
     NODES,
     PRIMITIVES,

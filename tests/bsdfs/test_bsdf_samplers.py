@@ -26,7 +26,7 @@ from test_bsdfs import dielectric64
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.memory import load_row
 from renderer.kernels.lanes.vectors import store3, vec3
-from renderer.plugins.lights.infinite.constant import SPHERE_PDF
+from renderer.plugins.lights.constant import SPHERE_PDF
 from renderer.plugins.sampling.numbers_and_warps import (
     square_to_cosine_hemisphere,
     square_to_disk,

@@ -10,11 +10,11 @@ from scene_file_samples import mi
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, orthonormal_basis, store3, vec3
+from renderer.plugins.bsdfs.diffuse import DIFFUSE, Diffuse, eval_pdf, sample
+from renderer.plugins.bsdfs.fresnel import fresnel_conductor, fresnel_dielectric
 from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers
 from renderer.plugins.bsdfs.mirror import reflect, refracted
-from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE, Diffuse, eval_pdf, sample
-from renderer.plugins.bsdfs.smooth.fresnel import fresnel_conductor, fresnel_dielectric
-from renderer.plugins.sampling.arithmetic import Frame, Plain, to_local, to_world
+from renderer.plugins.sampling.numbers_and_warps import Frame, Plain, to_local, to_world
 
 
 @entry_kernel

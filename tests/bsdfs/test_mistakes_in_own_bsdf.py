@@ -27,12 +27,12 @@ from renderer.command.cli import main as render_command
 from renderer.errors import PluginError
 from renderer.plugins.bsdfs.parameters import Color, Float, hints_of
 from renderer.plugins.bsdfs.registry import BSDFS
-from renderer.plugins.sampling.arithmetic import Plain, along_u
+from renderer.plugins.sampling.numbers_and_warps import Plain, along_u
 from renderer.rendering.user_kernels import check
 from renderer.rendering.user_kernels.check import check_kernels_of, check_kernels_of_users
 from renderer.rendering.user_kernels.diagnosis import explain
 from renderer.rendering.user_kernels.remedies import INSTEAD
-from renderer.scene_file import plugin_file
+from renderer.scene_file import plugins as plugin_file
 
 TESTS = Path(__file__).parents[1]
 RIGHT = (TESTS / "own_bsdf.py").read_text()
@@ -58,8 +58,8 @@ MORE = """\
 import math
 from renderer.kernels.lanes import functions
 from renderer.kernels.lanes.functions import *
-from renderer.kernels.lanes.mathematics.exponentials import power
-from renderer.kernels.lanes.mathematics.mathematics import sincos
+from renderer.kernels.lanes.mathematics import power
+from renderer.kernels.lanes.mathematics import sincos
 from renderer.kernels.lanes.vectors import dot, vec3
 from renderer.plugins.bsdfs.kind import Float
 TABLE = {"a": 1.0}

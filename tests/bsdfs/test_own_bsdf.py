@@ -56,8 +56,8 @@ from renderer.plugins.bsdfs.kind import (
     Numbers,
 )
 from renderer.plugins.bsdfs.registry import BSDFS
-from renderer.plugins.sampling.arithmetic import Plain
-from renderer.scene_file.plugin_file import import_plugin_file
+from renderer.plugins.sampling.numbers_and_warps import Plain
+from renderer.scene_file.plugins import import_plugin_file
 
 TESTS = Path(__file__).parents[1]
 FILE, SCENE = TESTS / "own_bsdf.py", TESTS / "own_bsdf.xml"
@@ -402,7 +402,7 @@ def test_both_paths_agree_where_the_walk_through_traces_one(capsys, monkeypatch)
 IN_A_PROCESS = """
 import json, sys
 from numba.core.event import install_recorder
-from renderer.scene_file.plugin_file import import_plugin_file
+from renderer.scene_file.plugins import import_plugin_file
 with install_recorder("numba:compile") as compiled:
     import_plugin_file(sys.argv[1])
     import renderer

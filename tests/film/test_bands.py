@@ -21,10 +21,10 @@ from renderer.rendering.film.band import Band, FilmShape
 from renderer.rendering.film.film import Film
 from renderer.rendering.job import film_shape
 from renderer.rendering.memory_estimate import estimate_all, rows_at_once
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.exr_rows import ExrRows
 from renderer.rendering.picture.image import Image
 from renderer.rendering.progress_display import Progress
+from renderer.rendering.render_options import RenderOptions
 
 mi.set_variant("scalar_rgb")
 

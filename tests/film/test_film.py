@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import renderer.rendering.film.film
-from renderer.integrators.stages.film.draws import draw_film
-from renderer.integrators.stages.film.film import (
+from renderer.integrators.stages.camera_rays import draw_film
+from renderer.integrators.stages.film import (
     BOX,
     add_to_tile,
     close_sums,
@@ -16,8 +16,7 @@ from renderer.integrators.stages.film.film import (
     open_sums,
 )
 from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.records.batch import CAPACITY, make_workspace
-from renderer.kernels.records.tile import TILE_SIZE, Tile
+from renderer.kernels.records.batch import CAPACITY, TILE_SIZE, Tile, make_workspace
 from renderer.plugins.sampling.numbers_and_warps import Independent
 from renderer.rendering.film.film import Film
 from renderer.scene.reconstruction import lookup_weight, pixels_touched

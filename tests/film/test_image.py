@@ -18,7 +18,7 @@ from renderer.rendering.picture.image_files import (
     check_output_path,
     encode_png,
 )
-from renderer.rendering.picture.srgb import srgb_from_linear
+from renderer.rendering.picture.picture import srgb_from_linear
 from renderer.scene_file.description import AOV_KINDS
 
 mi.set_variant("scalar_rgb")

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import renderer
-from renderer.rendering.film import finished_tiles
-from renderer.rendering.film.work import Work
+from renderer.rendering.film import band as finished_tiles
+from renderer.rendering.film.film import Work
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

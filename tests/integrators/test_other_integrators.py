@@ -9,8 +9,8 @@ from mitsuba_ref.reference.edited_scene import PATH_INSTEAD, load_edited_scene
 from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.scene_file.description import NOWHERE
-from renderer.scene_file.objects.view.integrators import read_scene_integrator
-from renderer.scene_file.read_context import Reading
+from renderer.scene_file.files import Reading
+from renderer.scene_file.objects.sensors import read_scene_integrator
 from renderer.scene_file.tree import Element
 
 SMALL = SENSOR.replace(

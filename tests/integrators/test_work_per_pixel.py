@@ -18,8 +18,8 @@ import renderer
 from renderer.command.cli import main
 from renderer.command.plan_text import plan_text
 from renderer.errors import SceneError
-from renderer.integrators.stages.film.camera_rays import camera_rays
-from renderer.integrators.stages.film.heat_map import (
+from renderer.integrators.stages.camera_rays import camera_rays
+from renderer.integrators.stages.film import (
     _ROOTS_FROM_OKLAB,
     _SRGB_FROM_CONES,
     CONTROL_POINTS,
@@ -27,19 +27,19 @@ from renderer.integrators.stages.film.heat_map import (
 )
 from renderer.integrators.stages.intersect import intersect
 from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.records.tally import (
+from renderer.kernels.records.batch import (
     BOXES,
     NAMES,
     NODES,
     PRIMITIVES,
     SAVED,
+    Tile,
     make_tally,
 )
-from renderer.kernels.records.tile import Tile
 from renderer.process.names import INTEGRATORS
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_options import RenderOptions
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow
 AOVS = tuple(f"work.{name.replace(' ', '_')}" for name in NAMES)

@@ -23,9 +23,9 @@ from renderer.integrators.registry import INTEGRATORS
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.rendering.checkpoints import identity
 from renderer.rendering.checkpoints.identity import difference, identity_of
-from renderer.rendering.options import RenderOptions, names_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import RenderOptions, names_of
 from renderer.scene_file import description
 
 ROOT = Path(__file__).parents[2]

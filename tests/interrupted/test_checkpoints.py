@@ -25,14 +25,14 @@ from renderer.process import worker_pool
 from renderer.rendering.checkpoints import checkpoint as checkpoint_module
 from renderer.rendering.checkpoints import file as checkpoint_file
 from renderer.rendering.checkpoints import identity
-from renderer.rendering.checkpoints.content import content_digest
 from renderer.rendering.checkpoints.file import older, read_checkpoint
+from renderer.rendering.checkpoints.identity import content_digest
 from renderer.rendering.goal import Halves
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.progress_display import Progress, ProgressDisplay
 from renderer.rendering.render_loop import RenderLoop
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import Mesh, OtherBsdf
 

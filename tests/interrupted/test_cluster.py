@@ -24,14 +24,13 @@ from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.process import memory
 from renderer.rendering import memory_estimate
 from renderer.rendering.cluster import connect, source, worker
-from renderer.rendering.cluster.content import LEAST, freeze, thaw
-from renderer.rendering.cluster.plugin_files import PluginFiles, import_sent
 from renderer.rendering.cluster.portions import Portions
 from renderer.rendering.cluster.source import ClusterTiles, ClusterWorkers
+from renderer.rendering.cluster.worker import LEAST, PluginFiles, freeze, import_sent, thaw
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.scene_file import plugin_file
+from renderer.rendering.render_options import RenderOptions
+from renderer.scene_file import plugins as plugin_file
 
 BOX = Path(__file__).parents[2] / "scenes" / "cornell-box" / "scene.xml"
 

@@ -11,7 +11,8 @@ import pytest
 from compiled_kernels import ROOT, needed_by
 
 import renderer
-from renderer.command import cli
+from renderer.command import cli, compile_ahead
+from renderer.command.every_kernel import small_scenes, without_replay, write_files
 from renderer.errors import SceneError
 from renderer.integrators.registry import IN_FILES, INTEGRATORS
 from renderer.kernels.jit import Method
@@ -21,8 +22,7 @@ from renderer.plugins.sensors.registry import SENSORS
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.plugins.textures.registry import TEXTURES
 from renderer.process.names import ACCELERATORS, REPLAY, SAMPLERS
-from renderer.rendering import compile_ahead, job
-from renderer.rendering.every_kernel import small_scenes, without_replay, write_files
+from renderer.rendering import job
 from renderer.rendering.tables import methods
 
 
@@ -123,7 +123,7 @@ def test_scenes_need_no_other_methods(monkeypatch: pytest.MonkeyPatch, tmp_path)
 
 COMPILE = """
 import sys
-from renderer.rendering import compile_ahead
+from renderer.command import compile_ahead
 steps = []
 if __name__ == "__main__":
     anew = compile_ahead.compile_all(lambda *now: steps.append(now), names=sys.argv[1:])

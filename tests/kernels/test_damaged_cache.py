@@ -21,8 +21,7 @@ from numba.core import types
 import renderer
 from renderer.command.cli import main
 from renderer.kernels.jit import cache
-from renderer.kernels.jit.cache import _Index
-from renderer.kernels.jit.used_folders import use_folder
+from renderer.kernels.jit.cache import _Index, use_folder
 from renderer.process import cache_folder as folders
 from renderer.process.cache_folder import cache_folder, cache_root, clear_caches
 

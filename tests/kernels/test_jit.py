@@ -20,7 +20,7 @@ from numba.core import types
 from numba.core.caching import IndexDataCacheFile
 
 import renderer
-import renderer.integrators.stages.film.film
+import renderer.integrators.stages.film
 from renderer.kernels.jit import (
     always_inline,
     cache,
@@ -34,7 +34,7 @@ from renderer.kernels.jit import (
     with_neighbours,
 )
 from renderer.kernels.jit.cache import KERNEL_FOLDERS, _Index, file_digest
-from renderer.scene_file.images import png_filters
+from renderer.scene_file.images import png_16_bit as png_filters
 
 
 @kernel
@@ -389,9 +389,7 @@ def test_a_kernel_left_out_of_the_hash_is_known_by_its_own_file() -> None:
     inside = Path(cache.KernelCache(_doubled.py_func)._cache_path)
     assert inside.name.endswith("-" + cache.file_digest(__file__))
     plain = Path(
-        cache.KernelCache(
-            renderer.integrators.stages.film.film.add_to_tile.py_func
-        )._cache_path
+        cache.KernelCache(renderer.integrators.stages.film.add_to_tile.py_func)._cache_path
     )
     assert plain.name == "renderer_integrators_stages_film_film"
 

@@ -17,7 +17,6 @@ import pytest
 from numba.core.errors import TypingError
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.columns import gather_columns, store_columns
 from renderer.kernels.lanes.functions import (
     as_f32,
     as_i32,
@@ -51,10 +50,12 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import (
     append_row,
+    gather_columns,
     gather_row,
     load_one,
     load_row,
     scatter_row,
+    store_columns,
     store_one,
     store_row,
     store_where,
@@ -661,7 +662,7 @@ SCRIPT = """
 import numpy as np
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, sqrt
-from renderer.kernels.lanes.mathematics.mathematics import sincos
+from renderer.kernels.lanes.mathematics import sincos
 from renderer.kernels.lanes.vectors import load3, normalize, store3
 
 @entry_kernel

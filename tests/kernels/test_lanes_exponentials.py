@@ -9,8 +9,7 @@ from scipy import special
 from test_lanes_mathematics import INF, NAN, ulps
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.mathematics.error_function import erf, erfinv
-from renderer.kernels.lanes.mathematics.exponentials import exp, log, power
+from renderer.kernels.lanes.mathematics import erf, erfinv, exp, log, power
 from renderer.kernels.lanes.memory import load_row, store_row
 
 N = 1 << 17

@@ -8,7 +8,7 @@ from numba.core.errors import TypingError
 
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import joined, lower_half, splat_i32, upper_half
-from renderer.kernels.lanes.mathematics.fused import multiply_add
+from renderer.kernels.lanes.mathematics import multiply_add
 from renderer.kernels.lanes.memory import load_row, store_row
 
 

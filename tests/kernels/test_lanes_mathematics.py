@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.mathematics.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
 from renderer.kernels.lanes.memory import load_row, store_row
 
 NAN, INF = np.nan, np.inf

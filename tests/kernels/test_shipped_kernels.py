@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from compiled_kernels import ROOT
 
-from renderer.kernels.jit import shipped
-from renderer.kernels.jit.shipped import LEVELS
+from renderer.kernels.jit import cache as shipped
+from renderer.kernels.jit.cache import LEVELS
 
 PROGRAM = """
 import logging, sys

@@ -16,7 +16,7 @@ import pytest
 from compiled_kernels import ROOT
 
 from build_wheel import build_wheel
-from renderer.kernels.jit import shipped
+from renderer.kernels.jit import cache as shipped
 
 LEVEL = "x86-64-v3"
 # Scenes of `every_kernel`: all methods, a BSDF, a lens, lamps that are meshes, instances.
@@ -29,7 +29,7 @@ import hashlib, json, logging, sys, tempfile
 from pathlib import Path
 from numba.core import event
 import renderer
-from renderer.rendering.every_kernel import small_scenes, without_replay, write_files
+from renderer.command.every_kernel import small_scenes, without_replay, write_files
 
 compiled, said, pictures = [], [], {}
 

@@ -15,7 +15,7 @@ from kernel_probes import unit
 from light_probes import Bounds, LightProbe, importance
 from test_lights import AREA_SHAPES, OTHERS, TILT, at
 
-from renderer.scene.light_bounds import light_bounds
+from renderer.scene.light_tables import light_bounds
 
 SLIDE = Path(__file__).parents[1] / "plugins" / "slide.png"
 L = (3.0, 1.0, 0.5)  # mean 1.5

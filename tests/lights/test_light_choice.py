@@ -29,17 +29,12 @@ from renderer.kernels.records.kernel_scene import (
     RECORD,
     WEIGH_FOUND,
 )
-from renderer.plugins.lights.choice.choose import UNIFORM, LightChoice
-from renderer.plugins.lights.choice.importance import (
-    ANY_NORMAL,
-    BOTH_SIDES,
-    IN_FRONT,
-    LightNodes,
-)
-from renderer.plugins.lights.choice.tree import LISTED, WIDTH
+from renderer.plugins.lights.choice import UNIFORM, LightChoice
+from renderer.plugins.lights.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT, LightNodes
+from renderer.plugins.lights.light_tree import LISTED, WIDTH
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.render_mode import mode_for
-from renderer.scene.light_bounds import light_bounds, lit_sides
+from renderer.scene.light_tables import light_bounds, lit_sides
 from renderer.scene.materials import kind_of
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -191,7 +191,7 @@ def test_two_edits_of_one_file_are_both_made():
         ("srgb.srgb_from_linear", "12.92", "13.0"),
         ("srgb.srgb_from_linear", "1.055 *", "1.0 *"),
     ]
-    text = mutated_files(mutation(*edits))["rendering/picture/srgb.py"]
+    text = mutated_files(mutation(*edits))["rendering/picture/picture.py"]
     assert "13.0" in text and "12.92" not in text and "1.0 *" in text
 
 
@@ -208,10 +208,12 @@ def test_a_copy_differs_in_the_mutated_file_alone_and_is_found_again(tmp_path):
         for s in sources
         if (folder / "renderer" / s).read_bytes() != (PACKAGE / s).read_bytes()
     ]
-    assert differing == ["rendering/picture/srgb.py"]
-    before = (folder / "renderer" / "rendering/picture/srgb.py").stat().st_mtime_ns
+    assert differing == ["rendering/picture/picture.py"]
+    before = (folder / "renderer" / "rendering/picture/picture.py").stat().st_mtime_ns
     assert mutant_folder(made, tmp_path) == folder
-    assert (folder / "renderer" / "rendering/picture/srgb.py").stat().st_mtime_ns == before
+    assert (
+        folder / "renderer" / "rendering/picture/picture.py"
+    ).stat().st_mtime_ns == before
 
 
 def test_a_changed_mutation_has_another_folder_and_the_old_one_goes(tmp_path):

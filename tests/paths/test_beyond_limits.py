@@ -15,8 +15,8 @@ import pytest
 from stranger_scenes import STRANGERS
 from test_path_comparison import PATH, with_bounce, with_light
 
-import renderer.plugins.bsdfs.smooth.dielectric
-import renderer.plugins.bsdfs.smooth.diffuse
+import renderer.plugins.bsdfs.dielectric
+import renderer.plugins.bsdfs.diffuse
 from mitsuba_ref.mutations import rungs
 from mitsuba_ref.mutations.mutation import PACKAGE
 from mitsuba_ref.our_renderer import picture as our_picture
@@ -242,8 +242,8 @@ def defect(monkeypatch, kind, size):
         monkeypatch.setitem(plan.RAY_OFFSETS, "mitsuba", rule)
         return
     module, name = {
-        "albedo": (renderer.plugins.bsdfs.smooth.diffuse, "read_texture"),
-        "index": (renderer.plugins.bsdfs.smooth.dielectric, "read_relative_index"),
+        "albedo": (renderer.plugins.bsdfs.diffuse, "read_texture"),
+        "index": (renderer.plugins.bsdfs.dielectric, "read_relative_index"),
     }[kind]
     sound = getattr(module, name)
 

@@ -27,7 +27,7 @@ from renderer.plugins.bsdfs.kind import (
     sample_bsdf,
 )
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import Plain
+from renderer.plugins.sampling.numbers_and_warps import Plain
 from renderer.scene.materials import MaterialTables, kind_of
 
 Array = NDArray[np.float64]

@@ -17,8 +17,7 @@ from numba import typeof
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.integrators.stages.intersect import intersect
-from renderer.integrators.stages.surface.shading_frame import leave_surface
-from renderer.integrators.stages.surface.surface import append_hits, surface_points
+from renderer.integrators.stages.surface import append_hits, leave_surface, surface_points
 from renderer.kernels.jit import (
     Packed,
     call,
@@ -31,18 +30,18 @@ from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import (
     CAPACITY,
     Rays,
+    SampleKey,
     ShadowRays,
     Workspace,
     make_workspace,
 )
 from renderer.kernels.records.kernel_scene import ANY
-from renderer.kernels.records.tile import SampleKey
+from renderer.plugins.shapes import flat
 from renderer.plugins.shapes.cylinder import CylinderSurfaces
-from renderer.plugins.shapes.flat import flat
-from renderer.plugins.shapes.flat.disk import DiskSurfaces
-from renderer.plugins.shapes.flat.rectangle import RectangleSurfaces
-from renderer.plugins.shapes.flat.triangle import TriangleSurfaces
+from renderer.plugins.shapes.disk import DiskSurfaces
+from renderer.plugins.shapes.rectangle import RectangleSurfaces
 from renderer.plugins.shapes.sphere import SphereSurfaces
+from renderer.plugins.shapes.triangle import TriangleSurfaces
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
 from renderer.rendering.tables.kernel_record import KernelInputs
@@ -195,7 +194,7 @@ def closest(
 ) -> Found:
     """Trace rays (n, 3); `coherent` takes the traversal by packets where there is one.
 
-    Given a tally (`renderer.kernels.records.tally`), the twin that counts runs.
+    Given a tally (`renderer.kernels.records.batch`), the twin that counts runs.
     """
     work = workspace(ray_count(origin, direction))
     n = fill(work.rays, origin, direction)

@@ -17,7 +17,7 @@ from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import LightSamples, make_workspace
 from renderer.kernels.records.kernel_scene import RECORD, SAMPLE_LIGHT
-from renderer.plugins.lights.infinite.environment import environment_light
+from renderer.plugins.lights.environment import environment_light
 from renderer.plugins.lights.kind import LightKind
 from renderer.plugins.sampling.numbers_and_warps import choose_one
 from renderer.plugins.shapes.surface import pdf_shape

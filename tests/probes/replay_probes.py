@@ -12,22 +12,26 @@ import numpy as np
 from kernel_probes import Inputs, fill, float32, run_surface_points
 from light_probes import light_kinds, sample_lights
 
-from renderer.integrators.stages.surface.shading_frame import frame_at
+from renderer.integrators.stages.surface import frame_at
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import CAPACITY, Workspace
+from renderer.plugins.bsdfs.diffuse import DIFFUSE
 from renderer.plugins.bsdfs.kind import BsdfMethods, Numbers, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE
-from renderer.plugins.lights.finite.area import AreaLights
-from renderer.plugins.sampling.arithmetic import seen_from, to_local, to_world
-from renderer.plugins.sampling.numbers_and_warps import choose_one
+from renderer.plugins.lights.area import AreaLights
+from renderer.plugins.sampling.numbers_and_warps import (
+    choose_one,
+    seen_from,
+    to_local,
+    to_world,
+)
 from renderer.plugins.shapes.surface import pdf_shape
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.render_mode import mode_for
-from renderer.replay.rounding.directions import AsMitsuba
+from renderer.replay.directions import AsMitsuba
 from renderer.scene.scene import Scene
 
 

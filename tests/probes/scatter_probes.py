@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 import renderer
 from renderer.integrators.kind import NO_LIMIT
 from renderer.integrators.stages.branch_specular import branch_specular
-from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.materials import load_parameters
 from renderer.integrators.stages.scatter import scatter
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import store3, vec3
-from renderer.kernels.records.batch import CAPACITY, Rays, Workspace
+from renderer.kernels.records.batch import CAPACITY, Rays, Tile, Workspace
 from renderer.kernels.records.kernel_scene import RECORD
-from renderer.kernels.records.tile import Tile
-from renderer.plugins.bsdfs.smooth.diffuse import Diffuse, eval_pdf
+from renderer.plugins.bsdfs.diffuse import Diffuse, eval_pdf
 from renderer.plugins.sampling.numbers_and_warps import Independent
 from renderer.rendering.planning.make_plan import make_plan
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from kernel_probes import closest, directions, rectangles, soup, spheres, triangles
 
-from renderer.kernels.records.tally import make_tally
+from renderer.kernels.records.batch import make_tally
 
 REACH = 20.0  # of rays that take the fast way
 RAYS = 2000

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.process.standard_streams import TolerantStream
+from renderer.process.signals import TolerantStream
 
 ROOT = Path(__file__).parents[2]
 SCENE = """<scene version="3.0.0">

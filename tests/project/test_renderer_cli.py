@@ -22,13 +22,13 @@ from renderer.command import outputs
 from renderer.command.cli import main
 from renderer.errors import ClusterError, NotAllowed
 from renderer.rendering import render as road
-from renderer.rendering.film.work import SAMPLES_PER_JOB
+from renderer.rendering.film.film import SAMPLES_PER_JOB
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.picture.image import Image
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.progress_display import Progress, ProgressDisplay
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"

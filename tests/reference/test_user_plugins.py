@@ -21,7 +21,7 @@ from mitsuba_ref.reference.cache import ReferenceCache, entry_name
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 from renderer.errors import PluginError, SceneError
-from renderer.scene_file.plugin_file import import_plugin_file
+from renderer.scene_file.plugins import import_plugin_file
 
 SCENE = """<scene version="3.0.0">
   <integrator type="path"><integer name="max_depth" value="3"/></integrator>

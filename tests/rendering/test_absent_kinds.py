@@ -45,15 +45,15 @@ from renderer.kernels.records.kernel_scene import (
     SAMPLE_LIGHT,
     SCATTER,
 )
-from renderer.plugins.lights.finite.area import AreaLights
-from renderer.plugins.lights.finite.point import PointLights
-from renderer.plugins.lights.finite.spot import SpotLights
-from renderer.plugins.lights.infinite.constant import ConstantLights
-from renderer.plugins.lights.infinite.directional import DirectionalLights
+from renderer.plugins.lights.area import AreaLights
+from renderer.plugins.lights.constant import ConstantLights
+from renderer.plugins.lights.directional import DirectionalLights
+from renderer.plugins.lights.point import PointLights
+from renderer.plugins.lights.spot import SpotLights
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)
 CAMERA = sensor((0.1, -0.9, 0.2), (0, 0.5, -0.2), fov=80, size=(24, 20), spp=4, jitter=True)

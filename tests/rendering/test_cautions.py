@@ -19,13 +19,11 @@ from mitsuba_ref.command.scene_table import print_table
 from mitsuba_ref.our_renderer.picture import cautions_about
 from mitsuba_ref.records.request import RenderRequest
 from mitsuba_ref.records.results import SceneResult
+from renderer.advice.all_cautions import CHECKS, cautions_of
+from renderer.advice.cautions import flat_faces, surface_points
+from renderer.advice.closed_shapes import encloses, is_closed
+from renderer.advice.coincident_surfaces import overlap, overlapping_boxes, values_of
 from renderer.command.plan_text import plan_text
-from renderer.rendering.planning.cautions import CHECKS, cautions_of
-from renderer.rendering.planning.cautions.appearance_key import values_of
-from renderer.rendering.planning.cautions.closed_shapes import encloses, is_closed
-from renderer.rendering.planning.cautions.flat_faces import flat_faces
-from renderer.rendering.planning.cautions.overlap import overlap, overlapping_boxes
-from renderer.rendering.planning.cautions.surface_points import surface_points
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene_file import read_string
 
@@ -414,7 +412,7 @@ def test_what_fails_in_a_caution_breaks_no_scene(tmp_path, monkeypatch):
     def fail(scene, plan):
         raise TypeError("unhashable")
 
-    monkeypatch.setattr("renderer.rendering.planning.cautions.CHECKS", {"row": fail})
+    monkeypatch.setattr("renderer.advice.all_cautions.CHECKS", {"row": fail})
     path = tmp_path / "scene.xml"
     path.write_text(_FRAME.format(target="0,0,0", **_wall_behind_glass(3)))
     with pytest.warns(RuntimeWarning, match="caution 'row' not checked: TypeError"):

@@ -15,9 +15,9 @@ from renderer.rendering import goal as goal_module
 from renderer.rendering.accuracy import Accuracy, estimate, relative_error
 from renderer.rendering.goal import Goal, Halves
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import RenderLoop, run
+from renderer.rendering.render_options import RenderOptions
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

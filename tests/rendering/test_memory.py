@@ -25,8 +25,8 @@ from renderer.process.memory import parse_size, shown
 from renderer.rendering import memory_estimate
 from renderer.rendering.aovs import nested_scene
 from renderer.rendering.memory_estimate import estimate
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan, plan_with
+from renderer.rendering.render_options import RenderOptions
 
 MIB = 1 << 20
 SENSOR = '<sensor type="perspective"/>'

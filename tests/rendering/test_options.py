@@ -12,7 +12,7 @@ from renderer.command.options import make_parser, render_options
 from renderer.command.plan_text import plan_text
 from renderer.errors import SceneError
 from renderer.rendering.keywords import with_keywords
-from renderer.rendering.options import DEFAULTS, OPTIONS, RenderOptions, names_of
+from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions, names_of
 
 SCENE = renderer.load_dict({"type": "scene", "sensor": {"type": "perspective"}})
 FUNCTIONS = [renderer.render, renderer.render_frames, renderer.render_to_file]

@@ -29,10 +29,10 @@ from small_scenes import (
 import renderer
 from renderer.integrators.whitted import USUAL_DEPTH
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 
 CAMERA = sensor((0, -3, 2), (0, 0, 0))
 LAMP = rectangle((0, 0, 1), (0.3, 0, 0), (0, -0.3, 0), diffuse(0.0), shine=5.0)

@@ -12,9 +12,9 @@ from test_benchmark_run import CLOSED_ROOM
 
 import renderer
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 from renderer.rendering.tables import kernel_record
 from renderer.scene.scene import RECENT
 

@@ -8,16 +8,11 @@ from small_scenes import placed, rgb, sensor
 from test_envmap import write_exr
 
 import renderer
+from renderer.advice.simplifications import differs, offered, simplified, words_of
 from renderer.command.cli import main
 from renderer.errors import SceneError
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import build_scene
-from renderer.scene.simplifications.simplify import (
-    differs,
-    offered,
-    simplified,
-    words_of,
-)
 from renderer.scene_file import read_dict
 from renderer.scene_file.description import (
     ConstantTexture,
@@ -510,7 +505,7 @@ def test_instances_written_out_are_where_they_were():
         off = np.abs(after.aovs[name] - picture).max(axis=-1) > 1e-5
         assert off.mean() < 0.01, name
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("renderer.scene.simplifications.instances.MOST_FACES", 35)
+        patch.setattr("renderer.advice.simpler_shapes.MOST_FACES", 35)
         with pytest.raises(SceneError, match="36 faces in all; at most 35"):
             simplified(full, "instances=flat")
         assert not any("instances=flat" in words for words in offered(full))

@@ -6,8 +6,8 @@ from light_probes import LightProbe
 from test_envmap import LAMP, directions, turned, write_exr
 
 import renderer.replay.replay_mode
-from renderer.plugins.lights.infinite.envmap import EnvironmentMaps
-from renderer.replay.rounding.environment import rounded_environment
+from renderer.plugins.lights.envmap import EnvironmentMaps
+from renderer.replay.environment import rounded_environment
 
 mi = pytest.importorskip("mitsuba")
 N = 1500

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.kernels.jit import entry_kernel
-from renderer.replay.rounding.arithmetic.reciprocal import guess_instruction, reciprocal
+from renderer.replay.arithmetic import guess_instruction, reciprocal
 
 
 @entry_kernel

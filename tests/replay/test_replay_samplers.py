@@ -17,23 +17,19 @@ from scene_file_samples import error_of, ours, theirs
 
 from renderer.errors import NotReplayable
 from renderer.kernels.jit import entry_kernel
-from renderer.replay.numbers.pcg32 import next_float, next_u32, pcg32_seed
-from renderer.replay.numbers.permutations import (
+from renderer.replay.numbers import (
     encrypt,
+    next_float,
+    next_u32,
+    pcg32_seed,
     permute_any_size,
     permute_power_of_two,
     tea,
 )
-from renderer.replay.samplers.low_discrepancy import sobol, van_der_corput
-from renderer.replay.sequences import (
-    MAKERS,
-    begin_sample,
-    make_sequence,
-    next_1d,
-    next_2d,
-)
+from renderer.replay.samplers import sobol, van_der_corput
+from renderer.replay.sequences import MAKERS, begin_sample, make_sequence, next_1d, next_2d
 from renderer.scene_file.description import Sampler
-from renderer.scene_file.objects.view.samplers import round_sample_count
+from renderer.scene_file.objects.films import round_sample_count
 
 SEEDS = np.array([0, 1, 31, 65537, 2**31 + 5, 2**32 - 1], np.uint32)
 OWN_SEEDS = (0, 9, 2**32 - 2)  # the last one makes the sum with a pixel's seed overflow

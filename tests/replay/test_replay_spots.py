@@ -7,7 +7,7 @@ from small_scenes import look_at
 from test_envmap import LAMP
 
 import renderer.replay.replay_mode
-from renderer.replay.rounding.spots import rounded_spots
+from renderer.replay.light_rounding import rounded_spots
 
 mi = pytest.importorskip("mitsuba")
 N = 1000

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 import renderer
-from renderer.replay.rounding.texture_means import rounded_mean, rounded_shares
+from renderer.replay.light_rounding import rounded_mean, rounded_shares
 
 mi = pytest.importorskip("mitsuba")
 mi.set_variant("scalar_rgb")

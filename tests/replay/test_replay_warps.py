@@ -30,7 +30,7 @@ from replay_shapes import (
 from scene_file_samples import mi
 
 import renderer
-from renderer.plugins.lights.finite.area import AreaLights
+from renderer.plugins.lights.area import AreaLights
 
 LAST = np.float32(1 - 2.0**-23)  # the largest that Mitsuba draws
 

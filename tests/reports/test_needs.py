@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import renderer
+from renderer.advice.simplifications import words_of
 from renderer.command.cli import main as render_command
 from renderer.errors import SceneError
 from renderer.rendering.accuracy import relative_squares
-from renderer.scene.simplifications.simplify import words_of
 from reports.needs import command
 from reports.needs.claims import claims_of
 from reports.needs.command import main

@@ -22,8 +22,7 @@ from renderer.plugins.sampling.numbers_and_warps import (
     Independent,
     Stratified,
 )
-from renderer.plugins.sampling.sobol import make_sobol
-from renderer.plugins.sampling.sobol_digits import net_digits, sequence_digits
+from renderer.plugins.sampling.sobol import make_sobol, net_digits, sequence_digits
 from renderer.process import names
 
 SCATTER, LIGHT = 1, 2

@@ -22,8 +22,8 @@ import renderer
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import as_i32, lane_index
 from renderer.kernels.lanes.memory import load_row, store_row
-from renderer.kernels.records.batch import CAPACITY
-from renderer.kernels.records.tile import (
+from renderer.kernels.records.batch import (
+    CAPACITY,
     SampleKey,
     Tile,
     has_places,
@@ -35,10 +35,10 @@ from renderer.plugins.sampling.numbers_and_warps import Independent, Stratified,
 from renderer.plugins.sampling.sobol import make_sobol
 from renderer.process.names import REPLAY, SAMPLERS
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning import plan as planning
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import MOST_TOGETHER
+from renderer.rendering.render_options import RenderOptions
 
 LEVELS = range(MOST_TOGETHER + 1)
 FILM_WIDTH = 77

@@ -15,11 +15,10 @@ mi.set_variant("scalar_rgb")
 import renderer  # noqa: E402
 from renderer.errors import SceneError  # noqa: E402
 from renderer.scene_file.description import Diffuse, Location, Mesh  # noqa: E402
-from renderer.scene_file.meshes.cube import cube_mesh  # noqa: E402
-from renderer.scene_file.meshes.mesh import build_mesh  # noqa: E402
+from renderer.scene_file.meshes.mesh import build_mesh, cube_mesh  # noqa: E402
 from renderer.scene_file.meshes.mesh_data import MeshData  # noqa: E402
 from renderer.scene_file.meshes.obj_file import read_obj  # noqa: E402
-from renderer.scene_file.meshes.ply.ply_file import read_ply  # noqa: E402
+from renderer.scene_file.meshes.ply_file import read_ply  # noqa: E402
 
 POINTS = "v 0 0 0\nv 1 0 0\nv 1 1 0.25\nv 0 1 0\nv 0 0 1\n"
 NORMALS = "vn 0 0 2\nvn 0 1 1\nvn 1 0 1\n"

@@ -10,7 +10,7 @@ import pytest
 
 from renderer import scene_file
 from renderer.errors import SceneError
-from renderer.scene_file.document.xml.xml_elements import XmlElement, parse_xml
+from renderer.scene_file.document.xml_elements import XmlElement, parse_xml
 
 SCENE = """<scene version="3.0.0">
 <default name="grey" value="0.5"/><default name="n" value="4"/>

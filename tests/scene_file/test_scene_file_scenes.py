@@ -11,7 +11,7 @@ from scene_file_samples import parameter, points_on
 from mitsuba_ref.reference.variant import load_mitsuba
 from renderer import scene_file
 from renderer.scene_file.description import Mesh
-from renderer.scene_file.meshes.surface_area import surface_area
+from renderer.scene_file.meshes.mesh_data import surface_area
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*/scene.xml"))
 # Mitsuba has no Whitted integrator; what draws a scene is no matter here.

@@ -15,7 +15,7 @@ from kernel_probes import (
 )
 
 from renderer.kernels.jit import entry_kernel
-from renderer.plugins.shapes.flat.patch import PlaneHit, divided
+from renderer.plugins.shapes.flat import PlaneHit, divided
 
 N = 16_384
 MAKE = {"rectangles": rectangles, "disks": disks}

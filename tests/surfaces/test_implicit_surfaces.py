@@ -17,8 +17,8 @@ from scene_file_samples import error_of, ours
 import renderer
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.vectors import vec3
-from renderer.plugins.shapes.implicit.intervals import Interval, Steps, along_line
-from renderer.plugins.shapes.implicit.roots import first_root
+from renderer.plugins.shapes.implicit import first_root
+from renderer.plugins.shapes.intervals import Interval, Steps, along_line
 from renderer.scene_file import read_dict
 from renderer.scene_file.objects.expressions import (
     ExpressionError,

@@ -25,7 +25,7 @@ from test_surface_points import write_meshes
 import renderer
 from renderer.accelerators.build import build_accelerators
 from renderer.accelerators.bvh.wide.wide_bvh_build import BOX_BYTES
-from renderer.accelerators.instances.instance_leaves import END, KIND, LEAF_WORDS
+from renderer.accelerators.instances.instance_streams import END, KIND, LEAF_WORDS
 from renderer.accelerators.instances.instances import Instances
 from renderer.accelerators.instances.instances_checks import validate_instances
 from renderer.errors import SceneError

@@ -16,7 +16,7 @@ from renderer.kernels.jit import pack
 from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene_file.description import MeshAttributeTexture
-from renderer.scene_file.meshes.ply.ply_file import read_ply
+from renderer.scene_file.meshes.ply_file import read_ply
 
 MESH = Path(__file__).parents[1] / "plugins" / "textures" / "octahedron.ply"
 NOT_ATTRIBUTES = {"vertex_positions", "vertex_normals", "vertex_texcoords"}

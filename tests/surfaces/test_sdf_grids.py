@@ -23,14 +23,14 @@ import renderer  # noqa: E402
 from renderer.errors import SceneError  # noqa: E402
 from renderer.kernels.jit import entry_kernel  # noqa: E402
 from renderer.kernels.lanes.vectors import vec3  # noqa: E402
-from renderer.plugins.shapes.implicit.sdfgrid import (  # noqa: E402
+from renderer.plugins.shapes.sdf_cells import Cubic, first_root_of  # noqa: E402
+from renderer.plugins.shapes.sdfgrid import (  # noqa: E402
     SDF_CELLS,
     hit_cell,
     occupied,
     point_of_cell,
     surfaces,
 )
-from renderer.plugins.shapes.implicit.trilinear import Cubic, first_root_of  # noqa: E402
 from renderer.scene_file import read_dict  # noqa: E402
 from renderer.scene_file.description import Diffuse, SdfGrid  # noqa: E402
 from renderer.scene_file.meshes.grid_file import read_grid  # noqa: E402

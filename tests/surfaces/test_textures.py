@@ -14,7 +14,7 @@ from scene_file_samples import mi
 
 import renderer
 from renderer.integrators.stages.materials import look_up_textures
-from renderer.integrators.stages.surface.shading_frame import load_constants
+from renderer.integrators.stages.surface import load_constants
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import first_lanes
 from renderer.plugins.bsdfs.registry import kind_of

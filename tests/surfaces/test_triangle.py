@@ -10,7 +10,7 @@ from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import select, splat_f32
 from renderer.kernels.lanes.memory import load_row, store_row
 from renderer.kernels.lanes.vectors import load3
-from renderer.plugins.shapes.flat.triangle import (
+from renderer.plugins.shapes.triangle import (
     Triangle,
     hit_triangle,
     hit_triangle_moeller_trumbore,

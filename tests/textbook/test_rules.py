@@ -9,7 +9,7 @@ from kernel_probes import accelerator, rectangles, soup, spheres, triangles, uni
 from textbook_cases import REACH, axis_directions, ball_in_a_stadium, counts
 
 from renderer.kernels.jit import entry_kernel
-from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, SAVED, STACK
+from renderer.kernels.records.batch import BOXES, NODES, PRIMITIVES, SAVED, STACK
 from renderer.plugins.shapes.extents import Extents, Hulls, extents_of
 from renderer.textbook.cell_tree import CellTree, cells_of, tree_cost
 from renderer.textbook.cell_tree_build import LEAF, Places

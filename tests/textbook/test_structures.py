@@ -32,7 +32,7 @@ from textbook_cases import (
     walls,
 )
 
-from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK
+from renderer.kernels.records.batch import BOXES, NODES, PRIMITIVES, STACK
 from renderer.textbook.bvh import BoxTree
 from renderer.textbook.cell_tree import MAX_DEPTH, CellTree, cells_of
 from renderer.textbook.cell_tree import STACK as ROOM

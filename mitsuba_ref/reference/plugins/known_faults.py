@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.scene_file.colors.colors import Use, read_constant_plugin
-from renderer.scene_file.colors.spectrum_plugins import OVER_WAVELENGTHS
+from renderer.scene_file.colors.colors import OVER_WAVELENGTHS, Use, read_constant_plugin
 from renderer.scene_file.description import NOWHERE, Mesh, SceneDescription
-from renderer.scene_file.read_context import Reading
+from renderer.scene_file.files import Reading
 from renderer.scene_file.tree import Element
 
 RGB_INSTEAD = "spectra that scalar_rgb cannot evaluate replaced by their colours"

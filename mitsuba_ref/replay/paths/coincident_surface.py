@@ -12,8 +12,8 @@ from dataclasses import replace
 from mitsuba_ref.our_renderer.step_by_step import StepByStep
 from mitsuba_ref.our_renderer.traced_path import BLACK, Bounce, TracedPath, Vector
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.placed_groups import shape_numbers
 from renderer.scene.scene import build_scene
 from renderer.scene_file.description import SceneDescription

@@ -28,9 +28,9 @@ from mitsuba_ref.replay.paths.path_from_reference_rays import LedPath
 from mitsuba_ref.replay.paths.within_rounding import rounding_sentence, smallest_move
 from renderer.errors import SceneError
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene, build_scene
 from renderer.scene_file.description import SceneDescription
 

@@ -25,9 +25,8 @@ from renderer.accelerators.rays.single_ray import (
 )
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import first_lanes, lane, mask_bits
-from renderer.kernels.lanes.local import local_f32, local_i32
-from renderer.kernels.lanes.vectors import column, load3, vec3
-from renderer.kernels.records.tally import (
+from renderer.kernels.lanes.vectors import column, load3, local_f32, local_i32, vec3
+from renderer.kernels.records.batch import (
     BOXES,
     NODES,
     add_to,

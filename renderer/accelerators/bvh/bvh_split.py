@@ -11,7 +11,7 @@ import numpy as np
 from renderer.accelerators.bvh.bvh_tree import BLOCK, BLOCK_COST, TRAVERSAL_COST
 from renderer.accelerators.surface_area import half_area
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.local import local_f32
+from renderer.kernels.lanes.vectors import local_f32
 
 BINS = 16
 MAX_DEPTH = 60  # edges from the root to the deepest leaf; sizes traversal stacks

@@ -1,8 +1,4 @@
-"""The rays of a list in the space of an instance, and what they met there.
-
-Two streams stand side by side: the rays in the world, and the guests of an instance, which
-are the same rays as they are seen from there.
-"""
+"""Rays in the space of an instance, and the boxes that they enter."""
 
 from __future__ import annotations
 
@@ -10,33 +6,182 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.accelerators.bvh.streams.stream import Stream
+from renderer.accelerators.bvh.streams.stream import Stream, push_children
+from renderer.accelerators.bvh.wide import wide_bvh_build
 from renderer.accelerators.bvh.wide.octants import (
     DIRECTION,
     ENDED,
+    INVERSE,
+    MARGIN,
     ORIGIN,
+    START,
     T,
     write_rays,
 )
+from renderer.accelerators.bvh.wide.wide_bvh_build import (
+    AXIS_BYTES,
+    BOX_BYTES,
+    CHILD,
+    SCALE,
+    WIDE_BYTES,
+    WIDE_WORDS,
+)
+from renderer.accelerators.rays.box_entry import STRETCH
 from renderer.accelerators.rays.query import Query
-from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.affine import affine_at, times
-from renderer.kernels.lanes.columns import gather_columns
+from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.functions import (
+    fabs,
     first_lanes,
+    lane_index_8,
+    lower_half,
     mask_bits,
+    maximum,
+    minimum,
     popcount,
+    select,
     splat_f32,
     splat_i32,
+    upper_half,
 )
 from renderer.kernels.lanes.memory import (
     append_row,
+    gather_columns,
     gather_row,
+    load_bytes,
+    load_eight,
+    load_one,
     load_row,
     scatter_row,
+    store_one,
     store_row,
 )
-from renderer.kernels.lanes.vectors import vec3
+from renderer.kernels.lanes.vectors import absolute, affine_at, times, vec3
+
+# ----------------------------------------------------------------------- instance boxes
+# Which rays of a list enter which of a node's children: 16 rays, or 8 boxes, at once.
+#
+# Each ray has its own margin. Its direction may be of any octant: boxes are tested by
+# their middle and half their size, where the signs of a direction do not matter.
+
+# Lists of no more rays than this are tested ray by ray, eight children or eight primitives
+# at a time; with AVX2 all are in leaves.
+SHORT = 8
+
+
+@kernel
+def _write_planes(nodes, node, axis, planes):
+    """Write the middles of the children's boxes along an axis, and half their sizes."""
+    octet = node * WIDE_BYTES + BOX_BYTES + AXIS_BYTES * axis
+    word = node * WIDE_WORDS + axis
+    half = np.float32(0.5) * load_one(nodes.floats, 0, word + SCALE)
+    plane = load_bytes(nodes.octets, 0, octet)
+    lower, upper = lower_half(plane), upper_half(plane)
+    origin = load_one(nodes.floats, 0, word + wide_bvh_build.ORIGIN)
+    store_row(planes, 0, 16 * axis, (lower + upper) * half + origin)
+    store_row(planes, 0, 16 * axis + 8, (upper - lower) * half)
+
+
+@kernel
+def _enter_children(stream, place, left, masks, size):
+    """Test the next 16 rays of a list, or as many as are left, against all children.
+
+    Where a ray passes the middle of a box, and half the box's size away from there. Its
+    rounding error is that of moving the box by 3 * 2^-23 (|b| + |o|); boxes and origins are
+    padded by five times that.
+
+    Return how many of the rays go down the x, y and z axis.
+    """
+    for_boxes, planes = stream.rays.for_boxes, stream.planes
+    live = first_lanes(left)
+    ray = load_row(stream.lists, 0, place)
+    x, y, z, t = gather_columns(for_boxes, INVERSE, ray, live)
+    start_x, start_y, start_z, margin = gather_columns(for_boxes, START, ray, live)
+    inverse, start = vec3(x, y, z), vec3(start_x, start_y, start_z)
+    t = select(live, t, ENDED)
+    along = absolute(inverse)
+    more = along * margin
+    for k in range(size):
+        x = inverse.x * load_one(planes, 0, k) - start.x
+        y = inverse.y * load_one(planes, 0, k + 16) - start.y
+        z = inverse.z * load_one(planes, 0, k + 32) - start.z
+        half_x = along.x * load_one(planes, 0, k + 8) + more.x
+        half_y = along.y * load_one(planes, 0, k + 24) + more.y
+        half_z = along.z * load_one(planes, 0, k + 40) + more.z
+        enter = maximum(
+            maximum(x - half_x, y - half_y), maximum(z - half_z, splat_f32(0.0))
+        )
+        leave = minimum(minimum(x + half_x, y + half_y), z + half_z)
+        bits = mask_bits(enter <= minimum(leave * STRETCH, t))
+        store_one(stream.lists, 0, masks + k, bits)
+        store_one(stream.entered, 0, k, load_one(stream.entered, 0, k) | bits)
+    return (
+        popcount(mask_bits((inverse.x < 0.0) & live)),
+        popcount(mask_bits((inverse.y < 0.0) & live)),
+        popcount(mask_bits((inverse.z < 0.0) & live)),
+    )
+
+
+@kernel
+def _enter_ray_by_ray(stream, place, m, masks):
+    """Test the rays of a short list against eight children; return the first's octant."""
+    for_boxes, planes = stream.rays.for_boxes, stream.planes
+    entered = lane_index_8() & 0
+    octant = np.int64(0)
+    for j in range(m - 1, -1, -1):  # so that the first one's octant stays
+        ray = np.int64(load_one(stream.lists, 0, place + j))
+        enter = lower_half(splat_f32(0.0))
+        leave = enter + load_one(for_boxes, T, ray)
+        octant = np.int64(0)
+        for axis in range(3):
+            inverse = load_one(for_boxes, INVERSE + axis, ray)
+            middle = load_eight(planes, 0, 16 * axis) * inverse
+            middle = middle - load_one(for_boxes, START + axis, ray)
+            half = load_eight(planes, 0, 16 * axis + 8) + load_one(for_boxes, MARGIN, ray)
+            half = half * fabs(inverse)
+            # what may not be a number comes first, so that the bound before it stays
+            enter = maximum(middle - half, enter)
+            leave = minimum((middle + half) * STRETCH, leave)
+            octant |= np.int64(1 if inverse < 0.0 else 0) << axis
+        entered = select(enter <= leave, entered | np.int32(1 << j), entered)
+    store_row(stream.lists, 0, masks, entered)
+    store_row(stream.entered, 0, 0, entered)
+    return octant
+
+
+@kernel
+def divide_by_middle(nodes, node, stream, place, m, depth):
+    """Find which rays enter which child; push the children, the nearest last.
+
+    They come in the order that suits most rays of the list.
+    """
+    always_inline()  # one call for each of two trees, and not a call in machine code
+    word = node * WIDE_WORDS + CHILD
+    size = popcount(mask_bits(load_eight(nodes.integers, 0, word) != 0))
+    for axis in range(3):
+        _write_planes(nodes, node, axis, stream.planes)
+    masks = (place + m + 15) & ~15
+    if m <= SHORT:
+        octant = _enter_ray_by_ray(stream, place, m, masks)
+    else:
+        store_row(stream.entered, 0, 0, splat_i32(0))
+        x, y, z = np.int64(0), np.int64(0), np.int64(0)  # rays that go down the axes
+        for i in range(0, m, 16):
+            a, b, c = _enter_children(stream, place + i, m - i, masks + i // 2, size)
+            x, y, z = x + a, y + b, z + c
+        octant = _most(x, m) | (_most(y, m) << 1) | (_most(z, m) << 2)
+    return push_children(nodes, node, octant, size, stream, place, m, masks, depth)
+
+
+@kernel
+def _most(down, m):
+    return np.int64(1) if 2 * down > m else np.int64(0)
+
+
+# ------------------------------------------------------------------------ instance rays
+# The rays of a list in the space of an instance, and what they met there.
+#
+# Two streams stand side by side: the rays in the world, and the guests of an instance,
+# which are the same rays as they are seen from there.
 
 
 class World(NamedTuple):

@@ -1,11 +1,6 @@
-"""Streams through instances: all rays of a batch go down both levels of trees together.
+"""What the rays of a list meet in a leaf of a group: together, or ray by ray.
 
-A leaf of the tree over the instances is an instance: the rays of the list are written once
-more as they are seen from there, and that list goes down the group's own tree.
-
-The rays of one list go to all sides here. Which octant one belongs to changes from instance
-to instance, and lists by octants would be short: of scenes/instances' bounce rays 47 stay
-together at an instance by octants, 186 without (docs/performance.md, "Streams").
+The primitives of a leaf are of one kind, by its place in `plugins.shapes.registry`.
 """
 
 from __future__ import annotations
@@ -25,6 +20,10 @@ from renderer.accelerators.bvh.streams.stream import (
     list_all,
     visit,
 )
+from renderer.accelerators.bvh.streams.stream_leaves import (
+    intersect_one_by_one,
+    intersect_together,
+)
 from renderer.accelerators.bvh.wide.octants import (
     AFAR,
     ROW,
@@ -34,22 +33,118 @@ from renderer.accelerators.bvh.wide.octants import (
     select_octant,
     write_octants,
 )
-from renderer.accelerators.instances.instance_boxes import divide_by_middle
-from renderer.accelerators.instances.instance_leaves import (
-    LEAF_WORDS,
-    TOGETHER,
-    intersect_group_leaf,
-)
 from renderer.accelerators.instances.instance_rays import (
+    SHORT,
     World,
+    divide_by_middle,
     enter_instance,
     leave_instance,
 )
 from renderer.accelerators.rays.query import Query
-from renderer.kernels.jit import kernel
+from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import splat_i32
-from renderer.kernels.lanes.local import local_columns_f32, local_f32, local_i32
+from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import load_one, store_row
+from renderer.kernels.lanes.vectors import local_columns_f32, local_f32, local_i32
+from renderer.kernels.records.batch import PRIMITIVES, add_to
+
+# words of a leaf of primitives
+FIRST = 0  # its first primitive
+END = 1
+KIND = 2  # which of the kinds of primitives, by its place in the registry
+TOGETHER = 3  # leaves from this one on that are tested together, one of each kind
+LEAF_WORDS = 4
+
+
+class Primitives(NamedTuple):
+    """The primitives of one kind in all groups, and those of the other kinds."""
+
+    blocks: Any  # in blocks of eight, or None
+    singles: Any  # not in blocks, or None
+    others: Any  # `Primitives` of the next kind of the registry, or `NoMore`
+
+
+class NoMore(NamedTuple):
+    """The end of the list of kinds."""
+
+
+def primitives_of(blocks: list[Any], singles: list[Any]) -> Any:
+    """Return the record of all kinds, which are given in the order of the registry."""
+    found: Any = NoMore()
+    for k in reversed(range(len(blocks))):
+        found = Primitives(blocks[k], singles[k], found)
+    return found
+
+
+def of_kind(primitives: Any, kind: int) -> Any:
+    """Return the primitives of a kind, by its place in the registry."""
+    for _ in range(kind):
+        primitives = primitives.others
+    return primitives.singles if primitives.blocks is None else primitives.blocks
+
+
+@kernel
+def intersect_group_leaf(instances, leaf, query, stream, place, m, tally):
+    """Test the rays of a list against the primitives of a leaf."""
+    first = np.int64(load_one(instances.leaves, 0, leaf + FIRST))
+    end = np.int64(load_one(instances.leaves, 0, leaf + END))
+    kind = np.int64(load_one(instances.leaves, 0, leaf + KIND))
+    rays, lists = stream.rays, stream.lists
+    if tally is not None:
+        for j in range(place, place + m):
+            add_to(tally, PRIMITIVES, stream.counted[lists[j]], end - first)
+    _intersect_kind(instances.primitives, kind, first, end, query, rays, lists, place, m)
+
+
+@interface
+def _intersect_kind(primitives, kind, first, end, query, rays, lists, place, m):
+    """Test the rays of a list against primitives first to end - 1 of a kind."""
+
+
+@_intersect_kind.by(Primitives)
+@kernel
+def _in_kind(primitives, kind, first, end, query, rays, lists, place, m):
+    if kind == 0:
+        _in_blocks(primitives.blocks, first, end, query, rays, lists, place, m)
+        _in_singles(primitives.singles, first, end, query, rays, lists, place, m)
+    else:
+        others = primitives.others
+        _intersect_kind(others, kind - 1, first, end, query, rays, lists, place, m)
+
+
+@_intersect_kind.by(NoMore)
+@kernel
+def _in_none(primitives, kind, first, end, query, rays, lists, place, m):
+    pass
+
+
+@kernel
+def _in_blocks(blocks, first, end, query, rays, lists, place, m):
+    if blocks is None:
+        return
+    if m > SHORT and not HAS_AVX2_ONLY:
+        intersect_together(blocks, first, end, query, rays, lists, place, m)
+        return
+    start, stop = first >> 3, (end + 7) >> 3
+    intersect_one_by_one(blocks, start, stop, query, rays, lists, place, m, None)
+
+
+@kernel
+def _in_singles(primitives, first, end, query, rays, lists, place, m):
+    if primitives is not None:
+        intersect_together(primitives, first, end, query, rays, lists, place, m)
+
+
+# --------------------------------------------------------------------- instance streams
+# Streams through instances: all rays of a batch go down both levels of trees together.
+#
+# A leaf of the tree over the instances is an instance: the rays of the list are written
+# once more as they are seen from there, and that list goes down the group's own tree.
+#
+# The rays of one list go to all sides here. Which octant one belongs to changes from
+# instance to instance, and lists by octants would be short: of scenes/instances' bounce
+# rays 47 stay together at an instance by octants, 186 without (docs/performance.md,
+# "Streams").
 
 # Levels of both trees; three more than one tree has, where a group's kinds are joined.
 _LEVELS = 2 * (MAX_DEPTH + 4)

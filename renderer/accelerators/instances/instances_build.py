@@ -17,7 +17,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     collapse,
     far_to_near,
 )
-from renderer.accelerators.instances.instance_leaves import primitives_of
+from renderer.accelerators.instances.instance_streams import primitives_of
 from renderer.accelerators.instances.instances import Instances
 from renderer.plugins.shapes.blocks import WIDTH, aligned_bytes, blocks_of
 from renderer.plugins.shapes.extents import ROUNDING, primitive_bounds

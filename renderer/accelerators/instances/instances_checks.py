@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from renderer.accelerators.bvh.wide.wide_bvh_build import CHILD, WIDE_BYTES, WIDE_WORDS
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide_nodes
-from renderer.accelerators.instances.instance_leaves import (
+from renderer.accelerators.instances.instance_streams import (
     END,
     FIRST,
     KIND,

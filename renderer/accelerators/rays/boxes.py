@@ -1,10 +1,4 @@
-"""Boxes around objects, and no tree: brute force that leaves out what a ray passes by.
-
-A scene of a few dozen primitives has a few objects. Of each batch of rays those that enter
-an object's box are listed, without a branch that a single ray decides, and 16 of a list at
-a time are tested against each of its primitives: bounding volumes as they were before there
-were hierarchies of them [Whitted1980].
-"""
+"""Brute force: every primitive for every ray, 16 at a time; with boxes around objects."""
 
 from __future__ import annotations
 
@@ -15,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.accelerators.rays.box_entry import origin_margins, packet_enters
-from renderer.accelerators.rays.packets import Nearest, blocked_by, nearest_in_order
+from renderer.accelerators.rays.packets import (
+    Nearest,
+    begin_packet,
+    blocked_by,
+    end_packet,
+    intersect_packet,
+    nearest_in_order,
+)
 from renderer.accelerators.rays.query import traverse
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import (
@@ -27,11 +28,68 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     splat_i32,
 )
-from renderer.kernels.lanes.local import local_i32
-from renderer.kernels.lanes.memory import append_row, gather_row, load_row, scatter_row
-from renderer.kernels.lanes.vectors import gather3, load3
-from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, add_to, add_to_packet
+from renderer.kernels.lanes.memory import (
+    append_row,
+    gather_row,
+    load_row,
+    scatter_row,
+    store_row,
+)
+from renderer.kernels.lanes.vectors import gather3, load3, local_i32
+from renderer.kernels.records.batch import BOXES, NODES, PRIMITIVES, add_to, add_to_packet
 from renderer.plugins.shapes.extents import Extents, PrimitiveGroup
+
+# -------------------------------------------------------------------------- brute force
+# Brute force: every primitive against every ray. The truth that the others must return.
+#
+# Also the fastest for a few dozen primitives, since 16 rays go at a time.
+
+
+class BruteForce(NamedTuple):
+    """No structure at all."""
+
+    primitives: Any  # a group of one kind, in the scene's order
+
+
+def build_brute_force(extents: Extents, group: PrimitiveGroup) -> BruteForce:
+    """Return all primitives in their order."""
+    return BruteForce(group(np.arange(extents.lower.shape[1])))
+
+
+@traverse.by(BruteForce)
+@kernel
+def trace_brute_force(accel, query, first, count, tally):
+    """Test rays first to first + count - 1, 16 at a time, against all primitives."""
+    primitives, end = accel.primitives, accel.primitives.count
+    for i in range(first, first + count, 16):
+        origin, direction = load3(query.origin, i), load3(query.direction, i)
+        left = first + count - i
+        if query.any_hit != 0:
+            traced = first_lanes(left)
+            packet = begin_packet(query, i, traced)
+            packet = intersect_packet(
+                primitives, 0, end, origin, direction, packet, query.any_hit, tally, i, left
+            )
+            end_packet(query, i, packet, traced)
+            continue
+        add_to_packet(tally, PRIMITIVES, i, left, end)
+        t, prim = load_row(query.ends, 0, i), load_row(query.prim, 0, i)
+        u, v = load_row(query.u, 0, i), load_row(query.v, 0, i)
+        nearest = Nearest(t, prim, u, v)
+        nearest = nearest_in_order(primitives, 0, end, origin, direction, nearest)
+        store_row(query.ends, 0, i, nearest.t)
+        store_row(query.prim, 0, i, nearest.prim)
+        store_row(query.u, 0, i, nearest.u)
+        store_row(query.v, 0, i, nearest.v)
+
+
+# -------------------------------------------------------------------------------- boxes
+# Boxes around objects, and no tree: brute force that leaves out what a ray passes by.
+#
+# A scene of a few dozen primitives has a few objects. Of each batch of rays those that
+# enter an object's box are listed, without a branch that a single ray decides, and 16 of
+# a list at a time are tested against each of its primitives: bounding volumes as they
+# were before there were hierarchies of them [Whitted1980].
 
 MOST = 8  # boxes: their lists lie on the processor's stack, 35 KB
 _BATCH = 1024  # rays that are listed at once

@@ -22,7 +22,7 @@ from renderer.kernels.lanes.functions import (
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import load_one, load_row, store_row
 from renderer.kernels.lanes.vectors import lower_half3, upper_half3
-from renderer.kernels.records.tally import PRIMITIVES, add_to_packet
+from renderer.kernels.records.batch import PRIMITIVES, add_to_packet
 from renderer.plugins.shapes.primitives import Intersection, hit_primitive, primitive_at
 
 

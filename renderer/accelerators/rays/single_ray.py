@@ -11,7 +11,7 @@ import numpy as np
 
 from renderer.kernels.jit import always_inline, kernel
 from renderer.kernels.lanes.functions import first_lanes, lane, lowest_bit, mask_bits
-from renderer.kernels.records.tally import PRIMITIVES, add_to
+from renderer.kernels.records.batch import PRIMITIVES, add_to
 from renderer.plugins.shapes.primitives import hit_primitive, primitives_from
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.stages.scatter import append_rays, largest
-from renderer.integrators.stages.surface.shading_frame import frame_at
+from renderer.integrators.stages.surface import frame_at
 from renderer.kernels.jit import count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.kernels.lanes.memory import load_row
@@ -13,7 +13,7 @@ from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.kernel_scene import RECORD, SPLIT
 from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import to_local, to_world
+from renderer.plugins.sampling.numbers_and_warps import to_local, to_world
 
 _LARGEST = np.float32(1.0 - 2.0**-24)  # of a random number
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.stages.intersect import trace_shadow_rays
-from renderer.integrators.stages.surface.shading_frame import frame_at, leave_surface
+from renderer.integrators.stages.surface import frame_at, leave_surface
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import fabs, first_lanes, mask_bits, popcount
 from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
@@ -24,10 +24,9 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.bsdfs.kind import eval_pdf_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.lights.choice.choose import divide_by_probability
-from renderer.plugins.lights.weights import light_probability, light_sample_weight
-from renderer.plugins.sampling.arithmetic import to_local
-from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.plugins.lights.choice import divide_by_probability
+from renderer.plugins.lights.kind import light_probability, light_sample_weight
+from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE, to_local
 
 # Shadow rays end this fraction before the light, which must not shade itself: at the
 # silhouette of a sphere the distance is uncertain by the root of the rounding error (2.4e-4

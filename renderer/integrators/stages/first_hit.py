@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.integrators.stages.film.camera_rays import camera_rays
+from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.intersect import intersect
 from renderer.integrators.stages.materials import look_up_textures
-from renderer.integrators.stages.surface.derivatives import differentiate
-from renderer.integrators.stages.surface.shading_frame import (
+from renderer.integrators.stages.surface import (
+    append_hits,
+    differentiate,
     frame_at,
     load_constants,
     show_bsdf,
+    surface_points,
 )
-from renderer.integrators.stages.surface.surface import append_hits, surface_points
 from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     first_lanes,
@@ -35,7 +36,7 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.bsdfs.kind import albedo_of, normal_of
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import to_local, to_world
+from renderer.plugins.sampling.numbers_and_warps import to_local, to_world
 
 # channels of `work.radiance` under `aov` and `depth`, all computed together
 DEPTH = 0

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from renderer.integrators.stages.surface.derivatives import differentiate
-from renderer.integrators.stages.surface.shading_frame import load_constants, show_bsdf
-from renderer.integrators.stages.surface.surface import append_hits, surface_points
+from renderer.integrators.stages.surface import (
+    append_hits,
+    differentiate,
+    load_constants,
+    show_bsdf,
+    surface_points,
+)
 from renderer.kernels.jit import call, kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits
 from renderer.kernels.records.kernel_scene import FIRST_BSDF, RECORD

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.integrators.stages.surface.shading_frame import frame_at, leave_surface
+from renderer.integrators.stages.surface import frame_at, leave_surface
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     fabs,
@@ -31,8 +31,11 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import to_local, to_world
-from renderer.plugins.sampling.numbers_and_warps import BLOCKS_PER_BOUNCE
+from renderer.plugins.sampling.numbers_and_warps import (
+    BLOCKS_PER_BOUNCE,
+    to_local,
+    to_world,
+)
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
 

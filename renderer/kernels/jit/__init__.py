@@ -8,8 +8,7 @@ methods of an object are (`methods`), and functions that are chosen by the recor
 work on (`interfaces`).
 """
 
-from renderer.kernels.jit.cache import KERNEL_CACHE
-from renderer.kernels.jit.columns import by_columns, table_columns
+from renderer.kernels.jit.cache import KERNEL_CACHE, with_neighbours
 from renderer.kernels.jit.decorators import (
     always_inline,
     builder_kernel,
@@ -19,14 +18,20 @@ from renderer.kernels.jit.decorators import (
     method_kernel,
     never_inline,
 )
-from renderer.kernels.jit.interfaces import interface
-from renderer.kernels.jit.methods import Method, call, compile_method, count_of
-from renderer.kernels.jit.neighbours import with_neighbours
+from renderer.kernels.jit.interfaces import (
+    Method,
+    call,
+    compile_method,
+    count_of,
+    interface,
+)
 from renderer.kernels.jit.records import (
     Packed,
+    by_columns,
     pack,
     record_class,
     record_type,
+    table_columns,
 )
 
 __all__ = [

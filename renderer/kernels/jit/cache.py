@@ -1,29 +1,27 @@
-"""Where compiled kernels are kept between runs, and what they are known by.
-
-Numba's own cache looks only at the file that holds a function, by its path and time: an
-edit in another file that the function calls would go unnoticed (Numba manual, "Notes on
-Caching"), and a second clone would compile everything again. Here the folder is named by a
-hash of all sources that kernels are made of, so that equal sources share their kernels
-wherever they lie.
-"""
+"""Compiled kernels on the disk: folders, files, checks; those that a wheel carries."""
 
 from __future__ import annotations
 
+import ast
 import functools
 import glob
 import hashlib
+import json
 import logging
 import pickle
+import re
+import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 import llvmlite
+import llvmlite.binding as llvm
 import numba
-from numba.core import types
+from numba.core import config, types
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -32,11 +30,213 @@ from numba.core.caching import (
 )
 
 from renderer.kernels.jit.linking import rebuilt, reduced
-from renderer.kernels.jit.neighbours import PACKAGE, file_digest
-from renderer.kernels.jit.shipped import LEVELS, shipped_for_this_processor
-from renderer.kernels.jit.used_folders import use_folder
 from renderer.process.cache_folder import cache_folder, cache_root
 from renderer.process.signals import put_off_interrupts
+from renderer.process.whole_file import write_whole
+
+# --------------------------------------------------------------------------- neighbours
+# The source files that a kernel is made of: its own, and those that it imports.
+
+PACKAGE = Path(__file__).parents[2]  # the renderer
+
+
+@functools.cache
+def file_digest(path: str) -> str:
+    """Return a short hash of a source file's content, and of what it imports beside it."""
+    digests = b"".join(_read(file)[0] for file in with_neighbours(path))
+    return hashlib.sha256(digests).hexdigest()[:16]
+
+
+def with_neighbours(path: str | Path) -> list[Path]:
+    """Return a source file and those that it imports from its folder or package, and so on.
+
+    A user's kernels may call others of his, in another file: its edit counts as well. The
+    renderer's own files are in the hash of all sources.
+    """
+    found: dict[Path, None] = {}  # in the order in which they were met
+    asked: set[Path] = set()  # thousands of imports, of a few modules
+    waiting = [Path(path).resolve()]
+    while waiting:
+        file = waiting.pop()
+        if file in found or (found and PACKAGE in file.parents):
+            continue
+        found[file] = None
+        for module in _read(file)[1]:
+            if module not in asked:
+                asked.add(module)
+                beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
+                waiting += sorted(path for path in beside if path.is_file())
+    return list(found)
+
+
+def _read(file: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Return a file's hash, and where modules may lie that it imports."""
+    state = file.stat()
+    return _read_version(file, state.st_mtime_ns, state.st_size)
+
+
+@functools.cache  # forty files of this repository meet each other's imports
+def _read_version(file: Path, written: int, size: int) -> tuple[bytes, tuple[Path, ...]]:
+    content = file.read_bytes()
+    return hashlib.sha256(content).digest(), _imported_by(file, content)
+
+
+def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
+    """Return where modules may lie that a file imports, inside functions too.
+
+    The first name counts: of a package all files are taken.
+    """
+    try:
+        tree = ast.parse(content)
+    except SyntaxError:
+        return ()  # whoever imports it will say so
+    around = file.parent  # of a package: the folder in which its name is looked up
+    while (around / "__init__.py").is_file():
+        around = around.parent
+    modules: dict[Path, None] = {}
+    for statement in _statements_of(tree):
+        names: list[str] = []
+        folders: tuple[Path, ...] = (file.parent, around)
+        if isinstance(statement, ast.Import):
+            names = [alias.name for alias in statement.names]
+        elif isinstance(statement, ast.ImportFrom):
+            # `from . import a`: a file, or a name in the package's own
+            own = [alias.name for alias in statement.names] + ["__init__"]
+            names = [statement.module] if statement.module else own
+            if statement.level:
+                folders = (file.parents[statement.level - 1],)
+        for name in names:
+            first = name.partition(".")[0]
+            modules.update(dict.fromkeys(folder / first for folder in folders))
+    return tuple(modules)
+
+
+def _statements_of(block: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements in a module, function, branch, ..., and those within them.
+
+    `ast.walk` would visit all expressions as well, ten times as many.
+    """
+    for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+        for statement in getattr(block, part, ()):
+            yield statement
+            yield from _statements_of(statement)
+
+
+# ------------------------------------------------------------------------- used folders
+# Which programs use a folder of compiled kernels; a folder without any is removed.
+#
+# Kernels lie in a folder that is named by a hash of their sources. After an edit the same
+# program uses another folder, and the one before would stay for ever: 8,580 files, 240
+# MB, after one test run.
+
+_NAME = "used-by.json"
+_OURS = re.compile(r"(.+-)?[0-9a-f]{16}")  # names of folders of kernels end in a hash
+
+
+def use_folder(folder: Path, user: tuple[str, ...], others: Iterable[Path]) -> None:
+    """Note that `user` uses a folder, and remove others that have no user any more.
+
+    Nothing is raised if the disk is full or a folder is not ours: an old kernel does no
+    harm. Nothing is removed that is a link, has another kind of name than ours, or whose
+    note of its users is damaged.
+
+    Parameters
+    ----------
+    folder
+        What is used from now on; it is there.
+    user
+        The paths that a program is known by, such as those of its sources.
+    others
+        Folders that `user` may have used before. Their users are those that were noted and
+        whose paths all exist.
+    """
+    users = _users(folder)
+    if user in users:
+        return
+    with suppress(OSError):
+        for other in others:
+            if other == folder or other.is_symlink() or not _OURS.fullmatch(other.name):
+                continue
+            noted = _users(other)
+            if not noted and (other / _NAME).exists():  # damaged
+                continue
+            left = [one for one in noted if one != user and _exists(one)]
+            if not left:
+                shutil.rmtree(other, ignore_errors=True)
+            elif left != noted:
+                _note(other, left)
+        _note(folder, [*users, user])
+
+
+def _users(folder: Path) -> list[tuple[str, ...]]:
+    """Return the noted users; none where the file is missing or damaged."""
+    try:
+        found = json.loads((folder / _NAME).read_bytes())
+        return [tuple(map(str, user)) for user in found if isinstance(user, list)]
+    except (OSError, ValueError, TypeError, RecursionError):
+        return []
+
+
+def _exists(user: tuple[str, ...]) -> bool:
+    return all(Path(path).exists() for path in user)
+
+
+def _note(folder: Path, users: list[tuple[str, ...]]) -> None:
+    write_whole(folder / _NAME, json.dumps(users).encode())
+
+
+# ------------------------------------------------------------------------------ shipped
+# Kernels that a wheel carries, compiled for levels of x86-64 instead of one processor.
+#
+# `build_wheel.py` makes them with Numba told to compile for a level by its environment.
+# Here nothing is told to Numba. A kernel that the user's cache lacks is looked for under
+# the name of the highest level that this processor has.
+
+_V3 = (
+    "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,"
+    "+sse3,+sse4.1,+sse4.2,+ssse3,+xsave"
+)
+# LLVM's name of the processor -> its features, as NUMBA_CPU_FEATURES; the highest first
+LEVELS = {
+    "x86-64-v4": f"{_V3},+avx512bw,+avx512cd,+avx512dq,+avx512f,+avx512vl",
+    "x86-64-v3": _V3,
+}
+SHIPPED = PACKAGE / "kernels" / "compiled"
+
+
+@functools.cache
+def shipped_for_this_processor(sources: str) -> tuple[tuple[str, Path], ...]:
+    """Return (level, folder of its kernels) for each level that can be run here.
+
+    `sources` is the hash of all that kernels are made of. There is none in a checkout, nor
+    where Numba was told to compile for another processor.
+    """
+    if config.CPU_NAME is not None or config.CPU_FEATURES is not None:
+        return ()
+    if SHIPPED.is_dir() and not (SHIPPED / sources).is_dir():
+        logging.getLogger("renderer").warning(
+            "kernels are compiled again: those in %s are for another version of Python or "
+            "Numba",
+            SHIPPED,
+        )
+    folders = ((level, SHIPPED / sources / level) for level in LEVELS)
+    return tuple((level, path) for level, path in folders if path.is_dir() and runs(level))
+
+
+def runs(level: str) -> bool:
+    """Return whether this processor has all features of a level."""
+    has = llvm.get_host_cpu_features()
+    return all(has.get(name[1:], False) for name in LEVELS[level].split(","))
+
+
+# -------------------------------------------------------------------------------- cache
+# Where compiled kernels are kept between runs, and what they are known by.
+#
+# Numba's own cache looks only at the file that holds a function, by its path and time: an
+# edit in another file that the function calls would go unnoticed (Numba manual, "Notes on
+# Caching"), and a second clone would compile everything again. Here the folder is named
+# by a hash of all sources that kernels are made of, so that equal sources share their
+# kernels wherever they lie.
 
 try:
     import fcntl

@@ -1,9 +1,6 @@
-"""Records that kernels see through a pointer.
+"""Tables that lie in memory column by column: what kernels gather of one thing is together.
 
-A NamedTuple of arrays, passed by value, is some hundred arguments, and a new signature of
-everything it is passed to. `pack` writes its leaves (pointers, shapes, numbers) into one
-buffer; kernels are given its address and read attributes as before: `scene.lights.count`
-is a load, `x is None` is still decided when a kernel is compiled.
+How they are gathered from is in `renderer.kernels.lanes.memory`.
 """
 
 from __future__ import annotations
@@ -11,7 +8,8 @@ from __future__ import annotations
 import hashlib
 import pickle
 import sys
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from llvmlite import ir
@@ -29,9 +27,67 @@ from numba.extending import (
 )
 from numba.np.arrayobj import make_array
 from numba.np.numpy_support import as_dtype, from_dtype
+from numpy.typing import NDArray
 
-from renderer.kernels.jit.columns import by_columns, column_fields, lies_by_columns
-from renderer.kernels.jit.neighbours import file_digest
+from renderer.errors import SceneError
+from renderer.kernels.jit.cache import file_digest
+
+_FIELDS: dict[type, frozenset[str]] = {}
+_MOST_NUMBERS = 2**31  # kernels count them in 32 bits
+Record = TypeVar("Record")
+
+
+def table_columns(*names: str) -> Callable[[type[Record]], type[Record]]:
+    """Say which fields of a NamedTuple are tables (k, n) that columns are gathered from.
+
+    Said of the class and not seen from the strides: NumPy takes one column for rows as
+    well, and copies of a table forget how it lay.
+    """
+
+    def noted(record: type[Record]) -> type[Record]:
+        _FIELDS[record] = frozenset(names)
+        return record
+
+    return noted
+
+
+def by_columns(rows: Any) -> NDArray[Any]:
+    """Return a table (k, n) of 32-bit numbers, one column after the other in memory.
+
+    Doubles become single. Behind them is one more, of zeros: lanes without a thing of their
+    own read column 0, which must be there.
+
+    Raises
+    ------
+    SceneError
+        For 2^31 numbers or more.
+    """
+    size, count = rows.shape
+    if (count + 1) * size >= _MOST_NUMBERS:
+        raise SceneError(f"a table of {count} times {size} numbers is too large: 2^31 fit")
+    dtype = rows.dtype if rows.dtype.itemsize == 4 else np.float32
+    table = np.zeros((count + 1, size), dtype)
+    table[:count] = rows.T
+    return table[:count].T
+
+
+def column_fields(record: type) -> frozenset[str]:
+    """Return the fields that `table_columns` names."""
+    return _FIELDS.get(record, frozenset())
+
+
+def lies_by_columns(table: NDArray[Any]) -> bool:
+    """Return whether a table is one that `by_columns` has made."""
+    return table.strides == (table.itemsize, table.itemsize * table.shape[0])
+
+
+# ------------------------------------------------------------------------------ records
+# Records that kernels see through a pointer.
+#
+# A NamedTuple of arrays, passed by value, is some hundred arguments, and a new signature
+# of everything it is passed to. `pack` writes its leaves (pointers, shapes, numbers) into
+# one buffer; kernels are given its address and read attributes as before:
+# `scene.lights.count` is a load, `x is None` is still decided when a kernel is compiled.
 
 _I64 = ir.IntType(64)
 _POINTER = ir.IntType(8).as_pointer()

@@ -11,8 +11,18 @@ from numba.core.typing.templates import signature
 from numba.extending import intrinsic
 
 from renderer.kernels.lanes.masks import MASKS, call, joined_values, part
-from renderer.kernels.lanes.operators import SCALARS, operands, splat_value, widen
-from renderer.kernels.lanes.types import Lanes, Mask, f32x16, i32x16, llvm_vector, u32x16
+from renderer.kernels.lanes.types import (
+    SCALARS,
+    Lanes,
+    Mask,
+    f32x16,
+    i32x16,
+    llvm_vector,
+    operands,
+    splat_value,
+    u32x16,
+    widen,
+)
 
 
 def _suffix(lanes: Lanes) -> str:

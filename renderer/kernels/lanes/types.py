@@ -8,11 +8,15 @@ Numba's arrays may alias; saying it made shading four times as fast.
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 from numba.core import types
 from numba.core.errors import TypingError
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import models, register_model
 
 from renderer.kernels.lanes.masks import MASKS
@@ -77,3 +81,168 @@ i32x16 = Lanes(types.int32, 16)
 u32x16 = Lanes(types.uint32, 16)
 f64x8 = Lanes(types.float64, 8)
 mask16 = Mask(16)
+
+
+# ---------------------------------------------------------------------------- operators
+# Ordinary operators on lanes: `a * b + c`, `a < b`, `mask & ~other`, `x >> 16`.
+#
+# A scalar operand is converted to the lanes' element type and copied to every lane, so
+# that a Python literal never widens an expression to double precision. Integers wrap
+# around; shifting by the element's width or more is undefined, as in C.
+
+# name of the LLVM instruction for float, signed and unsigned elements; None: no such thing
+_ARITHMETIC: dict[Any, tuple[Any, Any, Any]] = {
+    operator.add: ("fadd", "add", "add"),
+    operator.sub: ("fsub", "sub", "sub"),
+    operator.mul: ("fmul", "mul", "mul"),
+    operator.truediv: ("fdiv", None, None),
+    operator.and_: (None, "and_", "and_"),
+    operator.or_: (None, "or_", "or_"),
+    operator.xor: (None, "xor", "xor"),
+    operator.lshift: (None, "shl", "shl"),
+    operator.rshift: (None, "ashr", "lshr"),
+}
+_INPLACE = {
+    operator.iadd: operator.add,
+    operator.isub: operator.sub,
+    operator.imul: operator.mul,
+    operator.itruediv: operator.truediv,
+    operator.iand: operator.and_,
+    operator.ior: operator.or_,
+    operator.ixor: operator.xor,
+    operator.ilshift: operator.lshift,
+    operator.irshift: operator.rshift,
+}
+_COMPARISON = {
+    operator.lt: "<",
+    operator.le: "<=",
+    operator.gt: ">",
+    operator.ge: ">=",
+    operator.eq: "==",
+    operator.ne: "!=",
+}
+_ON_MASKS = (operator.and_, operator.or_, operator.xor)
+# Numba asks the meanings of an operator that belong to the very target before those that
+# belong to any, and takes the first that fits: else each `a + b` of lanes would ask those
+# for strings, lists, sets, dates, ... twice, and most of these compile something
+_FIRST = {"target": "cpu"}
+SCALARS = (types.Integer, types.Float, types.Boolean)
+
+
+def _instruction(op: Callable[..., Any], element: Any) -> Any:
+    floating, signed, unsigned = _ARITHMETIC[op]
+    if isinstance(element, types.Float):
+        return floating
+    return signed if element.signed else unsigned
+
+
+def operands(left: Any, right: Any) -> Any:
+    """Return the lane type that both operands become, or None where they do not mix.
+
+    A float next to integer lanes does not mix: it would lose its fraction unseen.
+    """
+    if isinstance(left, Lanes) and isinstance(right, Lanes):
+        return left if left == right else None
+    lanes, scalar = (left, right) if isinstance(left, Lanes) else (right, left)
+    if not (isinstance(lanes, Lanes) and isinstance(scalar, SCALARS)):
+        return None
+    loses = isinstance(lanes.element, types.Integer) and isinstance(scalar, types.Float)
+    return None if loses else lanes
+
+
+def splat_value(builder: ir.IRBuilder, scalar: ir.Value, vector: Any) -> ir.Value:
+    """Copy an LLVM scalar to every lane of a vector type."""
+    index = ir.IntType(32)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), scalar, index(0))
+    zeros = ir.Constant(ir.VectorType(index, vector.count), [0] * vector.count)
+    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), zeros)
+
+
+def widen(context: Any, builder: ir.IRBuilder, value: Any, given: Any, lanes: Any) -> Any:
+    """Convert an operand of type `given` to `lanes`; lanes pass through."""
+    if isinstance(given, Lanes | Mask):
+        return value
+    scalar = context.cast(builder, value, given, lanes.element)
+    return splat_value(builder, scalar, llvm_vector(lanes))
+
+
+def _declare_binary(op: Callable[..., Any], meaning: Callable[..., Any]) -> None:
+    """Type and lower `op`; an in-place operator means the plain one."""
+
+    class Typing(AbstractTemplate):
+        metadata = _FIRST
+
+        def generic(self, args: Any, kws: Any) -> Any:
+            left, right = args
+            if isinstance(left, Mask) and left == right and meaning in _ON_MASKS:
+                return signature(left, left, right)
+            lanes = operands(left, right)
+            if lanes is None:
+                return None
+            if meaning in _COMPARISON:
+                return signature(Mask(lanes.width), left, right)
+            if _instruction(meaning, lanes.element) is None:
+                return None
+            return signature(lanes, left, right)
+
+    infer_global(op)(Typing)
+
+    def lower(context: Any, builder: ir.IRBuilder, sig: Any, args: Any) -> ir.Value:
+        left, right = sig.args
+        if isinstance(left, Mask):
+            return getattr(builder, _ARITHMETIC[meaning][1])(*args)
+        lanes = operands(left, right)
+        a = widen(context, builder, args[0], left, lanes)
+        b = widen(context, builder, args[1], right, lanes)
+        if meaning not in _COMPARISON:
+            return getattr(builder, _instruction(meaning, lanes.element))(a, b)
+        sign = _COMPARISON[meaning]
+        if isinstance(lanes.element, types.Float):
+            return MASKS.compared(builder, sign, a, b)
+        signed = lanes.element.signed
+        compare = builder.icmp_signed if signed else builder.icmp_unsigned
+        return MASKS.from_bits(builder, compare(sign, a, b))
+
+    lower_builtin(op, Lanes, Lanes)(lower)
+    for scalar in SCALARS:
+        lower_builtin(op, Lanes, scalar)(lower)
+        lower_builtin(op, scalar, Lanes)(lower)
+    if meaning in _ON_MASKS:
+        lower_builtin(op, Mask, Mask)(lower)
+
+
+for _op in (*_ARITHMETIC, *_COMPARISON):
+    _declare_binary(_op, _op)
+for _op, _meaning in _INPLACE.items():
+    _declare_binary(_op, _meaning)
+
+
+@infer_global(operator.neg)
+class _Negation(AbstractTemplate):
+    metadata = _FIRST
+
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(args[0], args[0]) if isinstance(args[0], Lanes) else None
+
+
+@lower_builtin(operator.neg, Lanes)
+def _negate(context: Any, builder: ir.IRBuilder, sig: Any, args: Any) -> ir.Value:
+    if isinstance(sig.args[0].element, types.Float):
+        return builder.fneg(args[0])
+    return builder.neg(args[0])
+
+
+@infer_global(operator.invert)
+class _Inversion(AbstractTemplate):
+    metadata = _FIRST
+
+    def generic(self, args: Any, kws: Any) -> Any:
+        (value,) = args
+        integer = isinstance(value, Lanes) and isinstance(value.element, types.Integer)
+        return signature(value, value) if integer or isinstance(value, Mask) else None
+
+
+@lower_builtin(operator.invert, Lanes)
+@lower_builtin(operator.invert, Mask)
+def _invert(context: Any, builder: ir.IRBuilder, sig: Any, args: Any) -> ir.Value:
+    return builder.not_(args[0])

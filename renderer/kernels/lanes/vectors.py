@@ -6,23 +6,29 @@ sixteen. A vector of scalars next to lanes stands for the same vector in every l
 
 from __future__ import annotations
 
+import math
 import operator
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
+    intrinsic,
     make_attribute_wrapper,
     models,
     register_model,
     type_callable,
 )
+from numba.np.arrayobj import make_array, populate_array
 
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     as_i32,
+    fabs,
     lower_half,
     select,
     sqrt,
@@ -30,14 +36,14 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import (
     append_row,
+    gather_columns,
     gather_row,
     load_one,
     load_row,
     store_row,
     store_where,
 )
-from renderer.kernels.lanes.operators import operands, widen
-from renderer.kernels.lanes.types import Lanes
+from renderer.kernels.lanes.types import Lanes, operands, widen
 
 
 class Vec3Type(types.Type):
@@ -283,3 +289,164 @@ def append3(array, i, a, mask):
     append_row(array, 0, i, a.x, mask)
     append_row(array, 1, i, a.y, mask)
     append_row(array, 2, i, a.z, mask)
+
+
+# -------------------------------------------------------------------------------- local
+# Small arrays on the processor's stack, for traversals: no allocation, no counting.
+
+_CACHE_LINE = 64  # bytes, as many as sixteen lanes: none of their loads touches two lines
+
+
+def _reserve(builder: ir.IRBuilder, whole: ir.Type) -> ir.Value:
+    """Take room in the function's frame, uninitialised.
+
+    Numba's `alloca_once` stores zeros there, as one value of thousands of elements: LLVM
+    worked at that for 2.8 of the 20.7 s that the wide hierarchy and its scene compiled.
+    """
+    with builder.goto_entry_block():
+        memory = builder.alloca(whole)
+    memory.align = _CACHE_LINE
+    return memory
+
+
+def _array_of(context: Any, builder: Any, array: types.Array, shape: Any) -> Any:
+    """Return an array of a constant shape in the function's frame."""
+    item = context.get_data_type(array.dtype)
+    memory = _reserve(builder, ir.ArrayType(item, math.prod(shape)))
+    bytes_each = context.get_abi_sizeof(item)
+    before = [
+        shape[k + 1 :] if array.layout == "C" else shape[:k] for k in range(len(shape))
+    ]
+    strides = [bytes_each * math.prod(sizes) for sizes in before]
+    struct = make_array(array)(context, builder)
+    word = context.get_constant
+    populate_array(
+        struct,
+        data=builder.bitcast(memory, item.as_pointer()),
+        shape=[word(types.intp, size) for size in shape],
+        strides=[word(types.intp, stride) for stride in strides],
+        itemsize=word(types.intp, bytes_each),
+        meminfo=None,
+    )
+    return struct._getvalue()
+
+
+def _local_array(element: types.Number) -> Any:
+    @intrinsic
+    def local_array(typingctx: Any, size: Any) -> Any:
+        if not isinstance(size, types.IntegerLiteral):
+            raise TypingError("the size of a local array must be a constant")
+        array = types.Array(element, 1, "C")
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            return _array_of(context, builder, array, (size.literal_value,))
+
+        return signature(array, size), codegen
+
+    return local_array
+
+
+def _local_rows(element: types.Number, layout: str = "C") -> Any:
+    @intrinsic
+    def local_rows(typingctx: Any, rows: Any, size: Any) -> Any:
+        if not all(isinstance(n, types.IntegerLiteral) for n in (rows, size)):
+            raise TypingError("the shape of a local array must be constant")
+        array = types.Array(element, 2, layout)
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            shape = (rows.literal_value, size.literal_value)
+            return _array_of(context, builder, array, shape)
+
+        return signature(array, rows, size), codegen
+
+    return local_rows
+
+
+# `local_i32(64)` is 64 uninitialised numbers that live as long as the function; a constant
+# size only. Not to be returned.
+local_i32 = _local_array(types.int32)
+local_i64 = _local_array(types.int64)
+local_f32 = _local_array(types.float32)
+local_f64 = _local_array(types.float64)
+
+# `local_rows_f32(3, 64)` is three rows of them: one value of seven fields to hand to every
+# kernel, where three arrays are 21.
+local_rows_i32 = _local_rows(types.int32)
+local_rows_f32 = _local_rows(types.float32)
+# the same shape, one column of `rows` numbers after the other
+local_columns_f32 = _local_rows(types.float32, "F")
+
+
+# ------------------------------------------------------------------------------- affine
+# Affine maps of rays, points and normals, for one instance or for 16 in lanes.
+
+
+class Affine(NamedTuple):
+    """The rows of a matrix, and a translation; scalars or lanes."""
+
+    x: Any
+    y: Any
+    z: Any
+    at: Any
+
+
+@kernel
+def affine_at(numbers, k):
+    """Return map k of rows of `Placements` as scalars."""
+    n = np.int64(12) * k
+    return Affine(
+        vec3(numbers[n], numbers[n + 1], numbers[n + 2]),
+        vec3(numbers[n + 3], numbers[n + 4], numbers[n + 5]),
+        vec3(numbers[n + 6], numbers[n + 7], numbers[n + 8]),
+        vec3(numbers[n + 9], numbers[n + 10], numbers[n + 11]),
+    )
+
+
+@kernel
+def _three(numbers, n, mask):
+    return vec3(
+        gather_row(numbers, 0, n, mask),
+        gather_row(numbers, 0, n + 1, mask),
+        gather_row(numbers, 0, n + 2, mask),
+    )
+
+
+@kernel
+def affine_of(numbers, k, mask):
+    """Return the maps of 16 instances as lanes; zeros outside of the mask."""
+    n = k * 12
+    return Affine(
+        _three(numbers, n, mask),
+        _three(numbers, n + 3, mask),
+        _three(numbers, n + 6, mask),
+        _three(numbers, n + 9, mask),
+    )
+
+
+@kernel
+def times(m, a):
+    """Return the matrix of m times the vector a."""
+    return vec3(dot(m.x, a), dot(m.y, a), dot(m.z, a))
+
+
+@kernel
+def transposed_times(m, a):
+    """Return the transposed matrix of m times the vector a."""
+    return m.x * a.x + m.y * a.y + m.z * a.z
+
+
+@kernel
+def absolute(a):
+    """Return the absolute components of a vector."""
+    return vec3(fabs(a.x), fabs(a.y), fabs(a.z))
+
+
+@kernel
+def absolute_times(m, a):
+    """Return what bounds the rounding of m a: the absolute matrix times absolute a."""
+    b = absolute(a)
+    return vec3(
+        dot(absolute(m.x), b),
+        dot(absolute(m.y), b),
+        dot(absolute(m.z), b),
+    )

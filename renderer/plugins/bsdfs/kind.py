@@ -27,7 +27,7 @@ from renderer.plugins.bsdfs.parameters import (
 )
 from renderer.plugins.bsdfs.parameters import Color as Color
 from renderer.plugins.bsdfs.parameters import Float as Float
-from renderer.plugins.sampling.arithmetic import cosine_direction as cosine_direction
+from renderer.plugins.sampling.numbers_and_warps import cosine_direction as cosine_direction
 
 # what lobe a direction was sampled from
 SMOOTH = np.int32(0)  # many directions: diffuse and glossy ones
@@ -41,7 +41,7 @@ class Numbers(NamedTuple):
     x: Any  # a pair, spread over the samples of a pixel together
     y: Any
     choice: Any  # for choosing between lobes
-    arithmetic: Any  # see `renderer.plugins.sampling.arithmetic`
+    arithmetic: Any  # see `renderer.plugins.sampling.numbers_and_warps`
 
 
 class BsdfSample(NamedTuple):

@@ -20,14 +20,13 @@ from renderer.kernels.lanes.functions import (
     sqrt,
     to_i32,
 )
-from renderer.kernels.lanes.mathematics.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
 from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
 from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Float
 from renderer.plugins.bsdfs.merl_file import read_merl
 from renderer.plugins.bsdfs.mirror import reflect
 from renderer.plugins.bsdfs.parameters import Table, entry_of
-from renderer.plugins.sampling.arithmetic import cosine_direction
-from renderer.plugins.sampling.numbers_and_warps import INV_PI
+from renderer.plugins.sampling.numbers_and_warps import INV_PI, cosine_direction
 from renderer.scene_file.description import OtherBsdf
 
 _HALF_PI = np.float32(np.pi / 2)

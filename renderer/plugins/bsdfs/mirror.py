@@ -7,7 +7,7 @@ from typing import Any
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import select
 from renderer.kernels.lanes.vectors import dot, vec3
-from renderer.plugins.sampling.arithmetic import AlongU, Plain
+from renderer.plugins.sampling.numbers_and_warps import AlongU, Plain
 
 
 @kernel

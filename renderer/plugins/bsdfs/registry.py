@@ -13,9 +13,20 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.kernels.jit.cache import file_digest
+from renderer.plugins.bsdfs.blend import BLEND
+from renderer.plugins.bsdfs.bumpmap import BUMP_MAP
+from renderer.plugins.bsdfs.conductor import CONDUCTOR
+from renderer.plugins.bsdfs.dielectric import DIELECTRIC
+from renderer.plugins.bsdfs.diffuse import DIFFUSE
 from renderer.plugins.bsdfs.kind import BsdfKind, Color, around, register_kernels
+from renderer.plugins.bsdfs.mask import MASK
 from renderer.plugins.bsdfs.merl import MERL
+from renderer.plugins.bsdfs.normalmap import NORMAL_MAP
+from renderer.plugins.bsdfs.null import NULL
 from renderer.plugins.bsdfs.old_delta_lobes import register_old_kernels, whole_sample
+from renderer.plugins.bsdfs.plastic import PLASTIC
+from renderer.plugins.bsdfs.principled import PRINCIPLED
+from renderer.plugins.bsdfs.principledthin import PRINCIPLEDTHIN
 from renderer.plugins.bsdfs.registration import (
     check_kernels,
     check_name,
@@ -23,25 +34,13 @@ from renderer.plugins.bsdfs.registration import (
     check_parameters,
     checked_reader,
 )
-from renderer.plugins.bsdfs.rough.principled import PRINCIPLED
-from renderer.plugins.bsdfs.rough.principledthin import PRINCIPLEDTHIN
-from renderer.plugins.bsdfs.rough.roughconductor import ROUGHCONDUCTOR
-from renderer.plugins.bsdfs.rough.roughdielectric import ROUGHDIELECTRIC
-from renderer.plugins.bsdfs.rough.roughplastic import ROUGHPLASTIC
-from renderer.plugins.bsdfs.smooth.conductor import CONDUCTOR
-from renderer.plugins.bsdfs.smooth.dielectric import DIELECTRIC
-from renderer.plugins.bsdfs.smooth.diffuse import DIFFUSE
-from renderer.plugins.bsdfs.smooth.null import NULL
-from renderer.plugins.bsdfs.smooth.plastic import PLASTIC
-from renderer.plugins.bsdfs.smooth.thindielectric import THIN_DIELECTRIC
-from renderer.plugins.bsdfs.wrappers.blend import BLEND
-from renderer.plugins.bsdfs.wrappers.bumpmap import BUMP_MAP
-from renderer.plugins.bsdfs.wrappers.mask import MASK
-from renderer.plugins.bsdfs.wrappers.normalmap import NORMAL_MAP
-from renderer.plugins.bsdfs.wrappers.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
+from renderer.plugins.bsdfs.roughconductor import ROUGHCONDUCTOR
+from renderer.plugins.bsdfs.roughdielectric import ROUGHDIELECTRIC
+from renderer.plugins.bsdfs.roughplastic import ROUGHPLASTIC
+from renderer.plugins.bsdfs.thindielectric import THIN_DIELECTRIC
+from renderer.plugins.bsdfs.twosided import ONE_FOR_BOTH, ONE_FOR_EACH
 from renderer.scene_file.description import OtherBsdf, TwoSided
-from renderer.scene_file.objects.bsdfs import read_bsdf
-from renderer.scene_file.objects.textures import read_scalar_texture, read_texture
+from renderer.scene_file.objects.objects import read_bsdf, read_scalar_texture, read_texture
 
 BSDFS: dict[str, BsdfKind] = {}
 VARIANTS: dict[str, BsdfKind] = {}  # of these, that files do not name

@@ -18,7 +18,7 @@ from renderer.plugins.bsdfs.kind import (
     sample_bsdf,
 )
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.arithmetic import Plain
+from renderer.plugins.sampling.numbers_and_warps import Plain
 
 COUNT = 64
 

@@ -1,4 +1,4 @@
-"""The interfaces of a kind of light, and how the lights of a batch are sampled."""
+"""Tables of lights: one column for each light id, zero for lights of other kinds."""
 
 from __future__ import annotations
 
@@ -9,11 +9,98 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.jit import interface, method_kernel
-from renderer.kernels.lanes.functions import first_lanes, mask_bits
+from renderer.kernels.jit import by_columns, interface, kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    first_lanes,
+    lane,
+    lowest_bit,
+    mask_bits,
+    select,
+    splat_f32,
+)
 from renderer.kernels.lanes.memory import gather_row, load_row, store_where
 from renderer.kernels.lanes.vectors import load3, store3_where
-from renderer.plugins.lights.choice.bounds import LightBounds
+from renderer.plugins.lights.light_tree import LightBounds
+from renderer.plugins.sampling.numbers_and_warps import power_heuristic
+
+
+def vector_columns(count: int, rows: dict[int, Any]) -> NDArray[np.float32]:
+    """Return (4, count), vectors for `gather_vectors`, zero for ids without a vector."""
+    table = np.zeros((4, count), np.float32)
+    for i, row in rows.items():
+        table[:3, i] = row
+    return by_columns(table)
+
+
+def number_column(count: int, values: dict[int, float]) -> NDArray[np.float32]:
+    """Return (count,) with the given numbers, zero elsewhere."""
+    table = np.zeros(count, np.float32)
+    for i, value in values.items():
+        table[i] = value
+    return table
+
+
+# ------------------------------------------------------------------------------ weights
+# Multiple importance sampling: the weights of light samples and BSDF samples.
+
+
+@kernel
+def light_probability(lights, settings):
+    """Return the probability of each light to be sampled, if it is the same for all.
+
+    1 if it differs from light to light: the densities of light samples and of rays that hit
+    a light then contain it already (`choice.choose`).
+    """
+    if settings.every_light != 0 or lights.choice.shape[0] != 0:
+        return np.float32(1.0)
+    return np.float32(1.0 / max(1, lights.asked.size))
+
+
+@kernel
+def light_sample_weight(settings, light_pdf, bsdf_pdf):
+    """Return the MIS weight of a light sample; 1 for point lights, which have density 0."""
+    if settings.weigh == 0:
+        return splat_f32(1.0)
+    weight = power_heuristic(light_pdf * np.float32(settings.light_share), bsdf_pdf)
+    return select(light_pdf > 0.0, weight, 1.0)
+
+
+@kernel
+def bsdf_sample_weight(settings, pdf, light_pdf):
+    """Return the MIS weight of a BSDF sample; 1 for mirrors, which have density 0."""
+    if settings.weigh == 0:
+        return splat_f32(1.0)
+    weight = power_heuristic(pdf, light_pdf * np.float32(settings.light_share))
+    return select(pdf > 0.0, weight, 1.0)
+
+
+@kernel
+def add_lanes(radiance, slot, value, mask):
+    """Add the masked lanes of a colour to their pixels, lane after lane."""
+    bits = mask_bits(mask)
+    while bits != 0:
+        j = lowest_bit(bits)
+        bits &= bits - 1
+        s = lane(slot, j)
+        radiance[0, s] += lane(value.x, j)
+        radiance[1, s] += lane(value.y, j)
+        radiance[2, s] += lane(value.z, j)
+
+
+# ------------------------------------------------------------------------------ placing
+# What the emitters of scene files share: where they are.
+
+STRETCH = 1e-4  # relative difference of two axes that counts as rounding
+
+
+def one_of(properties: Any, name: str) -> None:
+    """Refuse a property that is given together with `to_world`, which replaces it."""
+    if properties.has(name) and properties.has("to_world"):
+        properties.fail(name, 'a value beside "to_world"', "one of the two")
+
+
+# --------------------------------------------------------------------------------- kind
+# The interfaces of a kind of light, and how the lights of a batch are sampled.
 
 
 class LightSample(NamedTuple):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from renderer.plugins.lights.finite.area import AREA
-from renderer.plugins.lights.finite.point import POINT
-from renderer.plugins.lights.finite.projector import PROJECTOR
-from renderer.plugins.lights.finite.spot import SPOT
-from renderer.plugins.lights.infinite.constant import CONSTANT
-from renderer.plugins.lights.infinite.directional import DIRECTIONAL
-from renderer.plugins.lights.infinite.envmap import ENVMAP
+from renderer.plugins.lights.area import AREA
+from renderer.plugins.lights.constant import CONSTANT
+from renderer.plugins.lights.directional import DIRECTIONAL
+from renderer.plugins.lights.envmap import ENVMAP
 from renderer.plugins.lights.kind import LightPlugin
+from renderer.plugins.lights.point import POINT
+from renderer.plugins.lights.projector import PROJECTOR
+from renderer.plugins.lights.spot import SPOT
 
 LIGHTS: dict[str, LightPlugin] = {
     kind.name: kind

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import kernel
 from renderer.plugins.textures.kind import TextureKind, TexturePoint, texture_color
-from renderer.plugins.textures.nested import to_uv_of
+from renderer.plugins.textures.look_up import to_uv_of
 from renderer.scene_file.description import CheckerboardTexture
 
 

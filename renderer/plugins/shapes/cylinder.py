@@ -11,14 +11,13 @@ from renderer.errors import SceneError
 from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.fields import Number, Vector
 from renderer.kernels.lanes.functions import select, splat_f32
-from renderer.kernels.lanes.mathematics.mathematics import sincos
+from renderer.kernels.lanes.mathematics import sincos
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import dot, gather3, gather_rows3, normalize, vec3
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI
-from renderer.plugins.shapes.arrays import float32
-from renderer.plugins.shapes.flat.patch import ZERO
+from renderer.plugins.shapes.flat import ZERO
 from renderer.plugins.shapes.kind import ShapeKind
-from renderer.plugins.shapes.primitives import Intersection
+from renderer.plugins.shapes.primitives import Intersection, float32
 from renderer.plugins.shapes.sphere import meet_round
 from renderer.plugins.shapes.surface import (
     ROUNDING,
@@ -31,7 +30,7 @@ from renderer.plugins.shapes.surface import (
 )
 from renderer.scene_file import transforms
 from renderer.scene_file.description import Cylinder as Description
-from renderer.scene_file.objects.shapes import STRETCH, placed
+from renderer.scene_file.objects.objects import STRETCH, placed
 
 
 class Cylinder(NamedTuple):

@@ -24,11 +24,7 @@ from renderer.plugins.shapes.surface import (
     surface_point,
     tangent_at,
 )
-from renderer.plugins.shapes.uv.uv_derivatives import (
-    derivatives_by_place,
-    no_derivatives,
-    uv_axes,
-)
+from renderer.plugins.shapes.uv import derivatives_by_place, no_derivatives, uv_axes
 
 LANES = 16  # columns behind the last primitive of a group, so that 16 can be loaded of any
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from renderer.plugins.shapes.cylinder import CYLINDERS
-from renderer.plugins.shapes.flat.disk import DISKS
-from renderer.plugins.shapes.flat.rectangle import RECTANGLES
-from renderer.plugins.shapes.flat.triangle import TRIANGLES
-from renderer.plugins.shapes.implicit.implicit import IMPLICITS
-from renderer.plugins.shapes.implicit.sdfgrid import SDF_CELLS
+from renderer.plugins.shapes.disk import DISKS
+from renderer.plugins.shapes.implicit import IMPLICITS
 from renderer.plugins.shapes.kind import ShapeKind, ShapePlugin
+from renderer.plugins.shapes.rectangle import RECTANGLES
+from renderer.plugins.shapes.sdfgrid import SDF_CELLS
 from renderer.plugins.shapes.sphere import SPHERES
+from renderer.plugins.shapes.triangle import TRIANGLES
 
 SHAPES: dict[str, ShapeKind] = {}
 KINDS: list[str] = []  # names of the kinds in their order

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from renderer.errors import SceneError
 from renderer.kernels.jit import interface, kernel
 from renderer.kernels.lanes.functions import lane, mask_bits
-from renderer.kernels.lanes.local import local_f32
 from renderer.kernels.lanes.memory import load_eight, load_row
 from renderer.kernels.lanes.types import Lanes
-from renderer.kernels.lanes.vectors import vec3
+from renderer.kernels.lanes.vectors import local_f32, vec3
 from renderer.plugins.shapes.primitives import (
     Intersection,
     intersect,

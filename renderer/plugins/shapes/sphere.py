@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from renderer.kernels.jit import always_inline, interface, kernel
 from renderer.kernels.lanes.fields import Number, Vector
 from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
-from renderer.kernels.lanes.mathematics.mathematics import arccos, sincos
+from renderer.kernels.lanes.mathematics import arccos, sincos
 from renderer.kernels.lanes.memory import gather_row
 from renderer.kernels.lanes.vectors import (
     dot,
@@ -26,12 +26,10 @@ from renderer.kernels.lanes.vectors import (
     select3,
     vec3,
 )
-from renderer.plugins.sampling.arithmetic import Plain
-from renderer.plugins.sampling.numbers_and_warps import TWO_PI, square_to_sphere
-from renderer.plugins.shapes.arrays import float32
-from renderer.plugins.shapes.flat.patch import ZERO
+from renderer.plugins.sampling.numbers_and_warps import TWO_PI, Plain, square_to_sphere
+from renderer.plugins.shapes.flat import ZERO
 from renderer.plugins.shapes.kind import ShapeKind
-from renderer.plugins.shapes.primitives import Intersection
+from renderer.plugins.shapes.primitives import Intersection, float32
 from renderer.plugins.shapes.surface import (
     ROUNDING,
     LightPoint,
@@ -44,7 +42,7 @@ from renderer.plugins.shapes.surface import (
 )
 from renderer.scene_file import transforms
 from renderer.scene_file.description import Sphere as Description
-from renderer.scene_file.objects.shapes import STRETCH, placed
+from renderer.scene_file.objects.objects import STRETCH, placed
 
 
 class Sphere(NamedTuple):

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.kernels.jit import interface, kernel
-from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import fabs, maximum, select
-from renderer.kernels.lanes.mathematics.mathematics import arctan2
-from renderer.kernels.lanes.memory import gather_row
+from renderer.kernels.lanes.mathematics import arctan2
+from renderer.kernels.lanes.memory import gather_columns, gather_row
 from renderer.kernels.lanes.vectors import dot, gather_rows3, vec3
 from renderer.plugins.sampling.numbers_and_warps import TWO_PI
 

@@ -30,7 +30,7 @@ from renderer.plugins.textures.texels import (
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import BitmapTexture
 from renderer.scene_file.images.image import Image, linear_values, negative_pixels
-from renderer.scene_file.objects.pictures import location_of, read_picture
+from renderer.scene_file.objects.objects import location_of, read_picture
 
 REPEAT = 0
 MIRROR = 1

@@ -15,7 +15,7 @@ from renderer.kernels.lanes.vectors import gather_rows3, select3
 from renderer.plugins.textures.kind import TextureKind
 from renderer.scene_file.colors.colors import Use
 from renderer.scene_file.description import CheckerboardTexture, ConstantTexture, Texture
-from renderer.scene_file.objects.textures import read_texture
+from renderer.scene_file.objects.objects import read_texture
 
 
 class Checkerboards(NamedTuple):

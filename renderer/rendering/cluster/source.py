@@ -28,12 +28,12 @@ from renderer.errors import ClusterError, NotAllowed, SceneError
 from renderer.process.worker_pool import WorkerPool
 from renderer.rendering.checkpoints.identity import made_by
 from renderer.rendering.cluster import worker as work
-from renderer.rendering.cluster.content import Content
 from renderer.rendering.cluster.portions import Portion, Portions
+from renderer.rendering.cluster.worker import Content
 from renderer.rendering.film.film import Film
 from renderer.rendering.job import RenderJob
 from renderer.rendering.memory_estimate import check_room, estimate_workers
-from renderer.rendering.options import RenderOptions
+from renderer.rendering.render_options import RenderOptions
 
 LOOK = 0.5  # [s] between two looks at which workers are there
 PAUSE = 0.005  # [s] between two looks at which results are there

@@ -1,38 +1,178 @@
-"""What runs on a worker: samples of places, added to the sums that came with them.
+"""A scene and what is to be done with it, as bytes that are known by what they hold.
 
-A worker keeps nothing that matters. Each piece of work brings the sums that it goes on
-from and takes them back, so that a worker may be lost at any moment.
+Workers share no disk with the client. They get the description as it was read, with the
+contents of all files in it. Large arrays are pieces of their own, under
+a hash of theirs: a sweep of pictures that share a mesh sends it once.
+
+Pickles run code when they are read, here as everywhere in Dask: a cluster is one of
+machines that trust each other (docs/cluster.md).
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 import pickle
 import queue
 import signal
+import sys
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.errors import ClusterError
+from renderer.errors import ClusterError, SceneError
+from renderer.kernels.jit import with_neighbours
+from renderer.process.cache_folder import cache_folder, cache_root
+from renderer.process.whole_file import write_whole
 from renderer.process.worker_pool import in_own_thread
 from renderer.rendering.checkpoints.identity import made_by
-from renderer.rendering.cluster.content import Content, Name, freeze, thaw
-from renderer.rendering.cluster.plugin_files import PluginFiles
 from renderer.rendering.cluster.portions import Portion
 from renderer.rendering.film.film import Film
 from renderer.rendering.job import RenderJob
 from renderer.rendering.memory_estimate import check_room, estimate_workers
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.plan import Plan
+from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import build_scene
+from renderer.scene_file import plugins as plugin_file
 from renderer.scene_file.description import SceneDescription
+
+LEAST = 1 << 16  # [bytes] of an array that is a piece of its own
+Name = tuple[str, bool]  # a hash, and whether the array may be written to
+
+
+class Content(NamedTuple):
+    """A frozen object: its skeleton, and its large arrays."""
+
+    names: tuple[Name, ...]  # of the skeleton, then of the arrays as it needs them
+    pieces: Mapping[str, bytes]  # by hash, each once, in the order of the names
+
+    @property
+    def key(self) -> str:
+        """A hash of all of it."""
+        return hashlib.sha256(repr(self.names).encode()).hexdigest()[:32]
+
+
+def freeze(thing: Any) -> Content:
+    """Return an object as bytes.
+
+    Raises
+    ------
+    TypeError, AttributeError, pickle.PicklingError
+        If something in it cannot be sent, such as a function of a prompt.
+    """
+    arrays: list[tuple[Name, bytes]] = []
+
+    def keep_inside(buffer: pickle.PickleBuffer) -> bool:
+        with buffer.raw() as view:
+            if view.nbytes < LEAST:
+                return True
+            held = bytes(view)
+            arrays.append(((_hash(held), not view.readonly), held))
+        return False
+
+    skeleton = pickle.dumps(thing, protocol=5, buffer_callback=keep_inside)
+    parts = [((_hash(skeleton), False), skeleton), *arrays]
+    return Content(
+        tuple(name for name, _ in parts), {name: held for (name, _), held in parts}
+    )
+
+
+def _hash(held: bytes) -> str:
+    return hashlib.sha256(held).hexdigest()[:32]
+
+
+def thaw(names: Sequence[Name], held: Sequence[bytes]) -> Any:
+    """Return the object again; `held` are the pieces, each once.
+
+    Whether an array may be written to is part of its type in compiled code, and what is
+    compiled for one is not for the other.
+    """
+    pieces = dict(zip(dict.fromkeys(name for name, _ in names), held, strict=True))
+    (skeleton, _), *arrays = names
+    buffers = [bytearray(pieces[n]) if writable else pieces[n] for n, writable in arrays]
+    return pickle.loads(pieces[skeleton], buffers=buffers)
+
+
+# ------------------------------------------------------------------------- plugin files
+# Files of plugins (`--plugins FILE.py`) that go to the workers with a scene.
+#
+# A description may hold records of classes that such a file defines. So the files are the
+# first thing in what is sent, and reading them imports them, before the scene is read.
+
+Files = tuple[tuple[str, bytes], ...]  # names below a common folder, contents
+
+
+class PluginFiles:
+    """The plugin files of this process, by content: pickled, they are imported there."""
+
+    def __reduce__(self) -> tuple[Callable[..., None], tuple[tuple[Files, ...]]]:
+        """Say what a worker calls instead of making this object again."""
+        return import_sent, (tuple(_contents(path) for path in plugin_file.imported),)
+
+
+def _contents(path: str) -> Files:
+    """Return a file, first, and what it imports from beside it."""
+    files = with_neighbours(path)
+    folder = os.path.commonpath([file.parent for file in files])
+    return tuple((f.relative_to(folder).as_posix(), f.read_bytes()) for f in files)
+
+
+def import_sent(plugins: tuple[Files, ...]) -> None:
+    """Write files that came into a folder named by their content, and import the first.
+
+    Raises
+    ------
+    SceneError
+        If one cannot be imported here, or if this process has imported another content
+        under a name of theirs: Python would go on with that.
+    """
+    have = {_contents(path) for path in plugin_file.imported}
+    for files in plugins:
+        if files in have:  # this process sent them, or has had them
+            continue
+        _refuse_stale(files)
+        digest = hashlib.sha256(repr(files).encode()).hexdigest()[:16]
+        folder = cache_folder("plugins") / digest
+        for name, content in files:
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content)  # other workers of the machine write the same
+        plugin_file.import_plugin_file(str(folder / Path(files[0][0])))
+
+
+def _refuse_stale(files: Files) -> None:
+    """Refuse files in the place of which modules with another content are loaded."""
+    plugin = Path(files[0][0])
+    sent = cache_root() / "plugins"
+    for name, content in files:
+        parts = Path(os.path.relpath(name, plugin.parent)).with_suffix("").parts
+        module = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        if name == files[0][0]:
+            module = plugin_file.module_name(plugin)
+        loaded = getattr(sys.modules.get(module), "__file__", None)
+        if loaded is None:
+            continue
+        # beside a plugin, what has the name of a library's module is not what is imported
+        ours = name == files[0][0] or Path(loaded).is_relative_to(sent)
+        if ours and (not os.path.isfile(loaded) or Path(loaded).read_bytes() != content):
+            raise SceneError(
+                f"{Path(name).name} is not what this worker has imported under that name; "
+                "restart the workers"
+            )
+
+
+# ------------------------------------------------------------------------------- worker
+# What runs on a worker: samples of places, added to the sums that came with them.
+#
+# A worker keeps nothing that matters. Each piece of work brings the sums that it goes on
+# from and takes them back, so that a worker may be lost at any moment.
 
 KEPT = 3  # scenes that a process keeps ready: those of neighbours in a sweep
 MOST_THREADS = 256  # of one worker

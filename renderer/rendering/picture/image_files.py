@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process.whole_file import is_stream, whole_file, why_not_writable
-from renderer.rendering.picture.picture import Picture
-from renderer.rendering.picture.srgb import srgb_from_linear
+from renderer.rendering.picture.picture import Picture, srgb_from_linear
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage

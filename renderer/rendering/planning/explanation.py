@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from renderer.accelerators.choice import choose_structures
-from renderer.accelerators.cost_model import RayCounts
+from renderer.accelerators.choice import RayCounts, choose_structures
 from renderer.accelerators.non_occluders import find_non_occluders
 from renderer.integrators.registry import INTEGRATORS
 from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.plugins.lights.registry import LIGHTS, plugin_of
-from renderer.plugins.sampling.sobol_digits import net_digits
+from renderer.plugins.sampling.sobol import net_digits
 from renderer.rendering.planning.plan import Plan
 from renderer.scene.light_properties import asked_lights, has_textured_lights
 from renderer.scene.scene import KINDS, Scene, counted

@@ -15,8 +15,6 @@ from renderer.plugins.bsdfs.registry import reaches_all
 from renderer.plugins.lights.registry import plugin_of
 from renderer.process.names import REPLAY
 from renderer.rendering.keywords import with_keywords
-from renderer.rendering.options import RenderOptions
-from renderer.rendering.planning.expected_rays import expected_rays
 from renderer.rendering.planning.explanation import (
     Explanation,
     describe_integrator,
@@ -29,9 +27,9 @@ from renderer.rendering.planning.explanation import (
     explain_shadow_rays,
     explain_weights,
 )
-from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
-from renderer.rendering.planning.restriction import restrict
-from renderer.replay.refusals import check_replay
+from renderer.rendering.planning.plan import RAY_OFFSETS, Plan, expected_rays, restrict
+from renderer.rendering.render_options import RenderOptions
+from renderer.replay.replay_mode import check_replay
 from renderer.scene.light_properties import (
     has_even_sky,
     has_extended_lights,
@@ -42,7 +40,7 @@ from renderer.scene_file.description import (
     Integrator,
     Sampler,
 )
-from renderer.scene_file.objects.view.samplers import round_sample_count
+from renderer.scene_file.objects.films import round_sample_count
 
 OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 

@@ -1,14 +1,97 @@
-"""The plan: what will be done, as `make_plan` decides it and the kernels need it."""
+"""`Plan`: what a render will do, and how many rays that is."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from renderer.accelerators.cost_model import USUAL_RAYS, RayCounts
-from renderer.integrators.kind import Decision, IntegratorKind
+from renderer.accelerators.choice import USUAL_RAYS, RayCounts
+from renderer.integrators.kind import Case, Decision, IntegratorKind
 from renderer.integrators.registry import INTEGRATORS
 from renderer.process.names import REPLAY
-from renderer.scene_file.description import Moments, Sampler
+from renderer.scene_file.description import Moments, Sampler, Sensor
+
+# -------------------------------------------------------------------------- restriction
+# What a simplified scene, or `direct` without light samples, leaves out of its paths.
+#
+# One of the two ways to find light can be left out, and the paths that are caustics. A
+# scene in which that would change nothing is planned as if nobody had asked.
+
+
+class Restriction(NamedTuple):
+    """How light is followed then."""
+
+    decision: Decision
+    strategy: str  # "both", "lights", "bsdfs"
+    caustics: bool
+
+
+def restrict(decision: Decision, case: Case, *, sampled_whole: bool) -> Restriction:
+    """Return what is left of an integrator's decision.
+
+    Parameters
+    ----------
+    decision, case
+        The integrator's, and what it had to decide from.
+    sampled_whole
+        Light samples go wherever a light shines.
+    """
+    sampled = case.lights and case.smooth and decision.max_depth > 1
+    weighed = sampled and case.extended and decision.follow
+    strategy = case.asked.strategy
+    if decision.method == "direct" and decision.light_samples == 0:
+        strategy = "bsdfs"  # points and directions give no light then, as in Mitsuba
+    if not (weighed if strategy == "lights" else sampled):
+        strategy = "both"
+    # camera, rough surface, mirror or glass, lamp: three segments
+    possible = weighed and case.delta and decision.max_depth > 2
+    caustics = case.asked.caustics or not possible
+    last = decision.max_depth == 2 and not case.delta
+    if strategy == "lights" and last and sampled_whole:
+        # the second segment would look for lamps, in vain
+        decision = dataclasses.replace(decision, follow=False)
+    return Restriction(decision, strategy, caustics)
+
+
+# ------------------------------------------------------------------------ expected rays
+# How many rays a render is likely to trace, which decides what building may cost.
+
+# Segments of a usual path: most leave the scene or end by roulette before any more.
+_USUAL_DEPTH = 6
+
+
+def expected_rays(
+    camera: Sensor,
+    spp: int,
+    max_depth: int,
+    lights: int,
+    threads: int,
+) -> RayCounts:
+    """Estimate from the picture's size and the depth.
+
+    Parameters
+    ----------
+    camera
+        Whose film is rendered.
+    spp
+        Samples per pixel.
+    max_depth
+        Segments of a path; 1 where the first hit alone is looked at.
+    lights
+        Shadow rays of one point: 1, or all lights.
+    threads
+        That trace them.
+    """
+    paths = float(camera.film.crop_width * camera.film.crop_height * spp)
+    if max_depth < 2:
+        return RayCounts(paths, 0.0, threads)
+    later = max(0, min(max_depth, _USUAL_DEPTH) - 2)
+    return RayCounts(paths, paths * (lights + later * (1 + lights)), threads)
+
+
+# --------------------------------------------------------------------------------- plan
+# The plan: what will be done, as `make_plan` decides it and the kernels need it.
 
 # A new ray starts off its surface, so as not to meet it again: so many rounding errors of
 # the position, plus this times (1 + its largest coordinate). `tight` is right for scenes of

@@ -22,11 +22,10 @@ from renderer.kernels.records.kernel_scene import (
     Settings,
 )
 from renderer.plugins.bsdfs.kind import BsdfKind, BsdfMethods
-from renderer.plugins.sampling.arithmetic import along_u
+from renderer.plugins.sampling.numbers_and_warps import along_u
 from renderer.plugins.textures.gradient import look_up_gradient
 from renderer.plugins.textures.kind import TextureMethods
-from renderer.plugins.textures.look_up import look_up_color, look_up_scalar
-from renderer.plugins.textures.nested import nested_boards
+from renderer.plugins.textures.look_up import look_up_color, look_up_scalar, nested_boards
 from renderer.rendering.planning.plan import Plan
 from renderer.rendering.tables.methods import (
     FLOAT,

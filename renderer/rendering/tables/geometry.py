@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from renderer.accelerators.build import Accelerators
 from renderer.accelerators.bvh.wide_bvh import WideBvh
 from renderer.accelerators.dispatch import TRAVERSALS
-from renderer.integrators.stages.surface.derivatives import derive
-from renderer.integrators.stages.surface.surface import locate
+from renderer.integrators.stages.surface import derive, locate
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Placements, Settings, Shapes
 from renderer.plugins.shapes.registry import SHAPES, kind_of_shape

@@ -13,11 +13,10 @@ from renderer.accelerators.build import (
     accelerators_of_shadow_rays,
     build_accelerators,
 )
-from renderer.accelerators.choice import choose_structures
-from renderer.accelerators.cost_model import USUAL_RAYS
+from renderer.accelerators.choice import USUAL_RAYS, choose_structures
 from renderer.integrators.kind import NO_LIMIT
-from renderer.integrators.stages.caustics import CausticMarks, mark_caustics
-from renderer.integrators.stages.film.camera_rays import fill_rays
+from renderer.integrators.stages.camera_rays import fill_rays
+from renderer.integrators.stages.emission import CausticMarks, mark_caustics
 from renderer.kernels.jit import Packed, record_type
 from renderer.kernels.records.kernel_scene import (
     AFTER_SCATTERING,
@@ -27,7 +26,7 @@ from renderer.kernels.records.kernel_scene import (
     Primitives,
     Settings,
 )
-from renderer.plugins.sampling.source import Sampling
+from renderer.plugins.sampling.numbers_and_warps import Sampling
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.plugins.shapes.registry import SHAPES
 from renderer.rendering.planning.plan import RAY_OFFSETS, Plan
@@ -57,11 +56,11 @@ from renderer.rendering.user_kernels.check import (
     check_kernels_of_users,
     check_values_of_users,
 )
-from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (
     asked_lights,
     has_extended_lights,
     has_textured_lamps,
+    light_order,
 )
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene

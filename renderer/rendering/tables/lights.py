@@ -8,24 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 import renderer.plugins.shapes.registry  # noqa: F401  (shapes make their kernels known)
-from renderer.integrators.stages.caustics import (
+from renderer.integrators.stages.emission import (
     add_emission_but_caustics,
     add_environment_but_caustics,
 )
 from renderer.kernels.jit import record_type
 from renderer.kernels.records.kernel_scene import Lights, Methods, Settings, Shapes
-from renderer.plugins.lights.choice.choose import (
+from renderer.plugins.lights.area import add_emission, emitted_light
+from renderer.plugins.lights.choice import (
     LightChoice,
     choose_by_importance,
     weigh_found_lights,
 )
-from renderer.plugins.lights.choice.tree import light_choice
-from renderer.plugins.lights.finite.area import add_emission, emitted_light
-from renderer.plugins.lights.infinite.environment import (
-    add_environment,
-    environment_light,
-)
+from renderer.plugins.lights.environment import add_environment, environment_light
 from renderer.plugins.lights.kind import LightKind, sample_lights_of
+from renderer.plugins.lights.light_tree import light_choice
 from renderer.plugins.lights.registry import plugin_of
 from renderer.rendering.tables.methods import (
     COLUMN,
@@ -36,10 +33,8 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.scene.light_bounds import light_bounds, lit_sides
-from renderer.scene.light_order import light_order
-from renderer.scene.light_properties import asked_lights
-from renderer.scene.light_tables import LightTables
+from renderer.scene.light_properties import asked_lights, light_order
+from renderer.scene.light_tables import LightTables, light_bounds, lit_sides
 from renderer.scene.materials import kind_of
 from renderer.scene.scene import Scene
 

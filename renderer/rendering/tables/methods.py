@@ -14,8 +14,7 @@ from numba.core import types
 from numpy.typing import NDArray
 
 from renderer.kernels.jit import Method, Packed, compile_method, pack, record_type
-from renderer.kernels.records.batch import Workspace, make_workspace
-from renderer.kernels.records.tile import Tile
+from renderer.kernels.records.batch import Tile, Workspace, make_workspace
 
 INT, FLOAT, NOTHING = types.int64, types.float32, types.none
 COLUMN = types.Array(types.int32, 1, "C")  # integers by column

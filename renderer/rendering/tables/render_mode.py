@@ -12,17 +12,20 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.integrators.stages.film.draws import (
+from renderer.integrators.stages.camera_rays import (
     choose_light,
     draw,
     draw_aperture,
     draw_film,
 )
 from renderer.kernels.jit import pack
-from renderer.plugins.sampling.arithmetic import Plain
-from renderer.plugins.sampling.numbers_and_warps import Independent, Stratified
+from renderer.plugins.sampling.numbers_and_warps import (
+    Independent,
+    Plain,
+    Sampling,
+    Stratified,
+)
 from renderer.plugins.sampling.sobol import Sobol, make_sobol
-from renderer.plugins.sampling.source import Sampling
 from renderer.rendering.planning.plan import Plan, stratified_cells
 from renderer.scene.light_tables import LightTables, alias_tables
 from renderer.scene.materials import MaterialTables
@@ -32,7 +35,7 @@ from renderer.scene.scene import Scene
 class Variant(Protocol):
     """One way of rendering."""
 
-    arithmetic: Any  # see `renderer.plugins.sampling.arithmetic`
+    arithmetic: Any  # see `renderer.plugins.sampling.numbers_and_warps`
     previous_points: bool  # whether rays keep the exact positions that they come from
     in_order: bool  # whether the samples of a tile must be drawn one after the other
 
@@ -110,8 +113,6 @@ def mode_for(plan: Plan, measured_camera: Sequence[float] | None) -> Variant:
     """Return the way that a plan asks for; `measured_camera` is for a replay."""
     if not plan.replay:
         return RenderMode()
-    from renderer.replay.replay_mode import (
-        Replayed,  # the one place that knows it; few need it
-    )
+    from renderer.replay.replay_mode import Replayed
 
     return Replayed(measured_camera)

@@ -6,14 +6,18 @@ import ast
 import re
 from typing import Any
 
-from renderer.rendering.user_kernels.mistake import Mistake
+from renderer.rendering.user_kernels.mistake import (
+    Mistake,
+    arguments_of,
+    in_words,
+    joined_words,
+)
 from renderer.rendering.user_kernels.remedies import (
     COMPARISONS,
     SYMBOLS,
     VECTORS,
     instead_of,
 )
-from renderer.rendering.user_kernels.words import arguments_of, in_words, joined_words
 
 
 def without_truth(found: Mistake) -> str:

@@ -22,11 +22,11 @@ from renderer.plugins.bsdfs.kind import Branch, BsdfKind, BsdfSample, Color, Num
 from renderer.plugins.bsdfs.parameters import hints_of
 from renderer.plugins.bsdfs.registration import CALLED_WITH
 from renderer.plugins.bsdfs.try_out import kernel_with_nan
-from renderer.plugins.sampling.arithmetic import along_u
+from renderer.plugins.sampling.numbers_and_warps import along_u
 from renderer.process.source_places import definition_of, shown_place
 from renderer.rendering.user_kernels.diagnosis import explain
+from renderer.rendering.user_kernels.mistake import core_of, in_words
 from renderer.rendering.user_kernels.statements import check_statements, tree_of
-from renderer.rendering.user_kernels.words import core_of, in_words
 from renderer.scene.materials import MaterialTables, is_textured, kind_of, value_of
 
 LANES, VECTOR, LOBES = f32x16, Vec3Type(f32x16), i32x16
@@ -55,7 +55,7 @@ def check_kernels_of_users(kinds: Iterable[BsdfKind], arithmetic: Any) -> None:
     kinds
         Of a scene, with what is inside of them.
     arithmetic
-        The record that they are given, see `renderer.plugins.sampling.arithmetic`.
+        The record that they are given, see `renderer.plugins.sampling.numbers_and_warps`.
 
     Raises
     ------

@@ -16,10 +16,9 @@ from typing import Any
 from renderer.errors import PluginError, did_you_mean
 from renderer.process.source_places import definition_of
 from renderer.rendering.user_kernels.calls import without_meaning, without_truth
-from renderer.rendering.user_kernels.mistake import Mistake
+from renderer.rendering.user_kernels.mistake import Mistake, core_of, in_words
 from renderer.rendering.user_kernels.remedies import MODULES, VECTORS, instead_of
 from renderer.rendering.user_kernels.statements import resolve
-from renderer.rendering.user_kernels.words import core_of, in_words
 
 _FIELD = re.compile(r"Unknown attribute '(\w+)' of type (.+)")
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 FUNCTIONS = "renderer.kernels.lanes.functions"
-EXPONENTIALS = "renderer.kernels.lanes.mathematics.exponentials"
-MATHEMATICS = "renderer.kernels.lanes.mathematics.mathematics"
-ERROR_FUNCTION = "renderer.kernels.lanes.mathematics.error_function"
+MATHEMATICS = "renderer.kernels.lanes.mathematics"
 VECTORS = "renderer.kernels.lanes.vectors"
-MODULES = (FUNCTIONS, VECTORS, MATHEMATICS, EXPONENTIALS, ERROR_FUNCTION)
+MODULES = (FUNCTIONS, VECTORS, MATHEMATICS)
 
 # name in Python, `math` or NumPy -> what to write, and the module that its name is from
 INSTEAD: dict[str, tuple[str, str]] = {
@@ -23,7 +21,7 @@ INSTEAD: dict[str, tuple[str, str]] = {
     "fabs": ("fabs(x)", FUNCTIONS),
     "sqrt": ("sqrt(x)", FUNCTIONS),
     "square": ("x * x", ""),
-    "cbrt": ("power(x, splat_f32(1.0 / 3.0))", EXPONENTIALS),
+    "cbrt": ("power(x, splat_f32(1.0 / 3.0))", MATHEMATICS),
     "hypot": ("sqrt(a * a + b * b)", FUNCTIONS),
     "floor": ("floor(x)", FUNCTIONS),
     "ceil": ("-floor(-x)", FUNCTIONS),
@@ -57,16 +55,16 @@ INSTEAD: dict[str, tuple[str, str]] = {
     "isnan": ("x != x", ""),
     "isfinite": ("x - x == 0.0", ""),
     "isinf": ("fabs(x) == math.inf", FUNCTIONS),
-    "pow": ("power(x, splat_f32(2.0)), or x * x for a square", EXPONENTIALS),
-    "power": ("power(x, splat_f32(2.0)), or x * x for a square", EXPONENTIALS),
-    "float_power": ("power(x, splat_f32(2.0))", EXPONENTIALS),
-    "exp": ("exp(x)", EXPONENTIALS),
-    "exp2": ("power(splat_f32(2.0), x)", EXPONENTIALS),
-    "expm1": ("exp(x) - 1.0", EXPONENTIALS),
-    "log": ("log(x)", EXPONENTIALS),
-    "log1p": ("log(1.0 + x)", EXPONENTIALS),
-    "log2": ("log(x) * 1.442695", EXPONENTIALS),
-    "log10": ("log(x) * 0.4342945", EXPONENTIALS),
+    "pow": ("power(x, splat_f32(2.0)), or x * x for a square", MATHEMATICS),
+    "power": ("power(x, splat_f32(2.0)), or x * x for a square", MATHEMATICS),
+    "float_power": ("power(x, splat_f32(2.0))", MATHEMATICS),
+    "exp": ("exp(x)", MATHEMATICS),
+    "exp2": ("power(splat_f32(2.0), x)", MATHEMATICS),
+    "expm1": ("exp(x) - 1.0", MATHEMATICS),
+    "log": ("log(x)", MATHEMATICS),
+    "log1p": ("log(1.0 + x)", MATHEMATICS),
+    "log2": ("log(x) * 1.442695", MATHEMATICS),
+    "log10": ("log(x) * 0.4342945", MATHEMATICS),
     "sin": ("sine, cosine = sincos(x)", MATHEMATICS),
     "cos": ("sine, cosine = sincos(x)", MATHEMATICS),
     "tan": ("sine, cosine = sincos(x), then sine / cosine", MATHEMATICS),
@@ -78,7 +76,7 @@ INSTEAD: dict[str, tuple[str, str]] = {
     "arccos": ("arccos(x)", MATHEMATICS),
     "asin": ("0.5 * math.pi - arccos(x)", MATHEMATICS),
     "arcsin": ("0.5 * math.pi - arccos(x)", MATHEMATICS),
-    "erf": ("erf(x)", ERROR_FUNCTION),
+    "erf": ("erf(x)", MATHEMATICS),
     "sum": ("a + b + c", ""),
     "prod": ("a * b * c", ""),
     "dot": ("dot(a, b)", VECTORS),

@@ -14,16 +14,12 @@ from typing import Any
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.scene_file.colors.spectrum_text import (
-    parse_spectrum,
-    read_spd,
-    spectrum_of_pairs,
-)
+from renderer.scene_file.colors.spectra import parse_spectrum, read_spd, spectrum_of_pairs
 from renderer.scene_file.description import Location
+from renderer.scene_file.files import Reading
 from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image, linear_values
 from renderer.scene_file.numbers import check_float, check_integer, quoted
 from renderer.scene_file.plugins import every_plugin, tag_of_plugin
-from renderer.scene_file.read_context import Reading
 from renderer.scene_file.tree import (
     Element,
     Function,

@@ -11,12 +11,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from renderer.errors import NotAllowed, SceneError
-from renderer.scene_file.document.parameters import Parameters
-from renderer.scene_file.document.xml.xml_elements import XmlElement, parse_xml
-from renderer.scene_file.document.xml.xml_tree import DEEPEST_INCLUDE, read_text_file
-from renderer.scene_file.files import Bounds
+from renderer.scene_file.document.references import Parameters
+from renderer.scene_file.document.xml_elements import XmlElement, parse_xml
+from renderer.scene_file.document.xml_tree import DEEPEST_INCLUDE, read_text_file
+from renderer.scene_file.files import Bounds, Reading
 from renderer.scene_file.numbers import quoted
-from renderer.scene_file.read_context import Reading
 
 LIBRARIES = (".so", ".dylib", ".dll")
 

@@ -1,10 +1,17 @@
-"""Puts the referenced elements in the place of `<ref>`, and finds circles."""
+"""References of a document: to other objects by id, to parameters by `$name`."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+
 from renderer.errors import SceneError
+from renderer.scene_file.description import Location
 from renderer.scene_file.numbers import quoted
 from renderer.scene_file.tree import Element, Reference, Tree
+
+# --------------------------------------------------------------------------- references
+# Puts the referenced elements in the place of `<ref>`, and finds circles.
 
 _DEEPEST = 200  # keeps the recursive readers far from Python's limit
 
@@ -54,3 +61,79 @@ def _resolve(
             _resolve(value, elements, done, chain)
     chain.pop()
     done.add(id(element))
+
+
+# --------------------------------------------------------------------------- parameters
+# `$name` in attributes: values from `<default>`, overridden from outside (-D name=value).
+#
+# The rules are Mitsuba's: a parameter is replaced wherever its name stands after a dollar
+# sign, longer names first (`$width2` before `$width`), `\\$` is a plain dollar sign, a
+# `<default>` counts from its line on, and a parameter that nothing uses is an error.
+
+# Each <default> may double the one before it.
+_LONGEST = 1 << 20  # [characters] of a value with a parameter in it
+_UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
+
+
+class Parameters:
+    """The parameters of one scene, shared by the file and what it includes."""
+
+    def __init__(self, given: Mapping[str, object]) -> None:
+        self._values = {name: _as_text(value) for name, value in given.items()}
+        self._unused = set(self._values)
+        self._from_outside = frozenset(self._values)
+        self._seen: set[str] = set()  # names that the file has a <default> for
+
+    def add_default(self, name: str, value: str) -> None:
+        """Set a parameter that has no value yet."""
+        self._values.setdefault(name, value)
+        self._seen.add(name)
+
+    def substitute(self, text: str, location: Location) -> str:
+        """Return `text` with every parameter replaced by its value.
+
+        Raises
+        ------
+        SceneError
+            If a name has no value.
+        """
+        if "$" not in text:
+            return text
+        for name in sorted(self._values, key=len, reverse=True):
+            pattern = re.compile(r"(?<!\\)\$" + re.escape(name))
+            text, count = pattern.subn(self._values[name].replace("\\", r"\\"), text)
+            if count and len(text) > _LONGEST:
+                raise SceneError(
+                    f"{location}: a value with ${name} in it grows to more than {_LONGEST} "
+                    "characters"
+                )
+            if count:
+                self._unused.discard(name)
+        if unresolved := _UNRESOLVED.search(text):
+            known = ", ".join(f"${name}" for name in sorted(self._values)) or "none"
+            raise SceneError(
+                f"{location}: undefined parameter ${unresolved[1]}; defined here: {known} "
+                '(add <default name="..." value="..."/> before this line)'
+            )
+        return text.replace("\\$", "$")
+
+    def check_all_used(self, source: str) -> None:
+        """Refuse parameters from outside that the scene never used, as Mitsuba does.
+
+        Raises
+        ------
+        SceneError
+            Naming them, and those that the file knows.
+        """
+        if self._unused:
+            unused = ", ".join(
+                f"{name}={self._values[name]}" for name in sorted(self._unused)
+            )
+            known = ", ".join(sorted(self._seen)) or "none"
+            raise SceneError(
+                f"{source}: no use of the parameter {unused}; the scene has: {known}"
+            )
+
+
+def _as_text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,8 +1,4 @@
-"""Warnings about colour information of 8-bit image files, which Mitsuba ignores.
-
-PNG, JPEG, BMP and TGA pixels are taken as sRGB, in the order in which they are stored.
-Entries of the file that say otherwise (profiles, gamma, orientation) are logged.
-"""
+"""What an image file says about its colours: chunks of PNG, ICC profiles."""
 
 from __future__ import annotations
 
@@ -11,12 +7,171 @@ import zlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from renderer.scene_file.images.icc_profile import differs_from_srgb
-from renderer.scene_file.images.png_chunks import chunks
-from renderer.scene_file.images.primaries import BT709, differ
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.scene_file.images.image import BT709, differ, linear_from_srgb
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
+
+# --------------------------------------------------------------------------- png chunks
+# Whether a PNG holds the rows that its header promises, which Pillow does not say.
+#
+# A stream that ends early, but properly and with a whole row, is no error there: the rows
+# that are missing are black.
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type, 3 has a palette
+DEFLATE_RATIO = 1032  # bytes that one byte of a stream may stand for, at most
+HEAD = 29  # [bytes] of signature and header
+_PIECE = 1 << 16  # [bytes]
+# first column and row of the seven passes of an interlaced image, and the steps to the next
+_PASSES = (
+    *((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4)),
+    *((0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2)),
+)
+
+
+def chunks(content: bytes, wanted: bytes) -> list[bytes]:
+    """Return the chunks of one kind; of one that ends too early, what is there."""
+    parts = []
+    position = len(SIGNATURE)
+    while position + 8 <= len(content):
+        length, kind = struct.unpack_from(">I4s", content, position)
+        if kind == wanted:
+            parts.append(content[position + 8 : position + 8 + length])
+        position += length + 12  # length, kind, checksum
+    return parts
+
+
+def image_data(content: bytes) -> bytes:
+    """Join the IDAT chunks of a file."""
+    return b"".join(chunks(content, b"IDAT"))
+
+
+def size_of(content: bytes) -> tuple[int, int]:
+    """Return width and height as the header has them."""
+    width, height = struct.unpack_from(">II", content, 16)
+    return width, height
+
+
+def bytes_of_rows(content: bytes) -> int:
+    """Return how many bytes all rows have that the header promises, unpacked.
+
+    The header is the first chunk, which the caller has seen to.
+    """
+    width, height, depth, color_type, _, _, interlace = struct.unpack_from(
+        ">IIBBBBB", content, 16
+    )
+    bits = depth * CHANNELS.get(color_type, 0)
+    total = 0
+    for x, y, step_x, step_y in _PASSES if interlace else ((0, 0, 1, 1),):
+        columns, rows = -(-(width - x) // step_x), -(-(height - y) // step_y)
+        if columns > 0 and rows > 0:
+            total += rows * (1 + -(-columns * bits // 8))  # a byte names the row's filter
+    return total
+
+
+def bytes_held(content: bytes, at_most: int) -> int:
+    """Return how many bytes of rows there are, up to `at_most`.
+
+    Raises
+    ------
+    zlib.error, struct.error
+        If there is no telling.
+    """
+    # without the stream's head of two bytes, so that its checksum is not verified: Pillow
+    # does not verify it either if all rows are there
+    data, inflater, found = image_data(content)[2:], zlib.decompressobj(-15), 0
+    for start in range(0, len(data), _PIECE):
+        piece = data[start : start + _PIECE]
+        while piece and found < at_most:
+            found += len(inflater.decompress(piece, min(16 * _PIECE, at_most - found)))
+            piece = inflater.unconsumed_tail
+    return found
+
+
+# -------------------------------------------------------------------------- icc profile
+# Whether an ICC profile means anything else than sRGB.
+#
+# Only profiles of three primaries and curves, or of one curve for grey, are looked into;
+# of others, such as tables, the answer is that they differ. Nothing is converted: Mitsuba
+# takes pixels as sRGB whatever their profile.
+
+# sRGB's red, green and blue in XYZ under D50, as its profiles have them.
+_PRIMARIES = {
+    b"rXYZ": (0.4361, 0.2225, 0.0139),
+    b"gXYZ": (0.3851, 0.7169, 0.0971),
+    b"bXYZ": (0.1431, 0.0606, 0.7141),
+}
+_CLOSE = 0.004  # difference of XYZ; profiles of sRGB differ by less among themselves
+_SAME_CURVE = 0.01  # of linear light in [0, 1]; the power 2.2 is as close
+_HEADER = 128  # [bytes]
+_POINTS = np.linspace(0.0, 1.0, 33)
+
+
+def differs_from_srgb(profile: bytes) -> bool:
+    """Tell whether colours of this profile are other colours than those of sRGB.
+
+    True too for a profile that is damaged.
+    """
+    try:
+        (count,) = struct.unpack_from(">I", profile, _HEADER)
+        tags = {}
+        for i in range(min(count, 200)):
+            name, at, size = struct.unpack_from(">4sII", profile, _HEADER + 4 + 12 * i)
+            tags[name] = profile[at : at + size]
+        if profile[16:20] == b"GRAY":
+            return _curve_differs(tags[b"kTRC"])
+        if b"A2B0" in tags:
+            return True
+        for name, expected in _PRIMARIES.items():
+            found = np.array(struct.unpack_from(">3i", tags[name], 8)) / 65536.0
+            if np.abs(found - expected).max() > _CLOSE:
+                return True
+        return any(_curve_differs(tags[name]) for name in (b"rTRC", b"gTRC", b"bTRC"))
+    except (struct.error, KeyError, ValueError):
+        return True
+
+
+def _curve_differs(tag: bytes) -> bool:
+    with np.errstate(all="ignore"):
+        difference = np.abs(_curve(tag) - linear_from_srgb(_POINTS)).max()
+    return not difference < _SAME_CURVE
+
+
+def _curve(tag: bytes) -> NDArray[np.float64]:
+    """Return the linear light of the points of [0, 1].
+
+    Raises
+    ------
+    struct.error, ValueError
+        If it is damaged, or a curve of another kind.
+    """
+    kind, first = struct.unpack_from(">4s4xI", tag)
+    if kind == b"curv" and first == 0:
+        return _POINTS
+    if kind == b"curv" and first == 1:
+        (power,) = struct.unpack_from(">H", tag, 12)
+        return np.asarray(_POINTS ** (power / 256.0))
+    if kind == b"curv":
+        table = np.frombuffer(tag, ">u2", first, 12) / 65535.0
+        return np.interp(_POINTS, np.linspace(0.0, 1.0, first), table)
+    if kind == b"para" and first >> 16 == 0:
+        (power,) = struct.unpack_from(">i", tag, 12)
+        return np.asarray(_POINTS ** (power / 65536.0))
+    if kind == b"para" and first >> 16 == 3:  # a straight line below d
+        power, a, b, c, d = np.array(struct.unpack_from(">5i", tag, 12)) / 65536.0
+        return np.where(d <= _POINTS, (a * _POINTS + b) ** power, c * _POINTS)
+    raise ValueError
+
+
+# -------------------------------------------------------------------------- color notes
+# Warnings about colour information of 8-bit image files, which Mitsuba ignores.
+#
+# PNG, JPEG, BMP and TGA pixels are taken as sRGB, in the order in which they are stored.
+# Entries of the file that say otherwise (profiles, gamma, orientation) are logged.
 
 _SRGB_GAMMA, _SAME_GAMMA = 1.0 / 2.2, 0.01
 _SAME_PRIMARIES = 5e-3

@@ -18,8 +18,14 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
-from renderer.scene_file.images.image import SRGB_FROM_XYZ, Image
-from renderer.scene_file.images.primaries import BT709, XYZ, differ, srgb_from
+from renderer.scene_file.images.image import (
+    BT709,
+    SRGB_FROM_XYZ,
+    XYZ,
+    Image,
+    differ,
+    srgb_from,
+)
 
 _MAGIC = b"\x76\x2f\x31\x01"
 # Bytes of pixels for a byte of the file, where a method cannot make more of it.

@@ -16,19 +16,18 @@ from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
-from renderer.scene_file.images.color_notes import pillow_notes
-from renderer.scene_file.images.exr_image import is_exr, read_exr
-from renderer.scene_file.images.image import Image, checked
-from renderer.scene_file.images.pfm_image import is_pfm, read_pfm
-from renderer.scene_file.images.png_16_bit import is_16_bit_png, read_16_bit_png
-from renderer.scene_file.images.png_chunks import (
+from renderer.scene_file.images.color_notes import (
     DEFLATE_RATIO,
     bytes_held,
     bytes_of_rows,
     chunks,
+    pillow_notes,
     size_of,
 )
-from renderer.scene_file.images.rgbe_image import is_rgbe, read_rgbe
+from renderer.scene_file.images.exr_image import is_exr, read_exr
+from renderer.scene_file.images.float_images import is_pfm, is_rgbe, read_pfm, read_rgbe
+from renderer.scene_file.images.image import Image, checked
+from renderer.scene_file.images.png_16_bit import is_16_bit_png, read_16_bit_png
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage

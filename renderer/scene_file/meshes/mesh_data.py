@@ -1,17 +1,132 @@
-"""MeshData: triangles as a mesh file gives them, before any transform."""
+"""Arrays of a mesh, checked; its surface area; grids of texture coordinates."""
 
 from __future__ import annotations
 
 import codecs
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from renderer.errors import SceneError
 from renderer.process import memory
+from renderer.scene_file.description import Cylinder, Disk, Mesh, Rectangle, Shape, Sphere
+
+# ------------------------------------------------------------------------- surface area
+# Surface areas of shapes in world space.
+
+
+def surface_area(shape: Shape) -> float:
+    """Return the area of one side of a shape, caps of a cylinder not included.
+
+    Raises
+    ------
+    TypeError
+        For a kind of shape that has no formula here.
+    """
+    with np.errstate(over="ignore"):
+        match shape:
+            case Mesh():
+                a, b, c = (
+                    shape.vertices[shape.faces[:, k]].astype(float) for k in range(3)
+                )
+                twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+                return 0.5 * float(twice.sum())
+            case Rectangle() | Disk():
+                x, y = shape.to_world[:3, 0], shape.to_world[:3, 1]
+                unit = 4.0 if isinstance(shape, Rectangle) else math.pi
+                return unit * float(np.linalg.norm(np.cross(x, y)))
+            case Sphere():
+                return 4.0 * math.pi * float(np.linalg.norm(shape.to_world[:3, 0])) ** 2
+            case Cylinder():
+                radius, length = np.linalg.norm(shape.to_world[:3, [0, 2]], axis=0)
+                return 2.0 * math.pi * float(radius) * float(length)
+            case _:
+                raise TypeError(f"no area for {type(shape).__name__}")
+
+
+# ------------------------------------------------------------------------------ uv grid
+# Triangles by their texture coordinates: a grid over (u, v), and whether two overlap.
+
+_MOST_CELLS = 512  # along each axis
+_MOST_CENTERS = 4096  # that are looked at
+
+
+class UvGrid(NamedTuple):
+    """Cells of equal size, row by row, and the triangles in each."""
+
+    low: NDArray[np.float64]  # (2,) least u and v
+    scale: NDArray[np.float64]  # (2,) cells per unit
+    cells: int  # along each axis
+    start: NDArray[np.int64]  # (cells^2 + 1,) where the list of a cell begins
+    entries: NDArray[np.int64]  # triangles
+
+    def cell_of(self, p: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the cells of points (n, 2)."""
+        i, j = np.clip(((p - self.low) * self.scale).astype(int), 0, self.cells - 1).T
+        return np.asarray(j * self.cells + i)
+
+    def members(self, cell: int) -> NDArray[np.int64]:
+        """Return the triangles whose box meets a cell."""
+        return self.entries[self.start[cell] : self.start[cell + 1]]
+
+
+def uv_grid(points: NDArray[np.float64]) -> UvGrid:
+    """Return a grid of triangles (n, 3, 2), which are listed where their boxes are."""
+    cells = int(min(max(np.ceil(np.sqrt(len(points))), 1), _MOST_CELLS))
+    low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
+    size = np.maximum(high - low, 1e-30)
+    scale = cells / size
+    margin = 1e-5  # of a cell: kernels compute the cell in float32
+    first = (points.min(axis=1) - low) * scale - margin
+    last = (points.max(axis=1) - low) * scale + margin
+    first = np.clip(np.floor(first), 0, cells - 1).astype(np.int64)
+    last = np.clip(np.floor(last), 0, cells - 1).astype(np.int64)
+    wide = last - first + 1
+    owners = np.repeat(np.arange(len(points)), wide[:, 0] * wide[:, 1])
+    ends = np.cumsum(wide[:, 0] * wide[:, 1])
+    place = np.arange(len(owners)) - (ends - wide[:, 0] * wide[:, 1])[owners]
+    i = first[owners, 0] + place % wide[owners, 0]
+    j = first[owners, 1] + place // wide[owners, 0]
+    cell = j * cells + i
+    order = np.argsort(cell, kind="stable")
+    start = np.searchsorted(cell[order], np.arange(cells * cells + 1))
+    return UvGrid(low, scale, cells, start, owners[order])
+
+
+def overlap(points: NDArray[np.float64]) -> bool:
+    """Return whether triangles (n, 3, 2) cover a part of the plane twice.
+
+    By the centres of some of them: it finds the sides of a box that share a square, and
+    whatever lies on another by the half; a sliver may pass.
+    """
+    grid = uv_grid(points)
+    centers = points[:: len(points) // _MOST_CENTERS + 1].mean(axis=1)
+    cells = grid.cell_of(centers)
+    return any(
+        _inside(points[grid.members(cell)], center).sum() > 1
+        for cell, center in zip(cells, centers, strict=True)
+    )
+
+
+def _inside(points: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.bool_]:
+    a, b, c = (points[:, k] - p for k in range(3))
+    areas = [_cross(a, b), _cross(b, c), _cross(c, a)]
+    total = areas[0] + areas[1] + areas[2]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.all([part / total > 1e-3 for part in areas], axis=0)
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+# ---------------------------------------------------------------------------- mesh data
+# MeshData: triangles as a mesh file gives them, before any transform.
 
 _BLANKS = bytes(b for b in range(256) if chr(b).isspace())  # between words of latin-1
 

@@ -9,9 +9,9 @@ import numpy as np
 
 import renderer
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 from reports.limits.light_transport.one_point import estimates, scene_at
 from reports.limits.row import Row
 

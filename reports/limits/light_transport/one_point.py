@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 import renderer
 from renderer.kernels.records.kernel_scene import EMIT
 from renderer.rendering.job import RenderJob
-from renderer.rendering.options import RenderOptions
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
+from renderer.rendering.render_options import RenderOptions
 
 SIZE = 32  # [pixels] each way
 

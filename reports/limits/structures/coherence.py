@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from renderer.kernels.records.tally import NODES
+from renderer.kernels.records.batch import NODES
 from reports.accelerator_trials.meshes import displaced_icosphere
 from reports.accelerator_trials.rays import camera_rays, in_batches
 from reports.limits.row import Row

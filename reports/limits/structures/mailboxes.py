@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from renderer.kernels.records.tally import PRIMITIVES
+from renderer.kernels.records.batch import PRIMITIVES
 from reports.accelerator_trials.rays import in_batches
 from reports.limits.row import Row
 from reports.limits.structures.work import counted, soup_mesh

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 
 from renderer.accelerators.bvh.bvh_refit import refit_bvh
-from renderer.kernels.records.tally import NODES
+from renderer.kernels.records.batch import NODES
 from renderer.plugins.shapes.extents import extents_of
 from reports.accelerator_trials.meshes import displaced_icosphere, triangle_surfaces
 from reports.accelerator_trials.rays import random_rays

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.records.tally import NODES, PRIMITIVES
+from renderer.kernels.records.batch import NODES, PRIMITIVES
 from reports.accelerator_trials.meshes import StudyMesh, teapot_in_a_stadium
 from reports.accelerator_trials.rays import pixel_order
 from reports.limits.row import Row

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.kernels.records.tally import NODES, PRIMITIVES
+from renderer.kernels.records.batch import NODES, PRIMITIVES
 from reports.accelerator_trials.contenders import build, reach_of
 from reports.accelerator_trials.meshes import StudyMesh, View, triangle_surfaces
 from reports.accelerator_trials.rays import RayBatches, camera_rays

@@ -1,6 +1,6 @@
 """Which triangles a ray meets whatever the rounding of the test, and which it may miss.
 
-The test (`renderer.plugins.shapes.flat.patch.meet_plane`) is in float32: unit roundoff
+The test (`renderer.plugins.shapes.flat.meet_plane`) is in float32: unit roundoff
 u = 2^-24, no fused multiply-add. With the corner c, the edges e1 and e2, the normal
 n = e1 x e2 and s = c - o it takes U = e2 . (s x d), V = -e1 . (s x d), S = n . d,
 W = S - (U + V) and T = n . s, turns all signs by that of S, and reports a hit where none of

@@ -32,8 +32,8 @@ import renderer
 from renderer.accelerators.bvh.streams import ray_streams
 from renderer.accelerators.bvh.wide.octants import STREAM
 from renderer.accelerators.bvh.wide_bvh import FEW
-from renderer.accelerators.instances import instance_boxes
-from renderer.kernels.records.tally import BOXES, NODES, PRIMITIVES, STACK, make_tally
+from renderer.accelerators.instances import instance_rays as instance_boxes
+from renderer.kernels.records.batch import BOXES, NODES, PRIMITIVES, STACK, make_tally
 
 NAN, INF = np.nan, np.inf
 SURFACES = soup("triangles", 500, np.random.default_rng(1), size=0.4)

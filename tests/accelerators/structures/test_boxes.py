@@ -13,8 +13,7 @@ from kernel_probes import directions, soup, triangles, unit
 
 import renderer
 from renderer.accelerators import choice
-from renderer.accelerators.choice import choose_structures
-from renderer.accelerators.cost_model import Estimate, RayCounts
+from renderer.accelerators.choice import Estimate, RayCounts, choose_structures
 from renderer.accelerators.rays.boxes import MOST, divide, expected_cost
 from renderer.accelerators.validate import validate
 

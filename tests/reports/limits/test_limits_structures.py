@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.accelerators.build import build_accelerator
-from renderer.kernels.records.tally import PRIMITIVES
+from renderer.kernels.records.batch import PRIMITIVES
 from reports.accelerator_trials.meshes import triangle_surfaces
 from reports.limits.structures import every, stadium, walls
 from reports.limits.structures.work import counted, seen_from, soup_mesh

@@ -15,8 +15,8 @@ import pytest
 
 from mitsuba_ref.reference.errors import MitsubaError
 from renderer.accelerators.build import BUILDERS
-from renderer.accelerators.rays.brute_force import build_brute_force
-from renderer.kernels.records import tally
+from renderer.accelerators.rays.boxes import build_brute_force
+from renderer.kernels.records import batch as tally
 from renderer.kernels.records.batch import CAPACITY
 from reports.accelerator_study import growth_study, scene_study
 from reports.accelerator_study.settings import QUICK

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
 
-from renderer.scene_file.colors.refractive_indices import INDICES
+from renderer.scene_file.colors.named_materials import INDICES
 from renderer.scene_file.description import WHITE, Bsdf, Conductor, Dielectric, Diffuse
 
 SHAPE = '<shape type="sphere">\n<bsdf type="{}">{}</bsdf></shape>'

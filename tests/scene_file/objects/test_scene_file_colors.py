@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
 
-from renderer.scene_file.colors import cie_tables
-from renderer.scene_file.colors.conductor_materials import MATERIALS
+from renderer.scene_file.colors import spectra as cie_tables
+from renderer.scene_file.colors.named_materials import MATERIALS
 
 REFLECTANCE = '<shape type="sphere"><bsdf type="diffuse">\n{}</bsdf></shape>'
 EMISSION = '<emitter type="point">\n{}</emitter>'

@@ -8,8 +8,8 @@ import pytest
 from bsdf_probes import BsdfProbe, MitsubaProbe, seen_under
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 
-from renderer.plugins.bsdfs.rough.rough_transmittance import rough_transmittance
-from renderer.plugins.bsdfs.smooth.plastic import diffuse_fresnel, mean_of
+from renderer.plugins.bsdfs.plastic import diffuse_fresnel, mean_of
+from renderer.plugins.bsdfs.rough_transmittance import rough_transmittance
 from renderer.scene_file.description import Bsdf, CheckerboardTexture, ConstantTexture
 
 SHAPE = '<shape type="sphere">\n<bsdf type="{}">{}</bsdf></shape>'

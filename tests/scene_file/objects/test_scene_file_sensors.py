@@ -12,7 +12,7 @@ from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.scene_file.description import Film, PerspectiveCamera, Sampler
-from renderer.scene_file.objects.view.samplers import round_sample_count
+from renderer.scene_file.objects.films import round_sample_count
 from renderer.simple.camera import camera_ray
 
 SENSOR = '<sensor type="perspective">\n{}</sensor>'

@@ -11,7 +11,7 @@ import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, points_on, theirs
 
 from renderer.scene_file.description import Cylinder, Disk, Rectangle, Shape, Sphere
-from renderer.scene_file.meshes.surface_area import surface_area
+from renderer.scene_file.meshes.mesh_data import surface_area
 
 MOVED = '<transform name="to_world">{}</transform>'
 ROTATED = MOVED.format(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scene_file_samples import error_of, ours, parameter, theirs
 
-from renderer.scene_file.colors.spectrum_plugins import planck
+from renderer.scene_file.colors.colors import planck
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # [W / (m^2 K^4)]
 WIEN = 2.897771955e6  # [nm K]

@@ -44,21 +44,16 @@ from renderer.kernels.lanes.functions import (
     minimum,
     splat_f32,
 )
-from renderer.kernels.lanes.local import (
+from renderer.kernels.lanes.mathematics import multiply_add
+from renderer.kernels.lanes.memory import load_one, store_one
+from renderer.kernels.lanes.vectors import (
+    load3,
     local_f32,
     local_i32,
     local_rows_f32,
     local_rows_i32,
 )
-from renderer.kernels.lanes.mathematics.fused import multiply_add
-from renderer.kernels.lanes.memory import load_one, store_one
-from renderer.kernels.lanes.vectors import load3
-from renderer.kernels.records.tally import (
-    BOXES,
-    NODES,
-    add_to_packet,
-    note_packet_stack,
-)
+from renderer.kernels.records.batch import BOXES, NODES, add_to_packet, note_packet_stack
 
 # At most `MAX_DEPTH` = 60 edges to a leaf, and what a bundle begins with
 STACK = 64 + ROOM

@@ -47,7 +47,6 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
 from renderer.accelerators.bvh.wide.wide_rays import STACK, trace_rays
 from renderer.accelerators.rays.box_entry import STRETCH
 from renderer.kernels.jit import always_inline, kernel
-from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     first_lanes,
     lane_index,
@@ -61,11 +60,11 @@ from renderer.kernels.lanes.functions import (
     splat_i32,
     upper_half,
 )
-from renderer.kernels.lanes.local import local_columns_f32, local_f32, local_i32
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
-from renderer.kernels.lanes.mathematics.fused import multiply_add
+from renderer.kernels.lanes.mathematics import multiply_add
 from renderer.kernels.lanes.memory import (
     append_row,
+    gather_columns,
     gather_row,
     load_bytes,
     load_eight,
@@ -74,7 +73,14 @@ from renderer.kernels.lanes.memory import (
     store_one,
     store_row,
 )
-from renderer.kernels.lanes.vectors import lower_half3, upper_half3, vec3
+from renderer.kernels.lanes.vectors import (
+    local_columns_f32,
+    local_f32,
+    local_i32,
+    lower_half3,
+    upper_half3,
+    vec3,
+)
 from renderer.plugins.shapes.blocks import WIDTH
 
 # Rays of a list that is handed over: between 3 and 8 some meshes gain what others lose.

@@ -17,7 +17,6 @@ from renderer.accelerators.bvh.wide.one_ray_leaves import (
 )
 from renderer.accelerators.rays.packets import Nearest, nearest_of
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.columns import gather_columns
 from renderer.kernels.lanes.functions import (
     first_lanes,
     mask_bits,
@@ -27,6 +26,7 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.masks import HAS_AVX2_ONLY
 from renderer.kernels.lanes.memory import (
+    gather_columns,
     gather_row,
     load_one,
     load_row,

@@ -13,7 +13,6 @@ from renderer.accelerators.rays.box_entry import MARGIN as BOX_MARGIN
 from renderer.accelerators.rays.box_entry import safe_reciprocal
 from renderer.accelerators.rays.single_ray import is_finite_ray
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.columns import store_columns
 from renderer.kernels.lanes.functions import (
     fabs,
     first_lanes,
@@ -27,7 +26,13 @@ from renderer.kernels.lanes.functions import (
     splat_i32,
     splat_mask,
 )
-from renderer.kernels.lanes.memory import append_row, gather_row, load_row, store_row
+from renderer.kernels.lanes.memory import (
+    append_row,
+    gather_row,
+    load_row,
+    store_columns,
+    store_row,
+)
 from renderer.kernels.lanes.vectors import gather3, load3
 
 STREAM = 1024  # rays that go together at most

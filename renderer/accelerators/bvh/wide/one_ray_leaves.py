@@ -28,7 +28,7 @@ from renderer.kernels.lanes.functions import (
 )
 from renderer.kernels.lanes.memory import load_eight, load_one, store_one
 from renderer.kernels.lanes.vectors import column3
-from renderer.kernels.records.tally import PRIMITIVES, add_to
+from renderer.kernels.records.batch import PRIMITIVES, add_to
 from renderer.plugins.shapes.blocks import WIDTH, primitives_in
 from renderer.plugins.shapes.primitives import hit_primitive
 

@@ -17,7 +17,7 @@ from renderer.accelerators.bvh.wide.wide_bvh_collapse import (
     write_costs,
 )
 from renderer.kernels.jit import entry_kernel, kernel
-from renderer.kernels.lanes.local import local_f64, local_i32
+from renderer.kernels.lanes.vectors import local_f64, local_i32
 from renderer.plugins.shapes.blocks import aligned_bytes
 
 # words of a node of a pair

@@ -21,7 +21,7 @@ import numpy as np
 
 from renderer.accelerators.surface_area import half_area
 from renderer.kernels.jit import kernel
-from renderer.kernels.lanes.local import local_i32
+from renderer.kernels.lanes.vectors import local_i32
 
 CHILDREN = 8
 ROOMS = CHILDREN - 1  # children that a node which is not at the top may be replaced by

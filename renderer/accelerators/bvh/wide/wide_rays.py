@@ -41,8 +41,7 @@ from renderer.kernels.lanes.functions import (
     splat_f32,
     upper_half,
 )
-from renderer.kernels.lanes.local import local_f32, local_i32
-from renderer.kernels.lanes.mathematics.fused import multiply_add
+from renderer.kernels.lanes.mathematics import multiply_add
 from renderer.kernels.lanes.memory import (
     append_row,
     load_bytes,
@@ -51,8 +50,8 @@ from renderer.kernels.lanes.memory import (
     prefetch,
     store_one,
 )
-from renderer.kernels.lanes.vectors import column3
-from renderer.kernels.records.tally import BOXES, NODES, add_to, note_stack
+from renderer.kernels.lanes.vectors import column3, local_f32, local_i32
+from renderer.kernels.records.batch import BOXES, NODES, add_to, note_stack
 from renderer.plugins.shapes.blocks import WIDTH
 
 RAYS = 8  # under way at the same time; 4 to 16 were measured

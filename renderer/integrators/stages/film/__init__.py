@@ -1,1 +1,0 @@
-"""From the film to a ray, and back: camera rays, their random numbers, and the sums."""

@@ -1,1 +1,0 @@
-"""Functions of sixteen float32 at once."""

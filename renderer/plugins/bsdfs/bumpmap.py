@@ -1,0 +1,119 @@
+"""Bumps from an image: the BSDF inside is turned as on a displaced surface [Blinn1978].
+
+The surface p + h(u, v) n has, but for terms that are small with h, the derivatives
+dp/du + n dh/du and dp/dv + n dh/dv; its normal is their cross product.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from renderer.errors import SceneError
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import splat_f32
+from renderer.kernels.lanes.vectors import (
+    cross,
+    dot,
+    normalize,
+    orthonormal_basis,
+    select3,
+    vec3,
+)
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    Float,
+)
+from renderer.plugins.bsdfs.normalmap import (
+    albedo,
+    eval_pdf,
+    facing,
+    frame_along,
+    normal,
+    sample,
+    turned_frame,
+)
+from renderer.plugins.bsdfs.parameters import (
+    Derivatives,
+    GeometricNormal,
+    Gradient,
+    Nested,
+    ShadingNormal,
+)
+from renderer.scene_file.colors.colors import Use
+from renderer.scene_file.description import BitmapTexture, ConstantTexture
+from renderer.scene_file.description import BumpMap as Description
+from renderer.scene_file.objects.objects import read_nested, read_texture
+
+
+class Bumped(NamedTuple):
+    """Its parameters."""
+
+    height: Gradient  # of h by u and v, without `scale`
+    scale: Float
+    flip_invalid_normals: Float  # as of a normal map
+    use_shadowing_function: Float
+    derivatives: Derivatives
+    shading_normal: ShadingNormal
+    normal: GeometricNormal
+    nested: Nested
+
+
+def read(properties: Any) -> Description:
+    """Read the properties of a file; the texture may have any name."""
+    textures = properties.children("texture")
+    if len(textures) != 1:
+        raise SceneError(
+            f"{properties.location}: {properties.element} holds {len(textures)} textures; "
+            "expected one, of the heights"
+        )
+    name = textures[0][0]
+    height = read_texture(properties, name, 0.0, Use.NUMBER)
+    if isinstance(height, ConstantTexture):
+        height = ConstantTexture((0.0, 0.0, 0.0))  # which is its slope
+    elif not isinstance(height, BitmapTexture):
+        properties.fail(name, "a texture without a slope", "a bitmap")
+    scale = properties.number("scale", 1.0, at_least=-1e9, at_most=1e9)
+    flip = properties.boolean("flip_invalid_normals", True)
+    shadow = properties.boolean("use_shadowing_function", True)
+    (nested,) = read_nested(properties, 1, 1, "one")
+    return Description(height, scale, flip, shadow, nested)
+
+
+@turned_frame.by(Bumped)
+@kernel
+def _turned_frame(bumped, wo):
+    """Return the frame around the normal of the displaced surface, in the local one.
+
+    Mitsuba takes dp/du in the world and that normal in the local frame for the x axis,
+    which only BSDFs with a direction along the surface can tell; so it is done here.
+    """
+    n, (dp_du, dp_dv) = bumped.shading_normal, bumped.derivatives
+    by_u, by_v = bumped.height[0] * bumped.scale, bumped.height[1] * bumped.scale
+    du = dp_du + n * (by_u - dot(n, dp_du))
+    dv = dp_dv + n * (by_v - dot(n, dp_dv))
+    displaced = cross(du, dv)
+    displaced = select3(dot(bumped.normal, displaced) < 0.0, -displaced, displaced)
+    # into the local frame, whose x axis is along dp/du
+    across = dp_du - n * dot(n, dp_du)
+    there = dot(across, across) > 0.0
+    s, _ = orthonormal_basis(n)
+    s = normalize(select3(there, across, s))
+    local = vec3(dot(displaced, s), dot(displaced, cross(n, s)), dot(displaced, n))
+    none, one = splat_f32(0.0), splat_f32(1.0)
+    # without u and v nothing is displaced; what the products leave is rounding
+    some = there & (dot(local, local) > 0.0)
+    local = select3(some, normalize(local), vec3(none, none, one))
+    return frame_along(facing(bumped, wo, local), select3(there, dp_du, s))
+
+
+BUMP_MAP = BsdfKind(
+    "bumpmap",
+    Bumped,
+    read,
+    "with bumps of an image",
+    sample,
+    eval_pdf,
+    albedo=albedo,
+    normal=normal,
+    oriented=True,
+)

@@ -1,0 +1,158 @@
+"""Normals from an image: the BSDF inside is turned, the surface stays as it is.
+
+What leaves or enters below the one horizon and above the other is dropped. Instead of a
+hard edge where a turned surface ends, light fades out by the shadowing of a rough surface
+[Estevez2019].
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.kernels.jit import interface, kernel
+from renderer.kernels.lanes.functions import maximum, minimum, select, splat_f32, sqrt
+from renderer.kernels.lanes.vectors import cross, dot, normalize, select3, vec3
+from renderer.plugins.bsdfs.kind import (
+    BsdfKind,
+    BsdfSample,
+    Color,
+    Float,
+    albedo_of,
+    black,
+    eval_pdf_nested,
+    sample_nested,
+)
+from renderer.plugins.bsdfs.parameters import Nested
+from renderer.plugins.sampling.numbers_and_warps import Frame, to_local
+from renderer.scene_file.description import BitmapTexture, ConstantTexture
+from renderer.scene_file.description import NormalMap as Description
+from renderer.scene_file.objects.objects import read_nested, read_texture
+
+# squared length below which a vector has no direction
+_NOTHING = np.float32(1e-20)
+
+
+class NormalMapped(NamedTuple):
+    """Its parameters."""
+
+    normalmap: Color  # (1 + n) / 2
+    flip_invalid_normals: Float  # 1: n is mirrored at z where it is turned away from wo
+    use_shadowing_function: Float
+    nested: Nested
+
+
+def read(properties: Any) -> Description:
+    """Read the properties of a file."""
+    if not properties.has("normalmap"):
+        properties.fail("normalmap", "nothing", "a texture of normals")
+    normals = read_texture(properties, "normalmap", 0.5)
+    bitmap = isinstance(normals, BitmapTexture) and normals.texels.shape[2] >= 3
+    if not bitmap and not isinstance(normals, ConstantTexture):
+        expected = "a bitmap of three channels, or a colour"
+        properties.fail("normalmap", "a texture without normals", expected)
+    flip = properties.boolean("flip_invalid_normals", True)
+    shadow = properties.boolean("use_shadowing_function", True)
+    (nested,) = read_nested(properties, 1, 1, "one")
+    return Description(normals, flip, shadow, nested)
+
+
+@interface
+def turned_frame(parameters: Any, wo: Any) -> Any:
+    """Return the frame of what is inside, in the local one, and where there is one."""
+
+
+@kernel
+def facing(parameters, wo, normal):
+    """Return a normal, mirrored at z if it must be and may be."""
+    away = (wo.z * dot(wo, normal) <= 0.0) & (parameters.flip_invalid_normals != 0.0)
+    return select3(away, vec3(-normal.x, -normal.y, normal.z), normal)
+
+
+@kernel
+def frame_along(normal, x):
+    """Return the frame around a normal whose s is the part of x across it, and where.
+
+    An image may hold a normal of length 0, or one along x: there Mitsuba divides by 0, and
+    nothing is reflected.
+    """
+    none, one = splat_f32(0.0), splat_f32(1.0)
+    there = dot(normal, normal) > _NOTHING
+    normal = normalize(select3(there, normal, vec3(none, none, one)))
+    s = x - normal * dot(normal, x)
+    across = dot(s, s) > _NOTHING
+    s = normalize(select3(across, s, vec3(none, normal.z, -normal.y)))
+    return Frame(s, cross(normal, s), normal), there & across
+
+
+@turned_frame.by(NormalMapped)
+@kernel
+def _turned_frame(mapped, wo):
+    one, none = splat_f32(1.0), splat_f32(0.0)
+    rgb = mapped.normalmap
+    n = facing(mapped, wo, vec3(rgb.x * 2.0 - 1.0, rgb.y * 2.0 - 1.0, rgb.z * 2.0 - 1.0))
+    return frame_along(n, vec3(one, none, none))
+
+
+@kernel
+def _shadowing(parameters, n, wi):
+    """Return what is left of light along wi, given unperturbed [Estevez2019, eq. 3]."""
+    alpha2 = minimum((1.0 / (n.z * n.z) - 1.0) * 0.125, splat_f32(1.0))
+    tan2 = maximum(1.0 / (wi.z * wi.z) - 1.0, splat_f32(0.0))
+    left = 2.0 / (1.0 + sqrt(1.0 + maximum(alpha2, splat_f32(0.0)) * tan2))
+    return select(parameters.use_shadowing_function != 0.0, left, splat_f32(1.0))
+
+
+@kernel
+def sample(turned, wo, numbers):
+    """Sample what is inside in its own frame."""
+    frame, there = turned_frame(turned, wo)
+    chosen = sample_nested(turned.nested, to_local(frame, wo), numbers)
+    wi = frame.s * chosen.wi.x + frame.t * chosen.wi.y + frame.n * chosen.wi.z
+    possible = there & (wi.z * chosen.wi.z > 0.0)
+    weight = chosen.weight * _shadowing(turned, frame.n, wi)
+    return BsdfSample(
+        wi,
+        select3(possible, weight, black()),
+        select(possible, chosen.pdf, 0.0),
+        chosen.eta,
+        chosen.lobe,
+    )
+
+
+@kernel
+def eval_pdf(turned, wo, wi):
+    """Return f |cos| and density of what is inside, in its own frame."""
+    frame, there = turned_frame(turned, wo)
+    inner = to_local(frame, wi)
+    f_cos, pdf = eval_pdf_nested(turned.nested, to_local(frame, wo), inner)
+    possible = there & (wi.z * inner.z > 0.0)
+    f_cos = f_cos * _shadowing(turned, frame.n, wi)
+    return select3(possible, f_cos, black()), select(possible, pdf, 0.0)
+
+
+@kernel
+def normal(turned, wo):
+    """Return the normal of what is inside."""
+    frame, _ = turned_frame(turned, wo)
+    return frame.n
+
+
+@kernel
+def albedo(turned, wo):
+    """Return that of what is inside; Mitsuba does not turn it for this."""
+    return albedo_of(turned.nested, wo)
+
+
+NORMAL_MAP = BsdfKind(
+    "normalmap",
+    NormalMapped,
+    read,
+    "with normals of an image",
+    sample,
+    eval_pdf,
+    albedo=albedo,
+    normal=normal,
+    oriented=True,
+)

@@ -1,1 +1,0 @@
-"""Rough surfaces: microfacets, and the principled models that are made of them."""

@@ -1,0 +1,98 @@
+"""Rough metal: mirrors whose normals scatter around the surface's own [Torrance1967]."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import select, splat_f32
+from renderer.kernels.lanes.vectors import dot, normalize, select3, vec3
+from renderer.plugins.bsdfs.conductor import read_complex_index, reflectance
+from renderer.plugins.bsdfs.kind import BsdfKind, BsdfSample, Color, Float
+from renderer.plugins.bsdfs.microfacets import (
+    PI,
+    microfacets,
+    normal_density,
+    normal_pdf,
+    sample_normal,
+    unshadowed,
+)
+from renderer.plugins.bsdfs.mirror import reflect
+from renderer.plugins.bsdfs.roughness import read_roughness
+from renderer.scene_file.description import OtherBsdf
+from renderer.scene_file.objects.objects import read_texture
+
+
+class RoughConductor(NamedTuple):
+    """Its parameters."""
+
+    alpha_u: Float
+    alpha_v: Float
+    beckmann: Float  # 1; GGX: 0
+    every_normal: Float  # 1: also those that are not seen are sampled
+    eta: Color  # real part of the index of refraction, per colour
+    k: Color  # its imaginary part: absorption
+    specular_reflectance: Color
+
+
+def read(properties: Any) -> OtherBsdf:
+    """Read the properties of a file."""
+    eta, k = read_complex_index(properties)
+    values = {
+        "eta": eta,
+        "k": k,
+        "specular_reflectance": read_texture(properties, "specular_reflectance", 1.0),
+    }
+    return OtherBsdf("roughconductor", read_roughness(properties) | values)
+
+
+@kernel
+def eval_pdf(metal, wo, wi):
+    """Return f cos, and the density [1/sr] with which `sample` chooses wi."""
+    facets, h = microfacets(metal), normalize(wo + wi)
+    cosine = dot(wo, h)
+    shadowing = unshadowed(facets, wo, h) * unshadowed(facets, wi, h)
+    f_cos = normal_density(facets, h) * shadowing / (4.0 * wo.z)
+    pdf = normal_pdf(facets, wo, h) / (4.0 * cosine)
+    above = (wo.z > 0.0) & (wi.z > 0.0)
+    none = splat_f32(0.0)
+    color = reflectance(metal, cosine) * f_cos
+    return (
+        select3(above, color, vec3(none, none, none)),
+        select(above & (cosine > 0.0), pdf, 0.0),
+    )
+
+
+@kernel
+def sample(metal, wo, numbers):
+    """Choose a facet and mirror wo at it; of f cos / pdf most cancels."""
+    facets = microfacets(metal)
+    m = sample_normal(facets, wo, numbers)
+    wi, cosine = reflect(wo, m), dot(wo, m)
+    pdf = normal_pdf(facets, wo, m)
+    seen = unshadowed(facets, wi, m)
+    all_of_them = seen * unshadowed(facets, wo, m) * cosine / (wo.z * m.z)
+    weight = select(facets.every_normal, all_of_them, seen)
+    weight = select((pdf > 0.0) & (wi.z > 0.0), weight, 0.0)
+    color = reflectance(metal, cosine) * weight
+    return BsdfSample(wi, color, pdf / (4.0 * dot(wi, m)), splat_f32(1.0))
+
+
+@kernel
+def albedo(metal, wo):
+    """Return pi f of light along the normal, as Mitsuba's default for BSDFs."""
+    none = splat_f32(0.0)
+    f_cos, _ = eval_pdf(metal, wo, vec3(none, none, none + 1.0))
+    return PI * f_cos
+
+
+ROUGHCONDUCTOR = BsdfKind(
+    "roughconductor",
+    RoughConductor,
+    read,
+    "rough metal",
+    sample,
+    eval_pdf,
+    albedo=albedo,
+    oriented=True,
+)

@@ -1,1 +1,0 @@
-"""BSDFs around others: two sides, holes, blends, bumps."""

@@ -1,0 +1,276 @@
+"""One light of several for each point, with the probability that it has there.
+
+A small share of the choices is uniform; the others follow bounds of what each light can
+contribute. Such a choice picks an entry of a list, which is a light or a tree of lights. In
+a tree it descends to a light, at every node by the bounds of the children [Estevez2018,
+section 4]. The probability of a light that a BSDF sample has hit is computed by the same
+descent, without a random number.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.functions import (
+    any_of,
+    first_lanes,
+    mask_bits,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_i32,
+    splat_mask,
+    to_f32,
+)
+from renderer.kernels.lanes.memory import gather_row, load_row, store_row, store_where
+from renderer.kernels.lanes.vectors import dot, gather3, load3, local_f32, select3
+from renderer.plugins.lights.importance import (
+    ANY_NORMAL,
+    BOTH_SIDES,
+    LightNodes,
+    Receiver,
+    importance_at,
+    importance_from_infinity,
+    importance_of,
+)
+from renderer.plugins.sampling.numbers_and_warps import choose_one
+
+# The share of uniform choices: each of n lights has a probability of at least this over n.
+# So what the bounds ignore (a turned normal, shadows of all other lights) adds noise, but
+# never a bias. It costs a sixteenth of the samples at most.
+UNIFORM = np.float32(1.0 / 16.0)
+MOST_ENTRIES = 256  # sixteen numbers of each are kept on the stack
+_BELOW_ONE = np.float32(1.0 - 2.0**-24)
+_LARGEST = np.float32(3.0e38)
+
+
+class LightChoice(NamedTuple):
+    """All lights; the finite ones in trees where they are many."""
+
+    count: int  # of lights that may be chosen
+    asked: NDArray[np.int32]  # (count,) these lights
+    nodes: LightNodes
+    children: NDArray[np.int32]  # (m,) how many, side by side; 0: it is a light
+    child: NDArray[np.int32]  # (m,) the first of them, or the light
+    stop: NDArray[np.int32]  # (m,) rank behind the last light
+    width: int  # children at most
+    entries: NDArray[np.int32]  # (e,) the nodes that are compared at each point
+    at_infinity: NDArray[np.int32]  # (e,) 1: that light is
+    entry: NDArray[np.int32]  # (lights,) where in `entries` a light is
+    rank: NDArray[np.int32]  # (lights,) of a light, from left to right in its tree
+    sides: NDArray[np.int32]  # (BSDFs,) IN_FRONT, BOTH_SIDES or ANY_NORMAL
+    environment: int  # light that a ray finds which hits nothing, -1: none
+    by_pair: int  # 1: the first number of a draw chooses, 0: the fourth
+
+
+class Chosen(NamedTuple):
+    """A light for each of 16 points."""
+
+    light: Any
+    probability: Any
+    rest: Any  # the random number after the choice, rescaled to [0, 1)
+
+
+@kernel
+def _unit(x):
+    return minimum(maximum(x, splat_f32(0.0)), splat_f32(_BELOW_ONE))
+
+
+@kernel
+def _ask_entries(choice, receiver, given):
+    """Store what each entry can give in `given`; return the sum."""
+    total = splat_f32(0.0)
+    for k in range(choice.entries.size):
+        node = choice.entries[k]
+        if choice.at_infinity[k] != 0:
+            part = importance_from_infinity(choice.nodes, node, receiver)
+        else:
+            part = importance_of(choice.nodes, node, receiver)
+        store_row(given, 0, 16 * k, part)
+        total = total + part
+    return total
+
+
+@kernel
+def _choose_entry(choice, given, total, wanted, entry, number):
+    """Return node, probability and the rest of the number, from the list of entries.
+
+    Where the light is `wanted`, it is that of its `entry`.
+    """
+    node, probability, rest = splat_i32(0), splat_f32(0.0), splat_f32(0.0)
+    target = number * total
+    open_ = splat_mask(True)
+    for k in range(choice.entries.size):
+        part = load_row(given, 0, 16 * k)
+        # the last that gives anything is taken where rounding leaves a number beyond all
+        take = select(wanted, entry == np.int32(k), open_ & (part > 0.0))
+        node = select(take, splat_i32(choice.entries[k]), node)
+        probability = select(take, part / total, probability)
+        rest = select(take, target / part, rest)
+        open_ = open_ & ~(target < part)
+        target = target - part
+    return node, probability, _unit(rest)
+
+
+@kernel
+def _ask_children(choice, receiver, first, count, inner, given):
+    """Store what each child can give in `given`; return the sum.
+
+    Of several that give nothing here (their common ball is larger) one is as good as any
+    other.
+    """
+    total = splat_f32(0.0)
+    for k in range(choice.width):
+        there = inner & (count > np.int32(k))
+        part = importance_at(choice.nodes, first + np.int32(k), there, receiver)
+        part = select(there, part, splat_f32(0.0))
+        store_row(given, 0, 16 * k, part)
+        total = total + part
+    known = (total > 0.0) & (total < _LARGEST)
+    if any_of(inner & ~known):
+        for k in range(choice.width):
+            one = select(count > np.int32(k), splat_f32(1.0), splat_f32(0.0))
+            store_row(given, 0, 16 * k, select(known, load_row(given, 0, 16 * k), one))
+    return select(known, total, to_f32(count))
+
+
+@kernel
+def _descend(choice, receiver, given, found, wanted, rank, valid):
+    """Go down from nodes to lights; where a light is `wanted`, to that of its rank."""
+    node, probability, rest = found
+    count = gather_row(choice.children, 0, node, valid)
+    inner = valid & (count > 0)
+    while any_of(inner):
+        first = gather_row(choice.child, 0, node, inner)
+        total = _ask_children(choice, receiver, first, count, inner, given)
+        open_, target, share = inner, rest * total, splat_f32(0.0)
+        for k in range(choice.width):
+            child, part = first + np.int32(k), load_row(given, 0, 16 * k)
+            there = open_ & (count > np.int32(k))
+            before = rank < gather_row(choice.stop, 0, child, there)
+            take = there & select(wanted, before, part > 0.0)
+            node = select(take, child, node)
+            share = select(take, part / total, share)
+            rest = select(take, _unit(target / part), rest)
+            open_ = open_ & ~(take & (wanted | (target < part)))
+            target = target - part
+        probability = select(inner, probability * share, probability)
+        count = gather_row(choice.children, 0, node, valid)
+        inner = valid & (count > 0)
+    return gather_row(choice.child, 0, node, valid), probability, rest
+
+
+@kernel
+def walk(choice, receiver, wanted, light, number, valid):
+    """Choose a light for each of 16 points by a number in [0, 1).
+
+    Where the mask `wanted` is set, return `light` and the probability of choosing it.
+    """
+    given = local_f32(4096)
+    total = _ask_entries(choice, receiver, given)
+    known = (total > 0.0) & (total < _LARGEST)
+    uniform = select(known, splat_f32(UNIFORM), splat_f32(1.0))
+    by_chance = number < uniform
+    any_light, any_rest = choose_one(_unit(number / uniform), choice.count)
+    any_light = gather_row(choice.asked, 0, any_light, valid)
+    light = select(wanted, light, any_light)
+
+    wanted = wanted | by_chance
+    number = _unit((number - uniform) / (1.0 - uniform))
+    entry = gather_row(choice.entry, 0, light, valid)
+    found = _choose_entry(choice, given, total, wanted, entry, number)
+    rank = gather_row(choice.rank, 0, light, valid)
+    reached, probability, rest = _descend(
+        choice, receiver, given, found, wanted, rank, valid & known
+    )
+
+    one_of_all = np.float32(1.0 / choice.count) * uniform
+    probability = one_of_all + (1.0 - uniform) * select(known, probability, splat_f32(0.0))
+    return Chosen(
+        select(wanted, light, reached), probability, select(by_chance, any_rest, rest)
+    )
+
+
+@kernel
+def _receiver(choice, position, normal, wo, bsdf, mask):
+    front = dot(wo, normal) > 0.0
+    sides = gather_row(choice.sides, 0, bsdf, mask & (bsdf >= 0))
+    return Receiver(
+        position,
+        select3(front, normal, -normal),
+        sides == np.int32(BOTH_SIDES),
+        sides == np.int32(ANY_NORMAL),
+    )
+
+
+@method_kernel
+def choose_by_importance(choice, points, count, numbers, light):
+    """Choose the light that each point samples.
+
+    The probability takes the place of the fourth number, which the samples do not need.
+    """
+    by_pair = choice.by_pair != 0
+    for i in range(0, count, 16):
+        valid = first_lanes(count - i)
+        receiver = _receiver(
+            choice,
+            load3(points.position, i),
+            load3(points.shading_normal, i),
+            load3(points.wo, i),
+            load_row(points.bsdf, 0, i),
+            valid,
+        )
+        number = load_row(numbers, 0 if by_pair else 3, i)
+        free = splat_mask(False)
+        chosen = walk(choice, receiver, free, splat_i32(0), number, valid)
+        store_row(light, 0, i, chosen.light)
+        store_row(numbers, 3, i, chosen.probability)
+        if by_pair:
+            store_row(numbers, 0, i, chosen.rest)
+
+
+@method_kernel
+def weigh_found_lights(choice, shapes, shape_of, points, rays, hits, first, count):
+    """Divide the density of rays that have found a light by the probability of choosing it.
+
+    For multiple importance sampling it is the same as to multiply that of the light's
+    sample. `points` are still those that the rays come from.
+    """
+    for i in range(first, first + count, 16):
+        prim, density = load_row(hits.prim, 0, i), load_row(rays.pdf, 0, i)
+        # density 0: the camera, mirrors and glass take no light samples
+        valid = first_lanes(first + count - i) & (density > 0.0)
+        met = valid & (prim >= 0)
+        shape = gather_row(shape_of, 0, prim, met)
+        light = gather_row(shapes.light, 0, shape, met)
+        light = select(met, light, splat_i32(np.int32(choice.environment)))
+        found = valid & (light >= 0)
+        if mask_bits(found) == 0:
+            continue
+        point = load_row(rays.point, 0, i)
+        receiver = _receiver(
+            choice,
+            gather3(points.position, point, found),
+            gather3(points.shading_normal, point, found),
+            gather3(points.wo, point, found),
+            gather_row(points.bsdf, 0, point, found),
+            found,
+        )
+        chosen = walk(choice, receiver, found, light, splat_f32(0.5), found)
+        store_where(rays.pdf, 0, i, density / chosen.probability, found)
+
+
+@kernel
+def divide_by_probability(samples, numbers, count):
+    """Include the probability of choosing the light in light samples and densities."""
+    for i in range(0, count, 16):
+        probability = load_row(numbers, 3, i)
+        store_row(samples.pdf, 0, i, load_row(samples.pdf, 0, i) * probability)
+        inverse = 1.0 / probability
+        for c in range(3):
+            store_row(samples.radiance, c, i, load_row(samples.radiance, c, i) * inverse)

@@ -1,1 +1,0 @@
-"""Choosing one of several lights at a point, by what each can give there."""

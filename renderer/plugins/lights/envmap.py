@@ -1,0 +1,273 @@
+"""Environment map: radiance by direction from an image of latitude and longitude.
+
+Texels lie at the centres of W columns around the local y axis, but at the ends of H rows:
+the first is the pole +y itself, the last -y. Mitsuba has the same two conventions.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import kernel
+from renderer.kernels.lanes.functions import (
+    floor,
+    maximum,
+    minimum,
+    select,
+    splat_f32,
+    splat_i32,
+    sqrt,
+    to_f32,
+    to_i32,
+)
+from renderer.kernels.lanes.mathematics import arccos, arctan2, sincos
+from renderer.kernels.lanes.vectors import column, gather3, select3, vec3
+from renderer.plugins.lights.environment import environment_light
+from renderer.plugins.lights.kind import STRETCH, LightPlugin, LightSample, sample_light
+from renderer.plugins.lights.light_tree import LightBounds, from_everywhere
+from renderer.plugins.sampling.hierarchical_warp import (
+    Warp,
+    make_warp,
+    sample_warp,
+    warp_density,
+)
+from renderer.plugins.sampling.numbers_and_warps import INV_PI, TWO_PI
+from renderer.plugins.textures.kind import LUMINANCE
+from renderer.scene_file.colors.colors import Use
+from renderer.scene_file.description import EnvironmentMap
+from renderer.scene_file.images.image import negative_pixels
+from renderer.scene_file.objects.objects import location_of, read_picture
+
+_PI = np.float32(np.pi)
+INV_TWO_PI = np.float32(0.5 / np.pi)
+# Jacobian of directions by (u, v) in [0, 1]^2, without the sine: du dv = 2 pi^2 sin dw
+_BY_SOLID_ANGLE = np.float32(0.5 / np.pi**2)
+_SMALLEST_SINE = np.float32(2.0**-24)
+_LUMINANCE = np.array(LUMINANCE, np.float32)
+_FEWEST_COLUMNS, _FEWEST_ROWS = 2, 3  # a smaller image repeats its last column and row
+
+
+class EnvironmentMaps(NamedTuple):
+    """The environment; at most one."""
+
+    # (3, H (W + 2)) texels by row from the top, each between its neighbours on the circle
+    texels: NDArray[np.float32]
+    width: int  # W
+    height: int  # H
+    scale: float
+    to_world: NDArray[np.float32]  # (3, 3) a rotation
+    to_local: NDArray[np.float32]  # (3, 3) its inverse; a file's rotation has a few digits
+    warp: Warp  # chooses (u - half a texel, v)
+    distance: float  # beyond the whole scene
+
+
+def read(properties: Any) -> EnvironmentMap:
+    """Read the properties of a file."""
+    image, name, key = read_picture(properties, ("bitmap",))
+    pixels = image.linear
+    if negative := negative_pixels(pixels):
+        properties.reading.warn(
+            location_of(properties, key),
+            f"{name}: {negative}; they are kept, but not sampled, as in Mitsuba",
+        )
+    scale = properties.number("scale", 1.0, at_least=0.0)
+    if scale * float(np.abs(pixels).max()) > Use.EMISSION.limits[1]:
+        properties.fail("scale", f"{scale:g}", "one that leaves all pixels at most 1e30")
+    to_world = properties.transform("to_world")
+    axes = to_world[:3, :3]
+    if np.abs(axes.T @ axes - np.eye(3)).max() > STRETCH:
+        # Mitsuba would look up stretched vectors as if their length were 1.
+        properties.fail(
+            "to_world", "a transform that stretches directions", "a rotation or a mirroring"
+        )
+    compensated = properties.boolean("mis_compensation", False)
+    environment = EnvironmentMap(_padded(pixels), scale, to_world, compensated)
+    if make_warp(_importance(environment)) is None:
+        properties.fail(
+            key,
+            "an image that is black, or too dark to be sampled, off its first and last row",
+            "one that shines",
+        )
+    return environment
+
+
+def _padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width = pixels.shape[:2]
+    more = (0, max(0, _FEWEST_ROWS - height)), (0, max(0, _FEWEST_COLUMNS - width)), (0, 0)
+    return np.pad(pixels, more, mode="edge")
+
+
+def _importance(environment: EnvironmentMap) -> NDArray[np.float32]:
+    # in float32 throughout, as Mitsuba: the choice of a patch follows its last bits
+    r, g, b = np.moveaxis(environment.pixels, -1, 0) * _LUMINANCE[:, None, None]
+    # float32 has pi 8.7e-8 too large: the sine at the last row would be negative
+    sine = np.maximum(np.sin(latitudes(len(environment.pixels))), np.float32(0.0))
+    return importance(r + g + b, sine, compensated=environment.mis_compensation)
+
+
+def latitudes(height: int) -> NDArray[np.float32]:
+    """Return the angles from the pole to the rows of texels, (height,)."""
+    step = np.float32(1.0 / (height - 1)) * np.float32(np.pi)
+    return np.arange(height, dtype=np.float32) * step
+
+
+def importance(
+    luminance: NDArray[np.float32], sine: NDArray[np.float32], *, compensated: bool
+) -> NDArray[np.float32]:
+    """Return the unscaled density in (u, v) at the texels, (H, W + 1).
+
+    Parameters
+    ----------
+    luminance : ndarray of shape (H, W)
+    sine : ndarray of shape (H,)
+        Of the angle from the pole.
+    compensated
+        Only luminance above the mean gets light samples; BSDF samples find the rest
+        [Karlik2019].
+    """
+    if compensated:
+        mean = np.float32(luminance.mean(dtype=np.float64))
+        if mean - luminance.min() > np.float32(0.01) * mean:  # else there is nothing above
+            luminance = luminance - mean
+    luminance = np.maximum(luminance, np.float32(0.0))  # negative light is not sampled
+    return np.append(luminance, luminance[:, :1], axis=1) * sine[:, None]
+
+
+def table(count: int, lights: dict[int, EnvironmentMap], beyond: float) -> EnvironmentMaps:
+    """Return the environment as the kernels see it."""
+    (sky,) = lights.values()
+    warp = make_warp(_importance(sky))
+    assert warp is not None  # as `read` has seen
+    around = np.pad(sky.pixels, [(0, 0), (1, 1), (0, 0)], mode="wrap")
+    to_world = sky.to_world[:3, :3]
+    return EnvironmentMaps(
+        np.ascontiguousarray(around.reshape(-1, 3).T),
+        sky.pixels.shape[1],
+        sky.pixels.shape[0],
+        sky.scale,
+        np.ascontiguousarray(to_world, np.float32),
+        np.ascontiguousarray(np.linalg.inv(to_world), np.float32),
+        warp,
+        beyond,
+    )
+
+
+def bounds(sky: EnvironmentMap) -> LightBounds:
+    """Return the bounds: the mean radiance over all directions."""
+    rows = np.maximum(sky.pixels, 0.0).mean(axis=(1, 2), dtype=np.float64)
+    sine = np.sin(np.linspace(0.0, np.pi, len(rows)))
+    return from_everywhere(sky.scale * float(rows @ sine / sine.sum()))
+
+
+@kernel
+def half_texel(sky):
+    """Return how far the warp's square begins behind the left edge of the image, in u.
+
+    Its patches lie between the centres of texels.
+    """
+    return np.float32(0.5) / np.float32(sky.width)
+
+
+@kernel
+def rotated(matrix, d):
+    """Return a (3, 3) matrix times directions."""
+    return column(matrix, 0) * d.x + column(matrix, 1) * d.y + column(matrix, 2) * d.z
+
+
+@kernel
+def image_point(sky, direction):
+    """Return (u, v) of directions, and the sine of their angle from the pole."""
+    local = rotated(sky.to_local, direction)
+    u, v = arctan2(local.x, -local.z) * INV_TWO_PI, arccos(local.y) * INV_PI
+    return u, v, sqrt(local.x * local.x + local.z * local.z)
+
+
+@kernel
+def sphere_point(sky, u, v):
+    """Return the direction of points of the image, and the sine of its angle."""
+    sine, cosine = sincos(v * _PI)
+    across, along = sincos(u * TWO_PI)
+    return rotated(sky.to_world, vec3(across * sine, cosine, -(along * sine))), sine
+
+
+@kernel
+def texel_place(sky, u, v):
+    """Return places in the image, in texels from the centre of the first that is stored.
+
+    It repeats in u, for which a copy of the last column comes first, and ends in v.
+    """
+    x = (u - floor(u)) * np.float32(sky.width) + 0.5
+    y = minimum(maximum(v, splat_f32(0.0)), splat_f32(1.0)) * np.float32(sky.height - 1)
+    return x, y
+
+
+@kernel
+def texel_radiance(sky, x, y, mask):
+    """Return the radiance between the four texels around places in the image."""
+    i = minimum(to_i32(x), splat_i32(np.int32(sky.width)))
+    j = minimum(to_i32(y), splat_i32(np.int32(sky.height - 2)))
+    a, b = x - to_f32(i), y - to_f32(j)
+    first = j * np.int32(sky.width + 2) + i
+    below = first + np.int32(sky.width + 2)
+    upper = gather3(sky.texels, first, mask) * (1.0 - a)
+    upper = upper + gather3(sky.texels, first + 1, mask) * a
+    lower = gather3(sky.texels, below, mask) * (1.0 - a)
+    lower = lower + gather3(sky.texels, below + 1, mask) * a
+    return (upper * (1.0 - b) + lower * b) * np.float32(sky.scale)
+
+
+@kernel
+def by_solid_angle(density, sine):
+    """Return densities [1/sr] of densities in (u, v)."""
+    return density * (_BY_SOLID_ANGLE / maximum(sine, splat_f32(_SMALLEST_SINE)))
+
+
+@kernel
+def image_density(sky, u, v, mask):
+    """Return the density in (u, v) at points of the image."""
+    shifted = u - half_texel(sky)
+    return warp_density(sky.warp, shifted - floor(shifted), v, mask)
+
+
+@kernel
+def distant_sample(sky, wi, radiance, pdf):
+    """Return samples in directions: the radiance over the density [1/sr].
+
+    Where the density is NaN or 0 the radiance is 0.
+    """
+    usable = pdf > 0.0
+    pdf = select(usable, pdf, splat_f32(0.0))
+    radiance = radiance * (1.0 / select(usable, pdf, splat_f32(1.0)))
+    black = splat_f32(0.0)
+    radiance = select3(usable, radiance, vec3(black, black, black))
+    return LightSample(wi, splat_f32(np.float32(sky.distance)), radiance, pdf)
+
+
+@sample_light.by(EnvironmentMaps)
+@kernel
+def _sample_envmap(sky, kind, light, mask, position, x, y, z):
+    """Choose a direction in proportion to its luminance."""
+    u, v, density = sample_warp(sky.warp, x, y, mask)
+    u = u + half_texel(sky)
+    wi, sine = sphere_point(sky, u, v)
+    across, down = texel_place(sky, u, v)
+    radiance = texel_radiance(sky, across, down, mask)
+    return distant_sample(sky, wi, radiance, by_solid_angle(density, sine))
+
+
+@environment_light.by(EnvironmentMaps)
+@kernel
+def _envmap_light(sky, direction, mask):
+    """Return the radiance and the density of directions, by their (u, v)."""
+    u, v, sine = image_point(sky, direction)
+    x, y = texel_place(sky, u, v)
+    density = image_density(sky, u, v, mask)
+    return texel_radiance(sky, x, y, mask), by_solid_angle(density, sine)
+
+
+ENVMAP = LightPlugin(
+    "envmap", EnvironmentMap, read, table, bounds, at_infinity=True, environment=True
+)

@@ -1,1 +1,0 @@
-"""Light from places in the scene: shapes that shine, and points."""

@@ -1,1 +1,0 @@
-"""Light from infinitely far away: environments, and one direction."""

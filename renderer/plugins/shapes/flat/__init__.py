@@ -1,1 +1,0 @@
-"""Flat primitives: triangles, and meshes of them, rectangles, disks."""

@@ -1,1 +1,0 @@
-"""Surfaces where a function is zero: formulas, and grids of signed distances."""

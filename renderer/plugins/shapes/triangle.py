@@ -1,0 +1,267 @@
+"""Ray against triangle, by both methods of the lecture.
+
+The renderer uses `hit_triangle`, the plane method with the normal stored in the triangle's
+record: 29 multiplications and additions against 38 of Moeller-Trumbore.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.kernels.jit import always_inline, by_columns, interface, kernel, table_columns
+from renderer.kernels.lanes.functions import any_of, minimum, select, to_f32, to_i32
+from renderer.kernels.lanes.memory import gather_columns, gather_row
+from renderer.kernels.lanes.vectors import cross, dot, gather3, normalize, vec3
+from renderer.plugins.sampling.numbers_and_warps import density_normal, square_to_triangle
+from renderer.plugins.shapes import flat
+from renderer.plugins.shapes.flat import (
+    MARGIN,
+    ONE,
+    Patch,
+    divided,
+    grazing,
+    meet_plane,
+    meet_plane_in_double,
+)
+from renderer.plugins.shapes.kind import ShapeKind
+from renderer.plugins.shapes.mesh_plugins import MESH_PLUGINS
+from renderer.plugins.shapes.primitives import Intersection, empty_rows
+from renderer.plugins.shapes.surface import (
+    LightPoint,
+    SurfacePoint,
+    flat_point,
+    gather_flat,
+    nowhere,
+)
+from renderer.plugins.shapes.uv import (
+    derivatives_of_triangles,
+    point_of_mesh,
+    texture_tangents,
+)
+from renderer.scene_file.description import Mesh
+
+
+class Triangle(Patch):
+    """The corner is p1 of the lecture."""
+
+
+@kernel
+def _depth_inside(p):
+    """Return how deep in the triangle the point is, times scale: the least of u, v, w.
+
+    w last: it is NaN if u or v is, and then so is the result.
+    """
+    return minimum(minimum(p.u, p.v), p.scale - (p.u + p.v))
+
+
+@kernel
+def hit_triangle(triangle, origin, direction, t_max):
+    """Plane, then (u, v): hits have 0 < t <= t_max, u >= 0, v >= 0 and u + v <= 1."""
+    always_inline()
+    p = meet_plane(triangle, origin, direction)
+    depth = _depth_inside(p)
+    doubtful = grazing(triangle, p, direction) & (depth >= MARGIN * p.scale)
+    if any_of(doubtful):
+        p = meet_plane_in_double(triangle, origin, direction, doubtful, p)
+        depth = _depth_inside(p)
+    return divided(p, depth >= 0.0, t_max)
+
+
+@kernel
+def hit_triangle_moeller_trumbore(triangle, origin, direction, t_max):
+    """Intersect without a stored normal [Moeller1997]; the same result within rounding."""
+    p = cross(direction, triangle.edge2)
+    determinant = dot(triangle.edge1, p)
+    inverse = ONE / determinant
+    to_origin = origin - triangle.corner
+    u = dot(to_origin, p) * inverse
+    q = cross(to_origin, triangle.edge1)
+    v = dot(direction, q) * inverse
+    t = dot(triangle.edge2, q) * inverse
+    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+    return Intersection(inside & (t > 0.0) & (t <= t_max), t, u, v)
+
+
+# ------------------------------------------------------------------ surface and light
+
+
+@flat.with_parts
+@table_columns("places", "normals", "uvs")
+class TriangleSurfaces(NamedTuple):
+    """Triangles first .. end - 1 by primitive id; columns are relative to `first`."""
+
+    first: int
+    end: int
+    places: NDArray[np.float32]  # (12, n) corner, edge1, edge2, unit edge1 x edge2
+    # each of the following has no columns if no mesh has it or no kernel reads it
+    normals: NDArray[np.float32] = empty_rows(9)  # (9, n) of the vertices, any length
+    uvs: NDArray[np.float32] = empty_rows(6)  # (6, n) of the vertices in turn
+    tangents: NDArray[np.float32] = np.zeros((3, 0), np.float32)  # (3, n) dp/du
+
+
+@kernel
+def interpolated_normal(normals, index, mask, u, v, flat):
+    """Return unit normals interpolated from the vertices; `flat` without vertex normals."""
+    if normals.shape[1] == 0:
+        return flat
+    a = gather_columns(normals, 0, index, mask)
+    b = gather_columns(normals, 4, index, mask)
+    c = gather_columns(normals, 5, index, mask)  # row 8 is its last
+    return normalize(
+        vec3(a[0], a[1], a[2]) * (1.0 - u - v)
+        + vec3(a[3], b[0], b[1]) * u
+        + vec3(b[2], b[3], c[3]) * v
+    )
+
+
+@kernel
+def _interpolated_uv(uvs, index, mask, u, v):
+    if uvs.shape[1] == 0:
+        return u, v
+    w = 1.0 - u - v
+    u0, v0, u1, v1 = gather_columns(uvs, 0, index, mask)
+    _, _, u2, v2 = gather_columns(uvs, 2, index, mask)
+    return u0 * w + u1 * u + u2 * v, v0 * w + v1 * u + v2 * v
+
+
+@kernel
+def _point_on_triangle(triangles, index, mask, u, v, hit_point, with_uv):
+    position, normal, offset = flat_point(triangles, index, mask, u, v)
+    shading_normal = interpolated_normal(triangles.normals, index, mask, u, v, normal)
+    smooth = mask if triangles.normals.shape[1] != 0 else nowhere(mask)
+    u, v = _interpolated_uv(triangles.uvs, index, mask, u, v)
+    return SurfacePoint(position, normal, shading_normal, smooth, offset, u, v)
+
+
+@kernel
+def _tangent_of_triangle(triangles, index, mask, u, v, normal):
+    return gather3(triangles.tangents, index, mask)
+
+
+class TriangleLights(NamedTuple):
+    """Alias tables [Walker1977] that choose a triangle of a mesh light by its area."""
+
+    first: NDArray[np.int32]  # (n,) of each light, into the columns below
+    count: NDArray[np.int32]  # (n,)
+    keep: NDArray[np.float32]  # (total,) probability to stay with the column drawn
+    alias: NDArray[np.int32]  # (total,) where to go otherwise
+    prim: NDArray[np.int32]  # (total,) primitive id
+
+
+@interface
+def choose_triangle(table: Any, light: Any, mask: Any, y: Any, z: Any) -> Any:
+    """Return a primitive of each mesh light, and what is left of y as a random number."""
+
+
+@choose_triangle.by(TriangleLights)
+@kernel
+def _choose_by_alias(table, light, mask, y, z):
+    """Use the alias method: constant time, and the additional random number z."""
+    count = to_f32(gather_row(table.count, 0, light, mask))
+    scaled = z * count
+    column = to_i32(minimum(scaled, count - 1.0))
+    entry = gather_row(table.first, 0, light, mask) + column
+    stay = scaled - to_f32(column) < gather_row(table.keep, 0, entry, mask)
+    entry = select(stay, entry, gather_row(table.alias, 0, entry, mask))
+    return gather_row(table.prim, 0, entry, mask), y
+
+
+@kernel
+def _sample_mesh(triangles, kind, light, mask, position, x, y, z):
+    """Choose a triangle of the mesh by its area, then a point in it, uniformly.
+
+    The side that shines goes by the shading normal, as where a path arrives by itself.
+    """
+    areas = kind.lights
+    prim, y = choose_triangle(areas.choice, light, mask, y, z)
+    index = prim - triangles.first
+    u, v = square_to_triangle(x, y)
+    p = gather_flat(triangles, index, mask)
+    point, n = p.corner + p.edge1 * u + p.edge2 * v, p.normal
+    outwards = n * gather_row(areas.orientation, 0, light, mask)
+    side = interpolated_normal(triangles.normals, index, mask, u, v, outwards)
+    return LightPoint(point - position, density_normal(kind.arithmetic, n, side), side)
+
+
+# ---------------------------------------------------------------------------- tables
+
+
+def surfaces(meshes: list[Mesh], first: int) -> TriangleSurfaces:
+    """Concatenate meshes; normals are kept if any mesh has them."""
+    corners, edges1, edges2, normals, uvs = [], [], [], [], []
+    smooth = any(mesh.normals is not None for mesh in meshes)
+    for mesh in meshes:
+        p = mesh.vertices[mesh.faces].astype(np.float32)  # (F, 3 vertices, 3)
+        corners.append(p[:, 0].T)
+        edges1.append((p[:, 1] - p[:, 0]).T)
+        edges2.append((p[:, 2] - p[:, 0]).T)
+        if smooth:
+            normals.append(_vertex_normals(mesh, p))
+        corner_uvs = (
+            np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]]), (len(p), 3, 2))
+            if mesh.uvs is None
+            else mesh.uvs[mesh.faces]
+        )
+        uvs.append(corner_uvs.reshape(len(p), 6).T)
+    count = sum(mesh.faces.shape[0] for mesh in meshes)
+    placed = (np.concatenate(part, axis=1) for part in (corners, edges1, edges2))
+    return TriangleSurfaces(
+        first,
+        first + count,
+        flat.places(*placed),
+        by_columns(np.concatenate(normals, axis=1)) if smooth else empty_rows(9),
+        by_columns(np.concatenate(uvs, axis=1)),
+    )
+
+
+def _vertex_normals(mesh: Mesh, p: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return (9, F) vertex normals; those of a faceted mesh are its face normals."""
+    if mesh.normals is not None:
+        return mesh.normals[mesh.faces].reshape(len(p), 9).T.astype(np.float64)
+    q = p.astype(np.float64)
+    n = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    return np.tile(-n if mesh.flip_normals else n, 3).T
+
+
+def _corners(s: Any) -> list[NDArray[np.float32]]:
+    return [s.corner, s.corner + s.edge1, s.corner + s.edge2]
+
+
+def _faces(mesh: Mesh) -> NDArray[Any]:
+    return np.arange(len(mesh.faces)) if mesh.face_ids is None else mesh.face_ids
+
+
+def prepared(
+    triangles: TriangleSurfaces, *, with_uv: bool, with_tangents: bool
+) -> TriangleSurfaces:
+    """Return the table with dp/du if it is needed, without uv if it is not."""
+    if with_tangents and triangles.tangents.shape[1] == 0:
+        triangles = triangles._replace(tangents=texture_tangents(triangles))
+    return triangles if with_uv else triangles._replace(uvs=empty_rows(6))
+
+
+TRIANGLES = ShapeKind(
+    name="triangles",
+    plugins=MESH_PLUGINS,
+    description=Mesh,
+    record=TriangleSurfaces,
+    surfaces=surfaces,
+    primitive=Triangle,
+    numbers=flat.numbers,
+    intersect=hit_triangle,
+    surface_point=_point_on_triangle,
+    tangent=_tangent_of_triangle,
+    sample=_sample_mesh,
+    point_at_uv=point_of_mesh,
+    corners=_corners,
+    hull=flat.hull(((0, 0), (1, 0), (0, 1), (0, 0))),
+    areas=flat.areas(0.5),
+    derivatives=derivatives_of_triangles,
+    faces=_faces,
+    mesh=True,
+    prepared=prepared,
+)

@@ -1,1 +1,0 @@
-"""Surfaces by their (u, v): points, and how far apart texels lie."""

@@ -1,0 +1,396 @@
+"""`RenderOptions`: every option of a render, declared once, and checks of values."""
+
+from __future__ import annotations
+
+import dataclasses
+import operator
+import os
+import reprlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from numbers import Real
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from renderer.errors import SceneError
+from renderer.process.memory import parse_size
+from renderer.process.names import (
+    ACCELERATORS,
+    INTEGRATORS,
+    LIGHT_CHOICES,
+    RAY_OFFSETS,
+    REPLAY,
+    SAMPLERS,
+)
+from renderer.process.worker_pool import default_threads
+from renderer.rendering.progress_display import Progress
+
+# ------------------------------------------------------------------------ option values
+# What values options take: checks of arguments, and readers of words of a command line.
+#
+# Checks raise SceneError or TypeError, readers ValueError; both name what is possible.
+
+MOST_LOCAL = 256  # processes of a cluster on this machine
+PROTOCOLS = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
+MOST_SEED = 2**32 - 1
+
+
+def shown_value(value: object) -> str:
+    """Return a value and its type on one line, cut if it is long."""
+    shown = " ".join(reprlib.repr(value).split())
+    return f"{shown} (of type {type(value).__name__})"
+
+
+def whole(least: int, most: int) -> Callable[[str, Any], int]:
+    """Return a check for integers, NumPy's included, from `least` to `most`."""
+
+    def check(name: str, value: Any) -> int:
+        try:
+            number = operator.index(value)
+        except TypeError:
+            possible = f"whole numbers from {least} to {most} are possible"
+            raise TypeError(f"{name} is {shown_value(value)}; {possible}") from None
+        if not least <= number <= most:
+            raise SceneError(f"{name} is {number}; {least} to {most} are possible")
+        return number
+
+    return check
+
+
+def positive(name: str, value: Any) -> float:
+    """Return a number that is more than 0 and finite."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{name} is {shown_value(value)}; positive numbers are possible")
+    if not 0.0 < float(value) < float("inf"):
+        raise SceneError(f"{name} is {value}; positive numbers are possible")
+    return float(value)
+
+
+def parse_count(text: str) -> int:
+    """Read a whole number of at least 1."""
+    if (value := parse_whole(text)) < 1:
+        raise ValueError(f"{value} is less than 1")
+    return value
+
+
+def parse_whole(text: str) -> int:
+    """Read a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no whole number") from None
+
+
+def parse_seed(text: str) -> int:
+    """Read a seed."""
+    if not 0 <= (value := parse_whole(text)) <= MOST_SEED:
+        raise ValueError(f"{value} is not in 0 to {MOST_SEED}")
+    return value
+
+
+def parse_error(text: str) -> float:
+    """Read a relative error, such as 2% or 0.02."""
+    number = parse_number(text.removesuffix("%"))
+    if text.endswith("%"):
+        return number / 100
+    if number >= 1:
+        raise ValueError(f"{text} is 100 % or more; is {text}% meant?")
+    return number
+
+
+def parse_seconds(text: str) -> float:
+    """Read a time, such as 90 or 90s."""
+    return parse_number(text.removesuffix("s"))
+
+
+def parse_number(text: str) -> float:
+    """Read a number that is more than 0 and finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no number") from None
+    if not 0.0 < value < float("inf"):
+        raise ValueError(f"{text} is not more than 0, and finite")
+    return value
+
+
+def parse_cluster(where: str) -> str:
+    """Return the address of a cluster, or `local:N`."""
+    kind, _, count = where.partition(":")
+    if kind == "local":
+        if not (count.isdecimal() and 1 <= int(count) <= MOST_LOCAL):
+            raise ValueError(f"{where!r}: local:N starts N processes, 1 to {MOST_LOCAL}")
+    elif not where.startswith(PROTOCOLS):
+        raise ValueError(f"{where!r} is neither local:N nor an address tcp://host:8786")
+    return where
+
+
+# ------------------------------------------------------------------------------ options
+# `RenderOptions`: what `render` takes besides the scene, each option declared once.
+#
+# The keyword arguments of `render` and their documentation, the options of the command
+# line, what a checkpoint must agree in, what workers of a cluster are sent, and what
+# `--explain` repeats are all derived from these fields. A new option is a field here and
+# the place that uses it.
+#
+# Numba and NumPy are not imported here: `lightproof --help` does not wait for them.
+
+# ruff: noqa: RUF009  `_option` returns what `dataclasses.field` does
+
+
+MOST_SAMPLES = 1 << 24  # per pixel, as in a file
+MOST_THREADS = 1024
+
+
+class Option(NamedTuple):
+    """What is known of an option besides its name, type and default value.
+
+    Its roles are some of these words. `plan`: `make_plan` decides by it. `picture`: it is
+    part of the command that gives the picture again. `identity`: a checkpoint goes on with
+    the same value alone. `travels`: workers of a cluster need it. `bands`: it is possible
+    for a film that is rendered in bands.
+    """
+
+    help: str
+    flag: str  # on the command line; empty: for Python alone
+    metavar: str | None
+    roles: frozenset[str]
+    parse: Callable[[str], Any]  # reads the text of the command line
+    choices: tuple[str, ...]
+    noun: str  # of what is chosen, for messages; empty: the name
+    check: Callable[[str, Any], Any] | None  # (name, value) -> value, or raises
+
+
+def _option(
+    default: Any,
+    flag: str,
+    roles: str,
+    help: str,
+    *,
+    parse: Callable[[str], Any] = str,
+    choices: tuple[str, ...] = (),
+    noun: str = "",
+    check: Callable[[str, Any], Any] | None = None,
+) -> Any:
+    """Return a field with its `Option`; `flag` is such as "--spp N"."""
+    name, _, metavar = flag.partition(" ")
+    words = frozenset(roles.split())
+    option = Option(help, name, metavar or None, words, parse, choices, noun, check)
+    return dataclasses.field(default=default, metadata={"option": option})
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """The options of a render, checked when they are made.
+
+    Raises
+    ------
+    SceneError
+        For a number that is out of range, and a name that does not exist.
+    TypeError
+        For a value of the wrong type.
+    """
+
+    spp: int | None = _option(
+        None,
+        "--spp N",
+        "plan picture bands",
+        "samples per pixel (default: the file's)",
+        parse=parse_count,
+        check=whole(1, MOST_SAMPLES),
+    )
+    seed: int = _option(
+        0,
+        "--seed N",
+        "picture identity travels bands",
+        "the same seed gives the same picture, bit for bit, at any number of threads "
+        "(default: 0)",
+        parse=parse_seed,
+        check=whole(0, MOST_SEED),
+    )
+    threads: int | None = _option(
+        None,
+        "--threads N",
+        "plan bands",
+        "threads that render (default: one for each processor)",
+        parse=parse_count,
+        check=whole(1, MOST_THREADS),
+    )
+    integrator: str | None = _option(
+        None,
+        "--integrator NAME",
+        "plan picture bands",
+        f"{', '.join(INTEGRATORS)}; auto, the default, is the least method that gives "
+        "what the file asks for",
+        choices=INTEGRATORS,
+    )
+    accel: str | None = _option(
+        None,
+        "--accel NAME",
+        "plan picture travels bands",
+        f"{', '.join(ACCELERATORS)}; the picture is the same; auto, the default, takes for "
+        "each kind of primitive what a cost model expects to be the fastest",
+        choices=ACCELERATORS,
+        noun="accelerator",
+    )
+    sampler: str | None = _option(
+        None,
+        "--sampler NAME",
+        "plan picture bands",
+        f"{', '.join(SAMPLERS)} (default: the file's), or {REPLAY}: the file's, with the "
+        "random numbers that Mitsuba scalar draws, so that both take the same paths",
+        choices=(*SAMPLERS, REPLAY),
+    )
+    progress: Callable[[Progress], None] | bool | None = _option(
+        None,
+        "",
+        "bands",
+        "called with a `Progress` in the calling thread, several times a second; True: a "
+        "bar with the time left, in a terminal or a notebook, else a line now and then",
+    )
+    ray_offset: str | None = _option(
+        None,
+        "--ray-offset NAME",
+        "plan picture bands",
+        "how far off their surface rays start: tight (default) or mitsuba",
+        choices=RAY_OFFSETS,
+        noun="ray offset",
+    )
+    measured_camera: Sequence[float] | None = _option(
+        None,
+        "",
+        "identity",
+        f"with the sampler {REPLAY}: six numbers of the matrix of Mitsuba's camera on this "
+        "machine, whose rounding is taken (`replay.rounding.camera`)",
+    )
+    target_error: float | None = _option(
+        None,
+        "--target-error 2%",
+        "",
+        "render until the picture's estimated relative error is no more (0.02 is 2%; "
+        "`rendering.accuracy` has the formula); --spp is then the most samples that it may "
+        "take, and a file's sampler whose points depend on their number gives way to "
+        "independent",
+        parse=parse_error,
+        check=positive,
+    )
+    time_limit: float | None = _option(
+        None,
+        "--time SECONDS",
+        "",
+        "render for about so many seconds, compilation not included, and say the error "
+        "that was reached",
+        parse=parse_seconds,
+        check=positive,
+    )
+    checkpoint: str | os.PathLike[str] | None = _option(
+        None,
+        "--checkpoint FILE",
+        "",
+        "keep the state of the render in this file, now and then, after an interrupt and "
+        "at its end (docs/checkpoints.md)",
+        parse=Path,
+    )
+    checkpoint_every: float = _option(
+        60.0,
+        "--every SECONDS",
+        "",
+        "seconds between two writings of the checkpoint (default: 60)",
+        parse=parse_seconds,
+        check=positive,
+    )
+    resume: bool = _option(
+        False,
+        "--resume",
+        "",
+        "go on from the checkpoint, to the same picture as without a break; also to more "
+        "--spp than it was made with, if the sampler is independent; with --frames: render "
+        "those that are not there yet",
+    )
+    cluster: Any = _option(
+        None,
+        "--cluster WHERE",
+        "",
+        "render on a Dask cluster, the same picture (docs/cluster.md); in Python a "
+        "`distributed.Client`; on the command line local:4, which starts 4 processes, or "
+        "the address of one that runs, tcp://host:8786",
+        parse=parse_cluster,
+    )
+    memory: int | float | str | None = _option(
+        None,
+        "--memory SIZE",
+        "bands",
+        "refuse what would take this process beyond a size such as 4GiB (default: what "
+        "the machine has free); does not cover the workers of --cluster, nor the frames "
+        "that begin ahead there",
+        parse=parse_size,
+    )
+    light_choice: str | None = _option(
+        None,
+        "--light-choice NAME",
+        "plan picture bands",
+        "how one of several lights is chosen at a point: importance (default), by what it "
+        "can give there, or uniform, each as often as any other, as in Mitsuba",
+        choices=LIGHT_CHOICES,
+        noun="light choice",
+    )
+    metadata: Mapping[str, str] | None = _option(
+        None,
+        "",
+        "bands",
+        "names and texts for the header of the picture's file",
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what is not possible."""
+        for name, option in OPTIONS.items():
+            value = getattr(self, name)
+            if value is None and name not in NEEDED:
+                continue
+            if option.check is not None:
+                object.__setattr__(self, name, option.check(name, value))
+            if option.choices and value not in option.choices:
+                known, noun = ", ".join(option.choices), option.noun or name
+                raise SceneError(f"{noun} {value!r} is unknown; there are: {known}")
+        if self.resume and self.checkpoint is None:
+            raise SceneError("resume is true, and no checkpoint is given to go on from")
+
+    @property
+    def thread_count(self) -> int:
+        """Threads that render."""
+        return default_threads() if self.threads is None else self.threads
+
+    @property
+    def accelerator(self) -> str:
+        """The name of the accelerator, or "auto"."""
+        return self.accel or "auto"
+
+    @property
+    def has_goal(self) -> bool:
+        """True if an error or a time ends the render."""
+        return self.target_error is not None or self.time_limit is not None
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that are not at their default."""
+        found = {}
+        for name, default in DEFAULTS.items():
+            value = getattr(self, name)
+            if value is not default and (default is None or value != default):
+                found[name] = value
+        return found
+
+    def only(self, role: str) -> dict[str, Any]:
+        """Return the options that have a role, such as "plan"; see `Option`."""
+        return {name: getattr(self, name) for name in names_of(role)}
+
+
+OPTIONS: dict[str, Option] = {
+    field.name: field.metadata["option"] for field in dataclasses.fields(RenderOptions)
+}
+DEFAULTS = {field.name: field.default for field in dataclasses.fields(RenderOptions)}
+NEEDED = {name for name, default in DEFAULTS.items() if default is not None}
+
+
+def names_of(role: str) -> list[str]:
+    """Return the names of the options that have a role; see `Option`."""
+    return [name for name, option in OPTIONS.items() if role in option.roles]

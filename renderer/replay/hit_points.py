@@ -1,0 +1,144 @@
+"""Stage 3 in a replay: the surface points as Mitsuba rounds them.
+
+A mirror ball multiplies the distance of two paths by ten at each bounce, and (u, v) on a
+floor of 140 x 140 are known to 8e-6. With other roundings a path would leave Mitsuba's path
+after a few bounces. So the points of hits are rounded as Mitsuba and Embree do it. Which
+operations are fused, and in which order sums are taken, was found by trying; a test
+(tests/replay/test_replay_hits.py) compares bits.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import renderer.replay.hits  # noqa: F401  (it implements `exact_hit`)
+from renderer.kernels.jit import kernel, method_kernel
+from renderer.kernels.lanes.vectors import column, dot
+from renderer.plugins.shapes.registry import kind_of_shape
+from renderer.replay.exact_hits import EXACT, exact_hit, instance_matrices
+from renderer.replay.hits import (
+    embree_ray,
+    mitsuba_ray,
+    placed_normal,
+    placed_point,
+    placed_vector,
+)
+from renderer.scene_file.description import SceneDescription
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+# What differs by more is no rounding: it stays, so that a replay shows it. The largest
+# difference that a scene of ours has is 1e-5, on a floor 140 wide.
+ROUNDING = np.float32(1e-4)
+
+
+class Rounding(NamedTuple):
+    """What the surface points on one kind of shape are computed from in a replay."""
+
+    first: int  # the kind's primitives are first .. end - 1 by id
+    end: int
+    shapes: Any  # what Mitsuba has of the kind, see `exact_hit`
+    instances: NDArray[np.float32]  # (24, n), see `instance_matrices`
+
+
+class Previous(NamedTuple):
+    """The record of `keep_previous_points`."""
+
+
+def hooks_of_hits(
+    description: SceneDescription, surfaces: dict[str, Any]
+) -> list[tuple[Any, Any]]:
+    """Return (kernel, record) of what a replay does after the surface points are found."""
+    instances = instance_matrices(description.instances)
+    hooks: list[tuple[Any, Any]] = [(keep_previous_points, Previous())]
+    for kind, table in surfaces.items():
+        if (exact := EXACT.get(type(table))) is not None:
+            shapes = [s for s in description.every_shape if kind_of_shape(s).name == kind]
+            rounding = Rounding(table.first, table.end, exact(table, shapes), instances)
+            hooks.append((round_surface_points, rounding))
+    return hooks
+
+
+@kernel
+def _instance_number(placements, numbers, ray):
+    if placements.group.size == 0:
+        return np.int32(-1)
+    return numbers[ray]
+
+
+@kernel
+def _round(rows, i, a):
+    """Replace the vector in column i by `a` if rounding explains the difference."""
+    old = column(rows, i)
+    limit = ROUNDING * (_ONE + max(abs(old.x), max(abs(old.y), abs(old.z))))
+    x, y, z = abs(a.x - old.x), abs(a.y - old.y), abs(a.z - old.z)
+    if x <= limit and y <= limit and z <= limit:
+        rows[0, i], rows[1, i], rows[2, i] = a.x, a.y, a.z
+
+
+@kernel
+def _replace_tangent(tangents, i, a):
+    """Replace a tangent by one of the same direction; the old one has another length."""
+    old = column(tangents, i)
+    scale = np.sqrt(dot(old, old) / dot(a, a))
+    limit = ROUNDING * np.sqrt(dot(old, old))
+    x, y, z = abs(a.x * scale - old.x), abs(a.y * scale - old.y), abs(a.z * scale - old.z)
+    if x <= limit and y <= limit and z <= limit:
+        tangents[0, i], tangents[1, i], tangents[2, i] = a.x, a.y, a.z
+
+
+@kernel
+def _round_uv(uv, i, u, v):
+    if u is None:
+        return
+    apart = max(abs(uv[0, i] - u), abs(uv[1, i] - v))
+    if apart <= ROUNDING * (_ONE + max(abs(u), abs(v))):
+        uv[0, i], uv[1, i] = u, v
+
+
+@kernel
+def _round_normal(rows, i, a):
+    """Replace the unit normal in column i, which keeps its side of the surface."""
+    if dot(column(rows, i), a) < _ZERO:
+        a = -a
+    _round(rows, i, a)
+
+
+@method_kernel
+def keep_previous_points(_, placements, rays, hits, order, count, points):
+    """Keep the exact position that each path came from."""
+    for i in range(count):
+        for c in range(3):
+            points.previous[c, i] = rays.previous[c, order[i]]
+
+
+@method_kernel
+def round_surface_points(rounding, placements, rays, hits, order, count, points):
+    """Compute the points on one kind of shape anew, with Mitsuba's roundings."""
+    matrices = rounding.instances
+    for i in range(count):
+        ray = order[i]
+        prim = hits.prim[ray]
+        if prim < rounding.first or prim >= rounding.end:
+            continue
+        instance = _instance_number(placements, hits.instance, ray)
+        o, d = column(rays.origin, ray), column(rays.direction, ray)
+        found = exact_hit(
+            rounding.shapes,
+            prim - rounding.first,
+            hits.u[ray],
+            hits.v[ray],
+            embree_ray(matrices, instance, o, d),
+            mitsuba_ray(matrices, instance, o, d),
+            instance >= 0,
+        )
+        _round(points.position, i, placed_point(placements, instance, found.position))
+        _round_uv(points.uv, i, found.u, found.v)
+        _round_normal(points.normal, i, placed_normal(matrices, instance, found.normal))
+        normal = placed_normal(matrices, instance, found.vertex_normal)
+        _round_normal(points.shading_normal, i, normal)
+        tangent = placed_vector(placements, instance, found.tangent)
+        _replace_tangent(points.tangent, i, tangent)

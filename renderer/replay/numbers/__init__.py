@@ -1,1 +1,0 @@
-"""Mitsuba's random numbers, in its order."""

@@ -1,1 +1,0 @@
-"""Directions, hits and rays as Mitsuba and Embree round them."""

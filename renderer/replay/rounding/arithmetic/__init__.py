@@ -1,1 +1,0 @@
-"""The operations of Mitsuba's wheels and of Embree, bit for bit."""

@@ -1,1 +1,0 @@
-"""Where rays meet shapes, as Embree and Mitsuba round it."""

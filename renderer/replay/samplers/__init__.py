@@ -1,1 +1,0 @@
-"""Mitsuba's samplers, number by number."""

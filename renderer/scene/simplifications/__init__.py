@@ -1,1 +1,0 @@
-"""Scenes with less in them: named steps from one SceneDescription to another."""

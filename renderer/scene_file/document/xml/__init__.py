@@ -1,1 +1,0 @@
-"""From XML text to the plain tree."""

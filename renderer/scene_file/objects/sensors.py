@@ -1,0 +1,229 @@
+"""Sensors and integrators of a document."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.errors import SceneError
+from renderer.process.names import INTEGRATORS
+from renderer.scene_file.coordinate_limits import check_camera
+from renderer.scene_file.description import Integrator, Sensor
+from renderer.scene_file.files import Reading
+from renderer.scene_file.numbers import parse_float
+from renderer.scene_file.objects.films import read_film, read_sampler
+from renderer.scene_file.plugins import registered_kinds
+from renderer.scene_file.properties import Properties
+from renderer.scene_file.tree import Element
+
+# ------------------------------------------------------------------------------ sensors
+# What sensors have in common, with all the ways to say how wide a camera looks.
+
+_SCALE = 1e-3  # how far from a rotation to_world may be; Mitsuba's own bound
+_DIAGONAL_35MM = math.hypot(36.0, 24.0)  # [mm], of the film that `focal_length` refers to
+
+
+def read_sensor(element: Element, reading: Reading) -> Sensor:
+    """Read a `<sensor>`.
+
+    Raises
+    ------
+    SceneError
+        If it is not supported or something in it is wrong.
+    """
+    properties = Properties(element, reading)
+    sensor: Sensor = registered_kinds("sensor")[element.plugin].read(properties)
+    properties.finish()
+    check_camera(sensor, properties)
+    return sensor
+
+
+def shared(properties: Properties) -> dict[str, Any]:
+    """Return what all kinds of sensor have but `to_world`, by the names of `Sensor`."""
+    reading = properties.reading
+    film = read_film(properties.child("film"), reading)
+    sampler = read_sampler(properties.child("sampler"), reading)
+    near = properties.number("near_clip", 1e-2, above=0.0)
+    far = properties.number("far_clip", 1e4)
+    if near >= far:
+        name = "near_clip" if properties.has("near_clip") else "far_clip"
+        properties.fail(
+            name, f"near_clip {near:g} and far_clip {far:g}", "near_clip < far_clip"
+        )
+    # Nothing moves, so the shutter changes nothing; but its times have an order.
+    opens = properties.number("shutter_open", 0.0)
+    closes = properties.number("shutter_close", 0.0)
+    if closes < opens:
+        name = "shutter_close" if properties.has("shutter_close") else "shutter_open"
+        properties.fail(name, f"open {opens:g}, close {closes:g}", "open <= close")
+    return {
+        "near_clip": near,
+        "far_clip": far,
+        "shutter_time": closes - opens,
+        "film": film,
+        "sampler": sampler,
+    }
+
+
+def without_scale(properties: Properties) -> NDArray[np.float64]:
+    """Return `to_world`, which must be a rotation and a translation."""
+    to_world = properties.transform("to_world")
+    linear = to_world[:3, :3]
+    if np.abs(linear @ linear.T - np.eye(3)).max() > _SCALE:
+        properties.fail(
+            "to_world", "a transform that scales or shears", "a rotation and translation"
+        )
+    return to_world
+
+
+def read_fov_x(properties: Properties, aspect: float) -> float:
+    """Return the angle across the full width [deg] of what is so much wider than high."""
+    if properties.has("fov") and properties.has("focal_length"):
+        properties.fail("focal_length", 'a value beside "fov"', "one of the two")
+    if properties.has("fov"):
+        name, fov = "fov", properties.number("fov", 0.0)
+        axis = properties.choice(
+            "fov_axis", "x", ("x", "y", "diagonal", "smaller", "larger"), any_case=True
+        )
+    else:
+        if "fov_axis" in properties.element.properties:
+            properties.fail("fov_axis", "a value without a fov", 'a "fov" beside it')
+        name, fov, axis = "focal_length", _focal_length_fov(properties), "diagonal"
+    if axis in ("smaller", "larger"):
+        axis = "y" if (aspect > 1.0) == (axis == "smaller") else "x"
+    half = math.tan(0.5 * math.radians(fov)) if 0.0 < fov < 180.0 else math.nan
+    if axis == "y":
+        half *= aspect
+    elif axis == "diagonal":
+        half /= math.hypot(1.0, 1.0 / aspect)
+    fov_x = math.degrees(2.0 * math.atan(half))
+    # what is narrower has a width of which the inverse leaves float32
+    if not 1e-30 < np.float32(fov_x) < 180.0:
+        properties.fail(
+            name, f"{fov:g} degrees", "a field of view between 0 and 180 degrees"
+        )
+    return fov_x
+
+
+def _focal_length_fov(properties: Properties) -> float:
+    """Return the diagonal angle of a focal length such as `50mm` on 35 mm film [deg]."""
+    text = properties.string("focal_length", "50mm")
+    location = properties.location
+    if properties.has("focal_length"):
+        location = properties.element.properties["focal_length"].location
+    length = parse_float(text.removesuffix("mm"), location, "focal_length")
+    if length <= 0.0:
+        raise SceneError(
+            f'{location}: {properties.element}, property "focal_length": found '
+            f"{length:g} mm, "
+            "expected a length above 0"
+        )
+    return math.degrees(2.0 * math.atan(_DIAGONAL_35MM / (2.0 * length)))
+
+
+# -------------------------------------------------------------------------- integrators
+# Integrators: those that are registered, and what all of them have.
+#
+# One that is not supported is no error yet: its scene can be rendered by another one.
+
+_OF_VOLUMES = ("volpath", "volpathmis")
+# Shadow rays of these see through such BSDFs, those of path do not.
+_SEEN_THROUGH = ("null", "mask", "thindielectric")
+
+
+def read_integrator(element: Element | None, reading: Reading) -> Integrator:
+    """Read an `<integrator>`; None is Mitsuba's default, `path` without a depth limit.
+
+    Of one that is not supported nothing is read but its name, and `refusal` says why.
+
+    Raises
+    ------
+    SceneError
+        If something in it is wrong.
+    """
+    if element is None:
+        return Integrator()
+    kinds = registered_kinds("integrator")
+    plugin = "path" if element.plugin in _OF_VOLUMES else element.plugin
+    if plugin not in kinds:
+        possible = ", ".join(kinds)
+        return _refused(element, f"not supported; supported integrator plugins: {possible}")
+    # of volumes it is `path` to the rest of the reader
+    properties = Properties(dataclasses.replace(element, plugin=plugin), reading)
+    integrator: Integrator = kinds[plugin].read(properties)
+    if plugin != element.plugin:
+        properties.boolean("use_spectral_mis", True)
+        integrator = dataclasses.replace(integrator, stands_for=element.plugin)
+        properties.element = element  # as messages shall name it
+    # how Mitsuba divides its work: of interest for a replay of its numbers alone
+    block_size = properties.integer("block_size", 0, at_least=0)
+    one_pass = not properties.has("samples_per_pass")
+    properties.integer("samples_per_pass", 1, at_least=1)
+    timeout = properties.number("timeout", -1.0)
+    if timeout > 0.0:
+        properties.fail(
+            "timeout", f"{timeout:g} s", "none: pictures are always finished here"
+        )
+    properties.finish()
+    return dataclasses.replace(integrator, block_size=block_size, one_pass=one_pass)
+
+
+def read_scene_integrator(
+    element: Element | None, scene: Element, reading: Reading
+) -> Integrator:
+    """Read the integrator of a scene whose references are resolved.
+
+    Where `path` stands for one of volumes the expected picture has to be the same: there
+    are no media (this renderer has none), and no BSDF that its shadow rays see through.
+
+    Raises
+    ------
+    SceneError
+        As `read_integrator`.
+    """
+    integrator = read_integrator(element, reading)
+    nested = integrator.nested or integrator
+    if element is None or not nested.stands_for:
+        return integrator
+    plugins = {e.plugin: e for e in _below(scene) if e.tag == "bsdf"}
+    through = next((plugins[name] for name in _SEEN_THROUGH if name in plugins), None)
+    if through is not None:
+        return _refused(
+            element,
+            f"not supported where {nested.stands_for} meets {through} "
+            f"({through.location}): its shadow rays pass it, those of path do not",
+        )
+    reading.warn(
+        element.location,
+        f"{nested.stands_for} is rendered by path: without media both have the same "
+        "expected picture",
+    )
+    return integrator
+
+
+def _refused(element: Element, why: str) -> Integrator:
+    others = ", ".join(name for name in INTEGRATORS if name not in ("auto", "path"))
+    return Integrator(
+        element.plugin,
+        refusal=f"{element.location}: {element} is {why}; --integrator path, or in Python "
+        f'render(scene, integrator="path"), renders the scene with path ({others} are '
+        "possible too)",
+    )
+
+
+def _below(element: Element) -> Iterator[Element]:
+    """Yield an element and all that are inside of it or referenced, each once."""
+    seen: set[int] = set()
+    waiting = [element]
+    while waiting:
+        current = waiting.pop()
+        if id(current) not in seen:
+            seen.add(id(current))
+            yield current
+            values = (property_.value for property_ in current.properties.values())
+            waiting += [value for value in values if isinstance(value, Element)]

@@ -1,1 +1,0 @@
-"""How the scene is looked at: sensor, film, sampler, integrator."""
