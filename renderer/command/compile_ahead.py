@@ -9,8 +9,10 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Collection
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
 from tempfile import TemporaryDirectory
 
 from numba.core.registry import cpu_target
@@ -61,31 +63,46 @@ def compile_all(
         for small in small_scenes()
         if not names or small.name in names
     ]
-    workers = min(default_threads(), room() // _MOST_MEMORY, len(scenes))
-    with (
-        TemporaryDirectory() as folder,
-        ProcessPoolExecutor(
-            max(1, workers),
-            multiprocessing.get_context("spawn"),
-            _begin_worker,
-            max_tasks_per_child=_SCENES_EACH,
-        ) as pool,
-    ):
-        write_files(Path(folder))
-        jobs = [pool.submit(render_small, small, Path(folder)) for small in scenes]
-        jobs.append(pool.submit(compile_others))
+    workers = max(1, min(default_threads(), room() // _MOST_MEMORY))
+    finished: SimpleQueue[BaseException | None] = SimpleQueue()
+    with TemporaryDirectory() as name, ThreadPoolExecutor(workers) as threads:
+        folder = Path(name)
+        write_files(folder)
+        tasks: list[partial[None]] = [partial(render_small, s, folder) for s in scenes]
+        tasks.append(partial(compile_others))
+        for k in range(0, len(tasks), _SCENES_EACH):
+            threads.submit(_run_in_process, tasks[k : k + _SCENES_EACH], finished)
         try:
-            show(0, len(jobs))
-            for done, job in enumerate(as_completed(jobs), start=1):
-                job.result()
-                show(done, len(jobs))
+            for done in range(len(tasks) + 1):
+                if done and (error := finished.get()) is not None:
+                    raise error
+                show(done, len(tasks))
         except BaseException:
+            threads.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():
                 process.terminate()
             raise
     if replay and not names:
         marker.touch()
     return True
+
+
+def _run_in_process(
+    tasks: list[partial[None]], finished: SimpleQueue[BaseException | None]
+) -> None:
+    """Run some tasks in a process of their own; put None for each that is done.
+
+    A pool of processes that end after some tasks (`max_tasks_per_child`) hangs in Python
+    3.11 when all of them end at once.
+    """
+    context = multiprocessing.get_context("spawn")
+    try:
+        with ProcessPoolExecutor(1, context, _begin_worker) as pool:
+            for job in [pool.submit(task) for task in tasks]:
+                job.result()
+                finished.put(None)
+    except BaseException as error:
+        finished.put(error)
 
 
 def _marker() -> Path:
