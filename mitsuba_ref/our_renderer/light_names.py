@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from renderer.plugins.lights.registry import plugin_of
 from renderer.rendering.job import RenderJob
-from renderer.scene.light_properties import light_order
+from renderer.scene.light_order import light_order
 
 
 def light_names(job: RenderJob) -> list[str]:

@@ -23,7 +23,7 @@ from renderer.kernels.records.kernel_scene import EMIT
 from renderer.plugins.lights.registry import plugin_of
 from renderer.plugins.shapes.extents import ROUNDING
 from renderer.plugins.shapes.registry import SHAPES
-from renderer.scene.light_properties import light_order
+from renderer.scene.light_order import light_order
 from renderer.scene.scene import Scene
 
 MOST = 1024  # primitives of a kind, or lights; of more only their box is looked at

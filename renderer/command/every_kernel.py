@@ -26,7 +26,7 @@ from renderer.process.names import ACCELERATORS, REPLAY, SAMPLERS
 from renderer.rendering.render import render
 from renderer.scene.scene import build_scene
 from renderer.scene_file import read_dict
-from renderer.scene_file.images.png_16_bit import undo_filters
+from renderer.scene_file.images.png_filters import undo_filters
 from renderer.scene_file.plugins import supported_plugins
 from renderer.scene_file.transform_functions import look_at, translate
 

@@ -34,7 +34,7 @@ from renderer.replay.sequences import (
     make_sequence,
     rows_of,
 )
-from renderer.scene.light_properties import light_order
+from renderer.scene.light_order import light_order
 from renderer.scene.light_tables import LightTables
 from renderer.scene.materials import MaterialTables, kind_of, sides
 from renderer.scene.scene import Scene

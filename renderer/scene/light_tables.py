@@ -23,7 +23,7 @@ from renderer.plugins.shapes.registry import SHAPES, kind_of_shape
 from renderer.plugins.shapes.triangle import TriangleLights
 from renderer.plugins.shapes.uv import uv_chart
 from renderer.plugins.textures.registry import kind_of_texture, mean_of
-from renderer.scene.light_properties import light_order
+from renderer.scene.light_order import light_order
 from renderer.scene.materials import table_of
 from renderer.scene.scene import Scene, primitives_of_shapes
 

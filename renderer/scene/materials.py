@@ -29,7 +29,7 @@ from renderer.plugins.textures.checkerboard import children
 from renderer.plugins.textures.kind import TextureKind
 from renderer.plugins.textures.registry import kind_of_texture, mean_of
 from renderer.plugins.textures.uniform import UNIFORM
-from renderer.scene.light_properties import light_order
+from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     Bsdf,
     CheckerboardTexture,

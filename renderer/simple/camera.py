@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.plugins.sensors.perspective import pinhole
+from renderer.plugins.sensors.pinhole import pinhole
 from renderer.scene_file.description import PerspectiveCamera, Sensor, ThinLensCamera
 
 # ------------------------------------------------------------------------------ vectors

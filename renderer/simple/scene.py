@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from renderer.errors import SceneError
-from renderer.scene.light_properties import light_order
+from renderer.scene.light_order import light_order
 from renderer.scene_file.description import (
     CheckerboardTexture,
     ConstantLight,

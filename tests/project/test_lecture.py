@@ -38,8 +38,8 @@ def test_a_link_follows_its_symbol():
         r"\[`sphere\.py::hit_sphere`\]\(\.\./renderer/plugins/shapes/sphere\.py#L\d+\)",
         page,
     )
-    gone = "[`x.py::no_such_symbol`](../renderer/plugins/sensors/perspective.py)"
+    gone = "[`x.py::no_such_symbol`](../renderer/plugins/sensors/pinhole.py)"
     assert on_their_lines(gone) == (
         gone,
-        ["../renderer/plugins/sensors/perspective.py::no_such_symbol"],
+        ["../renderer/plugins/sensors/pinhole.py::no_such_symbol"],
     )

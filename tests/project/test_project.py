@@ -99,7 +99,7 @@ FOR_TYPES = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n"
         ("renderer/plugins/a.py", "import renderer.integrators.stages"),
         ("renderer/integrators/stages/a.py", "import renderer.replay"),
         ("renderer/kernels/jit/a.py", "import renderer.kernels.lanes"),
-        ("renderer/scene/simplifications/a.py", f"{FOR_TYPES}    import renderer.scene.b"),
+        ("renderer/scene_file/meshes/a.py", f"{FOR_TYPES}    import renderer.scene_file.b"),
     ],
 )
 def test_the_import_contract_catches(module, line, tmp_path):
@@ -119,8 +119,8 @@ def test_the_import_contract_catches(module, line, tmp_path):
         )
     (tmp_path / "reports" / "page.py").write_text("import mitsuba_ref.reference\n")
     # half of a circle
-    half = "import renderer.scene.simplifications\n"
-    (tmp_path / "renderer" / "scene" / "b.py").write_text(half)
+    half = "import renderer.scene_file.meshes\n"
+    (tmp_path / "renderer" / "scene_file" / "b.py").write_text(half)
     clean = run_import_linter(tmp_path)
     assert clean.returncode == 0, clean.stdout
 

@@ -14,7 +14,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.functions import splat_f32
 from renderer.kernels.lanes.vectors import column, vec3
 from renderer.plugins.sensors.kind import CameraRay, SensorKind, camera_ray
-from renderer.plugins.sensors.perspective import vector_column
+from renderer.plugins.sensors.pinhole import vector_column
 from renderer.scene_file.coordinate_limits import FARTHEST
 from renderer.scene_file.description import OrthographicCamera
 from renderer.scene_file.objects.sensors import shared

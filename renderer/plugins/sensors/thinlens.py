@@ -15,7 +15,7 @@ from renderer.kernels.jit import kernel
 from renderer.kernels.lanes.vectors import column, dot, normalize
 from renderer.plugins.sampling.numbers_and_warps import square_to_disk
 from renderer.plugins.sensors.kind import CameraRay, SensorKind, camera_ray
-from renderer.plugins.sensors.perspective import pinhole, vector_column
+from renderer.plugins.sensors.pinhole import pinhole, vector_column
 from renderer.scene_file.description import ThinLensCamera
 from renderer.scene_file.objects.sensors import read_fov_x, shared, without_scale
 

@@ -56,11 +56,11 @@ from renderer.rendering.user_kernels.check import (
     check_kernels_of_users,
     check_values_of_users,
 )
+from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (
     asked_lights,
     has_extended_lights,
     has_textured_lamps,
-    light_order,
 )
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene

@@ -33,7 +33,8 @@ from renderer.rendering.tables.methods import (
     MethodTables,
     work_types,
 )
-from renderer.scene.light_properties import asked_lights, light_order
+from renderer.scene.light_order import light_order
+from renderer.scene.light_properties import asked_lights
 from renderer.scene.light_tables import LightTables, light_bounds, lit_sides
 from renderer.scene.materials import kind_of
 from renderer.scene.scene import Scene

@@ -1,4 +1,9 @@
-"""PNG files of 16 bits a channel."""
+"""PNG files with 16 bits a channel, which Pillow would cut to 8.
+
+A decoder after the PNG specification (W3C, third edition): chunks, zlib, then the five
+row filters. Only what such files can be is here: grey or colour, with alpha or without,
+not interlaced.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.kernels.jit import entry_kernel
 from renderer.process import memory
 from renderer.scene_file.images.color_notes import (
     CHANNELS,
@@ -19,48 +23,6 @@ from renderer.scene_file.images.color_notes import (
     png_notes,
 )
 from renderer.scene_file.images.image import Image
-
-# -------------------------------------------------------------------------- png filters
-# The row filters of PNG, undone: a loop over bytes, so a kernel.
-
-
-@entry_kernel
-def undo_filters(rows, values, step):  # type: ignore[no-untyped-def]
-    """Fill `values`, which has a row and a pixel of zeros in front, from filtered `rows`.
-
-    Each byte is predicted from its neighbours a (left), b (above), c (above left).
-    """
-    for y in range(rows.shape[0]):
-        method = rows[y, 0]
-        for x in range(rows.shape[1] - 1):
-            a = np.int32(values[y + 1, x])
-            b = np.int32(values[y, x + step])
-            c = np.int32(values[y, x])
-            if method == 0:
-                predicted = np.int32(0)
-            elif method == 1:
-                predicted = a
-            elif method == 2:
-                predicted = b
-            elif method == 3:
-                predicted = (a + b) >> 1
-            else:  # Paeth: whichever neighbour is nearest to a + b - c
-                to_a, to_b, to_c = abs(b - c), abs(a - c), abs(a + b - 2 * c)
-                if to_a <= to_b and to_a <= to_c:
-                    predicted = a
-                elif to_b <= to_c:
-                    predicted = b
-                else:
-                    predicted = c
-            values[y + 1, x + step] = np.uint8((np.int32(rows[y, x + 1]) + predicted) & 255)
-
-
-# --------------------------------------------------------------------------- png 16 bit
-# PNG files with 16 bits a channel, which Pillow would cut to 8.
-#
-# A decoder after the PNG specification (W3C, third edition): chunks, zlib, then the five
-# row filters. Only what such files can be is here: grey or colour, with alpha or without,
-# not interlaced.
 
 _LARGEST = 2**28  # pixels
 
@@ -81,6 +43,7 @@ def read_16_bit_png(path: Path) -> Image:
         If the file is damaged or interlaced.
     """
     # here, because Numba takes half a second that other files need not wait for
+    from renderer.scene_file.images.png_filters import undo_filters
 
     content = path.read_bytes()
     width, height, _, color_type, _, _, interlace = struct.unpack(

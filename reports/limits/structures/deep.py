@@ -14,7 +14,7 @@ from reports.limits.vectors import directions
 RAYS = 256
 NAMES = {
     "bvh": ("BVH by surface area", 20.0),
-    "kd-sah": ("k-d tree by surface area", 20.0),
+    "kd-sah": ("k-d tree by surface area", 10.0),
     "octree": ("Octree", 10.0),
 }
 

@@ -4,7 +4,7 @@ Neighbouring camera rays visit nearly the same nodes, so each box and each primi
 fetched once and tested against all 16 at once; what no ray of the bundle enters is
 skipped. Shadow rays are tested one by one where few of them enter a leaf. Where a bundle
 begins, and which primitives of a leaf it may meet, its beam tells (`beams`). Measured in
-docs/performance.md, "Beside Embree".
+docs/performance.md, "Compared with Embree".
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ One ray is tested against eight boxes, or eight primitives, at once [Wald2008]. 
 rays spend their time waiting for memory. Two things help: a node takes two cache lines,
 because the boxes of its children are stored in bytes relative to its own [Ylitie2017]; and
 `RAYS` rays are under way at the same time, in turn one step each, so that what a ray needs
-next has arrived when its turn comes (docs/performance.md, "Beside Embree").
+next has arrived when its turn comes (docs/performance.md, "Compared with Embree").
 """
 
 from __future__ import annotations
