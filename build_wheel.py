@@ -46,7 +46,7 @@ def build_wheel(
     output
         Made if it is missing.
     levels
-        Of `shipped.LEVELS`.
+        Of `cache.LEVELS`.
     names
         Of the scenes of `every_kernel` whose kernels are carried; empty: all.
     """

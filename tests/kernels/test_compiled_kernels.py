@@ -63,9 +63,7 @@ def test_one_more_kind_of_bsdf_compiles_its_own_kernels_only(
     for kind in ("conductor", "dielectric"):
         kernels = box_with(kind, anew="scatter_kind")
         added = [kernel for kernel in kernels if kernel[:3] not in before]
-        assert f"renderer.plugins.bsdfs.smooth.{kind}" in {
-            kernel.module for kernel in added
-        }
+        assert f"renderer.plugins.bsdfs.{kind}" in {kernel.module for kernel in added}
         record = kind.capitalize()
         folders = ("renderer.plugins.bsdfs.", "renderer.kernels.lanes.")
         own = (f"Record.{record}.", f"{record}(", "Record.BsdfMethods.")

@@ -11,16 +11,16 @@ from pathlib import Path
 import pytest
 from compiled_kernels import ROOT
 
-from renderer.kernels.jit import cache as shipped
-from renderer.kernels.jit.cache import LEVELS
+from renderer.kernels.jit import cache
+from renderer.kernels.jit.cache import LEVELS, runs, shipped_for_this_processor
 
 PROGRAM = """
 import logging, sys
 from pathlib import Path
 logging.basicConfig(stream=sys.stdout, format="%(message)s")
 from numba import config
-from renderer.kernels.jit import shipped
-shipped.SHIPPED = Path(__file__).parent / "compiled"
+from renderer.kernels.jit import cache
+cache.SHIPPED = Path(__file__).parent / "compiled"
 told = config.CPU_NAME, config.CPU_FEATURES
 from renderer.kernels.jit import entry_kernel
 
@@ -36,7 +36,7 @@ print(len(triple.stats.cache_hits), "hits")
 """
 
 pytestmark = pytest.mark.skipif(
-    not shipped.runs("x86-64-v3"), reason="this processor is not an x86-64-v3"
+    not runs("x86-64-v3"), reason="this processor is not an x86-64-v3"
 )
 
 
@@ -145,7 +145,7 @@ def test_kernels_of_another_version_are_not_looked_at_with_one_warning(users) ->
 
 def levels_for(sources: str) -> list[str]:
     """Return the levels that are looked at, in order."""
-    return [level for level, _ in shipped.shipped_for_this_processor.__wrapped__(sources)]
+    return [level for level, _ in shipped_for_this_processor.__wrapped__(sources)]
 
 
 def test_the_highest_level_that_the_processor_has_is_the_first(
@@ -154,10 +154,10 @@ def test_the_highest_level_that_the_processor_has_is_the_first(
     """Kernels of a level that it lacks would end the process."""
     for level in ("x86-64-v3", "x86-64-v4"):
         (tmp_path / "sources" / level).mkdir(parents=True)
-    monkeypatch.setattr(shipped, "SHIPPED", tmp_path)
-    monkeypatch.setattr(shipped, "runs", lambda level: True)
+    monkeypatch.setattr(cache, "SHIPPED", tmp_path)
+    monkeypatch.setattr(cache, "runs", lambda level: True)
     assert levels_for("sources") == ["x86-64-v4", "x86-64-v3"]
-    monkeypatch.setattr(shipped, "runs", lambda level: level == "x86-64-v3")
+    monkeypatch.setattr(cache, "runs", lambda level: level == "x86-64-v3")
     assert levels_for("sources") == ["x86-64-v3"]
     monkeypatch.setattr("numba.core.config.CPU_NAME", "generic")  # as the user told Numba
     assert levels_for("sources") == []
@@ -166,8 +166,8 @@ def test_the_highest_level_that_the_processor_has_is_the_first(
 def test_a_level_is_run_with_all_its_features_alone(monkeypatch) -> None:
     features = dict.fromkeys((name[1:] for name in LEVELS["x86-64-v3"].split(",")), True)
     monkeypatch.setattr("llvmlite.binding.get_host_cpu_features", lambda: features)
-    assert [shipped.runs(level) for level in LEVELS] == [False, True]
+    assert [runs(level) for level in LEVELS] == [False, True]
     for name in features:
         monkeypatch.setitem(features, name, False)
-        assert not shipped.runs("x86-64-v3")
+        assert not runs("x86-64-v3")
         monkeypatch.setitem(features, name, True)

@@ -16,7 +16,7 @@ import pytest
 from compiled_kernels import ROOT
 
 from build_wheel import build_wheel
-from renderer.kernels.jit import cache as shipped
+from renderer.kernels.jit.cache import runs
 
 LEVEL = "x86-64-v3"
 # Scenes of `every_kernel`: all methods, a BSDF, a lens, lamps that are meshes, instances.
@@ -92,7 +92,7 @@ def fresh_environment(folder: Path, wheel: Path) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-@pytest.mark.skipif(not shipped.runs(LEVEL), reason=f"this processor is no {LEVEL}")
+@pytest.mark.skipif(not runs(LEVEL), reason=f"this processor is no {LEVEL}")
 def test_an_installed_wheel_compiles_nothing(tmp_path: Path) -> None:
     """Its kernels are of a part of all plugins: all of them take minutes."""
     wheel = build_wheel(tmp_path / "dist", [LEVEL], NAMES)
