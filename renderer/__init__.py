@@ -49,8 +49,8 @@ __all__ = [
     "translate",
 ]
 
-# Imported when they are first asked for: Numba takes half a second, which whoever wants
-# the version, the command's help or a scene's description need not wait for.
+# Imported on first use: importing Numba takes half a second, and the version, the command's
+# help and a scene's description do not need it.
 _MODULES = {
     "ClusterError": "renderer.errors",
     "Image": "renderer.rendering.picture.image",

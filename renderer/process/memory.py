@@ -1,7 +1,7 @@
 """How much memory there is to take, and the refusal of what would take more.
 
 A process that takes more than there is gets killed by the kernel, without a word and with
-everything that it held. So whoever is about to take much says how much before it does.
+everything that it held. So code that is about to allocate much calls `require` first.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ from renderer.errors import SceneError
 
 @contextmanager
 def put_off_interrupts() -> Iterator[None]:
-    """Hand SIGINT to whoever handles it after the block, not within.
+    """Call the handler of SIGINT after the block instead of within it.
 
-    Other threads than the main one run no handlers, and need nothing.
+    Python runs handlers in the main thread alone, so other threads need nothing.
     """
     handler = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(handler):

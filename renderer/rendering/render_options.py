@@ -261,7 +261,7 @@ class RenderOptions:
         "",
         "identity",
         f"with the sampler {REPLAY}: six numbers of the matrix of Mitsuba's camera on this "
-        "machine, whose rounding is taken (`replay.rounding.camera`)",
+        "machine, whose rounding is taken (`replay.camera`)",
     )
     target_error: float | None = _option(
         None,

@@ -123,7 +123,7 @@ class Replayed:
     Parameters
     ----------
     measured_camera
-        See `replay.rounding.camera.replay_camera`.
+        See `replay.camera.replay_camera`.
     """
 
     arithmetic = AsMitsuba()

@@ -89,7 +89,7 @@ def _imported_by(file: Path, content: bytes) -> tuple[Path, ...]:
     try:
         tree = ast.parse(content)
     except SyntaxError:
-        return ()  # whoever imports it will say so
+        return ()  # importing the file raises the same error
     around = file.parent  # of a package: the folder in which its name is looked up
     while (around / "__init__.py").is_file():
         around = around.parent
@@ -356,9 +356,9 @@ class _Index(IndexDataCacheFile):  # type: ignore[misc]
     kernel, as a full disk or a crash leaves it, is known by its checksum: the kernel is
     compiled again and written anew.
 
-    To read an index is to import the modules of all classes in it. So kernels that work on
-    classes of a user's have an index for his modules alone: nobody else's run would want
-    to import them, with all that they do.
+    Reading an index imports the modules of all classes in it. So kernels that work on a
+    user's classes have an index of their own, which other runs do not read: they would
+    import the user's modules.
     """
 
     def __init__(self, folder: str, base: str, stamp: str) -> None:

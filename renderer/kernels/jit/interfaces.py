@@ -28,7 +28,7 @@ from renderer.kernels.jit.records import Packed, record_class
 #     def _area_of_sphere(spheres, index): ...
 #
 # The choice goes by the class of the record that is the first argument: there is no
-# branch at run time, and what nobody calls is never compiled.
+# branch at run time, and an implementation without a caller is never compiled.
 
 
 def interface(declared: Callable[..., Any]) -> Any:

@@ -116,7 +116,7 @@ class RecordType(types.Type):  # type: ignore[misc]  # Numba has no types
         self.words = _words(record)
 
     def __reduce__(self) -> Any:
-        """Keep the class apart: whoever reads the index of kernels may not have it."""
+        """Pickle the class apart: a program that reads the index may not have it."""
         return _restored, (dumps(self.record), self.source, self.name)
 
 

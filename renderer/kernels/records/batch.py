@@ -92,7 +92,7 @@ def has_places(tile):
 
 
 # -------------------------------------------------------------------------------- tally
-# Counting what an accelerator does for each ray; costs nothing when nobody counts.
+# Counting what an accelerator does for each ray; costs nothing without a tally.
 #
 # Every traversal has a parameter `tally`. Given None, Numba compiles it without the
 # counting; given an array, it compiles a twin that counts.
@@ -173,7 +173,7 @@ class Rays(NamedTuple):
     lobe: NDArray[np.int32]  # (n,) of the BSDF that was left, see `bsdfs.kind`
     slot: NDArray[np.int32]  # (n,) sample of a pixel of the tile: whose path it is
     point: NDArray[np.int32]  # (n,) column of the surface point that it has just left
-    # (3, n) that point's position, off which the origin is; (3, 0): kept for nobody
+    # (3, n) position of that point, which the origin is offset from; (3, 0): not kept
     previous: NDArray[np.float32]
     met: NDArray[np.int32]  # (slots,) bits of what each path has met; for those who need it
 
@@ -251,7 +251,7 @@ class Workspace(NamedTuple):
     radiance: NDArray[np.float32]  # (channels, slots) of the samples of a tile
     splats: NDArray[np.float64]  # a tile's sums, pixel by pixel, and a row of weights
     waiting: NDArray[np.int64]  # (depths,) rays that wait at each depth of Whitted's tree
-    tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: nobody counts
+    tally: NDArray[np.int32] | None  # (ROWS, n) work of each ray; None: not counted
 
 
 def _rows(count: int, capacity: int) -> NDArray[np.float32]:

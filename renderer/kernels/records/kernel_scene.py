@@ -121,8 +121,8 @@ class Settings(NamedTuple):
     every_light: int  # all lights at each point, instead of one chosen at random
     hide_emitters: int  # the camera looks through them
     transparent: int  # see `integrators.stages.straight_through`
-    with_uv: int  # somebody looks at uv
-    with_tangents: int  # somebody looks at dp/du
+    with_uv: int  # whether a texture or an AOV uses uv
+    with_tangents: int  # whether a BSDF or an AOV uses dp/du
     light_samples: int  # of `direct`, at each point
     bsdf_samples: int  # of `direct`, at each point
     light_share: float  # light samples for each BSDF sample, which weighs their densities

@@ -224,7 +224,7 @@ def kind_of(bsdf: Any) -> BsdfKind:
 def reaches_all(bsdf: Any) -> bool:
     """Return whether BSDF samples alone find all light that it reflects.
 
-    Of a user's BSDF nobody knows: light samples may be what reaches the rest.
+    False for a user's BSDF: light samples may be what reaches the rest.
     """
     if names := nested_names(bsdf):
         return all(reaches_all(getattr(bsdf, name)) for name in names)

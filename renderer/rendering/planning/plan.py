@@ -16,7 +16,7 @@ from renderer.scene_file.description import Moments, Sampler, Sensor
 # What a simplified scene, or `direct` without light samples, leaves out of its paths.
 #
 # One of the two ways to find light can be left out, and the paths that are caustics. A
-# scene in which that would change nothing is planned as if nobody had asked.
+# scene in which that would change nothing is planned without the restriction.
 
 
 class Restriction(NamedTuple):

@@ -74,7 +74,7 @@ class MethodTables:
         rows: Sequence[tuple[Packed | None, Sequence[MethodSpec | None]]],
         columns: int,
     ) -> NDArray[np.int64]:
-        """Compile the methods of each row; None is a method that nobody needs.
+        """Compile the methods of each row; None is an unused method.
 
         A row without any method is all zeros.
         """
