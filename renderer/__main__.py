@@ -1,7 +1,8 @@
 """The command `lightproof`, also `python -m renderer`, as a process of its own.
 
 `cli.main` is the command itself. This file does what only a process of its own may do, such
-as ending without freeing its kernels. It halves the processor's time of a warm start at one sample (docs/performance.md).
+as ending without freeing its kernels. It halves the processor's time of a warm start at one
+sample (docs/performance.md).
 """
 
 from __future__ import annotations
