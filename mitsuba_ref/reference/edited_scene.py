@@ -23,7 +23,7 @@ from mitsuba_ref.reference.plugins.known_faults import (
 from mitsuba_ref.reference.user_plugins import register_user_plugins, twins_explained
 from mitsuba_ref.reference.variant import VARIANT, load_mitsuba
 from renderer.errors import SceneError
-from renderer.replay.numbers import BLOCK_SIZE
+from renderer.replay.pixel_seeds import BLOCK_SIZE
 from renderer.scene_file.document.named_files import check_named_files
 
 BOX_INSTEAD = "reconstruction filter replaced by box"

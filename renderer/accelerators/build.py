@@ -120,7 +120,7 @@ class Accelerators(NamedTuple):
     """The accelerators of a scene."""
 
     by_kind: dict[str, Any]  # of each kind of primitive that the scene has
-    instances: Any  # `accelerators.instances.Instances`, the last to be traced; or None
+    instances: Any  # `instances.instances.Instances`, the last to be traced; or None
 
 
 class LeftOut(NamedTuple):

@@ -221,14 +221,16 @@ def _load(options: argparse.Namespace, path: Path) -> Scene:
 
 def describe(options: argparse.Namespace, path: Path) -> SceneDescription:
     """Read a scene with what the options replace and leave out of it."""
-    from renderer.advice.simplifications import simplified
     from renderer.scene_file import read_file_with
 
     description = read_file_with(path, dict(options.define), options.allow_outside)
     plugins = filter(None, [getattr(options, "plugins", None)])
     check_not_read(options.output, [*description.files, *plugins])
-    for word in options.simplify:
-        description = simplified(description, word)
+    if options.simplify:
+        from renderer.advice.simplifications import simplified
+
+        for word in options.simplify:
+            description = simplified(description, word)
     return description
 
 

@@ -10,6 +10,7 @@ import signal
 import threading
 from collections.abc import Callable, Collection
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
@@ -25,7 +26,7 @@ from renderer.command.every_kernel import (
     write_files,
 )
 from renderer.errors import SceneError
-from renderer.kernels.jit.cache import KERNEL_CACHE, is_kept_in
+from renderer.kernels.jit.cache import KERNEL_CACHE, all_are_kept, is_kept_in
 from renderer.process.memory import room
 from renderer.process.worker_pool import default_threads
 
@@ -83,7 +84,10 @@ def compile_all(
                 process.terminate()
             raise
     if replay and not names:
-        marker.touch()
+        try:
+            marker.touch()
+        except OSError as error:
+            raise SceneError(f"{marker}: {error.strerror}") from None
     return True
 
 
@@ -96,13 +100,24 @@ def _run_in_process(
     3.11 when all of them end at once.
     """
     context = multiprocessing.get_context("spawn")
-    try:
-        with ProcessPoolExecutor(1, context, _begin_worker) as pool:
-            for job in [pool.submit(task) for task in tasks]:
+    with ProcessPoolExecutor(1, context, _begin_worker) as pool:
+        try:
+            for job in [pool.submit(_run_and_keep, task) for task in tasks]:
                 job.result()
                 finished.put(None)
-    except BaseException as error:
-        finished.put(error)
+        except BrokenProcessPool:
+            what = "a process that compiled kernels was killed; is there enough memory?"
+            finished.put(SceneError(what))
+        except BaseException as error:
+            finished.put(error)
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _run_and_keep(task: partial[None]) -> None:
+    """Run a task; raise SceneError if one of its kernels could not be kept."""
+    task()
+    if not all_are_kept():
+        raise SceneError(f"{KERNEL_CACHE}: compiled kernels cannot be kept there")
 
 
 def _marker() -> Path:

@@ -25,6 +25,9 @@ def check_outputs(options: argparse.Namespace) -> None:
     """Refuse files that cannot be written, before anything is rendered for them."""
     from renderer.rendering.picture.image_files import check_output_path
 
+    targets = {target_of(output).absolute() for output in options.output}
+    if len(targets) < len(options.output):
+        raise SceneError("-o: the same file is named twice")
     for output in options.output:
         check_output_path(output)
         kept = options.checkpoint

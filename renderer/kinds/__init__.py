@@ -1,16 +1,16 @@
-"""The former name of `renderer.plugins`, for one version: BSDFs of users import it."""
+"""The former name of `renderer.plugins`, for one version: BSDFs of users import from it."""
 
 import sys
 import warnings
-
-from renderer.plugins import bsdfs
-from renderer.plugins.bsdfs import kind
+from importlib import import_module
 
 warnings.warn(
-    "renderer.kinds.bsdfs.kind is now renderer.plugins.bsdfs.kind",
+    "renderer.kinds is now renderer.plugins, and its BSDFs are in one folder: "
+    "renderer.plugins.bsdfs",
     FutureWarning,
     stacklevel=2,
 )
-# `import renderer.kinds.bsdfs.kind` finds these before it looks for files
-sys.modules[f"{__name__}.bsdfs"] = bsdfs
-sys.modules[f"{__name__}.bsdfs.kind"] = kind
+# What docs/adding-a-bsdf.md named; Python finds these before it looks for files.
+for _former in ("bsdfs", "bsdfs.kind", "bsdfs.rough", "bsdfs.rough.microfacets"):
+    _now = "renderer.plugins." + _former.replace(".rough", "")
+    sys.modules[f"{__name__}.{_former}"] = import_module(_now)

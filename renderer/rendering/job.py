@@ -56,7 +56,7 @@ class RenderJob:
     shape : FilmShape
         What its films are made of.
     level : int
-        4 ** level samples of a pixel are traced together (`records.tile`).
+        4 ** level samples of a pixel are traced together (`Tile`).
     """
 
     def __init__(self, scene: Scene, plan: Plan, options: RenderOptions) -> None:

@@ -69,8 +69,9 @@ def _documentation() -> str:
     text = []
     for field in dataclasses.fields(RenderOptions):
         text.append(f"{field.name} : {field.type}, default {field.default!r}")
-        told = OPTIONS[field.name].help
-        text += textwrap.wrap(f"{told[0].upper()}{told[1:]}.", 84, **_INDENTED)
+        option = OPTIONS[field.name]
+        told = option.help if option.choices else option.help[0].upper() + option.help[1:]
+        text += textwrap.wrap(f"{told}.", 84, break_on_hyphens=False, **_INDENTED)
     return "\n    ".join(text)
 
 

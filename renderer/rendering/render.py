@@ -52,6 +52,7 @@ from renderer.rendering.render_options import RenderOptions, shown_value
 from renderer.rendering.tile_sources import Threads, TileSource
 from renderer.scene.scene import Scene
 
+_END: Any = object()  # of the scenes of a sweep
 AHEAD = 2  # pictures of a sweep that are under way on a cluster besides the first
 INSTEAD = (
     "a smaller film; `-o NAME.exr` alone (`render_to_file`), which is written in bands "
@@ -193,7 +194,7 @@ def frames_with(scenes: Iterable[Scene], options: RenderOptions) -> Iterator[Ima
 
     def fill() -> None:
         ahead = 0 if workers is None else AHEAD
-        while len(waiting) <= ahead and (scene := next(following, None)) is not None:
+        while len(waiting) <= ahead and (scene := next(following, _END)) is not _END:
             with shown(options.progress) as show:
                 begun = begin(scene, options, show)
             waiting.append(begun)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
 import os
 import reprlib
@@ -46,6 +47,8 @@ def whole(least: int, most: int) -> Callable[[str, Any], int]:
 
     def check(name: str, value: Any) -> int:
         try:
+            if isinstance(value, bool):
+                raise TypeError
             number = operator.index(value)
         except TypeError:
             possible = f"whole numbers from {least} to {most} are possible"
@@ -64,6 +67,33 @@ def positive(name: str, value: Any) -> float:
     if not 0.0 < float(value) < float("inf"):
         raise SceneError(f"{name} is {value}; positive numbers are possible")
     return float(value)
+
+
+def truth(name: str, value: Any) -> bool:
+    """Return True or False."""
+    if type(value).__name__ not in ("bool", "bool_"):  # Python's or NumPy's
+        raise TypeError(f"{name} is {shown_value(value)}; True and False are possible")
+    return bool(value)
+
+
+def six_numbers(name: str, value: Any) -> tuple[float, ...]:
+    """Return six finite numbers."""
+    try:
+        numbers = tuple(map(float, value))
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != 6 or not all(map(math.isfinite, numbers)):
+        raise TypeError(f"{name} is {shown_value(value)}; six numbers are possible")
+    return numbers
+
+
+def names_and_texts(name: str, value: Any) -> Mapping[str, str]:
+    """Return a mapping from texts to texts."""
+    texts = [*value, *value.values()] if isinstance(value, Mapping) else [None]
+    if not all(isinstance(text, str) for text in texts):
+        possible = "a dictionary of names and texts is possible"
+        raise TypeError(f"{name} is {shown_value(value)}; {possible}")
+    return value  # type: ignore[no-any-return]
 
 
 def parse_count(text: str) -> int:
@@ -262,6 +292,7 @@ class RenderOptions:
         "identity",
         f"with the sampler {REPLAY}: six numbers of the matrix of Mitsuba's camera on this "
         "machine, whose rounding is taken (`replay.camera`)",
+        check=six_numbers,
     )
     target_error: float | None = _option(
         None,
@@ -306,6 +337,7 @@ class RenderOptions:
         "go on from the checkpoint, to the same picture as without a break; also to more "
         "--spp than it was made with, if the sampler is independent; with --frames: render "
         "those that are not there yet",
+        check=truth,
     )
     cluster: Any = _option(
         None,
@@ -339,6 +371,7 @@ class RenderOptions:
         "",
         "bands",
         "names and texts for the header of the picture's file",
+        check=names_and_texts,
     )
 
     def __post_init__(self) -> None:

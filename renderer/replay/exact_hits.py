@@ -160,7 +160,7 @@ def exact_hit(
         The primitive's own coordinates of the hit.
     probe, ray
         `probe` finds t, and `ray` is followed to it. They are the same but inside of
-        instances (`instance_space`).
+        instances (`hits.py`).
     grouped
         Whether the primitive is in a group.
     """

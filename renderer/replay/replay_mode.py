@@ -23,7 +23,7 @@ from renderer.replay.exact_hits import face_normals, triangle_tangents
 from renderer.replay.hit_points import hooks_of_hits
 from renderer.replay.light_rounding import rounded_shares, rounded_spots, triangle_shares
 from renderer.replay.new_rays import Leaving, round_rays
-from renderer.replay.numbers import BLOCK_SIZE, pixel_seeds
+from renderer.replay.pixel_seeds import BLOCK_SIZE, pixel_seeds
 from renderer.replay.sequences import (
     Replay,
     begin_bounce,

@@ -1,4 +1,7 @@
-"""Which numbers a sampler of Mitsuba hands out: one function for each kind of record."""
+"""Sequences of Mitsuba's samplers, and the numbers of a bounce drawn ahead.
+
+Which numbers a sampler of Mitsuba hands out: one function for each kind of record.
+"""
 
 from __future__ import annotations
 

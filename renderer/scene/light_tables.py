@@ -1,4 +1,7 @@
-"""Bounds of the position, direction and power of each light of a scene, by light id."""
+"""Tables of the lights of a scene, for sampling and for what paths find.
+
+Bounds of the position, direction and power of each light of a scene, by light id.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from mitsuba_ref.false_alarms.alarm_counts import WHOLE
 from mitsuba_ref.false_alarms.measure import EITHER, convergence_rung
 from mitsuba_ref.ladder.pictures_by_seed import reference_seed
 from mitsuba_ref.statistics.convergence import MOST_PICTURES
-from renderer.replay.numbers import pixel_seeds
+from renderer.replay.pixel_seeds import pixel_seeds
 
 
 def test_an_unchanged_scene_is_measured_with_itself(tmp_path, capsys):

@@ -17,7 +17,7 @@ from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.reference.variant import load_mitsuba
 from mitsuba_ref.replay.integrator_method import read_method
 from mitsuba_ref.replay.paths.mitsuba_trace import MitsubaTracer
-from renderer.replay.numbers import pixel_seeds
+from renderer.replay.pixel_seeds import pixel_seeds
 
 SCENES = Path(__file__).parents[2] / "scenes"
 WIDTH, HEIGHT, SEED = 20, 14, 3

@@ -113,3 +113,30 @@ def test_what_needs_the_whole_film_is_refused_for_bands(name, tmp_path):
 def test_own_metadata_stands_in_the_picture():
     image = renderer.render(SCENE, 1, metadata={"shot": "12"})
     assert image.metadata["shot"] == "12"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("spp", True),
+        ("seed", 1.5),
+        ("resume", "no"),
+        ("metadata", 5),
+        ("metadata", {1: 2}),
+        ("measured_camera", 5),
+        ("measured_camera", [1.0, 2.0]),
+        ("measured_camera", [float("nan")] * 6),
+    ],
+)
+def test_a_value_of_a_wrong_type_is_refused_before_anything_is_rendered(name, value):
+    with pytest.raises(TypeError, match=f"{name} is .*possible"):
+        RenderOptions(**{name: value})
+
+
+def test_a_sweep_names_what_is_no_scene_after_the_pictures_before_it():
+    ball = {"type": "scene", "sensor": {"type": "perspective"}, "a": {"type": "constant"}}
+    ball["sensor"]["film"] = {"type": "hdrfilm", "width": 4, "height": 4}
+    images = renderer.render_frames([renderer.load_dict(ball), None], spp=1)
+    assert next(images).pixels.shape == (4, 4, 3)
+    with pytest.raises(TypeError, match="the scene is None"):
+        next(images)

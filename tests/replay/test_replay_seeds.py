@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mitsuba_ref.reference.variant import load_mitsuba
-from renderer.replay.numbers import morton_number, pcg32_seed, pixel_seeds, spiral_numbers
+from renderer.replay.numbers import pcg32_seed
+from renderer.replay.pixel_seeds import morton_number, pixel_seeds, spiral_numbers
 
 MULTIPLIER, INCREMENT = 0x5851F42D4C957F2D, 0xDA3E39CB94B95BDB << 1 | 1
 

@@ -34,7 +34,7 @@ from mitsuba_ref.replay.paths.mitsuba_path import (
     film_place,
     vector,
 )
-from renderer.replay.numbers import pixel_seeds
+from renderer.replay.pixel_seeds import pixel_seeds
 
 NAME = "Mitsuba"
 

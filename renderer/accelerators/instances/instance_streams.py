@@ -1,4 +1,6 @@
-"""What the rays of a list meet in a leaf of a group: together, or ray by ray.
+"""Streams of rays through instances: a tree over the copies, one tree for each group.
+
+What the rays of a list meet in a leaf of a group: together, or ray by ray.
 
 The primitives of a leaf are of one kind, by its place in `plugins.shapes.registry`.
 """

@@ -26,12 +26,12 @@ class Instances(NamedTuple):
     octets: NDArray[np.uint8]  # the same memory
     order: NDArray[np.int32]  # (nodes * 8,) of the children, see `far_to_near`
     root: NDArray[np.int32]  # (instances,) the node or ~leaf that an instance's group is
-    leaves: NDArray[np.int32]  # (4 * leaves,) see `instance_leaves`
+    leaves: NDArray[np.int32]  # (4 * leaves,) see `instance_streams`
     # Boxes are padded for rays that start with |x| + |y| + |z| <= reach. Others meet all
     # instances.
     reach: float
     placements: Placements
-    primitives: Any  # `instance_leaves.Primitives` of all groups
+    primitives: Any  # `instance_streams.Primitives` of all groups
 
 
 traverse.by(Instances)(trace_instances)

@@ -490,6 +490,11 @@ AGAIN = "kernels are compiled again: %s: %s"
 _warned: set[str] = set()
 
 
+def all_are_kept() -> bool:
+    """Return whether each kernel that this process has compiled is in the cache."""
+    return EACH_TIME not in _warned
+
+
 def _warn_once(folder: Path, reason: str, text: str) -> None:
     """Log a warning once a process, and not for each of a scene's hundred kernels."""
     if text not in _warned:

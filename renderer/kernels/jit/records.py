@@ -1,4 +1,6 @@
-"""Tables that lie in memory column by column: what kernels gather of one thing is together.
+"""Records of kernels: NamedTuples packed into one buffer, and their tables by columns.
+
+Tables that lie in memory column by column: what kernels gather of one thing is together.
 
 How they are gathered from is in `renderer.kernels.lanes.memory`.
 """

@@ -153,7 +153,7 @@ def note_packet_stack(tally, i, count, depth):
 # `CAPACITY` paths and a padding that is no multiple of a power of two: rows that lie 4 or
 # 8 KB apart fall into the same cache sets, which halved the speed in a trial.
 
-CAPACITY = 1024  # camera rays of a batch: a part of a tile (`records.tile`)
+CAPACITY = 1024  # camera rays of a batch: a part of a tile (`Tile`)
 PADDING = 48
 
 # bits of what a path has met

@@ -48,7 +48,7 @@ class Rows(NamedTuple):
 
 
 class Nested:
-    """Annotation of a parameter that is a BSDF itself; see `plugins.bsdfs.wrappers`."""
+    """Annotation of a parameter that is a BSDF itself; as in `mask`."""
 
 
 class Gradient:

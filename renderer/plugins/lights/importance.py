@@ -34,12 +34,12 @@ _SMALLEST = np.float32(1.1754944e-38)
 
 
 class LightNodes(NamedTuple):
-    """Bounds as the kernels see them, `choice.bounds.LightBounds`; columns by node."""
+    """Bounds as the kernels see them, `light_tree.LightBounds`; columns by node."""
 
     center: NDArray[np.float32]  # (3, m) world
     axis: NDArray[np.float32]  # (3, m) unit; at infinity towards the light
     strength: NDArray[np.float32]  # (m,) in parts of the largest
-    radius2: NDArray[np.float32]  # (m,) squared, and not 0: see `tree.light_nodes`
+    radius2: NDArray[np.float32]  # (m,) squared, and not 0: see `light_tree.light_nodes`
     cos_spread: NDArray[np.float32]  # (m,)
     sin_spread: NDArray[np.float32]  # (m,)
     cos_reach: NDArray[np.float32]  # (m,)

@@ -1,4 +1,7 @@
-"""Tables of lights: one column for each light id, zero for lights of other kinds."""
+"""What a kind of light is: its table, how it is sampled, its weight among all lights.
+
+Tables of lights: one column for each light id, zero for lights of other kinds.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ def light_probability(lights, settings):
     """Return the probability of each light to be sampled, if it is the same for all.
 
     1 if it differs from light to light: the densities of light samples and of rays that hit
-    a light then contain it already (`choice.choose`).
+    a light then contain it already (`choice.choose_by_importance`).
     """
     if settings.every_light != 0 or lights.choice.shape[0] != 0:
         return np.float32(1.0)

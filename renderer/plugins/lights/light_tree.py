@@ -1,4 +1,7 @@
-"""Bounds of one light for importance sampling: its place, power and emitted directions."""
+"""A tree over lights, by whose bounds one is chosen that can give most at a point.
+
+Bounds of one light for importance sampling: its place, power and emitted directions.
+"""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Sampling:
     """Where random numbers come from, as methods of a record."""
 
     record: Packed
-    film: Any  # kernels of `stages.film.draws`, or others with the same parameters
+    film: Any  # kernels of `stages.camera_rays`, or others with the same parameters
     draw: Any
     choose_light: Any
     aperture: Any

@@ -1,4 +1,6 @@
-"""The digits of the points behind the sampler `sobol`: matrices modulo 2, as tables.
+"""The sampler `sobol`: points of nets, scrambled, and the matrices of their digits.
+
+The digits of the points behind the sampler `sobol`: matrices modulo 2, as tables.
 
 A point has eight coordinates, four pairs. Each pair is a point of the same net of two
 dimensions, at an index that the pair's matrix makes of the sample's index. So every pair is
@@ -185,7 +187,7 @@ def _table(
 #
 # Of each pair of numbers that a path draws together (place in the pixel, direction, point
 # on a light), one of 2^m samples lies in each of the 2^m boxes of any shape 2^-i by 2^-(m
-# - i): they are (0, m, 2)-nets (`sobol_digits`). Every number is then scrambled: each
+# - i): they are (0, m, 2)-nets. Every number is then scrambled: each
 # binary digit is flipped or not, by chance or by a hash of those before it, which keeps
 # that and makes all places equally likely [Owen1995], [Laine2011], with the hash of
 # [Vegdahl2021].

@@ -1,4 +1,6 @@
-"""The first root of g along a ray, without missed or false roots.
+"""The shape `implicit`, g(x, y, z) = 0: the first root along a ray, point and normal.
+
+The first root of g along a ray, without missed or false roots.
 
 [Mitchell1990]: an interval of t on which g cannot be 0 is left out. An interval on which
 the derivative cannot be 0 has at most one root, and has it if g changes its sign. Any other

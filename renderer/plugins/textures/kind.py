@@ -29,7 +29,7 @@ class TextureMethods(NamedTuple):
 
     table: Any  # of the kind
     to_uv: NDArray[np.float32]  # (6, n) first two rows of the affine map
-    nested: Any  # see `plugins.textures.nested`; None in scenes without such checkerboards
+    nested: Any  # see `look_up.nested_boards`; None in scenes without such checkerboards
 
 
 def _alike(texture: Any) -> Hashable:

@@ -1,4 +1,6 @@
-"""Checkerboards whose colours are textures: at each point one of these is looked up.
+"""Look-ups of textures at surface points, checkerboards of textures included.
+
+Checkerboards whose colours are textures: at each point one of these is looked up.
 
 So a board has no table. It only selects the texture whose table is read.
 """

@@ -167,8 +167,9 @@ class Checkpoint:
             keep = self._whole and self._path.exists()
             write_checkpoint(self._path, self._of, state, keep=keep)
             self._whole = True
-        except OSError as error:
-            self._failure = f"{self._path} cannot be written: {error.strerror or error}"
+        except (OSError, MemoryError) as error:
+            reason = getattr(error, "strerror", None) or error or "not enough memory"
+            self._failure = f"{self._path} cannot be written: {reason}"
         self._last = time.monotonic()
 
     def _say_failure(self) -> None:

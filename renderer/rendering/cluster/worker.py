@@ -1,4 +1,6 @@
-"""A scene and what is to be done with it, as bytes that are known by what they hold.
+"""What runs on a worker of a cluster, and the bytes of the scene that it is sent.
+
+A scene and what is to be done with it, as bytes that are known by what they hold.
 
 Workers share no disk with the client. They get the description as it was read, with the
 contents of all files in it. Large arrays are pieces of their own, under
@@ -236,7 +238,7 @@ def meet(
     Parameters
     ----------
     key, names, held
-        The `Request`, see `content`.
+        The `Request`, see the functions above.
     ours : dict
         What runs at the client.
     portion : Portion
@@ -280,7 +282,7 @@ def add_samples(
     Parameters
     ----------
     key, names, held
-        The `Request`, see `content`.
+        The `Request`, see the functions above.
     portion : Portion
         Which samples.
     sums : float64 (places, channels + 1, rows, columns), or None

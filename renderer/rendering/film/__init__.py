@@ -1,1 +1,1 @@
-"""The film of a render: its sums, who adds what to them, and how they become a picture."""
+"""The film of a render: its sums, and how many samples each place of them holds."""

@@ -1,4 +1,7 @@
-"""The transfer curve of sRGB: from light to the numbers that a screen expects."""
+"""Sums of the film as pixels: `Picture`, and the transfer curve of sRGB.
+
+The transfer curve of sRGB: from light to the numbers that a screen expects.
+"""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ class Plan(Decision):
 
     @property
     def level(self) -> int:
-        """4 ** level samples of a pixel are traced together (`records.tile`)."""
+        """4 ** level samples of a pixel are traced together (`Tile`)."""
         if self.replay or self.kind.splits or not self.kind.sees_lights:
             # A replay draws its numbers in order. In a tree of rays the order in which two
             # branches add their light depends on the others of the batch. And of AOVs and

@@ -1,4 +1,7 @@
-"""Numba's types and messages in the words of the walk-through."""
+"""`Mistake`: an error of Numba in a user's kernel, with its place and in plain words.
+
+Numba's types and messages in the words of the walk-through.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Primaries and white of a colour space, as points x, y of the CIE 1931 diagram.
+"""`Image`: pixels as they were read, and the primaries of their colour space.
+
+Primaries and white of a colour space, as points x, y of the CIE 1931 diagram.
 
 In files they are eight numbers: red, green, blue, white; x before y.
 """
