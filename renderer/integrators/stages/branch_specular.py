@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.integrators.stages.scatter import append_rays, largest
-from renderer.integrators.stages.surface import frame_at
+from renderer.integrators.stages.surface import local_wo, world_direction
 from renderer.kernels.jit import count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import first_lanes, mask_bits, splat_f32
 from renderer.kernels.lanes.memory import load_row
@@ -13,7 +13,6 @@ from renderer.kernels.lanes.vectors import load3
 from renderer.kernels.records.kernel_scene import RECORD, SPLIT
 from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
-from renderer.plugins.sampling.numbers_and_warps import to_local, to_world
 
 _LARGEST = np.float32(1.0 - 2.0**-24)  # of a random number
 
@@ -26,7 +25,7 @@ def _append_branch(bsdf, settings, branch, frame, points, i, mine, rays, end):
     brightest, lobe = largest(throughput), lobe_of(branch)
     heavy = mine & (brightest > 0.0) & (brightest >= np.float32(settings.cutoff))
     heavy &= lobe != SMOOTH
-    direction = to_world(bsdf.arithmetic, frame, branch.wi)
+    direction = world_direction(bsdf, frame, branch.wi)
     none, eta = splat_f32(0.0), load_row(points.eta, 0, i) * branch.eta
     return append_rays(rays, end, points, i, direction, throughput, none, eta, lobe, heavy)
 
@@ -42,8 +41,7 @@ def split(bsdf, settings, points, start, stop, rays, end):
         mine = first_lanes(stop - i) & (load_row(points.bsdf, 0, i) >= 0)
         if mask_bits(mine) == 0:
             continue
-        frame = frame_at(bsdf, points, i)
-        wo = to_local(frame, load3(points.wo, i))
+        frame, wo = local_wo(bsdf, points, i)
         parameters = parameters_at(bsdf.form, points, i)
         least = Numbers(none, none, none, bsdf.arithmetic)
         one = sample_bsdf(parameters, wo, least)

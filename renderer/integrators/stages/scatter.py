@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.integrators.stages.surface import frame_at, leave_surface
+from renderer.integrators.stages.surface import leave_surface, local_wo, world_direction
 from renderer.kernels.jit import call, count_of, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
     fabs,
@@ -33,8 +33,6 @@ from renderer.plugins.bsdfs.kind import SMOOTH, Numbers, lobe_of, sample_bsdf
 from renderer.plugins.bsdfs.parameters import parameters_at
 from renderer.plugins.sampling.numbers_and_warps import (
     BLOCKS_PER_BOUNCE,
-    to_local,
-    to_world,
 )
 
 _MOST = np.float32(0.95)  # a path never survives roulette for certain
@@ -81,8 +79,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         if mask_bits(mine) == 0:
             continue
         # the BSDF chooses a direction, in the local frame
-        frame = frame_at(bsdf, points, i)
-        wo = to_local(frame, load3(points.wo, i))
+        frame, wo = local_wo(bsdf, points, i)
         drawn = Numbers(
             load_row(numbers, 0, i),
             load_row(numbers, 1, i),
@@ -102,7 +99,7 @@ def scatter_kind(bsdf, settings, bounce, points, numbers, start, stop, rays, end
         )
 
         # the next ray
-        direction = to_world(bsdf.arithmetic, frame, chosen.wi)
+        direction = world_direction(bsdf, frame, chosen.wi)
         lobe = lobe_of(chosen)
         pdf = select(lobe == SMOOTH, chosen.pdf, 0.0)  # no light sample meets the others
         end = append_rays(

@@ -8,11 +8,13 @@ import numpy as np
 
 from renderer.kernels.jit import call, kernel, method_kernel
 from renderer.kernels.lanes.functions import (
+    fabs,
     first_lanes,
     lane_index,
     mask_bits,
     popcount,
     select,
+    splat_f32,
     splat_i32,
 )
 from renderer.kernels.lanes.memory import (
@@ -37,6 +39,7 @@ from renderer.kernels.lanes.vectors import (
     store3_where,
     times,
     transposed_times,
+    vec3,
 )
 from renderer.kernels.records.kernel_scene import (
     AFTER_SURFACE_POINTS,
@@ -44,7 +47,12 @@ from renderer.kernels.records.kernel_scene import (
     LOCATE,
     RECORD,
 )
-from renderer.plugins.sampling.numbers_and_warps import Frame, tangents_of
+from renderer.plugins.sampling.numbers_and_warps import (
+    Frame,
+    tangents_of,
+    to_local,
+    to_world,
+)
 from renderer.plugins.shapes.surface import ROUNDING, magnitude, surface_point, tangent_at
 from renderer.plugins.shapes.uv import uv_derivatives
 
@@ -91,6 +99,35 @@ def frame_at(bsdf, points, i):
         front = dot(load3(points.wo, i), normal) > 0.0
         return Frame(s, t, select3(front, normal, -normal))
     return Frame(s, t, normal)
+
+
+@kernel
+def local_wo(bsdf, points, i):
+    """Return the local frames of points i to i + 15, and wo in them.
+
+    If all directions lie in the plane of wo and the normal (`BsdfKind.in_plane`), the frame
+    has one tangent, which is not of unit length: wo is 1 along it.
+    """
+    wo = load3(points.wo, i)
+    if bsdf.in_plane is None:  # known when it is compiled
+        frame = frame_at(bsdf, points, i)
+        return frame, to_local(frame, wo)
+    normal = load3(points.shading_normal, i)
+    cosine = dot(wo, normal)
+    along = wo - normal * cosine
+    if bsdf.both_sides is None:
+        normal = select3(cosine > 0.0, normal, -normal)
+        cosine = fabs(cosine)
+    one = splat_f32(1.0)
+    return Frame(along, along, normal), vec3(one, splat_f32(0.0), cosine)
+
+
+@kernel
+def world_direction(bsdf, frame, local):
+    """Return a direction in the world from one in a frame of `local_wo`."""
+    if bsdf.in_plane is None:
+        return to_world(bsdf.arithmetic, frame, local)
+    return frame.s * local.x + frame.n * local.z
 
 
 @kernel

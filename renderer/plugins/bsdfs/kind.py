@@ -69,6 +69,7 @@ class BsdfMethods(NamedTuple):
     form: Any  # of the kind's class: None for what each point has, arrays for tables
     arithmetic: Any
     both_sides: Any = None  # None: the frame is turned, so that wo.z is never negative
+    in_plane: Any = None  # not None: see `BsdfKind.in_plane`
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,16 @@ class BsdfKind:
     def chooses(self) -> bool:
         """Whether a delta lobe is chosen at random."""
         return self.delta and (self.smooth or self.transmits or bool(self.inside))
+
+    @property
+    def in_plane(self) -> bool:
+        """Whether all lobes are mirrored, refracted or straight on.
+
+        Such a direction lies in the plane of wo and the normal, and its x and y are those
+        of wo times a factor. Then no tangents are needed: computing them took 1.04 to 1.12
+        times the time of a picture with mirrors or glass.
+        """
+        return self.delta and not (self.smooth or self.inside or self.source)
 
     @property
     def both_sides(self) -> bool:

@@ -22,7 +22,7 @@ from renderer.kernels.records.kernel_scene import (
     Settings,
 )
 from renderer.plugins.bsdfs.kind import BsdfKind, BsdfMethods
-from renderer.plugins.sampling.numbers_and_warps import along_u
+from renderer.plugins.sampling.numbers_and_warps import Plain, along_u
 from renderer.plugins.textures.gradient import look_up_gradient
 from renderer.plugins.textures.kind import TextureMethods
 from renderer.plugins.textures.look_up import look_up_color, look_up_scalar, nested_boards
@@ -149,7 +149,13 @@ def _row(
     form = kind.form(materials.tables_of(kind))
     rounded = along_u(arithmetic) if kind.oriented else arithmetic
     record = tables.pack(
-        BsdfMethods(form, rounded, True if kind.both_sides else None), kind.source
+        BsdfMethods(
+            form,
+            rounded,
+            True if kind.both_sides else None,
+            True if kind.in_plane and isinstance(rounded, Plain) else None,
+        ),
+        kind.source,
     )
     return record, [
         reflect if kind.smooth and lit else None,
