@@ -132,7 +132,7 @@ def box_dimension(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> flo
 
 
 # ------------------------------------------------------------------------------- choice
-# The structure of each kind of primitive: as asked for, or the cheapest to expect.
+# The structure of each kind of primitive: the requested one, or the expected fastest.
 
 _TO_BUILD_BOXES = 2e-3  # seconds that they must save, five times what they take
 _MOST_IN_BOXES = 1024  # above it they take longer to build, and a tree pays

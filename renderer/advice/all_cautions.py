@@ -4,7 +4,7 @@ Each is drawn from the description alone. What stands in front of what, and what
 show, is not looked at: a caution holds where the camera sees what it names. Silence is no
 promise: what a check gives up is named in its docstring, and none but that of far
 coordinates looks into instances. Each stands under the row of the atlas of failures
-(`reports/limits`) that measures it. Nothing here is asked for while a picture is rendered.
+(`reports/limits`) that measures it. Nothing here runs while a picture is rendered.
 """
 
 from __future__ import annotations

@@ -283,7 +283,7 @@ def surface_points(shapes: tuple[Shape, ...], count: int) -> SurfacePoints:
 
 
 # ------------------------------------------------------------------ undersampled lights
-# Lamps that are asked too rarely, because each is asked as often as any other.
+# Lamps that are sampled too rarely, because lights are sampled uniformly.
 
 LIMIT = 4.0  # standard deviation of a sample over the mean: 25 % error at 256 samples
 NEARLY_ALL = 0.9  # of the lit area

@@ -31,7 +31,7 @@ class Case(NamedTuple):
 
     @property
     def depth(self) -> int:
-        """Segments of a path at most."""
+        """Maximum number of path segments; max_depth -1 is no limit."""
         return NO_LIMIT if self.asked.max_depth < 0 else self.asked.max_depth
 
 

@@ -72,7 +72,7 @@ MOMENT = Moment()
 
 
 def squared_sums(kind: IntegratorKind, asked: Integrator) -> NDArray[np.float32]:
-    """Return the linear combinations of an integrator's channels that are squared.
+    """Return which linear combinations of channels have their squares summed.
 
     These are each channel of AOVs; X, Y and Z of colours, and R, G and B if an `aov` lies
     between. What `show` returns is linear in the channels, so showing each channel alone

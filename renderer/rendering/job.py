@@ -247,9 +247,10 @@ def workspace_of(
     parameters: int,
     previous_points: bool,
 ) -> Workspace:
-    """Allocate what one thread works in.
+    """Allocate the buffers of one thread: a batch of rays, sums of a tile, parameters.
 
-    `border` is the film's, `level` a `Tile`'s, the others are those of `make_workspace`.
+    `border` is the reach of the film's filter in pixels; 4 ** `level` samples of a pixel
+    are traced together. The others are those of `make_workspace`.
     """
     depths, capacity = 1, CAPACITY
     if plan.kind.splits:

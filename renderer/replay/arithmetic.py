@@ -124,7 +124,10 @@ def fused_affine(row, at, p):
 
 @kernel
 def times_point(rows, first, k, p):
-    """Return the point p moved by the matrix in rows first .. first + 11 of column k."""
+    """Transform point p by the 3 x 4 matrix in rows first .. first + 11 of column k.
+
+    Row by row, with the fused multiply-adds of Mitsuba.
+    """
     return vec3(
         _row_times(rows, first, k, rows[first + 3, k], p),
         _row_times(rows, first + 4, k, rows[first + 7, k], p),

@@ -117,7 +117,10 @@ def keep_previous_points(_, placements, rays, hits, order, count, points):
 
 @method_kernel
 def round_surface_points(rounding, placements, rays, hits, order, count, points):
-    """Compute the points on one kind of shape anew, with Mitsuba's roundings."""
+    """Recompute position, normals and uv of hits in Mitsuba's order of operations.
+
+    Those on one kind of shape; the others stay as they are.
+    """
     matrices = rounding.instances
     for i in range(count):
         ray = order[i]

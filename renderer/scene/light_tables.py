@@ -67,7 +67,10 @@ def _of_shape(scene: Scene, number: int, primitives: NDArray[np.int32]) -> Light
 
 
 def lit_sides(kind: BsdfKind) -> int:
-    """Return on which side of a surface lights can matter, see `LightChoice.sides`."""
+    """Return on which sides of a surface with this BSDF light is scattered.
+
+    IN_FRONT, BOTH_SIDES or ANY_NORMAL, see `LightChoice.sides`.
+    """
     if _turns_normals(kind):
         return ANY_NORMAL
     return BOTH_SIDES if kind.transmits else IN_FRONT

@@ -73,7 +73,10 @@ def build_cell_tree(extents: Extents, group: PrimitiveGroup, rule: Any, cell: An
 
 
 def bounds_of(extents: Extents) -> NDArray[np.float32]:
-    """Return the box (6,) of all primitives, grown by `MARGIN` pads."""
+    """Return the box (6,) of all primitives, grown by `MARGIN` times `extents.pad`.
+
+    The pad covers the rounding of rays.
+    """
     margin = MARGIN * extents.pad
     low, high = extents.lower.min(axis=1) - margin, extents.upper.max(axis=1) + margin
     return np.concatenate((low, high)).astype(np.float32)

@@ -40,7 +40,10 @@ class Plastic(NamedTuple):
 
 
 def read_coated(properties: Any, eta: float) -> dict[str, Any]:
-    """Return the parameters that smooth and rough plastic share, but for `thrown_back`."""
+    """Return the parameters that smooth and rough plastic share.
+
+    The mean internal reflectance of the coat (`thrown_back`) is computed by each.
+    """
     diffuse = read_texture(properties, "diffuse_reflectance", 0.5)
     specular = read_texture(properties, "specular_reflectance", 1.0)
     total = mean_of(diffuse) + mean_of(specular)

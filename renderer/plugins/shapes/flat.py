@@ -66,7 +66,8 @@ def meet_plane(patch, origin, direction):
 
     The lecture's steps: t = n . (c - p) / n . d, then c + u e1 + v e2 = p + t d. Crossing
     the second equation with d removes t: with r = (c - p) x d, u = e2 . r / n . d and
-    v = -e1 . r / n . d. A ray in the plane has scale 0 and fails every test that follows.
+    v = -e1 . r / n . d. For a ray parallel to the
+    plane n . d (`scale`) is 0, and the tests of the caller reject it.
     """
     to_corner = patch.corner - origin
     r = cross(to_corner, direction)

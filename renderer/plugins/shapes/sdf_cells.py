@@ -43,7 +43,10 @@ class Cubic(NamedTuple):
 
 @kernel
 def trilinear_of(corners, k):
-    """Return row k of corners, of which x + 2 y + 4 z is at (x, y, z)."""
+    """Return the coefficients of the trilinear polynomial of cell k.
+
+    corners[k, x + 2 y + 4 z] is the value at corner (x, y, z) of the unit cube.
+    """
     f0, f1 = np.float64(corners[k, 0]), np.float64(corners[k, 1])
     f2, f3 = np.float64(corners[k, 2]), np.float64(corners[k, 3])
     f4, f5 = np.float64(corners[k, 4]), np.float64(corners[k, 5])

@@ -157,7 +157,10 @@ def no_derivatives(surfaces: Any, shapes: Sequence[Any]) -> ByPrimitive:
 
 
 def derivatives_by_place(surfaces: Any, shapes: Sequence[Any]) -> ByPlace:
-    """Return the maps to the local points of shapes that have `uv_axes`, and back."""
+    """Return the object-to-world matrices of shapes, and their inverses.
+
+    For shapes whose dp/du and dp/dv follow from the local hit point (`uv_axes`).
+    """
     maps = np.array([shape.to_world for shape in shapes], float)
     back = np.linalg.inv(maps)
     back[:, :3, 3] = maps[:, :3, 3]

@@ -213,7 +213,7 @@ class ClusterTiles:
 
     @property
     def note(self) -> str:
-        """A line about workers and what was done."""
+        """The progress line: workers in use, portions done, retried and lost, bytes."""
         return f"{_counted(self._tally.size, 'worker')}, {self._tally}"
 
     def start(self, wanted: NDArray[np.int64]) -> None:

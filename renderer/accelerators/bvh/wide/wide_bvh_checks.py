@@ -1,4 +1,7 @@
-"""The proof of the wide tree: both forms reach all primitives, in boxes that hold them."""
+"""Checks of the wide BVH: its nodes of eight children and its binary tree of blocks.
+
+Both reach every block of primitives once, through boxes that contain it.
+"""
 
 from __future__ import annotations
 
