@@ -278,7 +278,10 @@ def polished_branch(polished, wo):
 @pytest.mark.parametrize("form", ["present", "version 1"])
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
 def test_a_mirror_of_ones_own_shows_what_the_renderers_own_shows(integrator, form):
-    """A delta lobe is sampled by paths and followed by trees: bit for bit a conductor."""
+    """A delta lobe is sampled by paths and followed by trees, as that of a conductor.
+
+    Up to rounding: the renderer's own mirrors need no tangents (`BsdfKind.in_plane`).
+    """
     name = f"polished, {form}"
     if form == "present":
         renderer.register_bsdf(name, Polished, sample=sample_polished, delta=True)
@@ -300,7 +303,7 @@ def test_a_mirror_of_ones_own_shows_what_the_renderers_own_shows(integrator, for
         )
         for bsdf in ({"type": name, "tint": rgb(0.7)}, mirror(0.7))
     )
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
 
 
 # ------------------------------------------------------------------------------- errors
