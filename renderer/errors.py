@@ -55,7 +55,7 @@ class NotReplayable(SceneError):
 class NotAllowed(SceneError):
     """A scene asks for what it may not have: a file outside of its folder, or memory.
 
-    Nobody else is asked to read it then, such as the renderer that ours is compared with.
+    No other program is given it then, such as the renderer that ours is compared with.
     """
 
 

@@ -146,7 +146,7 @@ class Choice(NamedTuple):
 
 
 def choose_structures(
-    scene: Scene, asked: str, rays: RayCounts = USUAL_RAYS
+    scene: Scene, requested: str, rays: RayCounts = USUAL_RAYS
 ) -> dict[str, Choice]:
     """Return what to build for each kind of primitive outside of groups.
 
@@ -154,24 +154,24 @@ def choose_structures(
     ----------
     scene
         The primitives.
-    asked
+    requested
         The name of a structure, or "auto".
     rays
         That will be traced.
     """
     found: dict[str, Choice] = scene.recently(
-        "structures", (asked, rays), _choose_structures, scene, asked, rays
+        "structures", (requested, rays), _choose_structures, scene, requested, rays
     )
     return found
 
 
-def _choose_structures(scene: Scene, asked: str, rays: RayCounts) -> dict[str, Choice]:
+def _choose_structures(scene: Scene, requested: str, rays: RayCounts) -> dict[str, Choice]:
     chosen = {}
     for kind, surfaces in scene.surfaces.items():
         count = int(scene.starts[kind][0])
         if count:
             chosen[kind] = choose_structure(
-                kind, surfaces, count, asked, rays, scene.bounds
+                kind, surfaces, count, requested, rays, scene.bounds
             )
     return chosen
 
@@ -180,7 +180,7 @@ def choose_structure(
     kind: str,
     surfaces: Any,
     count: int,
-    asked: str,
+    requested: str,
     rays: RayCounts = USUAL_RAYS,
     room: NDArray[np.float64] | None = None,
 ) -> Choice:
@@ -188,10 +188,10 @@ def choose_structure(
 
     `room` are the corners, (2, 3), of the box that rays fill; None: that of the primitives.
     """
-    if not SHAPES[kind].wide and asked in ("auto", "wide"):
+    if not SHAPES[kind].wide and requested in ("auto", "wide"):
         return Choice("bvh", "the tree for primitives that are tested one at a time")
-    if asked != "auto":
-        return Choice(asked, "as asked for")
+    if requested != "auto":
+        return Choice(requested, "as asked for")
     sample = primitive_bounds(kind, _sample(surfaces, count))
     dimension = box_dimension(*sample)
     best, second = estimate_all(count, dimension, rays)[:2]

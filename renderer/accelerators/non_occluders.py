@@ -54,7 +54,7 @@ def find_non_occluders(
     """Return which primitives shadow rays to some lights are not tested against.
 
     Under `auto` these are those of `never_between` that would be tested one after the
-    other: a tree hardly looks at the walls around it. A structure that is asked for by its
+    other: a tree hardly looks at the walls around it. A structure that is requested by
     name leaves nothing out.
     """
     chosen = choose_structures(scene, accel, rays)
@@ -140,7 +140,7 @@ def _sides(walls: Balls, balls: Balls, off: float) -> tuple[Any, Any]:
 
 def _around_lights(scene: Scene, lights: NDArray[np.int32]) -> Balls | None:
     """Return balls around all lights; None if there is none, or one is at infinity."""
-    order, asked = light_order(scene.description), set(lights.tolist())
+    order, sampled = light_order(scene.description), set(lights.tolist())
     found = []
     for kind, surfaces in scene.surfaces.items():
         end = surfaces.first + scene.starts[kind][0]
@@ -149,7 +149,7 @@ def _around_lights(scene: Scene, lights: NDArray[np.int32]) -> Balls | None:
             found.append(_around(scene, kind, emitting))
     centers, radii = [], []
     for light, emitter in zip(order.of_emitters, scene.description.emitters, strict=True):
-        if light not in asked:
+        if light not in sampled:
             continue
         plugin = plugin_of(emitter)
         if plugin.at_infinity or plugin.bounds is None:

@@ -321,9 +321,9 @@ def undersampled_lights(scene: Scene, plan: Plan) -> Iterator[str]:
     spread = np.sqrt(np.maximum(second - 1.0, 0.0))
     if np.mean(spread > LIMIT) > NEARLY_ALL:
         yield (
-            f"one of {count} lamps is asked at a time, all equally often, and few of them "
-            f"give most of the light: a sample varies by {np.median(spread):.2g} times its "
-            "mean, shadows aside"
+            f"one of {count} lamps is sampled at a time, all equally often, and few of "
+            f"them give most of the light: a sample varies by {np.median(spread):.2g} "
+            "times its mean, shadows aside"
         )
 
 

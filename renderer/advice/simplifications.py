@@ -327,10 +327,10 @@ def words_of(description: SceneDescription) -> list[str]:
 
 def is_endless(description: SceneDescription) -> bool:
     """Return whether only roulette ends the paths, so that it cannot be left out."""
-    asked = description.integrator
-    while asked.nested is not None:
-        asked = asked.nested
-    return asked.name == "path" and asked.max_depth < 0
+    requested = description.integrator
+    while requested.nested is not None:
+        requested = requested.nested
+    return requested.name == "path" and requested.max_depth < 0
 
 
 def offered(description: SceneDescription) -> tuple[list[str], list[str]]:

@@ -75,30 +75,30 @@ def _nested(properties: Properties) -> Integrator | None:
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     say("method", "aov: the first hit alone; no light, no BSDF is sampled")
-    if case.asked.nested is None and case.asked.moments is None:
-        (name, kind), *_ = _listed(case.asked)
+    if case.requested.nested is None and case.requested.moments is None:
+        (name, kind), *_ = _listed(case.requested)
         say("picture", f"the first AOV, {quoted(name)} ({kind}): no integrator is inside")
     return Decision("aov")
 
 
-def _listed(asked: Integrator) -> tuple[tuple[str, str], ...]:
+def _listed(requested: Integrator) -> tuple[tuple[str, str], ...]:
     """Return name and kind of the AOVs; without a list all kinds, by their own names."""
-    return asked.aovs or tuple((kind, kind) for kind in AOV_KINDS)
+    return requested.aovs or tuple((kind, kind) for kind in AOV_KINDS)
 
 
-def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+def _show(film: NDArray[Any], requested: Integrator) -> Shown:
     """Return the AOVs by name, and as the picture the first of them.
 
     With an inner integrator the picture is black: that integrator is rendered separately.
     """
     aovs = {
         name: np.ascontiguousarray(film[..., _CHANNELS[kind]])
-        for name, kind in _listed(asked)
+        for name, kind in _listed(requested)
     }
     picture = as_picture(next(iter(aovs.values())))
-    if asked.nested is not None:
+    if requested.nested is not None:
         picture = np.zeros_like(picture)
-    return Shown(picture, aovs, dict(_listed(asked)))
+    return Shown(picture, aovs, dict(_listed(requested)))
 
 
 INTEGRATOR = IntegratorKind(

@@ -23,7 +23,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     return Decision("depth")
 
 
-def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+def _show(film: NDArray[Any], requested: Integrator) -> Shown:
     return Shown(as_picture(film[..., DEPTH : DEPTH + 1]))
 
 

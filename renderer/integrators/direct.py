@@ -107,7 +107,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     if max(lights, directions) > 1:
         whose = "each light" if decision.every_light else "one light at a time"
         say("samples", f"at each point {lights} of {whose} and {directions} of the BSDF")
-    elif max(case.asked.emitter_samples, case.asked.bsdf_samples) > 1:
+    elif max(case.requested.emitter_samples, case.requested.bsdf_samples) > 1:
         say("left out", "more samples at each point: no light has an extent")
     return decision
 

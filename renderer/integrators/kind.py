@@ -19,7 +19,7 @@ MOST = 2**31 - 1  # of a file's integers
 class Case(NamedTuple):
     """The inputs of an integrator's decision: the file's integrator, and the scene."""
 
-    asked: Integrator
+    requested: Integrator
     reduce: bool  # a cheaper method with the same mean may replace it
     replay: bool  # the paths have to be Mitsuba's
     lights: bool  # the scene has any
@@ -32,7 +32,7 @@ class Case(NamedTuple):
     @property
     def depth(self) -> int:
         """Maximum number of path segments; max_depth -1 is no limit."""
-        return NO_LIMIT if self.asked.max_depth < 0 else self.asked.max_depth
+        return NO_LIMIT if self.requested.max_depth < 0 else self.requested.max_depth
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class IntegratorKind:
     read: Callable[[Properties], Integrator] | None = None
     described: tuple[str, ...] = ()  # properties that `--explain` names
     channels: int = 3
-    show: Callable[[NDArray[Any], Integrator], Shown] = lambda film, asked: Shown(film)
+    show: Callable[[NDArray[Any], Integrator], Shown] = lambda film, requested: Shown(film)
     sees_lights: bool = False  # gathers light, so that lights have tables
     scatters: bool = False  # BSDFs choose one direction
     splits: bool = False  # delta lobes are all followed, on a tree of rays

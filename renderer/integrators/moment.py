@@ -71,7 +71,7 @@ class Moment(NamedTuple):
 MOMENT = Moment()
 
 
-def squared_sums(kind: IntegratorKind, asked: Integrator) -> NDArray[np.float32]:
+def squared_sums(kind: IntegratorKind, requested: Integrator) -> NDArray[np.float32]:
     """Return which linear combinations of channels have their squares summed.
 
     These are each channel of AOVs; X, Y and Z of colours, and R, G and B if an `aov` lies
@@ -83,21 +83,21 @@ def squared_sums(kind: IntegratorKind, asked: Integrator) -> NDArray[np.float32]
     ndarray of shape (m, channels)
     """
     single = np.eye(kind.channels, dtype=np.float32)[:, None, :]
-    shown = [values for _, values, _ in _parts(kind.show(single, asked), asked)]
+    shown = [values for _, values, _ in _parts(kind.show(single, requested), requested)]
     return np.ascontiguousarray(np.concatenate(shown, axis=2)[:, 0, :].T)
 
 
-def show_moments(kind: IntegratorKind, film: NDArray[Any], asked: Integrator) -> Shown:
+def show_moments(kind: IntegratorKind, film: NDArray[Any], requested: Integrator) -> Shown:
     """Return what the integrator shows, then the moments; `film` ends with the squares."""
-    shown = kind.show(film[..., : kind.channels], asked)
-    moments = asked.moments
+    shown = kind.show(film[..., : kind.channels], requested)
+    moments = requested.moments
     assert moments is not None
     first, second = moments.within, f"{moments.within}m2_"
     aovs: dict[str, NDArray[Any]] = {}
     kinds: dict[str, str] = {}
     squares: dict[str, NDArray[Any]] = {}
     start = kind.channels
-    for name, values, meaning in _parts(shown, asked):
+    for name, values, meaning in _parts(shown, requested):
         end = start + values.shape[2]
         aovs[first + name], kinds[first + name] = values, meaning
         squares[second + name], kinds[second + name] = film[..., start:end], meaning
@@ -108,9 +108,9 @@ def show_moments(kind: IntegratorKind, film: NDArray[Any], asked: Integrator) ->
     return Shown(pixels, both, kinds, shown.notes)
 
 
-def _parts(shown: Shown, asked: Integrator) -> Iterator[tuple[str, NDArray[Any], str]]:
+def _parts(shown: Shown, requested: Integrator) -> Iterator[tuple[str, NDArray[Any], str]]:
     """Yield name, values (H, W, C) and kind of what has moments."""
-    moments = asked.moments
+    moments = requested.moments
     assert moments is not None
     for name, values in shown.aovs.items():
         yield f"{moments.name}.{name}", values, shown.aov_kinds[name]

@@ -80,8 +80,8 @@ def _read(properties: Properties) -> Integrator:
 def decide_direct(case: Case, depth: int) -> Decision:
     """Return how direct light alone is traced."""
     light_samples = samples = 1
-    if case.asked.name == "direct":  # not if only the options chose it
-        light_samples, samples = case.asked.emitter_samples, case.asked.bsdf_samples
+    if case.requested.name == "direct":  # not if only the options chose it
+        light_samples, samples = case.requested.emitter_samples, case.requested.bsdf_samples
     if case.reduce and not case.extended:  # nothing varies from sample to sample
         light_samples, samples = min(light_samples, 1), min(samples, 1)
     return Decision(
@@ -89,7 +89,7 @@ def decide_direct(case: Case, depth: int) -> Decision:
         depth,
         no_roulette="direct light is two segments long",
         mirrors=case.delta and samples > 0,
-        every_light=not case.replay and case.asked.moments is None,
+        every_light=not case.replay and case.requested.moments is None,
         # BSDF samples look for lights only where lights can be hit
         follow=case.extended and samples > 0,
         light_samples=light_samples,
@@ -112,7 +112,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     if case.reduce and not case.lights:
         return decide_without_lights(case, say)
     say("method", "path, as asked for")
-    rr_depth = case.asked.rr_depth
+    rr_depth = case.requested.rr_depth
     return Decision(
         "path",
         depth,

@@ -70,9 +70,9 @@ def _read(properties: Properties) -> Integrator:
 
 
 def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
-    asked = case.asked
-    depth = USUAL_DEPTH if asked.max_depth < 0 else min(asked.max_depth, DEEPEST)
-    if depth != asked.max_depth:
+    requested = case.requested
+    depth = USUAL_DEPTH if requested.max_depth < 0 else min(requested.max_depth, DEEPEST)
+    if depth != requested.max_depth:
         say("depth", f"{depth}: a tree of rays needs a limit, and not too deep a one")
     if case.reduce and not case.lights:
         return decide_without_lights(case, say)
@@ -87,7 +87,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
         no_roulette="a tree of rays ends at its depth and its cutoff",
         mirrors=case.delta,
         every_light=True,
-        cutoff=asked.cutoff,
+        cutoff=requested.cutoff,
         random=case.extended,
     )
 

@@ -41,7 +41,7 @@ def _decide(case: Case, say: Callable[[str, str], None]) -> Decision:
     return Decision("work")
 
 
-def _show(film: NDArray[Any], asked: Integrator) -> Shown:
+def _show(film: NDArray[Any], requested: Integrator) -> Shown:
     pixels, aovs, brightest = heat_map(film)
     tests = f"{brightest:.6g} box and primitive tests per ray"
     return Shown(pixels, aovs, notes={"brightest": tests})

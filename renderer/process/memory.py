@@ -16,8 +16,8 @@ from pathlib import Path
 
 from renderer.errors import NotAllowed, SceneError
 
-# What is asked for without a look at how much there is: it is always there, and the look
-# takes 50 microseconds.
+# No more than this is granted without a look at how much there is: so much is always
+# there, and the look takes 50 microseconds.
 SMALL = 1 << 20  # [bytes]
 
 # What version 1 of control groups says where there is no limit is near 2^63.
@@ -167,7 +167,7 @@ def _free_of_groups(root: Path = Path("/sys/fs/cgroup")) -> list[int]:
 def _files_of_groups(groups: str, root: Path) -> list[tuple[Path, Path, Path, str]]:
     """Return (limit, usage, counts, what gives way) of each group around a process.
 
-    Kept: a process is moved to another group seldom, and its limits are asked for with
+    Kept: a process is moved to another group seldom, and its limits are needed with
     each file that is read, where finding them took most of the time.
     """
     found = []

@@ -73,7 +73,7 @@ class RenderJob:
         self._compiled: Callable[..., None] | None = None  # what calls the method
         self._workspaces: list[Packed | None] = [None] * self.threads
         self._use(self._inputs.record)
-        lights = max(1, self.kernel_scene.lights.asked.size) if plan.every_light else 1
+        lights = max(1, self.kernel_scene.lights.sampled.size) if plan.every_light else 1
         self._part = max(1, SAMPLES_PER_JOB // lights)
         self.level = min(plan.level, (self._part.bit_length() - 1) // 2)
         self.shape = film_shape(scene, plan)._replace(part=self._part)

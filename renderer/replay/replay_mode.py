@@ -46,12 +46,12 @@ from renderer.scene_file.description import EnvironmentMap, Integrator, Sampler,
 MOST_SAMPLES = 256  # of `direct` at a point: 6 KB of numbers for each pixel
 
 
-def check_replay(asked: Integrator, method: str, extended: bool) -> None:
+def check_replay(requested: Integrator, method: str, extended: bool) -> None:
     """Refuse integrators for which Mitsuba's order of random numbers cannot be followed.
 
     Parameters
     ----------
-    asked
+    requested
         The integrator of the file.
     method
         What is rendered.
@@ -68,7 +68,7 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
             "sampler 'mitsuba': Mitsuba has no integrator that counts work; possible are "
             "path, direct, depth, aov and whitted"
         )
-    integrators = (asked, asked.nested or asked)
+    integrators = (requested, requested.nested or requested)
     if any(i.block_size not in (0, BLOCK_SIZE) or not i.one_pass for i in integrators):
         raise NotReplayable(
             "sampler 'mitsuba': the file divides the work in its own way (block_size, "
@@ -80,23 +80,23 @@ def check_replay(asked: Integrator, method: str, extended: bool) -> None:
             "the order of the tree; possible are path, direct, and whitted with point, "
             "spot and directional lights"
         )
-    most = max(asked.emitter_samples, asked.bsdf_samples)
+    most = max(requested.emitter_samples, requested.bsdf_samples)
     if method == "direct" and most > MOST_SAMPLES:
         raise NotReplayable(
-            f"sampler 'mitsuba': direct with {asked.emitter_samples} emitter_samples and "
-            f"{asked.bsdf_samples} bsdf_samples cannot be replayed; possible are up to "
-            f"{MOST_SAMPLES}, whose numbers are drawn ahead"
+            f"sampler 'mitsuba': direct with {requested.emitter_samples} emitter_samples "
+            f"and {requested.bsdf_samples} bsdf_samples cannot be replayed; possible are "
+            f"up to {MOST_SAMPLES}, whose numbers are drawn ahead"
         )
-    if asked.strategy != "both" or not asked.caustics:
+    if requested.strategy != "both" or not requested.caustics:
         raise NotReplayable(
             "sampler 'mitsuba': Mitsuba has no integrator with one of the two ways to find "
             "light, or without caustics; possible is the scene without sampling=lights, "
             "sampling=bsdfs and caustics=off"
         )
-    if asked.stands_for:
+    if requested.stands_for:
         raise NotReplayable(
-            f"sampler 'mitsuba': {asked.stands_for}, which is rendered by path here, draws "
-            "in another order; its pictures agree in the mean"
+            f"sampler 'mitsuba': {requested.stands_for}, which is rendered by path here, "
+            "draws in another order; its pictures agree in the mean"
         )
 
 

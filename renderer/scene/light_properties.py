@@ -57,11 +57,11 @@ def has_textured_lights(description: SceneDescription) -> bool:
     return has_textured_lamps(description) or any(spot.texture for spot in spots)
 
 
-def asked_lights(description: SceneDescription, finds_sky: bool) -> NDArray[np.int32]:
+def sampled_lights(description: SceneDescription, finds_sky: bool) -> NDArray[np.int32]:
     """Return the numbers of the lights that are sampled: all, or all but an even sky."""
     order, emitters = light_order(description), description.emitters
-    asked = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
+    sampled = {light for light in order.of_shapes if light >= 0} | set(order.of_emitters)
     if finds_sky:
         pairs = zip(order.of_emitters, emitters, strict=True)
-        asked -= {light for light, emitter in pairs if plugin_of(emitter).even}
-    return np.array(sorted(asked), np.int32)
+        sampled -= {light for light, emitter in pairs if plugin_of(emitter).even}
+    return np.array(sorted(sampled), np.int32)

@@ -38,7 +38,7 @@ def check_attributes(
     SceneError
         With the lines of the texture and of the shape.
     """
-    asked = [
+    requested = [
         [
             (leaf, rows == 1)
             for value, rows in materials.parameters_of(bsdf)
@@ -47,11 +47,11 @@ def check_attributes(
         ]
         for bsdf in materials.bsdfs
     ]
-    if not any(asked):
+    if not any(requested):
         return
     for k, shape in enumerate(shapes):
         for bsdf in {materials.front[k], materials.back[k]} - {-1}:
-            for texture, as_number in asked[bsdf]:
+            for texture, as_number in requested[bsdf]:
                 check_attribute(texture, shape, bool(group_of[k]), as_number)
                 _check_size(texture, shape)
 

@@ -23,7 +23,7 @@ import renderer
 from renderer.accelerators.choice import USUAL_RAYS
 from renderer.accelerators.non_occluders import MOST, find_non_occluders, never_between
 from renderer.rendering.planning.plan import RAY_OFFSETS
-from renderer.scene.light_properties import asked_lights
+from renderer.scene.light_properties import sampled_lights
 
 FLAT = ("triangles", "rectangles", "disks")
 CAMERA = sensor((0, -0.9, 0.2), (0, 0, 0), fov=80, size=(24, 16))
@@ -37,7 +37,7 @@ def left_out(*parts, finds_sky=False):
 def left_out_of(content, finds_sky=False):
     """Return how many primitives of each kind shadow rays pass by, without the zeros."""
     loaded = renderer.load_dict(content)
-    lights = asked_lights(loaded.description, finds_sky)
+    lights = sampled_lights(loaded.description, finds_sky)
     has = [kind for kind in FLAT if kind in loaded.surfaces]
     mask = never_between(loaded, has, lights, RAY_OFFSETS["tight"])
     assert mask.shape == loaded.stages.shape
@@ -163,7 +163,7 @@ def random_scene(rng: np.random.Generator) -> dict:
 
 
 def passed_by(loaded, accel="auto", offset="tight"):
-    lights = asked_lights(loaded.description, False)
+    lights = sampled_lights(loaded.description, False)
     offsets = RAY_OFFSETS[offset]
     return int(find_non_occluders(loaded, accel, USUAL_RAYS, lights, offsets).sum())
 

@@ -82,10 +82,10 @@ def test_what_is_planned_and_compiled(parts, strategy, weigh):
     lights = Inputs(loaded, plan).record.lights
     (found,) = np.flatnonzero(lights.methods[:, ENVIRONMENT])
     assert lights.methods[found, SAMPLE_LIGHT] == 0
-    assert found not in lights.kind[lights.asked]
+    assert found not in lights.kind[lights.sampled]
     others = np.delete(lights.methods[:, SAMPLE_LIGHT], found)
     assert (others != 0).all(), f"all other lights are sampled: {others}"
-    assert len(lights.asked) == len(others)
+    assert len(lights.sampled) == len(others)
 
 
 @pytest.mark.parametrize(

@@ -37,17 +37,17 @@ BEFORE_LIGHT = np.float32(1.0 - 15000.0 * 2.0**-24)
 @kernel
 def lights_asked(lights, settings):
     """Return how many lights are sampled at each surface point."""
-    asked = np.int64(lights.asked.size)
-    return min(np.int64(1), asked) if settings.every_light == 0 else asked
+    sampled = np.int64(lights.sampled.size)
+    return min(np.int64(1), sampled) if settings.every_light == 0 else sampled
 
 
 @kernel
 def _number_in_file(lights, samples, count):
-    """Go from one of the lights that are asked to its number among all."""
+    """Go from the number among the sampled lights to that among all."""
     for i in range(0, count, 16):
         chosen = load_row(samples.light, 0, i)
         valid = first_lanes(count - i)
-        store_row(samples.light, 0, i, gather_row(lights.asked, 0, chosen, valid))
+        store_row(samples.light, 0, i, gather_row(lights.sampled, 0, chosen, valid))
 
 
 @kernel
@@ -79,14 +79,14 @@ def sample_lights(scene, turn, tile, sample, bounce, work, count):
                 sample,
                 block,
                 turn if scene.settings.every_light != 0 else np.int64(-1),
-                lights.asked.size,
+                lights.sampled.size,
                 points.slot,
                 count,
                 work.numbers,
                 samples.light,
             ),
         )
-        if lights.asked.size != lights.count:
+        if lights.sampled.size != lights.count:
             _number_in_file(lights, samples, count)
     for kind in range(lights.methods.shape[0]):
         if lights.methods[kind, SAMPLE_LIGHT] != 0:

@@ -54,7 +54,7 @@ def with_neighbours(path: str | Path) -> list[Path]:
     renderer's own files are in the hash of all sources.
     """
     found: dict[Path, None] = {}  # in the order in which they were met
-    asked: set[Path] = set()  # thousands of imports, of a few modules
+    looked_at: set[Path] = set()  # thousands of imports, of a few modules
     waiting = [Path(path).resolve()]
     while waiting:
         file = waiting.pop()
@@ -62,8 +62,8 @@ def with_neighbours(path: str | Path) -> list[Path]:
             continue
         found[file] = None
         for module in _read(file)[1]:
-            if module not in asked:
-                asked.add(module)
+            if module not in looked_at:
+                looked_at.add(module)
                 beside = [module.parent / f"{module.name}.py", *module.rglob("*.py")]
                 waiting += sorted(path for path in beside if path.is_file())
     return list(found)

@@ -80,7 +80,6 @@ f32x16 = Lanes(types.float32, 16)
 i32x16 = Lanes(types.int32, 16)
 u32x16 = Lanes(types.uint32, 16)
 f64x8 = Lanes(types.float64, 8)
-mask16 = Mask(16)
 
 
 # ---------------------------------------------------------------------------- operators

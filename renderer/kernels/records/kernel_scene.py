@@ -34,7 +34,7 @@ LOCATE = 1
 # kinds of BSDFs
 REFLECT_LIGHT, SCATTER, SPLIT = 1, 2, 3
 SHOW_ALBEDO, SHOW_SEEN_ALBEDO, SHOW_NORMAL = 4, 5, 6
-# kinds of textures: what can be asked of them
+# kinds of textures: the methods of each
 LOOK_UP_COLOR, LOOK_UP_SCALAR, LOOK_UP_GRADIENT = 1, 2, 3
 # kinds of shapes, for bumps
 DERIVE = 1
@@ -105,10 +105,10 @@ class Lights(NamedTuple):
 
     count: int
     kind: NDArray[np.int32]  # (n,) row of `methods`
-    asked: NDArray[np.int32]  # those that are sampled; the others are only found
+    sampled: NDArray[np.int32]  # those that are sampled; the others are only found
     methods: Methods
     # One row where one of several is chosen at a point by what it can give there. None: all
-    # are asked, or one that the sampler chooses, each as often as any other.
+    # are sampled, or one that the sampler chooses, each as often as any other.
     choice: Methods
 
 

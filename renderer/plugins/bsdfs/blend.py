@@ -1,7 +1,7 @@
 """Two BSDFs in one: f = (1 - w) f_1 + w f_2, one of the two chosen to sample.
 
 The density is that of both, whichever was chosen. A delta lobe counts with its probability
-where its density would stand: beside a smooth BSDF the weight of its direction is
+where its density would stand: blended with a smooth BSDF, its direction has the weight
 w p_2 f / (w p_2 + (1 - w) pdf_1), where a number is added to a density, so that mirrors
 lose some of their light. On paper the mixture is brighter; the picture is Mitsuba's.
 """

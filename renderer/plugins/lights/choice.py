@@ -53,7 +53,7 @@ class LightChoice(NamedTuple):
     """All lights; the finite ones in trees where they are many."""
 
     count: int  # of lights that may be chosen
-    asked: NDArray[np.int32]  # (count,) these lights
+    sampled: NDArray[np.int32]  # (count,) these lights
     nodes: LightNodes
     children: NDArray[np.int32]  # (m,) how many, side by side; 0: it is a light
     child: NDArray[np.int32]  # (m,) the first of them, or the light
@@ -177,7 +177,7 @@ def walk(choice, receiver, wanted, light, number, valid):
     uniform = select(known, splat_f32(UNIFORM), splat_f32(1.0))
     by_chance = number < uniform
     any_light, any_rest = choose_one(_unit(number / uniform), choice.count)
-    any_light = gather_row(choice.asked, 0, any_light, valid)
+    any_light = gather_row(choice.sampled, 0, any_light, valid)
     light = select(wanted, light, any_light)
 
     wanted = wanted | by_chance

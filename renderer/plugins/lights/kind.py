@@ -56,7 +56,7 @@ def light_probability(lights, settings):
     """
     if settings.every_light != 0 or lights.choice.shape[0] != 0:
         return np.float32(1.0)
-    return np.float32(1.0 / max(1, lights.asked.size))
+    return np.float32(1.0 / max(1, lights.sampled.size))
 
 
 @kernel

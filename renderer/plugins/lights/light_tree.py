@@ -165,7 +165,7 @@ def light_choice(
     environment: int,
     *,
     by_pair: bool,
-    asked: NDArray[np.int32] | None = None,
+    sampled: NDArray[np.int32] | None = None,
 ) -> LightChoice | None:
     """Return the record that lights are chosen by; None for too many at infinity.
 
@@ -181,10 +181,10 @@ def light_choice(
     by_pair
         The first number of a draw is better spread than the fourth, and chooses where
         enough is left of it.
-    asked
+    sampled
         Which lights may be chosen; None: all.
     """
-    able = np.arange(len(bounds)) if asked is None else asked
+    able = np.arange(len(bounds)) if sampled is None else sampled
     table = _Columns.of(bounds)
     finite, infinite = (able[table.at_infinity[able] == k] for k in (False, True))
     listed = min(LISTED, MOST_ENTRIES - len(infinite))

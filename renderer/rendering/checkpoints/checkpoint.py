@@ -36,8 +36,8 @@ def check_checkpoint_path(path: Path, *, resume: bool) -> None:
     Raises
     ------
     SceneError
-        For a folder that is missing or not writable, and for a file that is there but is
-        not asked for.
+        For a folder that is missing or not writable, and for a file that is there when
+        `resume` is false.
     """
     reason = why_not_writable(path)
     if reason is None and path.exists() and not path.is_file():

@@ -56,7 +56,7 @@ class Picture:
     explain: str = ""  # what was modelled, what was left out, and why
     metadata: Mapping[str, str] = field(default_factory=dict)  # goes into the EXR header
     complete: bool = True  # False: interrupted, with fewer samples than requested
-    error: float | None = None  # relative, estimated, where a render was asked for one
+    error: float | None = None  # relative, estimated, of a render with a goal
     error_of_pixels: Array | None = None  # (H, W, 3), one guess of each pixel's difference
     error_unsure: bool = False  # the true one may well be another (`rendering.accuracy`)
 

@@ -15,7 +15,7 @@ from renderer.plugins.bsdfs.registry import BSDFS
 from renderer.plugins.lights.registry import LIGHTS, plugin_of
 from renderer.plugins.sampling.sobol import net_digits
 from renderer.rendering.planning.plan import Plan
-from renderer.scene.light_properties import asked_lights, has_textured_lights
+from renderer.scene.light_properties import has_textured_lights, sampled_lights
 from renderer.scene.scene import KINDS, Scene, counted
 from renderer.scene_file.description import (
     Integrator,
@@ -64,14 +64,16 @@ class Explanation:
         self.lines.append(f"{topic:<{TOPIC_WIDTH}}{text}")
 
 
-def describe_integrator(asked: Integrator) -> str:
+def describe_integrator(requested: Integrator) -> str:
     """Return the integrator's name and the properties that it has."""
-    text = asked.name if asked.moments is None else f"the moments of {asked.name}"
-    for name in INTEGRATORS[asked.name].described:
-        value = getattr(asked, name)
+    text = requested.name
+    if requested.moments is not None:
+        text = f"the moments of {text}"
+    for name in INTEGRATORS[requested.name].described:
+        value = getattr(requested, name)
         text += f", {name} {'no limit' if value < 0 else value}"
-    if asked.nested is not None:
-        text += f", and the colours of {describe_integrator(asked.nested)}"
+    if requested.nested is not None:
+        text += f", and the colours of {describe_integrator(requested.nested)}"
     return text
 
 
@@ -89,7 +91,7 @@ def explain_geometry(scene: Scene, why: Explanation) -> None:
 
 
 def explain_accelerators(
-    scene: Scene, asked: str, rays: RayCounts, why: Explanation
+    scene: Scene, requested: str, rays: RayCounts, why: Explanation
 ) -> None:
     """Say how the nearest hit is found among the primitives of each kind.
 
@@ -97,7 +99,7 @@ def explain_accelerators(
     ----------
     scene : Scene
         The primitives.
-    asked : str
+    requested : str
         An accelerator's name, or "auto".
     rays : RayCounts
         That are expected.
@@ -105,7 +107,7 @@ def explain_accelerators(
     counts = _primitives(scene)
     kinds: dict[str, list[str]] = {}
     reasons: dict[str, str] = {}
-    for kind, choice in choose_structures(scene, asked, rays).items():
+    for kind, choice in choose_structures(scene, requested, rays).items():
         kinds.setdefault(choice.name, []).append(kind)
         most = max(kinds[choice.name], key=counts.__getitem__)
         if kind == most:
@@ -115,22 +117,22 @@ def explain_accelerators(
         why.say("accelerator", f"{listed}: {_ACCELERATORS[name]}; {reasons[name]}")
     if scene.placements is not None:
         text = f"{_ACCELERATORS['bvh']} over their boxes, and one for each group"
-        if asked == "brute":
+        if requested == "brute":
             text = "each of them, and each primitive of its group, tested by every ray"
         why.say("accelerator", f"{_instances(scene)}: {text}")
 
 
 def explain_shadow_rays(
     scene: Scene,
-    asked: str,
+    requested: str,
     rays: RayCounts,
     finds_sky: bool,
     offsets: tuple[float, float],
     why: Explanation,
 ) -> None:
     """Say what shadow rays are not tested against, see `explain_accelerators`."""
-    lights = asked_lights(scene.description, finds_sky)
-    left_out = find_non_occluders(scene, asked, rays, lights, offsets)
+    lights = sampled_lights(scene.description, finds_sky)
+    left_out = find_non_occluders(scene, requested, rays, lights, offsets)
     kinds = {
         kind: int(left_out[surfaces.first : surfaces.first + scene.starts[kind][0]].sum())
         for kind, surfaces in scene.surfaces.items()
@@ -222,7 +224,7 @@ def explain_roulette(plan: Plan, why: Explanation) -> None:
 
 
 def explain_samples(
-    sampler: Sampler, asked: int, random: bool, why: Explanation, *, replay: bool
+    sampler: Sampler, requested: int, random: bool, why: Explanation, *, replay: bool
 ) -> None:
     """Say how many samples a pixel gets, where they lie, and why not as many as asked for.
 
@@ -230,7 +232,7 @@ def explain_samples(
     ----------
     sampler : Sampler
         With the number that is taken.
-    asked : int
+    requested : int
         The number before rounding.
     random : bool
         Whether more is drawn at random than the position in the pixel.
@@ -246,8 +248,9 @@ def explain_samples(
         text += ", at its centre" if count == 1 else f", on a fixed grid of {side} x {side}"
         if not random:
             text += ": nothing is random"
-    if asked != count:
-        text += f" ({asked} asked for; the sampler needs {_PATTERNS[name]}, as in Mitsuba)"
+    if requested != count:
+        needs = f"the sampler needs {_PATTERNS[name]}, as in Mitsuba"
+        text += f" ({requested} asked for; {needs})"
     if name in ("orthogonal", "ldsampler") and not replay:
         text += " (by correlated multi-jittering, of the same order of convergence)"
     if name == "sobol" and count.bit_count() > 1:

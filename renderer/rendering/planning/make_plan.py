@@ -45,40 +45,40 @@ from renderer.scene_file.objects.films import round_sample_count
 OF_MITSUBA = "those of Mitsuba's scalar variants, in their order"
 
 
-def _is_transparent(scene: Scene, asked: Integrator) -> bool:
+def _is_transparent(scene: Scene, requested: Integrator) -> bool:
     """Return whether samples that meet nothing but holes are black.
 
     A rule of Mitsuba's `path`: its `direct` has none, and shows lights behind holes even
     with `hide_emitters`.
     """
-    if asked.name != "path":
+    if requested.name != "path":
         return False
     emitters = scene.description.emitters
     sky = any(plugin_of(emitter).environment for emitter in emitters)
-    return scene.materials.straight and (asked.hide_emitters or not sky)
+    return scene.materials.straight and (requested.hide_emitters or not sky)
 
 
 def _choose_integrator(scene: Scene, name: str | None) -> Integrator:
-    asked = scene.description.integrator
-    if name in (None, "auto", asked.name):
-        if asked.refusal:
-            raise SceneError(asked.refusal)
-        return asked
-    if asked.refusal:  # nothing in it was read, so that the defaults count
+    requested = scene.description.integrator
+    if name in (None, "auto", requested.name):
+        if requested.refusal:
+            raise SceneError(requested.refusal)
+        return requested
+    if requested.refusal:  # nothing in it was read, so that the defaults count
         return Integrator(name)
-    return dataclasses.replace(asked, name=name, aovs=(), nested=None, moments=None)
+    return dataclasses.replace(requested, name=name, aovs=(), nested=None, moments=None)
 
 
 def _choose_sampler(scene: Scene, name: str | None) -> Sampler:
-    asked = scene.description.camera.sampler
-    if name in (None, asked.name, REPLAY):
-        return asked
-    return dataclasses.replace(asked, name=name, jitter=True)
+    requested = scene.description.camera.sampler
+    if name in (None, requested.name, REPLAY):
+        return requested
+    return dataclasses.replace(requested, name=name, jitter=True)
 
 
-def _with_sample_count(sampler: Sampler, asked: int) -> Sampler:
+def _with_sample_count(sampler: Sampler, requested: int) -> Sampler:
     """Return the sampler with the number that its pattern allows, as Mitsuba rounds it."""
-    count = round_sample_count(sampler.name, asked)
+    count = round_sample_count(sampler.name, requested)
     return dataclasses.replace(sampler, sample_count=count)
 
 
@@ -111,10 +111,10 @@ def _make_plan(scene: Scene, options: RenderOptions) -> Plan:
     plan = _decide(scene, options)
     why = Explanation(list(plan.lines))
     emitting = sum(shape.radiance is not None for shape in scene.description.shapes)
-    asked = emitting + len(scene.description.emitters) - plan.finds_sky
-    lights = max(1, asked) if plan.every_light else 1  # or the ray that finds the sky
+    sampled = emitting + len(scene.description.emitters) - plan.finds_sky
+    lights = max(1, sampled) if plan.every_light else 1  # or the ray that finds the sky
     camera = scene.description.camera
-    explain_light_choice(plan, asked, why)
+    explain_light_choice(plan, sampled, why)
     threads, accel = options.thread_count, options.accelerator
     rays = expected_rays(camera, plan.spp, plan.max_depth, lights, threads)
     explain_accelerators(scene, accel, rays, why)
@@ -138,29 +138,29 @@ def _light_choice(name: str | None, replay: bool, as_mitsuba: bool) -> str:
 
 def _decide(scene: Scene, options: RenderOptions) -> Plan:
     why = Explanation()
-    asked = _choose_integrator(scene, options.integrator)
+    requested = _choose_integrator(scene, options.integrator)
     replay = options.sampler == REPLAY
-    transparent = _is_transparent(scene, asked)
+    transparent = _is_transparent(scene, requested)
     # The light sampled at a half-open surface is lost where the path goes straight on, and
     # how much of all light that is follows from the densities of Mitsuba's choice.
     loses_light = transparent and scene.materials.half_open
-    as_mitsuba = replay or loses_light or asked.moments is not None
+    as_mitsuba = replay or loses_light or requested.moments is not None
     choice = _light_choice(options.light_choice, replay, as_mitsuba)
     # a leaner method gives the same answer, but not by the same paths, nor the same moments
     automatic = options.integrator in (None, "auto")
-    reduce = automatic and not replay and asked.moments is None
+    reduce = automatic and not replay and requested.moments is None
     chosen_sampler = _choose_sampler(scene, options.sampler)
     count = chosen_sampler.sample_count if options.spp is None else options.spp
     materials = scene.materials
     extended = has_extended_lights(scene.description)
     lights = extended or bool(scene.description.emitters)
-    if reduce and not lights and INTEGRATORS[asked.name].sees_lights:
+    if reduce and not lights and INTEGRATORS[requested.name].sees_lights:
         count = 1  # the picture is black
         why.say("left out", "all samples but one per pixel: without a light nothing varies")
     chosen_sampler = _with_sample_count(chosen_sampler, count)
-    why.say("file asks", describe_integrator(asked))
+    why.say("file asks", describe_integrator(requested))
     case = Case(
-        asked,
+        requested,
         reduce,
         replay,
         lights,
@@ -170,12 +170,12 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         materials.chooses,
         transparent,
     )
-    decision = INTEGRATORS[asked.name].decide(case, why.say)
+    decision = INTEGRATORS[requested.name].decide(case, why.say)
     sampled_whole = not has_lights_beside_their_samples(scene.description)
     restriction = restrict(decision, case, sampled_whole=sampled_whole)
     decision = restriction.decision
     if replay:
-        check_replay(asked, decision.method, extended)
+        check_replay(requested, decision.method, extended)
         why.say("numbers", OF_MITSUBA)
     depth = decision.max_depth
     strategy, finds_sky = restriction.strategy, False
@@ -197,12 +197,13 @@ def _decide(scene: Scene, options: RenderOptions) -> Plan:
         and materials.smooth
         and depth > 1
         and strategy != "bsdfs",
-        hide_emitters=asked.hide_emitters and not INTEGRATORS[decision.method].first_hit,
+        hide_emitters=requested.hide_emitters
+        and not INTEGRATORS[decision.method].first_hit,
         transparent=case.transparent,
         spp=chosen_sampler.sample_count,
         sampler=chosen_sampler,
         replay=replay,
-        moments=asked.moments,
+        moments=requested.moments,
         strategy=strategy,
         caustics=restriction.caustics,
         light_choice=choice,

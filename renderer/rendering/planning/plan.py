@@ -39,14 +39,14 @@ def restrict(decision: Decision, case: Case, *, sampled_whole: bool) -> Restrict
     """
     sampled = case.lights and case.smooth and decision.max_depth > 1
     weighed = sampled and case.extended and decision.follow
-    strategy = case.asked.strategy
+    strategy = case.requested.strategy
     if decision.method == "direct" and decision.light_samples == 0:
         strategy = "bsdfs"  # points and directions give no light then, as in Mitsuba
     if not (weighed if strategy == "lights" else sampled):
         strategy = "both"
     # camera, rough surface, mirror or glass, lamp: three segments
     possible = weighed and case.delta and decision.max_depth > 2
-    caustics = case.asked.caustics or not possible
+    caustics = case.requested.caustics or not possible
     last = decision.max_depth == 2 and not case.delta
     if strategy == "lights" and last and sampled_whole:
         # the second segment would look for lamps, in vain

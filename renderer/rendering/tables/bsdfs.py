@@ -111,12 +111,12 @@ def bsdf_tables(
     for k, (kind, _) in enumerate(texture_tables):
         mine = [t if bsdfs.texture_kind[i] == k else None for i, t in enumerate(textures)]
         record = tables.pack(TextureMethods(kind.table(mine, scene), to_uv, nested))
-        asked = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
+        requested = bsdfs.look_ups[bsdfs.look_ups[:, 1] == k, 3]
         of_textures.append(
             (
                 record,
                 [
-                    (method, look_up, NOTHING) if request in asked else None
+                    (method, look_up, NOTHING) if request in requested else None
                     for request, method in _LOOK_UPS.items()
                 ],
             )

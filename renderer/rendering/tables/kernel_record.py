@@ -58,9 +58,9 @@ from renderer.rendering.user_kernels.check import (
 )
 from renderer.scene.light_order import light_order
 from renderer.scene.light_properties import (
-    asked_lights,
     has_extended_lights,
     has_textured_lamps,
+    sampled_lights,
 )
 from renderer.scene.light_tables import light_tables
 from renderer.scene.scene import Scene
@@ -151,14 +151,14 @@ class _SceneTables:
         if plan.hide_emitters:
             seen = accelerators_of_camera(scene, accel, plan.rays, accelerators)
             camera_groups = group_methods(tables, seen, plan)
-        asked = asked_lights(scene.description, plan.finds_sky)
+        sampled = sampled_lights(scene.description, plan.finds_sky)
         shadow_groups = tables.table([], 2)
         if lit:
             in_the_way = accelerators
             if not plan.replay:  # where rounding decides, ours must decide as Mitsuba's
                 offsets = RAY_OFFSETS[plan.ray_offset]
                 in_the_way = accelerators_of_shadow_rays(
-                    scene, accel, plan.rays, accelerators, asked, offsets
+                    scene, accel, plan.rays, accelerators, sampled, offsets
                 )
             lamps = has_extended_lights(scene.description, but_even_sky=plan.finds_sky)
             shadow_groups = shadow_methods(tables, in_the_way, lamps)
@@ -183,7 +183,7 @@ class _SceneTables:
                 lit,
                 choice,
                 plan.caustics,
-                asked,
+                sampled,
             )
         self.chooses = lit and choice is None
         hooks = variant.hooks(scene, surfaces)

@@ -34,7 +34,7 @@ from renderer.rendering.tables.methods import (
     work_types,
 )
 from renderer.scene.light_order import light_order
-from renderer.scene.light_properties import asked_lights
+from renderer.scene.light_properties import sampled_lights
 from renderer.scene.light_tables import LightTables, light_bounds, lit_sides
 from renderer.scene.materials import kind_of
 from renderer.scene.scene import Scene
@@ -55,13 +55,13 @@ def light_methods(
     lit: bool,
     choice: LightChoice | None,
     caustics: bool,
-    asked: NDArray[np.int32],
+    sampled: NDArray[np.int32],
 ) -> Lights:
     """Return the tables of all lights.
 
     `lit`: they are sampled; else they shine only on those who look at them. `choice` is
     that of one of several at a point, None for all of them or one at random. `caustics`:
-    they shine on those paths too. `asked` are the lights that are sampled.
+    they shine on those paths too. `sampled` are the lights that are sampled.
     """
     work = work_types()
     given = (record_type(settings), record_type(NO_LIGHTS))
@@ -72,18 +72,18 @@ def light_methods(
     sky = (sky_kernel, (*given, work.rays, work.hits, INT, INT, ROWS), NOTHING)
     rows = []
     for k, table in enumerate(lights.tables):
-        sampled = k in lights.kind[asked]
+        is_sampled = k in lights.kind[sampled]
         methods = [
-            sample if lit and sampled else None,
+            sample if lit and is_sampled else None,
             emission if emitted_light.has(type(table)) else None,
             sky if environment_light.has(type(table)) else None,
         ]
-        record = LightKind(table, k, lights.kind, arithmetic, float(sampled))
+        record = LightKind(table, k, lights.kind, arithmetic, float(is_sampled))
         rows.append((tables.pack(record), methods))
     chosen = (
         _NO_CHOICE if choice is None else _choice_methods(tables, choice, shapes, settings)
     )
-    return Lights(lights.count, lights.kind, asked, tables.table(rows, 3), chosen)
+    return Lights(lights.count, lights.kind, sampled, tables.table(rows, 3), chosen)
 
 
 def _choice_methods(
@@ -108,12 +108,12 @@ def choice_of_light(scene: Scene, by_pair: bool, finds_sky: bool) -> LightChoice
     """
     sides = [lit_sides(kind_of(bsdf)) for bsdf in scene.materials.bsdfs]
     bounds = light_bounds(scene)
-    asked = asked_lights(scene.description, finds_sky)
-    if len(asked) < 2:
+    sampled = sampled_lights(scene.description, finds_sky)
+    if len(sampled) < 2:
         return None
     order, emitters = light_order(scene.description), scene.description.emitters
     skies = [plugin_of(emitter).environment for emitter in emitters]
     environment = order.of_emitters[skies.index(True)] if any(skies) else -1
-    if environment not in asked:
+    if environment not in sampled:
         environment = -1
-    return light_choice(bounds, sides, environment, by_pair=by_pair, asked=asked)
+    return light_choice(bounds, sides, environment, by_pair=by_pair, sampled=sampled)

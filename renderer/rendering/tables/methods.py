@@ -42,7 +42,7 @@ _KNOWN: WeakKeyDictionary[Any, dict[Any, int]] = WeakKeyDictionary()
 def method_of(
     kernel: Any, record: Packed, arguments: tuple[Any, ...], returns: Any = NOTHING
 ) -> Method:
-    """Return a method of a record, compiled when first asked for; see `compile_method`."""
+    """Return a method of a record, compiled on first use; see `compile_method`."""
     known = _KNOWN.setdefault(kernel, {})
     key = record.numba_type, arguments, returns
     if key not in known:

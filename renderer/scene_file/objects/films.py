@@ -145,12 +145,12 @@ def read_sampler(element: Element | None, reading: Reading) -> Sampler:
         return Sampler()
     properties = Properties(element, reading)
     name = element.plugin
-    asked = properties.integer("sample_count", 4, at_least=1, at_most=_MOST_SAMPLES)
-    count = round_sample_count(name, asked)
-    if count != asked:
+    requested = properties.integer("sample_count", 4, at_least=1, at_most=_MOST_SAMPLES)
+    count = round_sample_count(name, requested)
+    if count != requested:
         reading.warn(
             element.location,
-            f"{element} rounds {asked} samples up to {count}, as in Mitsuba",
+            f"{element} rounds {requested} samples up to {count}, as in Mitsuba",
         )
     seed = properties.integer("seed", 0, at_least=0, at_most=2**32 - 1)
     jitter = True
