@@ -1,6 +1,11 @@
 """`python -m reports`."""
 
-from reports.cli import main
+import sys
+
+from reports.starting import run
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    # the pages that are no studies yet
+    old = {"--no-accelerators", "--accelerators", "--no-proof", "--proof", "--from"}
+    command = "reports.commands.report" if old & set(sys.argv) else "reports.command"
+    raise SystemExit(run(command))

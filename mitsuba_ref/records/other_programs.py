@@ -32,17 +32,28 @@ class _Times(NamedTuple):
     own: float  # of this process, its descendants, and those of them that have ended
 
 
-def cores_of_other_programs() -> float | None:
-    """Return how many cores other programs kept busy since this module was imported.
+class BusyClock:
+    """Measures how busy other programs keep the machine from now on."""
 
-    Time that a hypervisor gave to other machines counts as theirs. None where there is no
-    /proc that tells, as outside of Linux.
-    """
-    now = _times()
-    if _BEGIN is None or now is None or now.clock <= _BEGIN.clock:
-        return None
-    others = (now.machine - _BEGIN.machine) - (now.own - _BEGIN.own)
-    return round(max(0.0, others) / (now.clock - _BEGIN.clock), 2)
+    def __init__(self) -> None:
+        self._begin = _times()
+
+    def others(self) -> float | None:
+        """Return how many cores other programs kept busy since the clock was made.
+
+        Time that a hypervisor gave to other machines counts as theirs. None where there is
+        no /proc that tells, as outside of Linux.
+        """
+        now, begin = _times(), self._begin
+        if begin is None or now is None or now.clock <= begin.clock:
+            return None
+        others = (now.machine - begin.machine) - (now.own - begin.own)
+        return round(max(0.0, others) / (now.clock - begin.clock), 2)
+
+
+def cores_of_other_programs() -> float | None:
+    """Return how many cores other programs kept busy since this module was imported."""
+    return _SINCE_IMPORT.others()
 
 
 def busy_sentence(machine: Mapping[str, Any]) -> str:
@@ -102,4 +113,4 @@ def _numbers(words: list[str]) -> list[int]:
     return [int(word) for word in words]
 
 
-_BEGIN = _times()
+_SINCE_IMPORT = BusyClock()

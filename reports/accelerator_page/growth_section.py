@@ -12,7 +12,7 @@ from reports.accelerator_page.fits import Fit, logarithm_fit, power_fit
 from reports.accelerator_study.record import Growth, GrowthPoint, GrowthSeries
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import Point, Series
-from reports.page.formatting import number, seconds
+from reports.look.formatting import number, seconds
 
 CURVES = 4  # of structures in one chart, beside brute force
 LEAST_POINTS = 3  # for a fit

@@ -8,7 +8,7 @@ from reports.accelerator_page.scene_tables import SHOWN
 from reports.accelerator_page.section import build_accelerators_section
 from reports.accelerator_study.further_studies import FURTHER_STUDIES
 from reports.accelerator_study.record import AcceleratorStudy
-from reports.page.template import fill
+from reports.look.template import fill
 
 
 def accelerators_page(study: AcceleratorStudy) -> str:

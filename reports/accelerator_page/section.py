@@ -21,7 +21,7 @@ from reports.accelerator_study.record import (
     StudyScene,
     WorkMaps,
 )
-from reports.page.heat_map import heat_map_uri
+from reports.look.heat_map import heat_map_uri
 
 SCALED = "diffuse"  # the rays of parallel scaling
 STADIUM = "stadium"

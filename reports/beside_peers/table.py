@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from reports.beside_peers.record import PeersRecord, ratio
-from reports.page import formatting
+from reports.look import formatting
 from reports.speed.table import print_circumstances
 
 

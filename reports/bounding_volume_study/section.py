@@ -8,8 +8,8 @@ from markupsafe import Markup
 
 from reports.charts.columns import volumes_chart
 from reports.charts.figure import Point, Series
-from reports.page import formatting
-from reports.page.template import fill
+from reports.look import formatting
+from reports.look.template import fill
 
 
 def bounding_volume_section(study: dict[str, Any]) -> str:

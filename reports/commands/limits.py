@@ -17,7 +17,7 @@ from reports.limits.measure import measure_atlas
 from reports.limits.page import gives_way, limits_page
 from reports.limits.record import FILE, Limits, MeasuredRow, read_limits, write_limits
 from reports.limits.row import Row
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 
 ALARM = 1
 

@@ -19,7 +19,7 @@ from reports.needs.record import NeedsRecord
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 from reports.records.json_file import read_json
 from reports.records.measured import MEASURED, newest
 from reports.records.results import read_results

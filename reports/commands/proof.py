@@ -18,7 +18,7 @@ from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import QUICK, ProofSettings, make_proof, results_file
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 
 EPILOG = """Exit status: that of the most severe verdict (python -m mitsuba_ref --help); 1
 also for a hole in the matrix, an alarm of the register or too many false alarms, 2 the

@@ -11,8 +11,8 @@ from reports.charts.curves import line_chart
 from reports.charts.figure import Point, Series
 from reports.history.measures import MEASURES, Measure, values_of
 from reports.history.versions import Version
-from reports.page.formatting import number
-from reports.page.template import fill
+from reports.look.formatting import number
+from reports.look.template import fill
 
 
 @dataclass(frozen=True)

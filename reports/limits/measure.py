@@ -12,7 +12,7 @@ from mitsuba_ref.command.stages import Show
 from mitsuba_ref.records.machine import circumstances
 from reports.limits.record import AGREES, AS_SAID, BROKEN, EARLY, Limits, MeasuredRow
 from reports.limits.row import Row, Sides, measure_sides
-from reports.page.pictures import picture_uri
+from reports.look.pictures import picture_uri
 
 HALVINGS = 5  # of the place where a method gives way, on a logarithmic scale
 

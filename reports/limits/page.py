@@ -11,8 +11,8 @@ from reports.charts.boundary import boundary_chart
 from reports.limits.atlas import CHAPTERS, Chapter
 from reports.limits.record import Limits, MeasuredRow, with_texts
 from reports.limits.row import Row
-from reports.page.formatting import number
-from reports.page.template import fill
+from reports.look.formatting import number
+from reports.look.template import fill
 
 _EXPONENT = re.compile(r"\^(\([^)]*\)|-?\d+)")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from reports.limits.row import Row
 from reports.records.circumstances import Circumstances
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 from reports.records.json_file import read_json, write_json
 
 SCHEMA = 1

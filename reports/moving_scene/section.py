@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from reports.charts.curves import progress_chart
 from reports.charts.figure import Point, Series
-from reports.page import formatting
-from reports.page.template import fill
+from reports.look import formatting
+from reports.look.template import fill
 
 Record = dict[str, Any]
 

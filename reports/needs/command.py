@@ -24,7 +24,7 @@ from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA, NeedsRecord, SceneNeeds
 from reports.needs.study import TIMED, Study, measure
 from reports.needs.table import print_table
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 from reports.records.json_file import read_json, write_json
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -12,7 +12,7 @@ import numpy as np
 
 from reports.needs.record import Loss, NeedsRecord, SceneNeeds
 from reports.needs.study import Study, mean_picture
-from reports.page.pictures import (
+from reports.look.pictures import (
     LUMINANCE,
     difference_uri,
     exposure_stops,
@@ -20,7 +20,7 @@ from reports.page.pictures import (
     symmetric_scale,
     tone_mapped,
 )
-from reports.page.template import fill
+from reports.look.template import fill
 
 
 @dataclass(frozen=True)

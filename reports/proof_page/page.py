@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mitsuba_ref.replay.replay_comparison import TOLERANCE
-from reports.page.template import fill
+from reports.look.template import fill
 from reports.proof_page.record import ProofRecord
 from reports.proof_page.section import build_proof_section
 from reports.proof_page.sentences import detectable, percent

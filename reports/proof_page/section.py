@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
-from reports.page.anchors import scene_anchors
+from reports.look.anchors import scene_anchors
 from reports.proof_page.mutation_table import MutationTable, mutation_table
 from reports.proof_page.origin import Origin, left_out, of_older_commits, origin
 from reports.proof_page.pictures import (

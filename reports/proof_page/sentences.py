@@ -9,7 +9,7 @@ from mitsuba_ref.false_alarms.alarm_counts import RungAlarms
 from mitsuba_ref.records.results import ReplayResult, Rung, SceneResult
 from mitsuba_ref.records.verdicts import COMPARED, VERDICTS
 from mitsuba_ref.replay.replay_comparison import TOLERANCE
-from reports.page.formatting import NOTHING, number
+from reports.look.formatting import NOTHING, number
 from reports.proof_page.origin import origin
 from reports.proof_page.record import ProofRecord
 from reports.records.circumstances import Circumstances

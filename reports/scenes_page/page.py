@@ -7,7 +7,7 @@ from pathlib import Path
 from mitsuba_ref.records.results import Results
 from reports.accelerator_study.record import AcceleratorStudy
 from reports.limits.record import Limits
-from reports.page.template import fill
+from reports.look.template import fill
 from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first

@@ -6,7 +6,7 @@ from markupsafe import Markup
 
 from reports.charts.curves import line_chart
 from reports.charts.figure import Point, Series
-from reports.page.template import fill
+from reports.look.template import fill
 from reports.soak.record import Part, Soak
 from reports.soak.studies import STUDIES
 

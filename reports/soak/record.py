@@ -10,7 +10,7 @@ import msgspec
 
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json, write_json
-from reports.records.paths import without_paths
+from reports.bench.without_paths import without_paths
 
 SCHEMA = 1
 FILE = "soak.json"

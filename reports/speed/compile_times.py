@@ -19,7 +19,7 @@ from pathlib import Path
 
 from mitsuba_ref.records import machine
 from reports.records.circumstances import Circumstances
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 from reports.records.json_file import read_json
 
 SCHEMA = 1

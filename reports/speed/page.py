@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reports.page.template import fill
+from reports.look.template import fill
 from reports.speed.compile_times import CompileTimes
 from reports.speed.record import Benchmark
 from reports.speed.section import build_benchmark_section

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from reports.charts.figure import Point, Series
 from reports.charts.rows import timings_chart
-from reports.page import formatting
+from reports.look import formatting
 from reports.speed.record import Benchmark, Renderer
 
 REFERENCE = "mitsuba scalar_rgb"  # the peer that the target speaks of

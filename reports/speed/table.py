@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from mitsuba_ref.records.other_programs import busy_sentence
-from reports.page import formatting
+from reports.look import formatting
 from reports.records.circumstances import Circumstances
 from reports.speed.compile_times import CompileTimes
 from reports.speed.record import Benchmark

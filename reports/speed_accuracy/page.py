@@ -10,8 +10,8 @@ from markupsafe import Markup
 from renderer.process.names import SAMPLERS
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import SYMBOLS, Point, Series
-from reports.page.formatting import number, seconds
-from reports.page.template import fill
+from reports.look.formatting import number, seconds
+from reports.look.template import fill
 from reports.speed_accuracy.record import (
     OURS,
     Curve,

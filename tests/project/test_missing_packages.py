@@ -178,7 +178,7 @@ def test_a_mitsuba_that_cannot_be_imported_is_not_a_verdict(tmp_path, monkeypatc
 def test_what_counts_as_a_failing_package(program, package):
     """A name that another version lacks does, where it is used at once."""
     with pytest.raises((ImportError, AttributeError)) as caught:
-        exec(compile(program, "module.py", "exec"), {"__name__": "reports.page"})
+        exec(compile(program, "module.py", "exec"), {"__name__": "reports.look"})
     assert failed_package(caught.value) == package
 
 

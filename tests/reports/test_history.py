@@ -23,7 +23,7 @@ from reports.history.versions import NOT_COMMITTED, versions_of
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import Loss, SceneNeeds
 from reports.records import measured
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page

@@ -19,7 +19,7 @@ from reports.accelerator_page.page import accelerators_page
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import Point, Series
 from reports.charts.library import packed_library
-from reports.page.template import fill
+from reports.look.template import fill
 from reports.proof_page.page import proof_page
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from reports.page import pictures
+from reports.look import pictures
 
 
 def decoded(uri: str) -> np.ndarray:

@@ -13,7 +13,7 @@ from reports.accelerator_trials.meshes import StudyMesh, teapot_in_a_stadium
 from reports.accelerator_trials.rays import pixel_order
 from reports.limits.row import Row
 from reports.limits.structures.work import UNIT, counted, seen_from, work_of_a_ray
-from reports.page.heat_map import RAMP
+from reports.look.heat_map import RAMP
 
 RINGS = 41  # 4000 triangles
 FOV = 20.0  # the ball fills most of the picture

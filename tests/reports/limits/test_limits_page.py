@@ -21,7 +21,7 @@ from reports.limits.record import (
     read_limits,
     write_limits,
 )
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 

@@ -20,7 +20,7 @@ from reports.commands import report as cli
 from reports.proof_page import run as proof_run
 from reports.proof_page.record import ALARMS, MATRIX, read_register
 from reports.proof_page.run import results_file
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 
 HOLE = sample.matrix(sample.mutation("gamma-twice", sample.seen("replay", False)))
 

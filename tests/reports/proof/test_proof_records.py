@@ -10,7 +10,7 @@ import proof_samples as sample
 import pytest
 
 from reports.proof_page.page import proof_page
-from reports.records.errors import ReportError
+from reports.bench.errors import ReportError
 
 
 @pytest.mark.parametrize(

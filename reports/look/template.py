@@ -12,7 +12,7 @@ from mitsuba_ref.records.failures import failures
 from mitsuba_ref.records.other_programs import busy_sentence
 from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
 from reports.charts.library import packed_library
-from reports.page import formatting, heat_map, pictures
+from reports.look import formatting, heat_map, pictures
 
 Filter = Callable[..., str]
 FILTERS: dict[str, Filter] = {

@@ -1,0 +1,115 @@
+"""Measures studies case by case; what is done stays when the command is stopped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from uuid import uuid4
+
+from mitsuba_ref.command.stages import Show
+from mitsuba_ref.records.machine import circumstances
+from mitsuba_ref.records.other_programs import BusyClock
+from reports.bench.errors import ReportError
+from reports.bench.rows import Done, Row, Run, Table
+from reports.bench.store import Store
+from reports.bench.study import Bench, Study
+from reports.look.formatting import seconds
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line requests for all studies that it names."""
+
+    store: Store
+    words: Sequence[str]  # of the command line, for the record
+    quick: bool = False
+    again: bool = False  # measure also what this commit has measured
+    cases: Sequence[str] = ()
+    budget: float = 3600.0  # [s] of a case that has no end
+    options: Mapping[str, str] = field(default_factory=dict)
+    folder: Path = Path("reports/out")
+
+
+def run_study(name: str, study: Study, request: Request, show: Show) -> list[str]:
+    """Measure the cases of a study and store their rows; return the faults.
+
+    A case that raises has a row "fault", and the others are measured all the same. After
+    an interrupt (KeyboardInterrupt, which leaves) the store has every case that ended.
+
+    Raises
+    ------
+    ReportError
+        If a case is unknown or the store cannot be read.
+    """
+    if unknown := set(request.options) - set(study.options):
+        possible = ", ".join(study.options) or "none"
+        raise ReportError(
+            f"study {name} has no option {min(unknown)!r}; there are: {possible}"
+        )
+    cases = study.chosen(request.cases, request.quick)
+    store = request.store
+    run = Run(
+        run=uuid4().hex[:8],
+        quick=request.quick,
+        options=dict(request.options),
+        **circumstances("reports", request.words),
+    )
+    earlier = store.everything(name)
+    left = [case for case in cases if study.goes_on or not _measured(case, run, earlier)]
+    left = cases if request.again else left
+    store.append(name, [run])
+    faults: list[str] = []
+    began, expected = time.monotonic(), _expected(study, request.quick)
+    for number, case in enumerate(left):
+        gone = time.monotonic() - began
+        each = gone / number if number else expected / max(1, len(cases))
+        remaining = seconds(each * (len(left) - number))
+        place = f"{name}: {case}, {number + 1} of {len(left)}, about {remaining} left"
+        show(place)
+        clock, start = BusyClock(), time.monotonic()
+        bench = Bench(
+            name,
+            request.quick,
+            lambda stage, place=place: show(f"{place}: {stage}"),  # type: ignore[misc]
+            request.folder,
+            request.budget,
+            request.options,
+            earlier.where(case=case),
+        )
+        try:
+            for row in study.measure(case, bench):
+                store.append(name, [replace(row, study=name, run=run.run)])
+                if row.quantity == "fault":
+                    faults.append(f"{name}: {case}: {row.value}")
+        except Exception as error:  # whatever it is, the other cases are measured
+            sentence = str(error) if isinstance(error, ValueError) else repr(error)
+            row = Row(case=case, quantity="fault", value=sentence, study=name, run=run.run)
+            store.append(name, [row])
+            faults.append(f"{name}: {case}: {sentence}")
+        done = Done(
+            done=case,
+            run=run.run,
+            seconds=round(time.monotonic() - start, 3),
+            cores_of_other_programs=clock.others(),
+        )
+        store.append(name, [done])
+    return faults
+
+
+def _expected(study: Study, quick: bool) -> float:
+    minutes = study.quick_minutes if quick else None
+    return 60.0 * (study.minutes if minutes is None else minutes)
+
+
+def _measured(case: str, run: Run, earlier: Table) -> bool:
+    """Return whether this commit has measured a case with the same settings."""
+    done = earlier.done.get(case)
+    before = earlier.runs.get(done.run) if done else None
+    return (
+        before is not None
+        and not run.commit.endswith("-dirty")
+        and (before.commit, before.quick, before.options)
+        == (run.commit, run.quick, run.options)
+    )

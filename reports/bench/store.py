@@ -1,0 +1,204 @@
+"""The store of measurements: one append-only file of lines a study.
+
+A line is JSON: the circumstances of a run, a row, or the end of a case. What a killed
+process left of its last line is dropped when the next one writes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import MISSING, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from mitsuba_ref.records.json_files import write_atomically
+from reports.bench.errors import ReportError
+from reports.bench.rows import Done, Row, Run, Table
+from reports.bench.without_paths import without_paths
+
+MEASURED = Path(__file__).resolve().parents[1] / "measured"
+ENDING = ".jsonl"
+
+Line = Row | Run | Done
+
+
+@dataclass(frozen=True)
+class Store:
+    """Reads and writes measurements.
+
+    Parameters
+    ----------
+    folder
+        Where lines are appended.
+    measured
+        Where the repository keeps measurements of whole studies; they are read, too.
+    """
+
+    folder: Path
+    measured: Path = MEASURED
+
+    def append(self, study: str, lines: Iterable[Line]) -> None:
+        """Append lines to the file of a study.
+
+        Numbers that are not finite become None, and paths of this machine short.
+        """
+        path = self.folder / f"{study}{ENDING}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        text = b"".join(_encoded(line) for line in lines)
+        with path.open("ab+") as file:
+            file.truncate(_whole_lines(path))
+            file.write(text)
+
+    def read(self, study: str) -> Table:
+        """Return the rows of a study: of each case those of its newest whole run.
+
+        A run that is not `full` counts only for a case that has no other. Rows of a case that
+        was interrupted are left out.
+
+        Raises
+        ------
+        ReportError
+            One line: file, line, what is wrong.
+        """
+        return newest(
+            [
+                *read_lines(self.measured / f"{study}{ENDING}"),
+                *read_lines(self.folder / f"{study}{ENDING}"),
+            ]
+        )
+
+    def everything(self, study: str) -> Table:
+        """Return all rows of a study, of all runs, also of interrupted ones."""
+        lines = [
+            line
+            for folder in (self.measured, self.folder)
+            for line in read_lines(folder / f"{study}{ENDING}")
+        ]
+        return Table(
+            tuple(line for line in lines if isinstance(line, Row)),
+            {line.run: line for line in lines if isinstance(line, Run)},
+            {line.done: line for line in lines if isinstance(line, Done)},
+        )
+
+    def keep(self, study: str) -> str:
+        """Copy what is worth it into the repository's file; return a sentence about it.
+
+        Kept are whole cases of runs of a commit without changes that are not quick and are
+        newer than those there. Pictures are left out.
+
+        Raises
+        ------
+        ReportError
+            If a file cannot be read.
+        """
+        path = self.measured / f"{study}{ENDING}"
+        there = read_lines(path)
+        dates = {line.run: line.created for line in there if isinstance(line, Run)}
+        own = read_lines(self.folder / f"{study}{ENDING}")
+        good = {
+            line.run
+            for line in own
+            if isinstance(line, Run)
+            and line.full
+            and line.run not in dates
+            and line.commit != "unknown"
+            and not line.commit.endswith("-dirty")
+        }
+        ended = {(line.run, line.done) for line in own if isinstance(line, Done)}
+        kept = [
+            line
+            for line in own
+            if line.run in good and not (isinstance(line, Row) and not _kept(line, ended))
+        ]
+        if not any(isinstance(line, Done) for line in kept):
+            return f"{study}: nothing new of a commit, measured in full"
+        write_atomically(path, b"".join(map(_encoded, [*there, *kept])))
+        return f"{study}: {sum(isinstance(line, Row) for line in kept)} rows kept"
+
+
+def _kept(row: Row, ended: set[tuple[str, str]]) -> bool:
+    return (row.run, row.case) in ended and row.quantity != "picture"
+
+
+def newest(lines: Iterable[Line]) -> Table:
+    """Return of each case the rows of its newest whole run, full runs before quick ones."""
+    every = list(lines)
+    runs = {line.run: line for line in every if isinstance(line, Run)}
+    best: dict[str, Done] = {}
+
+    def rank(done: Done) -> tuple[bool, str]:
+        run = runs.get(done.run)
+        return (run is not None and run.full, run.created if run else "")
+
+    for line in every:
+        if isinstance(line, Done) and (
+            line.done not in best or rank(line) >= rank(best[line.done])
+        ):
+            best[line.done] = line
+    rows = tuple(
+        line
+        for line in every
+        if isinstance(line, Row) and line.case in best and best[line.case].run == line.run
+    )
+    return Table(rows, runs, best)
+
+
+def read_lines(path: Path) -> list[Line]:
+    """Return the lines of a file, or nothing if it is not there.
+
+    Raises
+    ------
+    ReportError
+        One line: file, line, what is wrong.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise ReportError(f"{path}: cannot be read: {error.strerror}") from None
+    whole = content[: content.rfind(b"\n") + 1]  # the rest was being written
+    found = []
+    for number, text in enumerate(whole.splitlines(), 1):
+        try:
+            found.append(_decoded(text))
+        except (ValueError, msgspec.ValidationError) as error:
+            raise ReportError(f"{path}:{number}: {error}") from None
+    return found
+
+
+def _decoded(text: bytes) -> Line:
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ValueError(f"expected an object, found {text[:40].decode(errors='replace')}")
+    kind = Run if "created" in content else Done if "done" in content else Row
+    return msgspec.convert(content, kind)
+
+
+def _encoded(line: Line) -> bytes:
+    """Return a line without the fields that have their defaults."""
+    if isinstance(line, Row):
+        if isinstance(line.value, float | int):
+            line = replace(line, value=finite(line.value))
+        if line.interval and not all(map(math.isfinite, line.interval)):
+            line = replace(line, interval=None)
+    content: dict[str, Any] = without_paths(msgspec.to_builtins(line))
+    required = {f.name for f in fields(line) if f.default is MISSING}
+    empty = ("", None, False, {})
+    left = {key: v for key, v in content.items() if key in required or v not in empty}
+    return json.dumps(left, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+
+
+def finite(value: float) -> float | None:
+    """Return the number as a float of Python, or None if it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _whole_lines(path: Path) -> int:
+    """Return how many bytes of a file are whole lines."""
+    content = path.read_bytes()
+    return content.rfind(b"\n") + 1

@@ -1,0 +1,149 @@
+"""What a study is, and which there are."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+import reports.studies
+from mitsuba_ref.command.stages import Show
+from reports.bench.errors import ReportError
+from reports.bench.rows import Row, Table
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What a study gets to measure a case with.
+
+    Parameters
+    ----------
+    study
+        Name of the study.
+    quick
+        Whether a shorter measurement is requested.
+    show
+        Call it with a sentence about what is being done.
+    folder
+        Of the page; pictures go to folders in it.
+    budget
+        Seconds that a study without an end may take for a case.
+    options
+        Settings of the study that the command line gives as NAME=VALUE.
+    earlier
+        All rows that the study has in the store, for studies that go on.
+    """
+
+    study: str
+    quick: bool = False
+    show: Show = field(default=lambda stage: None)
+    folder: Path = Path("reports/out")
+    budget: float = 3600.0
+    options: Mapping[str, str] = field(default_factory=dict)
+    earlier: Table = field(default_factory=Table)
+
+    def picture(self, case: str, name: str, pixels: NDArray[np.uint8]) -> Row:
+        """Write a picture for the page; return its row.
+
+        Parameters
+        ----------
+        case
+            Of the row.
+        name
+            Of the picture within the case; contender of the row.
+        pixels
+            (height, width, 3) or (height, width), sRGB.
+        """
+        path = Path("pictures") / self.study / f"{case}-{name}.png".replace(" ", "-")
+        target = self.folder / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(pixels).save(target, optimize=True)
+        return Row(case=case, contender=name, quantity="picture", value=path.as_posix())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A study: what it is called, what it measures, how long it takes.
+
+    Parameters
+    ----------
+    title
+        Of its page.
+    sentence
+        What it answers, in one sentence.
+    minutes, quick_minutes
+        How long all cases take on two cores, the second with `--quick`.
+    measure
+        (case, bench) -> rows. Each row is stored as soon as it is yielded.
+    cases
+        The cases; each is measured as a whole and not again when a command is resumed.
+    quick_cases
+        Those of `--quick`; None: all.
+    any_case
+        Whether `--case` may name other cases, such as a scene file.
+    axis
+        What `Row.at` means, such as "samples per pixel"; "" if rows have no place.
+    goes_on
+        Whether each run adds to the rows of earlier runs, until `measure` yields nothing.
+    options
+        Settings that `measure` knows, with their help.
+    page
+        "module:function" that turns the study's rows into a page; "" draws a table of each
+        quantity, and a chart of each that has an axis.
+    """
+
+    title: str
+    sentence: str
+    minutes: float
+    measure: Callable[[str, Bench], Iterator[Row]]
+    quick_minutes: float | None = None
+    cases: Sequence[str] | Callable[[], Sequence[str]] = ("all",)
+    quick_cases: Sequence[str] | None = None
+    any_case: bool = False
+    axis: str = ""
+    goes_on: bool = False
+    options: Mapping[str, str] = field(default_factory=dict)
+    page: str = ""
+
+    def chosen(self, names: Sequence[str], quick: bool) -> list[str]:
+        """Return the cases to measure.
+
+        Raises
+        ------
+        ReportError
+            If there is no case of a name.
+        """
+        every = list(self.cases() if callable(self.cases) else self.cases)
+        if not names:
+            return list(self.quick_cases) if quick and self.quick_cases else every
+        for name in names:
+            if name not in every and not self.any_case:
+                raise ReportError(f"case {name!r} is unknown; there are {', '.join(every)}")
+        return list(names)
+
+
+def study_names() -> list[str]:
+    """Return the names of all studies."""
+    modules = pkgutil.iter_modules(reports.studies.__path__)
+    return [m.name.replace("_", "-") for m in modules if not m.name.startswith("_")]
+
+
+def find_study(name: str) -> Study:
+    """Import a study.
+
+    Raises
+    ------
+    ReportError
+        If there is no study of this name.
+    """
+    if name not in study_names():
+        raise ReportError(f"study {name!r} is unknown; there are {', '.join(study_names())}")
+    module = importlib.import_module(f"reports.studies.{name.replace('-', '_')}")
+    study: Study = module.STUDY
+    return study
