@@ -95,7 +95,9 @@ def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
 
 
 def _page(study: Study) -> Callable[[str, Study, Table], str]:
-    module, _, function = (study.page or "reports.pages.study_page:study_page").partition(":")
+    module, _, function = (study.page or "reports.pages.study_page:study_page").partition(
+        ":"
+    )
     found: Callable[[str, Study, Table], str] = getattr(
         importlib.import_module(module), function
     )

@@ -4,7 +4,7 @@ A mirror ball multiplies the distance of two paths by ten at each bounce, and (u
 floor of 140 x 140 are known to 8e-6. With other roundings a path would leave Mitsuba's path
 after a few bounces. So the points of hits are rounded as Mitsuba and Embree do it. Which
 operations are fused, and in which order sums are taken, was found by trying; a test
-(tests/replay/test_replay_hits.py) compares bits.
+(tests/renderer/replay/test_replay_hits.py) compares bits.
 """
 
 from __future__ import annotations

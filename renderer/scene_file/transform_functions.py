@@ -2,7 +2,7 @@
 
 Each returns a (4, 4) matrix that acts on column vectors, so `translate(...) @ rotate(...)`
 rotates first. Conventions are those of Mitsuba's `ScalarTransform4f`, against which
-tests/scene_file/test_transform_functions.py compares them.
+tests/renderer/scene_file/test_transform_functions.py compares them.
 """
 
 from __future__ import annotations

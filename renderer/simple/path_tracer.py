@@ -12,7 +12,7 @@ the integral as its mean. So the integral in the integral in the integral become
 The two integrators before it stand below: direct light alone, and the tree of rays through
 mirrors and glass. The kernels of this renderer walk the same paths and trees, thousands at
 a time, in single precision. Given the same random numbers both find the same light
-(tests/integrators/test_simple_path_tracer.py).
+(tests/renderer/integrators/test_simple_path_tracer.py).
 """
 
 from __future__ import annotations

@@ -143,7 +143,9 @@ def find_study(name: str) -> Study:
         If there is no study of this name.
     """
     if name not in study_names():
-        raise ReportError(f"study {name!r} is unknown; there are {', '.join(study_names())}")
+        raise ReportError(
+            f"study {name!r} is unknown; there are {', '.join(study_names())}"
+        )
     module = importlib.import_module(f"reports.studies.{name.replace('-', '_')}")
     study: Study = module.STUDY
     return study
