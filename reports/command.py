@@ -12,11 +12,11 @@ from rich.console import Console
 
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.json_files import write_atomically
-from reports.bench.errors import ReportError
 from reports.bench.rows import Table
 from reports.bench.runner import Request, run_study
 from reports.bench.store import Store
 from reports.bench.study import Study, find_study, study_names
+from reports.errors import ReportError
 
 FAULTY, WRONG_USE, INTERRUPTED = 1, 2, 130
 DEFAULT_OUT = Path("reports/out")
@@ -128,10 +128,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m reports",
         allow_abbrev=False,
-        description="Measure studies case by case, store what was measured, draw the pages.",
+        description="Measure studies case by case, store the rows, draw the pages.",
         epilog=f"Exit status: 0 no fault, {FAULTY} a fault was found, {WRONG_USE} the "
-        f"command line or a file is wrong, {INTERRUPTED} interrupted: what ended is stored, "
-        "and the same command goes on.",
+        f"command line or a file is wrong, {INTERRUPTED} interrupted: what ended is "
+        "stored, and the same command goes on.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     add = parser.add_argument

@@ -11,10 +11,10 @@ from uuid import uuid4
 from mitsuba_ref.command.stages import Show
 from mitsuba_ref.records.machine import circumstances
 from mitsuba_ref.records.other_programs import BusyClock
-from reports.bench.errors import ReportError
 from reports.bench.rows import Done, Row, Run, Table
 from reports.bench.store import Store
 from reports.bench.study import Bench, Study
+from reports.errors import ReportError
 from reports.look.formatting import seconds
 
 

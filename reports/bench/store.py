@@ -16,9 +16,9 @@ from typing import Any
 import msgspec
 
 from mitsuba_ref.records.json_files import write_atomically
-from reports.bench.errors import ReportError
 from reports.bench.rows import Done, Row, Run, Table
 from reports.bench.without_paths import without_paths
+from reports.errors import ReportError
 
 MEASURED = Path(__file__).resolve().parents[1] / "measured"
 ENDING = ".jsonl"
@@ -56,8 +56,8 @@ class Store:
     def read(self, study: str) -> Table:
         """Return the rows of a study: of each case those of its newest whole run.
 
-        A run that is not `full` counts only for a case that has no other. Rows of a case that
-        was interrupted are left out.
+        A run that is not `full` counts only for a case that has no other. Rows of a case
+        that was interrupted are left out.
 
         Raises
         ------
@@ -189,7 +189,7 @@ def _encoded(line: Line) -> bytes:
     content: dict[str, Any] = without_paths(msgspec.to_builtins(line))
     required = {f.name for f in fields(line) if f.default is MISSING}
     empty = ("", None, False, {})
-    left = {key: v for key, v in content.items() if key in required or v not in empty}
+    left = {k: v for k, v in content.items() if k in required or v not in empty}
     return json.dumps(left, ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
 

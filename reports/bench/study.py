@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-import reports.studies
 from mitsuba_ref.command.stages import Show
-from reports.bench.errors import ReportError
 from reports.bench.rows import Row, Table
+from reports.errors import ReportError
+
+FOLDER = Path(__file__).resolve().parents[1] / "studies"
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ class Study:
 
 def study_names() -> list[str]:
     """Return the names of all studies."""
-    modules = pkgutil.iter_modules(reports.studies.__path__)
+    modules = pkgutil.iter_modules([str(FOLDER)])
     return [m.name.replace("_", "-") for m in modules if not m.name.startswith("_")]
 
 

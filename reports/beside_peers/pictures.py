@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from reports.beside_peers.record import PictureTimes
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.speed.contenders import OURS, load_all
 from reports.speed.measure import CHECK_SEEDS, scene_file
 from reports.speed.record import Renderer

@@ -14,7 +14,7 @@ from reports.accelerator_study.settings import FULL
 from reports.accelerator_trials.contenders import NAIVE
 from reports.accelerator_trials.meshes import displaced_icosphere, teapot
 from reports.beside_peers.record import RayTimes
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.speed_accuracy.large_meshes import FREQUENCY
 
 OURS = "wide"

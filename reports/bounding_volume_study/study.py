@@ -26,7 +26,7 @@ from renderer.textbook.volume_fits import VOLUMES, points_of_extents
 from reports.accelerator_trials.meshes import surfaces_of
 from reports.accelerator_trials.rays import flat, in_batches
 from reports.accelerator_trials.tracing import make_query, trace
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 RAYS = 200_000
 DETAIL = 48  # parts along a side of an object's surface

@@ -15,7 +15,7 @@ from renderer.rendering.cluster.connect import open_cluster
 from renderer.rendering.cluster.source import ClusterWorkers
 from renderer.scene.scene import Scene
 from reports.cluster_study.record import Costs, Run
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 ROUND_TRIPS = 100
 

@@ -17,7 +17,7 @@ from reports.accelerator_study.record import read_accelerators
 from reports.accelerator_study.settings import FULL, QUICK
 from reports.accelerator_study.study import write_study
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 FAULTY = 1
 QUICK_HELP = (

@@ -29,7 +29,7 @@ from reports.commands.pages import (
     draw,
     draw_benchmark,
 )
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.records.json_file import write_json
 from reports.speed.compile_times import SCHEMA as COMPILE_SCHEMA
 from reports.speed.compile_times import measure_compile_times, read_compile_times

@@ -12,12 +12,12 @@ from rich.console import Console
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.json_files import write_atomically
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, PART, WRONG_USE, draw
+from reports.errors import ReportError
 from reports.limits.atlas import ATLAS
 from reports.limits.measure import measure_atlas
 from reports.limits.page import gives_way, limits_page
 from reports.limits.record import FILE, Limits, MeasuredRow, read_limits, write_limits
 from reports.limits.row import Row
-from reports.bench.errors import ReportError
 
 ALARM = 1
 

@@ -10,6 +10,7 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
+from reports.errors import ReportError
 from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
 from reports.limits.record import Limits, read_limits
@@ -19,7 +20,6 @@ from reports.needs.record import NeedsRecord
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
-from reports.bench.errors import ReportError
 from reports.records.json_file import read_json
 from reports.records.measured import MEASURED, newest
 from reports.records.results import read_results

@@ -15,10 +15,10 @@ from mitsuba_ref.records.request import FEWEST_SEEDS
 from mitsuba_ref.records.verdicts import exit_status
 from reports.argument_types import at_least
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
+from reports.errors import ReportError
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import QUICK, ProofSettings, make_proof, results_file
-from reports.bench.errors import ReportError
 
 EPILOG = """Exit status: that of the most severe verdict (python -m mitsuba_ref --help); 1
 also for a hole in the matrix, an alarm of the register or too many false alarms, 2 the

@@ -15,9 +15,9 @@ from mitsuba_ref.records.verdicts import statuses_in_words
 from reports.accelerator_study.settings import QUICK
 from reports.accelerator_study.study import write_study
 from reports.commands.pages import ACCELERATORS, DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
+from reports.errors import ReportError
 from reports.proof_page.run import QUICK as QUICK_PROOF
 from reports.proof_page.run import make_proof, results_file
-from reports.bench.errors import ReportError
 
 DEFAULT_SIZE = "demo"
 STOPPED = WRONG_USE, INTERRUPTED

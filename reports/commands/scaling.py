@@ -23,7 +23,7 @@ from reports.cluster_study.measure import measure_costs, measure_runs
 from reports.cluster_study.record import Costs, Run, Scaling, Simulated
 from reports.cluster_study.simulation import cases, simulate
 from reports.commands.pages import DEFAULT_OUT, WRONG_USE
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.records.json_file import write_json
 from reports.speed.measure import scene_file
 

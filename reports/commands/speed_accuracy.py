@@ -23,8 +23,8 @@ from renderer.errors import SceneError
 from renderer.process.names import SAMPLERS
 from reports.argument_types import at_least
 from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, PART, WRONG_USE, draw
+from reports.errors import ReportError
 from reports.look.formatting import number, seconds
-from reports.bench.errors import ReportError
 from reports.speed.measure import scene_file
 from reports.speed_accuracy.contenders import Settings
 from reports.speed_accuracy.large_meshes import LARGE, written

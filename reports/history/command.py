@@ -10,10 +10,10 @@ from pathlib import Path
 from rich.console import Console
 
 from mitsuba_ref.records.json_files import write_atomically
+from reports.errors import ReportError
 from reports.history.kept import PARTIAL, keep
 from reports.history.page import history_page
 from reports.history.versions import clone_of, versions_of
-from reports.bench.errors import ReportError
 from reports.records.measured import MEASURED
 
 DEFAULT_OUT = Path("reports/out")

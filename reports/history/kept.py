@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from mitsuba_ref.records.json_files import write_atomically
-from reports.bench.errors import ReportError
-from reports.records.measured import MEASURED
 from reports.bench.without_paths import without_paths
+from reports.errors import ReportError
+from reports.records.measured import MEASURED
 
 Content = dict[str, Any]
 

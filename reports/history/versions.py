@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 NOT_COMMITTED = "not committed"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from reports.errors import ReportError
 from reports.limits.row import Row
 from reports.records.circumstances import Circumstances
-from reports.bench.errors import ReportError
 from reports.records.json_file import read_json, write_json
 
 SCHEMA = 1

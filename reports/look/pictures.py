@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from renderer.rendering.picture.picture import srgb_from_linear
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 Picture = NDArray[np.float32]  # (H, W, 3), linear sRGB
 Difference = NDArray[np.float64]  # (H, W), signed luminance

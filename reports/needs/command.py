@@ -19,12 +19,12 @@ from mitsuba_ref.records.proof_file import read_proof
 from renderer.command.options import definition
 from renderer.errors import SceneError
 from reports.argument_types import at_least
+from reports.errors import ReportError
 from reports.needs.content import content_of
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA, NeedsRecord, SceneNeeds
 from reports.needs.study import TIMED, Study, measure
 from reports.needs.table import print_table
-from reports.bench.errors import ReportError
 from reports.records.json_file import read_json, write_json
 
 SCENES = Path(__file__).parents[2] / "scenes"

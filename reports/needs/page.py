@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from reports.needs.record import Loss, NeedsRecord, SceneNeeds
-from reports.needs.study import Study, mean_picture
 from reports.look.pictures import (
     LUMINANCE,
     difference_uri,
@@ -21,6 +19,8 @@ from reports.look.pictures import (
     tone_mapped,
 )
 from reports.look.template import fill
+from reports.needs.record import Loss, NeedsRecord, SceneNeeds
+from reports.needs.study import Study, mean_picture
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The page of any study: a chart of each quantity that has an axis, a table of the others."""
+"""The page of any study: charts of quantities that have an axis, tables of the others."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from mitsuba_ref.ladder.climb import FALSE_ALARMS
 from mitsuba_ref.records.results import DivergentPixel, SceneResult
 from reports.charts.columns import Bin, histogram_chart
+from reports.errors import ReportError
 from reports.look import pictures
 from reports.look.heat_map import ramp_uri
-from reports.bench.errors import ReportError
 
 
 @dataclass(frozen=True)

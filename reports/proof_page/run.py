@@ -13,8 +13,8 @@ from mitsuba_ref.command import cli as harness
 from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.machine import usable_cores
 from mitsuba_ref.records.request import FEWEST_SEEDS
+from reports.errors import ReportError
 from reports.proof_page.record import ALARMS, MATRIX, REGISTER
-from reports.bench.errors import ReportError
 
 FOLDER = "proof"  # in the page's data
 WRONG_USE, INTERRUPTED = 2, 130  # of the harness

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from mitsuba_ref.records.json_files import write_atomically
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 Record = TypeVar("Record")
 

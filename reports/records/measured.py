@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 MEASURED = Path(__file__).resolve().parents[1] / "measured"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mitsuba_ref.records.results import SCHEMA, ReplayResult, Results, SceneResult
 from mitsuba_ref.records.verdicts import VERDICTS
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.records.json_file import read_json
 
 

@@ -13,9 +13,9 @@ from mitsuba_ref.records.results import Ladder, LadderPoint, Metric, SceneResult
 from mitsuba_ref.records.verdicts import COMPARED
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import Point, Series
+from reports.errors import ReportError
 from reports.look import formatting, pictures
 from reports.look.anchors import scene_anchors
-from reports.bench.errors import ReportError
 
 OURS = "lightproof"
 

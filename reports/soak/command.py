@@ -14,7 +14,7 @@ from rich.console import Console
 from mitsuba_ref.command.stages import Show, shown_stages
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.machine import circumstances, describe_machine
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.records.measured import MEASURED
 from reports.soak.page import soak_page
 from reports.soak.record import FILE, Part, Session, Soak, read_soak, write_soak

@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.soak.damage.process import LARGE, PICTURE, REFUSED, damaged
 from reports.soak.record import Step
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import msgspec
 
+from reports.bench.without_paths import without_paths
 from reports.records.circumstances import Circumstances
 from reports.records.json_file import read_json, write_json
-from reports.bench.without_paths import without_paths
 
 SCHEMA = 1
 FILE = "soak.json"

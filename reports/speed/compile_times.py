@@ -18,8 +18,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mitsuba_ref.records import machine
+from reports.errors import ReportError
 from reports.records.circumstances import Circumstances
-from reports.bench.errors import ReportError
 from reports.records.json_file import read_json
 
 SCHEMA = 1

@@ -12,7 +12,7 @@ from pathlib import Path
 from mitsuba_ref.records import machine
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from renderer.scene_file import read_file
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.speed import starts, turns
 from reports.speed.contenders import OURS, load_all
 from reports.speed.record import Benchmark, Renderer, Starts

@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 TIME_LIMIT = 300.0  # [s]
 

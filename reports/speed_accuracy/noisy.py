@@ -15,7 +15,7 @@ from mitsuba_ref.statistics.equal_error import relative_mse_of
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
 from renderer.scene_file.objects.films import round_sample_count
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.speed_accuracy.contenders import (
     PEERS,
     THEIR_SAMPLERS,

@@ -15,6 +15,7 @@ from report_samples import scene, write_results
 
 from mitsuba_ref.records import machine
 from mitsuba_ref.records.json_files import to_json
+from reports.errors import ReportError
 from reports.history import command, kept
 from reports.history.kept import keep, partial
 from reports.history.measures import MEASURES, values_of
@@ -23,7 +24,6 @@ from reports.history.versions import NOT_COMMITTED, versions_of
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import Loss, SceneNeeds
 from reports.records import measured
-from reports.bench.errors import ReportError
 from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page

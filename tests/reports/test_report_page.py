@@ -14,8 +14,8 @@ from report_samples import scene, stopped_scene, write_results
 
 from mitsuba_ref.records.verdicts import COMPARED, VERDICTS, Verdict
 from reports.commands import report as cli
+from reports.errors import ReportError
 from reports.look import formatting
-from reports.bench.errors import ReportError
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 

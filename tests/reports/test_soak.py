@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.soak import command, interrupts, self_hits
 from reports.soak.damage import formats, process
 from reports.soak.damage.formats import DAMAGE

@@ -8,7 +8,7 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 ROOT = Path(__file__).resolve().parents[3]
 PLUGINS, SCENES = ROOT / "tests" / "plugins", ROOT / "scenes"

@@ -4,7 +4,8 @@ All seeds are fixed, so nothing here fails by chance; limits in sigma are chosen
 correct sampler would have passed with probability 0.9999 for all of a test's cases. What
 they find with 99 %, from 65,536 pixels: a density tilted by 8 % from end to end in 64 bins,
 by 10 % in 256 cells; a correlation of 0.029; a mean that is 7.4 standard errors off.
-tests/renderer/sampling/test_sampler_independence.py looks closer, at any distance between pixels.
+tests/renderer/sampling/test_sampler_independence.py looks closer, at any distance between
+pixels.
 """
 
 from __future__ import annotations

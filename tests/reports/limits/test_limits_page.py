@@ -11,6 +11,7 @@ from test_limits_atlas import ROW
 
 from reports.charts.boundary import boundary_chart
 from reports.commands import limits as command
+from reports.errors import ReportError
 from reports.limits.atlas import Chapter
 from reports.limits.page import limits_page
 from reports.limits.record import (
@@ -21,7 +22,6 @@ from reports.limits.record import (
     read_limits,
     write_limits,
 )
-from reports.bench.errors import ReportError
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 

@@ -17,10 +17,10 @@ from mitsuba_ref.false_alarms import __main__ as alarms_command
 from mitsuba_ref.mutations import __main__ as mutations_command
 from reports.commands import proof as command
 from reports.commands import report as cli
+from reports.errors import ReportError
 from reports.proof_page import run as proof_run
 from reports.proof_page.record import ALARMS, MATRIX, read_register
 from reports.proof_page.run import results_file
-from reports.bench.errors import ReportError
 
 HOLE = sample.matrix(sample.mutation("gamma-twice", sample.seen("replay", False)))
 

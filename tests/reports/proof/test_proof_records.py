@@ -9,8 +9,8 @@ import numpy as np
 import proof_samples as sample
 import pytest
 
+from reports.errors import ReportError
 from reports.proof_page.page import proof_page
-from reports.bench.errors import ReportError
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ from reports.accelerator_page.section import build_accelerators_section
 from reports.accelerator_study.further_studies import FurtherStudy
 from reports.commands import accelerators as command
 from reports.commands import report as cli
+from reports.errors import ReportError
 from reports.look.heat_map import RAMP, heat_map_uri
-from reports.bench.errors import ReportError
 
 SIZES = [1e3, 1e4, 1e5, 1e6]
 

@@ -13,7 +13,7 @@ from report_samples import benchmark, scene, write_results
 from rich.console import Console
 
 from reports.commands import benchmark as command
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.records.json_file import write_json
 from reports.speed.compile_times import CompileTimes, SceneTime, read_compile_times
 from reports.speed.page import benchmark_page

@@ -19,7 +19,7 @@ from mitsuba_ref.reference.variant_process import find_llvm
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
 from reports.commands import benchmark
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.speed import compile_times, contenders, starts, turns
 from reports.speed.compile_times import SceneTime
 from reports.speed.turns import Render

@@ -14,7 +14,7 @@ from reports.beside_peers.pictures import Wanted
 from reports.beside_peers.record import SCHEMA, PeersRecord, RayTimes, ratio, read_peers
 from reports.beside_peers.table import print_peers
 from reports.commands import benchmark
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 from reports.records.json_file import write_json
 from reports.speed import contenders
 from reports.speed.record import MeanCheck, Renderer

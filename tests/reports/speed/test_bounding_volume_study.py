@@ -13,7 +13,7 @@ from drawn_charts import figure
 from reports.bounding_volume_study import study as study_of
 from reports.bounding_volume_study.section import bounding_volume_section
 from reports.bounding_volume_study.study import bounding_volume_study, main
-from reports.bench.errors import ReportError
+from reports.errors import ReportError
 
 RAYS = 4000
 VOLUMES = ["sphere", "AABB", "OBB", "6-DOP", "10-DOP", "14-DOP"]

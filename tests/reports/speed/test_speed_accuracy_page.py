@@ -13,8 +13,8 @@ from speed_accuracy_sample import PEER, noisy, record
 
 from reports.commands import speed_accuracy as command
 from reports.commands.pages import draw
+from reports.errors import ReportError
 from reports.look.formatting import number
-from reports.bench.errors import ReportError
 from reports.records.measured import MEASURED
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
