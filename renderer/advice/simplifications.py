@@ -16,7 +16,7 @@ from renderer.advice.simpler_shapes import (
     with_copies,
     without_light,
 )
-from renderer.errors import SceneError
+from renderer.errors import SceneError, did_you_mean
 from renderer.scene.light_properties import has_extended_lights
 from renderer.scene.materials import kind_of, sides
 from renderer.scene_file.description import (
@@ -412,9 +412,10 @@ def _found(description: SceneDescription, word: str) -> tuple[str, Step]:
 
 
 def _unknown(description: SceneDescription, word: str) -> SceneError:
+    known = ["depth=K", *words_of(description)]
     return SceneError(
         f"{description.source}: simplification {word!r} is unknown; there are: "
-        f"depth=K, {', '.join(words_of(description))}"
+        f"{', '.join(known)}{did_you_mean(word, known)}"
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 import renderer
 from renderer.command.sweep import parse_frames
+from renderer.errors import did_you_mean
 from renderer.process.cache_folder import cache_root
 from renderer.rendering.render_options import DEFAULTS, OPTIONS, RenderOptions
 
@@ -30,9 +32,15 @@ Exit status: 0 the picture is written, 1 the scene or a file was refused (or pic
 that were compared differ), 2 the command line was wrong, 130 interrupted."""
 
 
+# the sentence of argparse, in which newer versions of Python quote no name
+_CHOICE = re.compile(r"invalid choice: '(.*)' \(choose from (.*)\)")
+
+
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line, without the usage before it."""
+        if chosen := _CHOICE.search(message):
+            message += did_you_mean(chosen[1], re.findall(r"[\w-]+", chosen[2]))
         self.exit(2, f"{self.prog}: error: {message}; --help lists the options\n")
 
 

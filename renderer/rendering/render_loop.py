@@ -95,11 +95,11 @@ class RenderLoop:
     def run(self) -> Outcome:
         """See the function `run`."""
         checkpoint, trouble = self._checkpoint, ""
-        if checkpoint is not None:
-            self._go_on_from(checkpoint)
-            self._resumed = self._film.samples_done
         complete = False
         try:
+            if checkpoint is not None:
+                self._go_on_from(checkpoint)
+                self._resumed = self._film.samples_done
             self._show()
             if self._goal is None or self._halves is None:
                 self._trace(self._job.plan.spp)

@@ -13,7 +13,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from renderer.errors import SceneError
+from renderer.errors import SceneError, did_you_mean
 from renderer.process.memory import parse_size
 from renderer.process.names import (
     ACCELERATORS,
@@ -384,7 +384,8 @@ class RenderOptions:
                 object.__setattr__(self, name, option.check(name, value))
             if option.choices and value not in option.choices:
                 known, noun = ", ".join(option.choices), option.noun or name
-                raise SceneError(f"{noun} {value!r} is unknown; there are: {known}")
+                near = did_you_mean(str(value), option.choices)
+                raise SceneError(f"{noun} {value!r} is unknown; there are: {known}{near}")
         if self.resume and self.checkpoint is None:
             raise SceneError("resume is true, and no checkpoint is given to go on from")
 

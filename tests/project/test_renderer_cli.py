@@ -207,6 +207,7 @@ def test_what_can_be_written_is_written(capsys, monkeypatch):
         ([], "SCENE.xml"),
         ([CORNELL, "--integrator", "bdpt"], "'bdpt' (choose from 'auto', 'direct'"),
         ([CORNELL, "--accel", "octopus"], "'octopus' (choose from 'auto', 'brute'"),
+        ([CORNELL, "--accel", "kd-sha"], "; did you mean kd-sah?; --help lists"),
         ([CORNELL, "--sampler", "halton"], "'halton' (choose from 'independent', 'str"),
         ([CORNELL, "--spp", "0"], "argument --spp: 0 is less than 1"),
         ([CORNELL, "--spp", "many"], "argument --spp: 'many' is no whole number"),

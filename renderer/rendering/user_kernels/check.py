@@ -139,9 +139,21 @@ def check_kernels_of(kind: BsdfKind, arithmetic: Any) -> None:
         check_statements(kernel)
         returned = _compiled(kernel, tuple(given[word] for word in words))
         what = what_is_wrong(returned, *_RETURNS[name])
+        if not what and name == "sample" and kind.delta and _no_lobe(returned, kind):
+            what = (
+                -1,
+                "returns no lobe, and the BSDF is registered with delta=True; "
+                "BsdfSample(wi, weight, pdf, eta, lobe) is needed",
+            )
         if what:
             said = f"{name} of BSDF {kind.name!r} {what[1]}"
             raise PluginError(said, _place_of_return(kernel, what[0]))
+
+
+def _no_lobe(returned: Any, kind: BsdfKind) -> bool:
+    """Return whether a sample names no lobe, and nothing else tells which are delta."""
+    old_form = {"reflection", "transmission"} & dict(kind.users_kernels).keys()
+    return not old_form and returned.types[-1] != LOBES
 
 
 def _compiled(kernel: Any, signature: tuple[Any, ...]) -> Any:

@@ -494,6 +494,14 @@ def test_branches_of_delta_lobes_are_checked_too(tmp_path):
     assert "returns as share one number" in line and "splat_f32(x)" in line
 
 
+def test_a_delta_bsdf_whose_sample_names_no_lobe_is_refused(tmp_path):
+    """Its mirrors would count as smooth, and their light be weighed by a density."""
+    path, text = written(tmp_path, REGISTERED, REGISTERED[:-1] + ", delta=True\n")
+    line = said_of(path)
+    assert line.startswith(f"{path}:{line_of(text, 'return BsdfSample(')}: sample of BSDF")
+    assert "returns no lobe" in line and "eta, lobe) is needed" in line
+
+
 class Strange:
     def __str__(self):
         return "first line\nsecond at 0x7f0123456789"

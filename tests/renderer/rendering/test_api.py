@@ -157,6 +157,7 @@ def test_progress_counts_up_to_the_last_sample(monkeypatch):
             {"integrator": "bidirectional"},
             "'bidirectional' is unknown; there are: auto,",
         ),
+        ({"accel": "kd-sha"}, "; did you mean kd-sah?"),
         ({"accel": "octopus"}, "'octopus' is unknown; there are: auto, brute"),
         ({"sampler": "dice"}, "'dice' is unknown; there are: independent, stratified"),
     ],

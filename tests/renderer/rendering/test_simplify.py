@@ -190,6 +190,7 @@ def test_what_the_scene_has_not_is_the_same_scene():
     ("word", "message"),
     [
         ("glas=straight", "'glas=straight' is unknown; there are: depth=K, roulette=off"),
+        ("glas=straight", "; did you mean glass=straight?"),
         ("glass", "'glass' is unknown"),
         ("", "'' is unknown"),
         ("glass=off", "glass: 'off' is not possible; possible: straight"),
