@@ -28,6 +28,8 @@ class TimedRender:
 class TimedMitsuba(VariantProcess):
     """A scene file in one Mitsuba variant, loaded and ready; a context manager.
 
+    `loaded["seconds"]` is how long loading took, without the start of Mitsuba.
+
     Parameters
     ----------
     variant
@@ -101,10 +103,13 @@ def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
     mitsuba.set_variant(job["variant"])
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(job["threads"])
+    start = time.perf_counter()
     scenes = {
         sampler: _load(mitsuba, Path(job["path"]), job["parameters"], sampler)
         for sampler in job["samplers"] or [None]
     }
+
+    seconds = time.perf_counter() - start
 
     def render(wanted: dict[str, Any]) -> dict[str, Any]:
         scene = scenes[wanted["sampler"]]
@@ -117,7 +122,7 @@ def load(job: dict[str, Any]) -> tuple[dict[str, Any], Answerer]:
         mean = image[..., :3].mean(axis=(0, 1), dtype=np.float64)
         return {"seconds": seconds, "mean": [float(value) for value in mean]}
 
-    return {"loaded": True}, render
+    return {"seconds": seconds}, render
 
 
 def _load(mi: Any, path: Path, parameters: dict[str, str], sampler: str | None) -> Any:
