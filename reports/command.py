@@ -17,6 +17,7 @@ from reports.bench.runner import Request, run_study
 from reports.bench.store import Store
 from reports.bench.study import Study, find_study, study_names
 from reports.errors import ReportError
+from reports.look.shared_files import write_shared_files
 
 FAULTY, WRONG_USE, INTERRUPTED = 1, 2, 130
 DEFAULT_OUT = Path("reports/out")
@@ -70,6 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name, study in studies.items():
             if page := draw(name, study, store, given.out):
                 _say(f"The page: {page}")
+        write_shared_files(
+            given.out, [(_file(n), find_study(n).title) for n in study_names()]
+        )
     except ReportError as error:
         console.print(f"reports: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
@@ -89,9 +93,13 @@ def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
     table = store.everything(name) if study.goes_on else store.read(name)
     if not table:
         return None
-    page = out / f"{name.replace('-', '_')}.html"
+    page = out / _file(name)
     write_atomically(page, _page(study)(name, study, table).encode())
     return page
+
+
+def _file(name: str) -> str:
+    return f"{name.replace('-', '_')}.html"
 
 
 def _page(study: Study) -> Callable[[str, Study, Table], str]:

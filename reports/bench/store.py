@@ -188,9 +188,13 @@ def _encoded(line: Line) -> bytes:
             line = replace(line, interval=None)
     content: dict[str, Any] = without_paths(msgspec.to_builtins(line))
     required = {f.name for f in fields(line) if f.default is MISSING}
-    empty = ("", None, False, {})
-    left = {k: v for k, v in content.items() if k in required or v not in empty}
+    left = {k: v for k, v in content.items() if k in required or not _is_default(v)}
     return json.dumps(left, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+
+
+def _is_default(value: Any) -> bool:
+    # 0.0 is a place on an axis, and equal to False
+    return value is None or value is False or value in ("", {})
 
 
 def finite(value: float) -> float | None:

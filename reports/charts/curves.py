@@ -68,7 +68,8 @@ def log_log_chart(
         traces.insert(0, _guide(ends, heights))
     if front:
         traces.insert(0, _front(front))
-    x, y = log_axis(x_label), log_axis(y_label)
+    x = log_axis(x_label, [point.x for point in points])
+    y = log_axis(y_label, [point.y for point in points])
     return element(traces, x=x, y=y, height=height, description=description)
 
 

@@ -69,11 +69,16 @@ def linear_axis(title: str = "", **given: Any) -> dict[str, Any]:
     return {"title": {"text": plain(title)}, "gridcolor": GRID, "zeroline": False, **given}
 
 
-def log_axis(title: str, **given: Any) -> dict[str, Any]:
-    """Return an axis on which equal ratios are equal lengths; its range is of exponents."""
+def log_axis(title: str, values: Sequence[float] = (), **given: Any) -> dict[str, Any]:
+    """Return an axis on which equal ratios are equal lengths; its range is of exponents.
+
+    Where `values` span less than three powers of ten, it has ticks at 1, 2 and 5 times.
+    """
+    if values and max(values) < 1e3 * min(values):
+        given = {"dtick": "D2", **given}
     faint = {"showgrid": True, "gridcolor": FAINT, "dtick": "D1"}
-    power = {"type": "log", "exponentformat": "power", "minor": faint}
-    return linear_axis(title, **power, **given)
+    plain_numbers = {"type": "log", "tickformat": "~g", "minor": faint}
+    return linear_axis(title, **plain_numbers, **given)
 
 
 def category_axis(

@@ -14,6 +14,7 @@ from reports.errors import ReportError
 from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
 from reports.limits.record import Limits, read_limits
+from reports.look.shared_files import write_shared_files
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import NeedsRecord
@@ -99,6 +100,7 @@ def draw(source: Path, out: Path) -> int:
         write_atomically(out / "soak.html", soak_page(soak).encode())
     if proof is not None:
         write_atomically(out / "proof.html", proof_page(proof, proven.parent).encode())
+    write_shared_files(out, [])
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
     faulty = study is not None and bool(study.faults)
     faulty = faulty or (proof is not None and bool(proof.faults))

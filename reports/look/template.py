@@ -11,7 +11,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from mitsuba_ref.records.failures import failures
 from mitsuba_ref.records.other_programs import busy_sentence
 from mitsuba_ref.records.verdicts import CURRENT, VERDICTS
-from reports.charts.library import packed_library
 from reports.look import formatting, heat_map, pictures
 
 Filter = Callable[..., str]
@@ -51,7 +50,6 @@ def _environment(filters: frozenset[tuple[str, Filter]]) -> Environment:
     )
     environment.filters.update({**FILTERS, **dict(filters)})
     environment.globals.update(
-        packed_library=packed_library,
         busy_sentence=busy_sentence,
         failures=failures,
         work_ramp=heat_map.ramp_css(),

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from reports.charts.columns import Bin, histogram_chart, volumes_chart
 from reports.charts.curves import log_log_chart, progress_chart
 from reports.charts.figure import COLOURS, Point, Series
-from reports.charts.library import packed_library
 from reports.charts.rows import dots_chart, timings_chart
 
 positive = st.floats(1e-8, 1e8, allow_nan=False)
@@ -179,15 +178,3 @@ def test_volumes_without_a_place_are_refused(places: tuple[Point, ...]) -> None:
     columns = [("a", "1"), ("b", "2")]
     with pytest.raises(ValueError, match=r"point|place"):
         volumes_chart(columns, [Series("x", places)], y_label="", description="")
-
-
-def test_the_same_numbers_give_the_same_page() -> None:
-    """No number drawn at random, no time stamp: pages can be compared byte by byte."""
-    series = [Series("ours", (Point(1, 2), Point(2, 1)))]
-    first, second = (
-        log_log_chart(series, x_label="x", y_label="y", description="d") for _ in "ab"
-    )
-    assert first == second
-    packed_before = packed_library()
-    packed_library.cache_clear()
-    assert packed_library() == packed_before

@@ -18,7 +18,7 @@ from report_samples import scene, stopped_scene, write_results
 from reports.accelerator_page.page import accelerators_page
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import Point, Series
-from reports.charts.library import packed_library
+from reports.look.shared_files import write_shared_files
 from reports.look.template import fill
 from reports.proof_page.page import proof_page
 from reports.records.results import read_results
@@ -45,7 +45,9 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 def opened(browser: Browser, file: Path, width: int = 1000) -> Page:
     """Return the page once its script has drawn every chart."""
+    write_shared_files(file.parent, [])
     page = browser.open(file, width)
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")  # draws all of them
     page.wait_for(DRAWN)
     return page
 
@@ -174,7 +176,8 @@ def test_browser_reports_no_error_and_fetches_nothing(page: Page) -> None:
     requests = page.requests()
     assert any(address.endswith("/index.html") for address in requests)
     assert all(
-        address.startswith("data:") or address.endswith(("/index.html", "about:blank"))
+        address.startswith("data:")
+        or address.endswith(("/index.html", ".js", "about:blank"))
         for address in requests
     )
 
@@ -227,7 +230,7 @@ def chart_page(folder: Path, chart: Markup) -> Path:
     file = folder / "chart.html"
     file.write_text(
         f"<!DOCTYPE html><meta charset=utf-8>{policy}<body>{chart}"
-        f'<script type="text/plain" id="plotly">{packed_library()}</script>'
+        '<script src="plotly.js" defer></script>'
         f"<script>{script}</script>",
         encoding="utf-8",
     )
@@ -267,7 +270,7 @@ def test_accelerators_fit_the_window_and_load_nothing(
     assert sizes == [6, 6]
     assert page.complaints() == []
     assert all(
-        address.startswith("data:") or address.endswith((".html", "about:blank"))
+        address.startswith("data:") or address.endswith((".html", ".js", "about:blank"))
         for address in page.requests()
     )
 
@@ -296,6 +299,6 @@ def test_proof_fits_the_window_and_circles_the_pixel(
     assert (across, down) == pytest.approx((3.5 / 16, 4.5 / 12), abs=0.005)
     assert page.complaints() == []
     assert all(
-        address.startswith("data:") or address.endswith((".html", "about:blank"))
+        address.startswith("data:") or address.endswith((".html", ".js", "about:blank"))
         for address in page.requests()
     )
