@@ -188,8 +188,12 @@ def _encoded(line: Line) -> bytes:
             line = replace(line, interval=None)
     content: dict[str, Any] = without_paths(msgspec.to_builtins(line))
     required = {f.name for f in fields(line) if f.default is MISSING}
-    empty = ("", None, False, {})
-    left = {k: v for k, v in content.items() if k in required or v not in empty}
+    left = {
+        k: v
+        for k, v in content.items()
+        # a place on the axis may be 0.0, which equals False
+        if k in required or v or (v == 0.0 and v is not False)
+    }
     return json.dumps(left, ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
 
