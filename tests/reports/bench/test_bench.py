@@ -64,6 +64,13 @@ def test_rows_come_back_as_they_were_yielded(store, tmp_path):
         table.value(case="a")
 
 
+def test_a_place_of_0_stays(store):
+    """0.0 equals False, which is left out of lines."""
+    row = Row(case="a", quantity="q", value=1.0, at=0.0)
+    store.append("s", [row, Done(done="a", run="", seconds=1.0)])
+    assert [found.at for found in store.read("s").curve(case="a")] == [0.0]
+
+
 def test_what_json_cannot_hold_becomes_none(store):
     row = Row(case="a", quantity="q", value=np.float64(np.nan), interval=(0.0, math.inf))
     store.append("s", [row, Done(done="a", run="", seconds=1.0)])
