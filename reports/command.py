@@ -69,6 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         break
         for name, study in studies.items():
             if page := draw(name, study, store, given.out):
+                if sentence := study.verdict(_table(name, study, store)):
+                    _say(f"{name}: {sentence}")
                 _say(f"The page: {page}")
     except ReportError as error:
         console.print(f"reports: {error}", markup=False, soft_wrap=True)
@@ -86,12 +88,16 @@ def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
     ReportError
         If the store cannot be read, or the rows not be drawn; an older page stays.
     """
-    table = store.everything(name) if study.goes_on else store.read(name)
+    table = _table(name, study, store)
     if not table:
         return None
     page = out / f"{name.replace('-', '_')}.html"
     write_atomically(page, _page(study)(name, study, table).encode())
     return page
+
+
+def _table(name: str, study: Study, store: Store) -> Table:
+    return store.everything(name) if study.goes_on else store.read(name)
 
 
 def _page(study: Study) -> Callable[[str, Study, Table], str]:

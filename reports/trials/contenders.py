@@ -26,6 +26,7 @@ from mitsuba_ref.statistics.hypothesis_tests.welch import critical_t, sidak_p, w
 from renderer.scene.scene import Scene
 from reports.errors import ReportError
 
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 OURS = "lightproof"
 REFERENCE = "mitsuba scalar_rgb"  # its pictures are the truth
 PEERS = {REFERENCE: "scalar_rgb", "mitsuba llvm_ad_rgb": "llvm_ad_rgb"}
@@ -237,6 +238,11 @@ def remembered(contender: Contender) -> Contender:
     return render
 
 
+def scene_names() -> list[str]:
+    """Return the names of all folders in scenes/ with a scene."""
+    return sorted(path.parent.name for path in SCENES.glob("*/scene.xml"))
+
+
 def scene_file(given: str) -> Path:
     """Return the scene file for a path, a folder, or the name of one of scenes/.
 
@@ -245,9 +251,7 @@ def scene_file(given: str) -> Path:
     ReportError
         If there is no such file.
     """
-    folders = [Path(given), Path("scenes") / given]
-    folders.append(Path(__file__).resolve().parents[2] / "scenes" / given)
-    for place in folders:
+    for place in (Path(given), Path("scenes") / given, SCENES / given):
         file = place / "scene.xml" if place.is_dir() else place
         if file.is_file():
             return file.resolve()
