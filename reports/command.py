@@ -70,6 +70,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         break
         for name, study in studies.items():
             if page := draw(name, study, store, given.out):
+                if sentence := study.verdict(_table(name, study, store)):
+                    _say(f"{name}: {sentence}")
                 _say(f"The page: {page}")
         write_shared_files(
             given.out, [(_file(n), find_study(n).title) for n in study_names()]
@@ -90,7 +92,7 @@ def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
     ReportError
         If the store cannot be read, or the rows not be drawn; an older page stays.
     """
-    table = store.everything(name) if study.goes_on else store.read(name)
+    table = _table(name, study, store)
     if not table:
         return None
     page = out / _file(name)
@@ -100,6 +102,10 @@ def draw(name: str, study: Study, store: Store, out: Path) -> Path | None:
 
 def _file(name: str) -> str:
     return f"{name.replace('-', '_')}.html"
+
+
+def _table(name: str, study: Study, store: Store) -> Table:
+    return store.everything(name) if study.goes_on else store.read(name)
 
 
 def _page(study: Study) -> Callable[[str, Study, Table], str]:

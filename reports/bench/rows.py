@@ -16,12 +16,13 @@ class Row:
     case
         What was measured on: a scene, a mesh, a stress.
     quantity
-        What was measured: "seconds", "relative MSE". The quantities "fault" (its value is
-        a sentence) and "picture" (a path relative to the page) are shown in their own way.
+        What was measured: "seconds", "relative MSE". The quantities "fault" and "left out"
+        (their values are sentences) and "picture" (a path relative to the page) are shown
+        in their own way.
     value
         A number, a text, or None for a number that is not finite.
     unit
-        Of the value, "" for a pure number.
+        Of the value, "" for a pure number, "times" for a ratio.
     contender
         What was measured: a method, a structure, a renderer.
     at
@@ -121,14 +122,18 @@ class Table:
         found = [row for row in self.where(**wanted) if row.at is not None]
         return sorted(found, key=lambda row: row.at or 0.0)
 
-    @property
-    def faults(self) -> list[str]:
-        """The sentences of the rows "fault", each with its case."""
+    def sentences(self, quantity: str) -> list[str]:
+        """Return the sentences of a quantity, each with its case and contender."""
         return [
             ", ".join(filter(None, (row.case, row.contender))) + f": {row.value}"
             for row in self.rows
-            if row.quantity == "fault"
+            if row.quantity == quantity
         ]
+
+    @property
+    def faults(self) -> list[str]:
+        """The sentences of the rows "fault"."""
+        return self.sentences("fault")
 
     @property
     def newest(self) -> Run | None:
@@ -136,6 +141,12 @@ class Table:
         used = {row.run for row in self.rows}
         runs = [run for name, run in self.runs.items() if name in used]
         return max(runs, key=lambda run: run.created, default=None)
+
+    @property
+    def cores_of_other_programs(self) -> float | None:
+        """Cores that were kept busy meanwhile, in the worst case; None: unknown."""
+        found = [done.cores_of_other_programs for done in self.done.values()]
+        return max((cores for cores in found if cores is not None), default=None)
 
 
 def joined(tables: Iterable[Table]) -> Table:

@@ -14,7 +14,7 @@ from mitsuba_ref.records.other_programs import BusyClock
 from reports.bench.rows import Done, Row, Run, Table
 from reports.bench.store import Store
 from reports.bench.study import Bench, Study
-from reports.errors import ReportError
+from reports.errors import OptionError, ReportError
 from reports.look.formatting import seconds
 
 
@@ -41,7 +41,7 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
     Raises
     ------
     ReportError
-        If a case is unknown or the store cannot be read.
+        If a case is unknown, an option is wrong, or the store cannot be read.
     """
     if unknown := set(request.options) - set(study.options):
         possible = ", ".join(study.options) or "none"
@@ -83,6 +83,8 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
                 store.append(name, [replace(row, study=name, run=run.run)])
                 if row.quantity == "fault":
                     faults.append(f"{name}: {case}: {row.value}")
+        except OptionError:
+            raise
         except Exception as error:  # whatever it is, the other cases are measured
             sentence = str(error) if isinstance(error, ValueError) else repr(error)
             row = Row(case=case, quantity="fault", value=sentence, study=name, run=run.run)

@@ -14,7 +14,7 @@ from PIL import Image
 
 from mitsuba_ref.command.stages import Show
 from reports.bench.rows import Row, Table
-from reports.errors import ReportError
+from reports.errors import OptionError, ReportError
 
 FOLDER = Path(__file__).resolve().parents[1] / "studies"
 
@@ -48,6 +48,21 @@ class Bench:
     budget: float = 3600.0
     options: Mapping[str, str] = field(default_factory=dict)
     earlier: Table = field(default_factory=Table)
+
+    def whole(self, name: str, default: int, least: int = 1) -> int:
+        """Return an option that is a whole number.
+
+        Raises
+        ------
+        OptionError
+            If it is something else, or below `least`.
+        """
+        text = self.options.get(name, str(default))
+        if not text.isdecimal() or int(text) < least:
+            raise OptionError(
+                f"--set {name}={text}: expected a whole number, {least} or more"
+            )
+        return int(text)
 
     def picture(self, case: str, name: str, pixels: NDArray[np.uint8]) -> Row:
         """Write a picture for the page; return its row.
@@ -94,6 +109,9 @@ class Study:
         Whether each run adds to the rows of earlier runs, until `measure` yields nothing.
     options
         Settings that `measure` knows, with their help.
+    verdict
+        From the rows to one sentence that answers the study's question; it stands at the
+        top of the page, and the command says it.
     page
         "module:function" that turns the study's rows into a page; "" draws a table of each
         quantity, and a chart of each that has an axis.
@@ -110,6 +128,7 @@ class Study:
     axis: str = ""
     goes_on: bool = False
     options: Mapping[str, str] = field(default_factory=dict)
+    verdict: Callable[[Table], str] = lambda table: ""
     page: str = ""
 
     def chosen(self, names: Sequence[str], quick: bool) -> list[str]:

@@ -64,6 +64,23 @@ def marks(series: int, name: str, **given: Any) -> go.Scatter:
     )
 
 
+def bars(
+    ranges: Sequence[tuple[float, tuple[float, float] | None]],
+) -> dict[str, object] | None:
+    """Return the bars around values, from the low to the high end of each range."""
+    if not any(ends for _, ends in ranges):
+        return None
+    ends = [(value, given or (value, value)) for value, given in ranges]
+    return {
+        "type": "data",
+        "symmetric": False,
+        "array": [high - value for value, (_, high) in ends],
+        "arrayminus": [value - low for value, (low, _) in ends],
+        "thickness": 1,
+        "width": 3,
+    }
+
+
 def linear_axis(title: str = "", **given: Any) -> dict[str, Any]:
     """Return an axis on which equal differences are equal lengths."""
     return {"title": {"text": plain(title)}, "gridcolor": GRID, "zeroline": False, **given}

@@ -1,25 +1,23 @@
-"""A row of dots for each contender: repeated timings, or several kinds of speed."""
+"""A row for each thing and a dot for each of its values, on a logarithmic axis."""
 
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup
 
 from reports.charts.figure import (
-    Series,
+    GUIDE,
+    bars,
     category_axis,
     element,
-    linear_axis,
     log_axis,
     marks,
     plain,
 )
 
 ROW = 24  # [px]
-TIMED_ROW = 52  # [px], with room for the bar of the median
 AROUND = 90  # [px] for legend and axis
 
 
@@ -29,6 +27,8 @@ def dots_chart(
     *,
     x_label: str,
     description: str,
+    intervals: Mapping[tuple[str, str], tuple[float, float]] | None = None,
+    guide: float | None = None,
 ) -> Markup:
     """Draw values of several series beside the name of each row.
 
@@ -40,6 +40,10 @@ def dots_chart(
         Names, in the order of the legend.
     x_label, description
         What the axis means; what the chart shows, for a screen reader.
+    intervals
+        Of values, by the names of row and series.
+    guide
+        Place of a dotted line through all rows.
 
     Raises
     ------
@@ -52,6 +56,7 @@ def dots_chart(
     traces = []
     for index, one in enumerate(series):
         found = [(name, given[one]) for name, given in rows if one in given]
+        ranges = [(value, (intervals or {}).get((name, one))) for name, value in found]
         traces.append(
             marks(
                 index,
@@ -60,6 +65,7 @@ def dots_chart(
                 x=[value for _, value in found],
                 y=[plain(name) for name, _ in found],
                 hovertext=[plain(f"{name}, {one}: {v:.3g}") for name, v in found],
+                error_x=bars(ranges),
             )
         )
     return element(
@@ -70,64 +76,10 @@ def dots_chart(
         ),
         height=AROUND + ROW * len(rows),
         description=description,
+        shapes=[] if guide is None else [_line(guide)],
     )
 
 
-def timings_chart(series: Sequence[Series], *, x_label: str, description: str) -> Markup:
-    """Draw every repeat as a dot and the median as a bar, on a linear axis from zero.
-
-    Parameters
-    ----------
-    series
-        The x of every point is one repeat, >= 0 and finite; y is not looked at.
-    x_label, description
-        What the axis means; what the chart shows, for a screen reader.
-
-    Raises
-    ------
-    ValueError
-        If no time is above 0.
-    """
-    longest = max((point.x for one in series for point in one.points), default=0.0)
-    if longest <= 0.0:
-        raise ValueError("a chart of timings needs at least one time above 0")
-    traces = []
-    for index, one in enumerate(series):
-        times = [point.x for point in one.points]
-        dots = marks(
-            index,
-            one.name,
-            mode="markers",
-            x=times,
-            y=[plain(one.name)] * len(times),
-            hovertext=[plain(point.tooltip or one.name) for point in one.points],
-        )
-        traces.append(dots)
-        if times:
-            middle = statistics.median(times)
-            bar = marks(
-                index,
-                f"median of {one.name}",
-                mode="markers",
-                x=[middle],
-                y=[plain(one.name)],
-                hovertext=[plain(f"{one.name}, median: {middle:.3g}")],
-            )
-            bar.marker.update(symbol="line-ns", size=26, line={"width": 3})
-            bar.marker.line.color = dots.marker.color
-            traces.append(bar)
-    return element(
-        traces,
-        x=linear_axis(x_label, range=[0.0, 1.08 * longest]),
-        y=category_axis(
-            [plain(one.name) for one in series], first_on_top=True, automargin=True
-        ),
-        height=AROUND + TIMED_ROW * len(series),
-        description=description,
-        showlegend=False,
-    )
-
-
-def _names(names: Sequence[str]) -> dict[str, object]:
-    names = [plain(name) for name in names]
-    return category_axis(names, first_on_top=True, automargin=True)
+def _line(x: float) -> dict[str, object]:
+    place = {"x0": x, "x1": x, "y0": 0, "y1": 1, "yref": "paper"}
+    return {"type": "line", **place, "line": {"color": GUIDE, "dash": "dot", "width": 1.2}}

@@ -10,6 +10,9 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
+from reports.bench.store import Store
+from reports.bench.study import find_study
+from reports.command import draw as draw_study
 from reports.errors import ReportError
 from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
@@ -28,17 +31,12 @@ from reports.scenes_page.page import results_page
 from reports.soak.page import soak_page
 from reports.soak.record import FILE as SOAK
 from reports.soak.record import read_soak
-from reports.speed.compile_times import read_compile_times
-from reports.speed.page import benchmark_page
-from reports.speed.record import read_benchmark
 from reports.speed_accuracy.page import speed_accuracy_page
 from reports.speed_accuracy.record import FILE as CURVES
 from reports.speed_accuracy.record import read_speed_accuracy
 
 DEFAULT_OUT = Path("reports/out")
 ACCELERATORS = "accelerators.json"
-BENCHMARK = "benchmark.json"
-COMPILE_TIMES = "compile_times.json"
 NEEDS = "needs.json"
 PART = "-part"  # in the names of record and page that hold not everything
 WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
@@ -55,7 +53,7 @@ def draw(source: Path, out: Path) -> int:
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; benchmark.json, speed_accuracy.json, accelerators.json and the
+        Folder for the page; benchmark.jsonl, speed_accuracy.json, accelerators.json and the
         proof in its `data` are shown too, each on a page of its own; limits.html and
         needs.html are named if they are there. What is not in `data` comes from the
         repository's records, if it is among them, and so does what was soaked.
@@ -66,8 +64,8 @@ def draw(source: Path, out: Path) -> int:
         If the results cannot be shown; an older page stays as it is.
     """
     results = read_results(source)
-    timings = newest(out / "data" / BENCHMARK)
-    benchmark = read_benchmark(timings) if timings.exists() else None
+    speed, store = find_study("benchmark"), Store(out / "data")
+    draw_study("benchmark", speed, store, out)
     counted = newest(out / "data" / ACCELERATORS)
     study = read_accelerators(counted) if counted.exists() else None
     proven = results_file(out / "data")
@@ -81,7 +79,7 @@ def draw(source: Path, out: Path) -> int:
     content = results_page(
         results,
         source.parent,
-        benchmark,
+        speed.verdict(store.read("benchmark")),
         study,
         proof,
         limits,
@@ -91,7 +89,6 @@ def draw(source: Path, out: Path) -> int:
         history=(out / "history.html").exists(),
     )
     write_atomically(page, content.encode())
-    draw_benchmark(out)
     if curves is not None:
         write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())
     if study is not None:
@@ -130,25 +127,3 @@ def _needs(out: Path) -> None:
     if not page.exists() and kept.exists():
         record = read_json(kept, NeedsRecord, NEEDS_SCHEMA)
         write_atomically(page, needs_page(record).encode())
-
-
-def draw_benchmark(out: Path) -> Path | None:
-    """Draw benchmark.html in `out` from the records in its `data`; return its path.
-
-    Returns
-    -------
-    Path or None
-        None if no renderer was timed so far.
-
-    Raises
-    ------
-    ReportError
-        If a record cannot be read; an older page stays as it is.
-    """
-    timings, compiled = (newest(out / "data" / name) for name in (BENCHMARK, COMPILE_TIMES))
-    if not timings.exists():
-        return None
-    times = read_compile_times(compiled) if compiled.exists() else None
-    page = out / "benchmark.html"
-    write_atomically(page, benchmark_page(read_benchmark(timings), times).encode())
-    return page

@@ -13,8 +13,6 @@ from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
 from reports.scenes_page.sections import build_sections
 from reports.soak.record import Soak
-from reports.speed.record import Benchmark
-from reports.speed.section import build_benchmark_section
 from reports.speed_accuracy.record import SpeedAccuracy
 from reports.speed_accuracy.summary import efficiencies
 
@@ -22,7 +20,7 @@ from reports.speed_accuracy.summary import efficiencies
 def results_page(
     results: Results,
     folder: Path,
-    benchmark: Benchmark | None = None,
+    benchmark: str = "",
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
@@ -41,7 +39,7 @@ def results_page(
     folder
         Where results.json is; its pictures are named from there.
     benchmark
-        Shown in a few words, with a link to benchmark.html.
+        Verdict of the study, shown with a link to benchmark.html.
     accelerators
         Likewise, with a link to accelerators.html.
     proof
@@ -65,7 +63,7 @@ def results_page(
         results=results,
         verdicts=[scene.verdict for scene in results.scenes],
         sections=build_sections(worst_first(results), folder),
-        benchmark=None if benchmark is None else build_benchmark_section(benchmark),
+        benchmark=benchmark,
         accelerators=accelerators,
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,

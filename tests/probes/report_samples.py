@@ -128,38 +128,3 @@ def write_results(folder: Path, scenes: list[dict[str, Any]]) -> Path:
     path = folder / "results.json"
     path.write_text(json.dumps(results), encoding="utf-8")
     return path
-
-
-def benchmark(**changes: Any) -> dict[str, Any]:
-    """Return a benchmark.json; `changes` replace fields."""
-    return {
-        "schema": 1,
-        "created": "2026-01-02T03:04:05Z",
-        "command": "python -m reports.benchmark",
-        "commit": "0123abc",
-        "machine": {"cpu": "Example CPU"},
-        "versions": {"python": "3.11"},
-        "scene": {"name": "cornell-box", "integrator": "path", "max_depth": 8},
-        "width": 100,
-        "height": 100,
-        "spp": 100,
-        "workers": 2,
-        "rays_per_path": 8.0,
-        "check": {
-            "passed": True,
-            "seeds": 8,
-            "spp": 16,
-            "z": [0.1, -0.5, 1.0],
-            "limit": 5.0,
-            "ours_mean": [0.25, 0.2, 0.1],
-            "reference_mean": [0.25, 0.2, 0.1],
-        },
-        "renderers": [
-            {"name": "lightproof", "seconds": [0.5, 0.4, 0.5]},
-            {"name": "mitsuba scalar_rgb", "seconds": [4.0, 4.0, 3.5]},
-            {"name": "mitsuba llvm_ad_rgb", "seconds": [], "unavailable": "no libLLVM"},
-        ],
-        "starts": {"warm": [1.5, 1.4], "cold": [31.0], "command": "python -m renderer"},
-        "targets": {"speed_ratio": 6, "warm_seconds": 2, "cold_seconds": 30},
-        **changes,
-    }

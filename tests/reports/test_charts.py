@@ -7,7 +7,6 @@ Where a value lies on the screen, and what the mouse finds there, is checked in 
 from __future__ import annotations
 
 import math
-import statistics
 
 import pytest
 from drawn_charts import curves, figure, figures, guides, points
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from reports.charts.columns import Bin, histogram_chart, volumes_chart
 from reports.charts.curves import log_log_chart, progress_chart
 from reports.charts.figure import COLOURS, Point, Series
-from reports.charts.rows import dots_chart, timings_chart
+from reports.charts.rows import dots_chart
 
 positive = st.floats(1e-8, 1e8, allow_nan=False)
 
@@ -118,23 +117,6 @@ def test_no_points_are_refused() -> None:
         drawn(Series("ours", ()))
     with pytest.raises(ValueError, match="at least one point"):
         progress_chart([], y_label="y", description="d")
-    with pytest.raises(ValueError, match="at least one time above 0"):
-        timings_chart([Series("ours", ())], x_label="s", description="d")
-
-
-def test_timings_start_at_zero_with_the_median_marked() -> None:
-    """Times 9, 1 and 2 of one renderer: three dots, and the bar at 2."""
-    times = (9.0, 1.0, 2.0)
-    series = [Series("ours", tuple(Point(t, 0) for t in times)), Series("absent", ())]
-    chart = figure(timings_chart(series, x_label="seconds", description="Times"))
-    dots, bar, absent = chart["data"]
-    assert points(dots) == [(time, "ours") for time in times]
-    assert points(bar) == [(statistics.median(times), "ours")]
-    assert points(absent) == []
-    axis = chart["layout"]["xaxis"]
-    assert axis.get("type") != "log"
-    assert axis["range"][0] == 0.0
-    assert axis["range"][1] > 9.0
 
 
 def test_dots_have_a_row_for_each_name_in_their_order() -> None:

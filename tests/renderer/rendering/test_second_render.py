@@ -8,7 +8,7 @@ import pickle
 
 import numpy as np
 import pytest
-from test_benchmark_run import CLOSED_ROOM
+from closed_room import CLOSED_ROOM
 
 import renderer
 from renderer.rendering.job import RenderJob

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from closed_room import CLOSED_ROOM
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 from speed_accuracy_sample import PEER, curve, noisy, record
-from test_benchmark_run import CLOSED_ROOM
 
 import renderer
 from mitsuba_ref.records.proof_file import NO_PROOF, Size, read_proof

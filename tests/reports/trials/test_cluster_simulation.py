@@ -1,15 +1,13 @@
-"""Simulated clusters where the answer is known on paper; the resilience command."""
+"""Simulated clusters where the answer is known on paper."""
 
 from __future__ import annotations
 
 import pytest
 
-from reports.cluster_study.record import Costs
-from reports.cluster_study.simulation import Case, simulate
-from reports.commands import resilience
+from reports.trials.cluster_simulation import Case, Costs, simulate
 
-FREE = Costs(portion=0.0, byte=0.0, alone=0.0, start=2.0, first=3.0, rate=1e6)
-CASE = Case("", places=400, place_bytes=0, spp=64, scene_bytes=0, build=5.0, latency=0.0)
+FREE = Costs(portion=0.0, byte=0.0, start=2.0, first=3.0, alone=0.0, rate=1e6)
+CASE = Case(places=400, place_bytes=0, spp=64, scene_bytes=0, build=5.0, latency=0.0)
 WORK = 400 * 64 * 1024 / 1e6  # [s] of one thread
 
 
@@ -27,13 +25,9 @@ def test_workers_share_the_work_and_end_together():
 
 def test_no_portion_is_lost_and_the_server_is_a_bound():
     """Dealing out one portion a second, each of at most 0.5 s: nothing is faster."""
-    found = simulate(CASE, _with_portion(1.0), 4)
+    found = simulate(CASE, FREE._replace(portion=1.0), 4)
     assert found.busy > 0.7
     assert found.seconds >= WORK / 0.5
-
-
-def _with_portion(seconds):
-    return Costs(seconds, 0.0, 0.0, 2.0, 3.0, 1e6)
 
 
 def test_a_scene_that_is_passed_on_whole_doubles_at_each_step():
@@ -42,9 +36,3 @@ def test_a_scene_that_is_passed_on_whole_doubles_at_each_step():
     whole = simulate(large, FREE, 100)
     pieces = simulate(large._replace(pieces=True), FREE, 100)
     assert whole.seconds - pieces.seconds == pytest.approx(6 * 8.0)
-
-
-@pytest.mark.slow
-def test_the_resilience_command(capsys):
-    assert resilience.main(["--spp", "256"]) == 0
-    assert "the same" in capsys.readouterr().out

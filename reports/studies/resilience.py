@@ -7,7 +7,6 @@ compared byte by byte. Kills wait for what has been reached, not for a clock.
 
 from __future__ import annotations
 
-import argparse
 import filecmp
 import os
 import re
@@ -16,17 +15,19 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import psutil
-from rich.console import Console
-from rich.table import Table
 
-SCENE = Path(__file__).parents[2] / "scenes" / "cornell-box" / "scene.xml"
-SPP = 2048  # some five seconds on two cores
+from reports.bench.rows import Row, Table
+from reports.bench.study import Bench, Study
+from reports.trials.contenders import scene_file
+
+SCENE = "cornell-box"
 WORKERS = 2
+COMPARED = "both files, byte by byte"
 POLL = 0.02  # [s]
 LONGEST = 900.0  # [s] of one step; a machine may be busy
 
@@ -44,7 +45,7 @@ class Command:
     """A render in a process of its own."""
 
     def __init__(self, output: Path, spp: int, *more: object) -> None:
-        words = [SCENE, "--spp", spp, "--threads", 2, "-o", output, *more]
+        words = [scene_file(SCENE), "--spp", spp, "--threads", 2, "-o", output, *more]
         self.started = time.monotonic()
         self.process = subprocess.Popen(
             [sys.executable, "-m", "renderer", *map(str, words)],
@@ -70,55 +71,32 @@ class Command:
         return self.process.returncode, said, time.monotonic() - self.started
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print what happens, then a table; return 0 if the files are the same."""
-    parser = argparse.ArgumentParser(
-        prog="python -m reports.resilience", description=__doc__
-    )
-    parser.add_argument(
-        "--spp", type=int, default=SPP, help="samples (default: %(default)s)"
-    )
-    options = parser.parse_args(arguments)
-    console = Console(highlight=False)
-    console.print(
-        f"Renders {SCENE.parent.name} twice, {options.spp} samples per pixel: in one go, "
-        "and killed, resumed on a cluster, a worker killed. About a minute."
-    )
-    with tempfile.TemporaryDirectory(prefix="lightproof-") as folder:
-        steps = _steps(Path(folder), options.spp, console)
-    table = Table("step", "what came of it", "seconds", "", title="The same picture?")
-    for step in steps:
-        mark = "[green]ok" if step.good else "[red]no"
-        table.add_row(step.what, step.came, f"{step.seconds:.1f}", mark)
-    console.print(table)
-    return 0 if all(step.good for step in steps) else 1
-
-
-def _steps(folder: Path, spp: int, console: Console) -> list[Step]:
-    """Do one step after the other, up to the first that fails."""
-    at_once, piecewise = folder / "at-once.exr", folder / "piecewise.exr"
-    checkpoint = folder / "night.checkpoint"
-    steps: list[Step] = []
-    for doing, do in (
-        ("rendering in one go ...", lambda: _at_once(at_once, spp)),
-        ("rendering again, until kill -9 ...", lambda: _killed(piecewise, spp, checkpoint)),
-        (
-            f"resuming on {WORKERS} worker processes, of which one is killed ...",
-            lambda: _resumed(piecewise, spp, checkpoint),
-        ),
-        ("comparing ...", lambda: _compared(at_once, piecewise)),
-    ):
-        console.print(doing)
-        steps.append(do())
-        if not steps[-1].good:
-            break
-    return steps
+def measure(case: str, bench: Bench) -> Iterator[Row]:
+    """Yield what came of each step, up to the first that fails, and its seconds."""
+    spp = bench.whole("spp", 2048)  # some five seconds on two cores
+    with tempfile.TemporaryDirectory(prefix="lightproof-") as name:
+        folder = Path(name)
+        at_once, piecewise = folder / "at-once.exr", folder / "piecewise.exr"
+        checkpoint = folder / "night.checkpoint"
+        for doing, step in (
+            ("in one go", lambda: _at_once(at_once, spp)),
+            ("again, until kill -9", lambda: _killed(piecewise, spp, checkpoint)),
+            ("resumed on a cluster", lambda: _resumed(piecewise, spp, checkpoint)),
+            ("comparing", lambda: _compared(at_once, piecewise)),
+        ):
+            bench.show(doing)
+            what, came, good, seconds = step()
+            yield Row(case=case, contender=what, quantity="what came of it", value=came)
+            yield Row(case=case, contender=what, quantity="time", unit="s", value=seconds)
+            if not good:
+                yield Row(case=case, contender=what, quantity="fault", value=came)
+                return
 
 
 def _at_once(output: Path, spp: int) -> Step:
     status, said, seconds = Command(output, spp).end()
     came = _last_line(said).partition("; wrote")[0]
-    return Step("one go, 2 threads", came, status == 0, seconds)
+    return Step("in one go, 2 threads", came, status == 0, seconds)
 
 
 def _killed(output: Path, spp: int, checkpoint: Path) -> Step:
@@ -127,9 +105,10 @@ def _killed(output: Path, spp: int, checkpoint: Path) -> Step:
     command.process.kill()
     status, said, seconds = command.end()
     good = alive and status == -signal.SIGKILL and not output.exists()
-    came = f"no picture, a checkpoint of {_megabytes(checkpoint)}"
-    if not alive:
-        came = f"it ended before it could be killed; try more --spp: {_last_line(said)}"
+    came = f"it ended before it could be killed; try more --set spp: {_last_line(said)}"
+    if alive:
+        size = f"{checkpoint.stat().st_size / 1e6:.1f} MB"
+        came = f"no picture, a checkpoint of {size}"
     return Step("again, kill -9", came, good, seconds)
 
 
@@ -139,22 +118,21 @@ def _resumed(output: Path, spp: int, checkpoint: Path) -> Step:
     command = Command(output, spp, *more, "--cluster", f"local:{WORKERS}")
     # a new checkpoint is written when the workers have added samples
     alive = command.until(lambda: checkpoint.stat().st_mtime_ns != before)
-    workers = [] if not alive else _workers(command.process.pid)
+    workers = _workers(command.process.pid) if alive else []
     for worker in workers[:1]:
         os.kill(worker, signal.SIGKILL)
     status, said, seconds = command.end()
     tally = re.search(r"cluster: (\d+ portion.*)", said)
-    good = (
-        status == 0 and bool(workers) and re.search(r"\d workers? lost", said) is not None
-    )
+    lost = re.search(r"\d workers? lost", said)
     came = tally[1] if tally and status == 0 else _last_line(said)
+    good = status == 0 and bool(workers) and lost is not None
     return Step(f"resumed, {WORKERS} workers, one kill -9", came, good, seconds)
 
 
 def _compared(first: Path, second: Path) -> Step:
     same = filecmp.cmp(first, second, shallow=False)
-    size = f"{first.stat().st_size} bytes"
-    return Step("cmp", f"the same {size}" if same else "the files differ", same, 0.0)
+    size = f"the same {first.stat().st_size} bytes"
+    return Step(COMPARED, size if same else "the files differ", same, 0.0)
 
 
 def _workers(pid: int) -> list[int]:
@@ -167,5 +145,22 @@ def _last_line(said: str) -> str:
     return (said.strip().splitlines() or ["it said nothing"])[-1]
 
 
-def _megabytes(path: Path) -> str:
-    return f"{path.stat().st_size / 1e6:.1f} MB" if path.exists() else "none"
+def verdict(table: Table) -> str:
+    """Say whether both files are the same."""
+    if table.faults or not table.where(contender=COMPARED):
+        return ""
+    return (
+        "A render that is killed and resumed on a cluster gives the same file, bit for bit."
+    )
+
+
+STUDY = Study(
+    title="The same picture after kill -9?",
+    sentence="A render is killed and resumed on a cluster, of which a worker is killed. Is "
+    "the file the same as that of a render in one go?",
+    minutes=1,
+    cases=("killed and resumed",),
+    options={"spp": "samples per pixel (2048); more where a render ends too soon"},
+    measure=measure,
+    verdict=verdict,
+)

@@ -1,23 +1,21 @@
 """What samples by tile would gain: more of them where the variance is, in two stages.
 
-`python -m reports.speed.samples_by_tile [SCENE ...]` renders each scene evenly, and then as
-a renderer that divides its samples would: a pilot of the whole picture, whose two halves
-say how large the variance of each tile is, and then each tile as a crop window with samples
-by sqrt(variance / cost of a sample), which is best for a sum of variance / samples at a
-given sum of cost x samples. The second stage's number depends on the pilot and not on its
-own samples, so it is without bias by itself, and so is its mean with the pilot at weights
-fixed before (1/4 and 3/4). Processor time, one thread; `docs/performance.md` has the
-results.
+Each scene is rendered evenly, and then as a renderer that divides its samples would: a
+pilot of the whole picture, whose two halves say how large the variance of each tile is, and
+then each tile as a crop window with samples by sqrt(variance / cost of a sample), which is
+best for a sum of variance / samples at a given sum of cost x samples. The second stage's
+number depends on the pilot and not on its own samples, so it is without bias by itself, and
+so is its mean with the pilot at weights fixed before (1/4 and 3/4). Processor time, one
+thread.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
-import sys
+import functools
+import statistics
 import time
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +29,24 @@ from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
 from renderer.rendering.render_options import RenderOptions
 from renderer.scene.scene import Scene
+from reports.bench.rows import Row, Table
+from reports.bench.study import Bench, Study
+from reports.look.formatting import number
+from reports.trials.contenders import scene_file, scene_names
 
-SCENES = Path(__file__).parents[2] / "scenes"
 EVEN, PILOT = 64, 16  # samples per pixel of a whole picture, and of its first stage
 SPREAD = 0.2  # of the second stage, evenly: a pilot may have met nothing somewhere
 REFERENCE = 512
 NOISY = 0.05  # error of the pilot, below which a scene is left out
 FAR = 4_000_000_000  # seeds from here on are not those of the pictures
+
+GAIN = "gain in 1 / (relative MSE x time)"
+WAYS = {
+    "best": "best, if variance and cost were known",
+    "thrown": "second stage alone",
+    "kept": "both stages, fixed weights",
+    "pooled": "both stages, by samples",
+}
 
 Floats = NDArray[np.float64]
 Window = tuple[slice, slice]
@@ -155,39 +164,46 @@ def trial(scene: Scene, side: int, seeds: int) -> dict[str, float] | None:
     }
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print a line for each scene, then the geometric means."""
-    parser = argparse.ArgumentParser(
-        prog="python -m reports.speed.samples_by_tile",
-        description="Measure what dividing samples among tiles by variance would gain.",
-    )
-    parser.add_argument("scenes", nargs="*", help="folders of scenes/ (default: all)")
-    parser.add_argument("--side", type=int, default=16, help="of a tile (default: 16)")
-    parser.add_argument("--seeds", type=int, default=2, help="pictures (default: 2)")
-    given = parser.parse_args(arguments)
-    names = given.scenes or sorted(path.parent.name for path in SCENES.glob("*/scene.xml"))
-    write: Any = sys.stdout.write
-    rows = []
-    write("scene                pilot   tiles   best  thrown    kept  pooled\n")
-    for name in names:
-        path = SCENES / name / "scene.xml"
-        size = read_proof(path).demo
-        scene = renderer.load_file(path, **({} if size is None else size.parameters))
-        try:
-            row = trial(scene, given.side, given.seeds)
-        except SceneError:
-            continue  # no colours, so no error either
-        if row is None:
-            continue
-        rows.append(row)
-        gains = "".join(f"{row[key]:8.2f}" for key in ("best", "thrown", "kept", "pooled"))
-        write(f"{name:<20}{row['pilot']:6.1%}{row['tiles']:8.0f}{gains}\n")
-        sys.stdout.flush()
-    for key in ("best", "thrown", "kept", "pooled") if rows else ():
-        mean = np.exp(np.mean(np.log([row[key] for row in rows])))
-        write(f"geometric mean, {key}: {mean:.2f}\n")
-    return 0
+def measure(case: str, bench: Bench) -> Iterator[Row]:
+    """Yield what dividing the samples of a scene would gain, several ways."""
+    path = scene_file(case)
+    size = read_proof(path).demo
+    scene = renderer.load_file(path, **({} if size is None else size.parameters))
+    gains, why = None, f"{PILOT} samples have an error below {100.0 * NOISY:g} %"
+    try:
+        gains = trial(scene, bench.whole("side", 16), bench.whole("seeds", 2, 2))
+    except SceneError as error:  # no colours, so no error either
+        why = str(error)
+    row = functools.partial(Row, case=case)
+    if gains is None:
+        yield row(quantity="left out", value=why)
+        return
+    for way, title in WAYS.items():
+        yield row(contender=title, quantity=GAIN, value=gains[way], unit="times")
+    yield row(quantity="error of the pilot", value=100.0 * gains["pilot"], unit="%")
+    yield row(quantity="tiles", value=gains["tiles"])
 
 
-if __name__ == "__main__":
-    raise SystemExit(main())
+def verdict(table: Table) -> str:
+    """Say what each way gains, as geometric means over the scenes."""
+    parts = []
+    for way in WAYS.values():
+        rows = table.where(quantity=GAIN, contender=way)
+        gains = [row.value for row in rows if isinstance(row.value, float)]
+        if gains:
+            parts.append(f"{way}: {number(statistics.geometric_mean(gains))} times")
+    return "Gain: " + "; ".join(parts) + "." if parts else ""
+
+
+STUDY = Study(
+    title="Samples by tile",
+    sentence="What would be gained by more samples in tiles with more variance? A renderer "
+    "would have to gain more than 1 in nearly all scenes for this to be worth its code.",
+    minutes=40,
+    quick_minutes=2,
+    cases=scene_names,
+    quick_cases=("cornell-box", "caustic"),
+    options={"side": "of a tile (16)", "seeds": "pictures (2)"},
+    measure=measure,
+    verdict=verdict,
+)

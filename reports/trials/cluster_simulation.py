@@ -13,20 +13,37 @@ import math
 from typing import NamedTuple
 
 from renderer.rendering.cluster import portions
-from reports.cluster_study.record import Costs, Simulated
 
 PART = 16  # samples that a place gets first
 WAITING = 2  # portions at a worker: one under way, one that waits
 
 
+class Costs(NamedTuple):
+    """What it costs to deal out work, in processor seconds of client and scheduler."""
+
+    portion: float  # [s] each
+    byte: float  # [s] of sums, there and back
+    start: float  # [s] until a new cluster of one worker could be given work
+    first: float  # [s] more until that worker's first portion was back
+    alone: float  # [s] for a task with nothing in it, from request to answer
+    rate: float  # samples per second of one thread
+
+
+class Simulated(NamedTuple):
+    """One simulated render."""
+
+    seconds: float
+    efficiency: float  # of the workers' time that is tracing
+    busy: float  # part of the time that client and scheduler are busy
+
+
 class Case(NamedTuple):
     """A picture and a network."""
 
-    name: str
     places: int
     place_bytes: int  # of sums
     spp: int
-    slowdown: float = 1.0  # of a sample beside the scene that was measured
+    slowdown: float = 1.0  # of a sample, compared with the scene that was measured
     scene_bytes: float = 1e6
     build: float = 1.0  # [s] that a worker takes to build the scene
     latency: float = 5e-4  # [s] one way
@@ -34,27 +51,14 @@ class Case(NamedTuple):
     pieces: bool = False  # the scene is passed on while it comes in; today it is not
 
 
-def cases() -> list[Case]:
-    """Return the pictures that are simulated: two sizes, then what would be changed."""
-    hd = Case("1920 x 1080, 256 spp", 2040, 46_208, 256)
-    uhd = Case(
-        "4K, 4096 spp, 10 x dearer, 1 GB of scene",
-        8160,
-        46_208,
-        4096,
-        slowdown=10.0,
-        scene_bytes=1e9,
-        build=20.0,
-    )
-    return [
-        hd,
-        uhd,
-        uhd._replace(name="the same, the scene is there already", scene_bytes=0, build=0),
-        uhd._replace(
-            name="the 4K picture, 50 ms away, 100 Mbit/s", latency=0.05, bandwidth=1.25e7
-        ),
-        uhd._replace(name="the 4K picture, its scene passed on in pieces", pieces=True),
-    ]
+_LARGE = Case(8160, 46_208, 4096, slowdown=10.0, scene_bytes=1e9, build=20.0)
+CASES = {
+    "1920 x 1080, 256 spp": Case(2040, 46_208, 256),
+    "4K, 4096 dear spp, 1 GB of scene": _LARGE,
+    "the same, the scene is there": _LARGE._replace(scene_bytes=0, build=0),
+    "the same, 50 ms away, 100 Mbit/s": _LARGE._replace(latency=0.05, bandwidth=1.25e7),
+    "the same, scene passed on in pieces": _LARGE._replace(pieces=True),
+}
 
 
 def simulate(case: Case, costs: Costs, workers: int) -> Simulated:
@@ -108,4 +112,4 @@ def simulate(case: Case, costs: Costs, workers: int) -> Simulated:
             worker_free[number] = done
             back = (done + case.latency, number, samples, 2 * size_next)
             heapq.heappush(events, back)
-    return Simulated(case.name, workers, end, every_sample / (workers * end), busy / end)
+    return Simulated(end, every_sample / (workers * end), busy / end)

@@ -1,1 +1,0 @@
-"""Pictures and rays of several scenes beside Mitsuba and Embree, measured in turn."""

@@ -1,1 +1,0 @@
-"""What a cluster costs and how far it carries: measured with few workers, simulated."""

@@ -1,0 +1,130 @@
+"""Two scenes that are too large to lie in a folder: written when they are measured.
+
+A ball of 327,680 triangles, the largest mesh of the study of accelerators: under a sun, and
+between a floor and a lamp with light over five bounces. The first has noise at edges alone
+and next to nothing to shade, so that its seconds are those of rays in a large mesh, of the
+film, and of whatever is done once a picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from reports.accelerator_trials.meshes import StudyMesh, View, displaced_icosphere
+
+FREQUENCY = 128  # 327,680 triangles
+SIZE = 1280, 720
+# Of the usual measurement, in which the large picture would take ten minutes a scene: a
+# triangle covers a pixel still, of which it covers four in the large one.
+SMALL_SIZE = 640, 360
+
+_SUN = """<emitter type="directional">
+    <vector name="direction" value="-0.5, 0.6, -1"/>
+    <rgb name="irradiance" value="3"/>
+  </emitter>"""
+_FLOOR_AND_LAMP = """<shape type="rectangle">
+    <transform name="to_world"><scale value="6"/><translate z="-1.4"/></transform>
+    <bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf>
+  </shape>
+  <shape type="rectangle">
+    <transform name="to_world">
+      <lookat origin="2, -2, 4" target="0, 0, 0" up="0, 1, 0"/>
+    </transform>
+    <emitter type="area"><rgb name="radiance" value="12"/></emitter>
+  </shape>"""
+# name -> depth of its paths, and what stands beside the ball; a depth of 6 is 5 bounces
+LARGE = {"ball-and-sun": (2, _SUN), "ball-and-lamp": (6, _FLOOR_AND_LAMP)}
+
+
+@contextmanager
+def written(names: list[str], frequency: int = FREQUENCY) -> Iterator[list[Path]]:
+    """Write scenes of `LARGE` to a folder that is there as long as the context.
+
+    Parameters
+    ----------
+    names
+        Of scenes.
+    frequency
+        The ball has 20 frequency^2 triangles.
+
+    Yields
+    ------
+    list of Path
+        A `NAME/scene.xml` each.
+    """
+    if not names:
+        yield []
+        return
+    mesh = displaced_icosphere(frequency)
+    ball = ply_bytes(mesh)
+    with TemporaryDirectory() as folder:
+        paths = []
+        for name in names:
+            path = Path(folder) / name / "scene.xml"
+            path.parent.mkdir()
+            (path.parent / "ball.ply").write_bytes(ball)
+            path.write_text(_scene_text(mesh.view, *LARGE[name]))
+            (path.parent / "proof.toml").write_text(_proof_text(name))
+            paths.append(path)
+        yield paths
+
+
+def ply_bytes(mesh: StudyMesh) -> bytes:
+    """Return a mesh as a binary PLY file."""
+    faces = np.empty(len(mesh.faces), [("corners", "u1"), ("vertices", "<i4", 3)])
+    faces["corners"], faces["vertices"] = 3, mesh.faces
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(mesh.vertices)}",
+        *(f"property float {axis}" for axis in "xyz"),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    return (
+        "\n".join(header).encode() + mesh.vertices.astype("<f4").tobytes() + faces.tobytes()
+    )
+
+
+def _proof_text(name: str) -> str:
+    width, height = SMALL_SIZE
+    lines = [f'title = "{name}"', 'shows = "a large mesh"']
+    for size in ("demo", "test"):
+        lines += [f"[{size}]", f"width = {width}", f"height = {height}", "spp = 16"]
+    return "\n".join(lines)
+
+
+def _scene_text(view: View, depth: int, beside: str) -> str:
+    eye, target, up = (", ".join(map(str, place)) for place in view[:3])
+    return f"""<scene version="3.0.0">
+  <default name="spp" value="64"/>
+  <default name="width" value="{SIZE[0]}"/>
+  <default name="height" value="{SIZE[1]}"/>
+  <integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
+  <sensor type="perspective">
+    <float name="fov" value="{view.fov}"/>
+    <transform name="to_world">
+      <lookat origin="{eye}" target="{target}" up="{up}"/>
+    </transform>
+    <sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>
+    <film type="hdrfilm">
+      <integer name="width" value="$width"/>
+      <integer name="height" value="$height"/>
+      <string name="pixel_format" value="rgb"/>
+      <rfilter type="box"/>
+    </film>
+  </sensor>
+  <shape type="ply">
+    <string name="filename" value="ball.ply"/>
+    <boolean name="face_normals" value="true"/>
+    <bsdf type="diffuse"><rgb name="reflectance" value="0.7"/></bsdf>
+  </shape>
+  {beside}
+</scene>
+"""
