@@ -17,7 +17,6 @@ from renderer.errors import SceneError
 from renderer.plugins.bsdfs.kind import SMOOTH
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.scene.materials import sides
 
 
 def rgb(*value):
@@ -152,13 +151,6 @@ def test_a_structure_is_named_as_a_function():
     ]
     both = kind_of(bsdf_of(SETS["one for both"]))
     assert (both.name, both.transmits) == ("twosided(blendbsdf(diffuse, conductor))", False)
-
-
-def test_two_sides_of_single_kinds_are_no_structure():
-    plain = bsdf_of({"type": "twosided", "a": RED, "b": GOLD})
-    assert [kind_of(side).name for side in sides(plain)] == ["diffuse", "conductor"]
-    nested = bsdf_of(SETS["one for each"])
-    assert sides(nested) == (nested, nested)
 
 
 @pytest.mark.parametrize("ghost", [mask(0.0, RED), {"type": "null"}], ids=["mask", "null"])

@@ -202,22 +202,6 @@ def test_furnace(tmp_path):
     np.testing.assert_allclose(picture.mean(), 0.9, rtol=3e-3)
 
 
-def test_sky_that_the_camera_sees_is_the_image(tmp_path):
-    """A direction at the centre of a texel, on a row, has the texel's radiance."""
-    image = noise(5, 8)
-    pair = LightProbe(
-        LAMP,
-        {"sky": {"type": "envmap", "filename": write_exr(tmp_path / "n.exr", image)}},
-        (1.0, 1.0, 1.0),
-    )
-    row, column = np.meshgrid(np.arange(5), np.arange(8), indexing="ij")
-    phi, theta = 2 * np.pi * (column + 0.5) / 8, np.pi * row / 4
-    sine = np.sin(theta)
-    wi = np.stack((np.sin(phi) * sine, np.cos(theta), -np.cos(phi) * sine), axis=-1)
-    radiance, _ = pair.environment("sky", wi[1:-1].reshape(-1, 3))
-    np.testing.assert_allclose(radiance, image[1:-1].reshape(-1, 3), atol=5e-6)
-
-
 # --------------------------------------------------------------------- bad input
 
 

@@ -150,42 +150,6 @@ def test_each_number_is_uniform(sampler):
 
 
 @every_sampler
-def test_pairs_fill_the_square(sampler):
-    """The four numbers of one draw two by two, 16 x 16 bins."""
-    numbers = draw(sampler, np.arange(PIXELS), 3, 1)
-    cell = (numbers * 16).astype(int)
-    for i in range(4):
-        for j in range(i):
-            pair = np.bincount(cell[i] * 16 + cell[j], minlength=256)
-            assert chi_square_z(pair) < SIGMA, (i, j)
-
-
-@every_sampler
-@pytest.mark.parametrize(
-    "changed",
-    ["pixel", "row of pixels", "block", "bounce", "seed"],
-)
-def test_neighbours_are_independent(sampler, changed):
-    """|r| < 5 / sqrt(N), and 16 x 16 bins, against the pixel beside, the next block, ..."""
-    pixels = np.arange(PIXELS)
-    step = {"pixel": 1, "row of pixels": 640}.get(changed, 0)
-    block = {"block": 3, "bounce": 2 + 256}.get(changed, 2)
-    other = sampler._replace(seed=sampler.seed + (changed == "seed"))
-    a, b = draw(sampler, pixels, 2, 2), draw(other, pixels + step, 2, block)
-    for i in range(4):
-        for j in range(4):
-            assert abs(np.corrcoef(a[i], b[j])[0, 1]) * np.sqrt(PIXELS) < SIGMA
-        cells = (a[i] * 16).astype(int) * 16 + (b[i] * 16).astype(int)
-        assert chi_square_z(np.bincount(cells, minlength=256)) < SIGMA
-
-
-def test_samples_of_the_independent_sampler_are_independent():
-    a, b = (draw(Independent(0), np.arange(PIXELS), sample, 1) for sample in (4, 5))
-    for i in range(4):
-        assert abs(np.corrcoef(a[i], b[i])[0, 1]) * np.sqrt(PIXELS) < SIGMA
-
-
-@every_sampler
 def test_the_same_question_has_the_same_answer(sampler):
     """In any order and beside any other pixel: nothing is carried on."""
     pixels = np.random.default_rng(0).permutation(4096)
@@ -355,45 +319,9 @@ def warped(x, y):
     return *(a[:, :n].T.astype(float) for a in out), weight[:n]
 
 
-def random_square():
-    return np.random.default_rng(3).random((2, PIXELS)).astype(np.float32)
-
-
-def turn(v):
-    return (np.arctan2(v[:, 1], v[:, 0]) / (2 * np.pi)) % 1
-
-
 def cells(a, b):
     """Counts of pairs in [0, 1]^2 in 16 x 16 bins."""
     return np.histogram2d(a, b, 16, [[0, 1], [0, 1]])[0]
-
-
-def test_the_disk_is_covered_evenly():
-    """r^2 and the angle are uniform and independent."""
-    disk, _, _, _ = warped(*random_square())
-    r2 = np.sum(disk**2, axis=1)
-    assert r2.max() < 1 + 2e-7
-    assert chi_square_z(cells(r2, turn(disk))) < SIGMA
-
-
-def test_the_hemisphere_has_density_cos_over_pi():
-    """z^2 and the longitude are uniform and independent; mean of z is 2/3."""
-    _, hemisphere, _, _ = warped(*random_square())
-    np.testing.assert_allclose(np.linalg.norm(hemisphere, axis=1), 1, rtol=3e-7)
-    z = hemisphere[:, 2]
-    assert z.min() >= 0
-    assert chi_square_z(cells(z * z, turn(hemisphere))) < SIGMA
-    assert abs(mean_z(z, 2 / 3)) < SIGMA
-
-
-def test_the_sphere_is_covered_evenly():
-    """z and the longitude are uniform and independent."""
-    _, _, sphere, _ = warped(*random_square())
-    np.testing.assert_allclose(np.linalg.norm(sphere, axis=1), 1, rtol=3e-7)
-    assert chi_square_z(cells((sphere[:, 2] + 1) / 2, turn(sphere))) < SIGMA
-    for k in range(3):
-        assert abs(mean_z(sphere[:, k], 0)) < SIGMA
-        assert abs(mean_z(sphere[:, k] ** 2, 1 / 3)) < SIGMA
 
 
 def test_the_warps_keep_neighbours():

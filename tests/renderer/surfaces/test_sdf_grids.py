@@ -176,34 +176,6 @@ def test_no_hit_is_missed_and_none_is_invented(name, inside):
     assert (hit & ~sure).mean() < 0.03
 
 
-def test_a_saddle_is_met_where_its_equation_says():
-    """4 (x - 1/2) (y - 1/2) = z - 1/2 lies between the points of any grid."""
-    x, y, z = places(4, 7, 3)
-    cells = cells_of(4 * (x - 0.5) * (y - 0.5) - (z - 0.5), smooth=False)
-    origin, direction = rays(400, 3)
-    o, d = origin - 0.5, direction
-    a, b = 4 * d[:, 0] * d[:, 1], 4 * (o[:, 0] * d[:, 1] + o[:, 1] * d[:, 0]) - d[:, 2]
-    c = 4 * o[:, 0] * o[:, 1] - o[:, 2]
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(b * b - 4 * a * c)
-        t = np.sort([(-b - root) / (2 * a), (-b + root) / (2 * a)], axis=0)
-        p = o + t[..., None] * d
-    t[~(abs(p) <= 0.5).all(axis=-1)] = np.inf
-    expected = t.min(axis=0)
-    found, cell = hits(cells, origin, direction)
-    np.testing.assert_allclose(found, expected, rtol=3e-6)
-    hit = cell >= 0
-    met = origin[hit] + found[hit, None] * direction[hit]
-    position, normal, shading = points(cells, cell[hit], met)
-    q = position - 0.5
-    g = np.stack([4 * q[:, 1], 4 * q[:, 0], -np.ones(len(q))], axis=1)
-    np.testing.assert_allclose(4 * q[:, 0] * q[:, 1], q[:, 2], atol=1e-6)
-    np.testing.assert_allclose(
-        normal, g / np.linalg.norm(g, axis=1, keepdims=True), atol=1e-6
-    )
-    assert np.array_equal(normal, shading)
-
-
 def test_a_ball_has_no_hole():
     """From its middle, along edges and through corners of cells, and at random."""
     x, y, z = places(9, 9, 9)
