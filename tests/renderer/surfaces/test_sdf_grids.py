@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from make_grids import grid_file, places, torus, waves
 from scene_file_samples import error_of, ours
+from scene_xml import props
 
 mi.set_variant("scalar_rgb")
 
@@ -386,7 +387,7 @@ def test_flipped_bytes_end_in_a_grid_or_an_error(tmp_path, flips):
         assert min(grid.shape) >= 2
 
 
-FILE = '<string name="filename" value="x.vol"/>'
+FILE = props(filename="x.vol")
 
 
 @pytest.mark.parametrize(
@@ -394,8 +395,8 @@ FILE = '<string name="filename" value="x.vol"/>'
     [
         ("", 'property "filename": found nothing, expected the path of a .vol file'),
         (FILE, 'the grid "x.vol"'),
-        (FILE + '<float name="grid" value="1"/>', "found one beside a file, expected"),
-        ('<float name="grid" value="1"/>', "found a value of type float, expected an arr"),
+        (FILE + props(grid=1.0), "found one beside a file, expected"),
+        (props(grid=1.0), "found a value of type float, expected an arr"),
         (FILE + '<emitter type="area"/>', "cannot emit: its area is not known"),
     ],
 )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from kernel_probes import directions, kernel_inputs, look, nearest, unit
 from scene_file_samples import mi, scene_text
+from scene_xml import props
 
 import renderer
 
@@ -30,8 +31,8 @@ def matrix(seed, *, mirror=False, stretch=(1.0, 1.0, 1.0), slant=0.0):
     return f'<matrix value="{" ".join(f"{x:.9g}" for x in whole.ravel())}"/>'
 
 
-FLIP = '<boolean name="flip_normals" value="true"/>'
-FACES = '<boolean name="face_normals" value="true"/>'
+FLIP = props(flip_normals=True)
+FACES = props(face_normals=True)
 MESH = '<string name="filename" value="{}.obj"/>'
 WIDE = (1.5, 0.6, 1.0)
 
@@ -53,7 +54,7 @@ SHAPES = {
     "disk, stretched": ("disk", "", matrix(15, stretch=WIDE)),
     "disk, mirrored": ("disk", "", matrix(16, mirror=True)),
     "disk, flipped": ("disk", FLIP, matrix(17)),
-    "sphere": ("sphere", '<float name="radius" value="1.3"/>', matrix(18)),
+    "sphere": ("sphere", props(radius=1.3), matrix(18)),
     "sphere, mirrored": ("sphere", "", matrix(19, mirror=True)),
     "sphere, flipped": ("sphere", FLIP, matrix(20)),
     "sphere, mirrored, flipped": ("sphere", FLIP, matrix(21, mirror=True)),
