@@ -17,8 +17,7 @@ from scatter_probes import (
     seen_at,
     undone,
 )
-from small_scenes import pixels, sensor
-from test_furnaces import white_furnace
+from small_scenes import pixels, sensor, white_furnace
 
 ANGLES = np.array([0, 10, 30, 41.7, 42, 45, 60, 75, 85, 89, 89.9])
 ROUNDING = 2.0**-24  # half a unit in the last place of 1

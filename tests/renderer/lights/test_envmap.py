@@ -7,9 +7,9 @@ circle, light at the poles, an even one, one of a single pixel, one turned and m
 from __future__ import annotations
 
 import numpy as np
-import OpenEXR
 import pytest
 from chi_square import assert_follows, cell_masses, histogram
+from environment_maps import LAMP, directions, turned, write_exr
 from light_probes import LightProbe
 from scene_file_samples import error_of
 from small_scenes import diffuse, pixels, scene, sensor, sphere
@@ -22,15 +22,6 @@ mi = pytest.importorskip("mitsuba")
 
 N = 1 << 18
 SEED = 20
-LAMP = {"lamp": {"type": "rectangle"}}
-
-
-def write_exr(path, image):
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    rgb = {c: np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate("RGB")}
-    with OpenEXR.File(header, rgb) as file:
-        file.write(str(path))
-    return str(path)
 
 
 def noise(height, width):
@@ -43,12 +34,6 @@ def dark_but(height, width, *bright):
     for row, column in bright:
         image[row, column] = 100.0, 80.0, 50.0
     return image
-
-
-def turned():
-    axis = np.array([1, 2, 0.5]) / np.linalg.norm([1, 2, 0.5])
-    spin = mi.ScalarTransform4f().rotate(list(axis), 40).rotate([0, 1, 0], 25)
-    return spin.scale([1, 1, -1])
 
 
 MAPS = {
@@ -91,14 +76,6 @@ class Pair:
 @pytest.fixture(scope="module", params=list(MAPS))
 def pair(request, tmp_path_factory):
     return Pair(request.param, tmp_path_factory.mktemp("maps"))
-
-
-def directions(n):
-    """Even over the sphere, and 1 in 200 within a hundredth of the poles."""
-    rng = np.random.default_rng(SEED)
-    d = rng.normal(size=(n, 3))
-    d[: n // 200] *= 0.003, 1.0, 0.003
-    return np.float32(d / np.linalg.norm(d, axis=1, keepdims=True)).astype(float)
 
 
 def assert_close(mine, reference, within):

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kernel_probes import chi_square_z, key_of, mean_z
+from sampler_probes import draw, label, multijitter, samplers, whole_grid
 
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import as_i32, splat_u32
@@ -30,20 +31,11 @@ from renderer.plugins.sampling.numbers_and_warps import (
     square_to_disk,
     square_to_sphere,
 )
-from renderer.plugins.sampling.sobol import Sobol, make_sobol
+from renderer.plugins.sampling.sobol import make_sobol
 
 PIXELS = 1 << 16
 GRIDS = [(8, 8), (4, 2), (5, 3), (3, 3), (7, 1), (1, 1)]
 SIGMA = 5.0  # two-sided 6e-7, one-sided 3e-7
-
-
-@entry_kernel
-def run_draw4(sampler, pixels, sample, block, out):
-    for i in range(0, pixels.size, 16):
-        row = 0
-        for number in draw4(sampler, key_of(load_row(pixels, 0, i)), sample, block):
-            store_row(out, row, i, number)
-            row += 1
 
 
 @entry_kernel
@@ -73,24 +65,6 @@ def run_warps(x, y, disk, hemisphere, sphere, weight):
         store_row(weight, 0, i, power_heuristic(a, b))
 
 
-def draw(sampler, pixels, sample, block):
-    """Four rows of float64 numbers, one column a pixel."""
-    pixels = np.ascontiguousarray(pixels, np.uint32)
-    padded = np.pad(pixels, (0, -pixels.size % 16))
-    out = np.empty((4, padded.size), np.float32)
-    run_draw4(sampler, padded, sample, block, out)
-    return out[:, : pixels.size].astype(float)
-
-
-def multijitter(seed, columns, rows):
-    return Stratified(seed, columns, rows, 1.0, 1)
-
-
-def samplers(columns, rows, seed=7):
-    """Plain strata, and correlated multi-jittering."""
-    return Stratified(seed, columns, rows, 1.0, None), multijitter(seed, columns, rows)
-
-
 ALL = [
     Independent(7),
     *samplers(8, 8),
@@ -99,15 +73,6 @@ ALL = [
     make_sobol(7, 64),
     make_sobol(7, 15),
 ]
-
-
-def label(sampler):
-    if isinstance(sampler, Independent):
-        return "independent"
-    if isinstance(sampler, Sobol):
-        return f"sobol of 2^{sampler.bits}, {'net' if sampler.plain else 'sequence'}"
-    name = "stratified" if sampler.multi is None else "multijitter"
-    return f"{name} {sampler.columns} x {sampler.rows}"
 
 
 every_sampler = pytest.mark.parametrize("sampler", ALL, ids=label)
@@ -175,11 +140,6 @@ def test_no_number_is_rounded_up_to_one():
 
 
 # ---------------------------------------------------------------------- stratification
-
-
-def whole_grid(sampler, count, pixels, block=1, first=0):
-    """All samples of a grid: (count, 4, pixels)."""
-    return np.array([draw(sampler, pixels, first + s, block) for s in range(count)])
 
 
 @pytest.mark.parametrize(("columns", "rows"), GRIDS)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from make_grids import grid_file, places, torus, waves
+from plugins.make_grids import grid_file, places, torus, waves
 from scene_file_samples import error_of, ours
 from scene_xml import props
 

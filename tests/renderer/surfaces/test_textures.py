@@ -8,15 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kernel_probes import Inputs
+from kernel_probes import Inputs, run_parameters
 from PIL import Image
 from scene_file_samples import mi
 
 import renderer
-from renderer.integrators.stages.materials import look_up_textures
-from renderer.integrators.stages.surface import load_constants
-from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.lanes.functions import first_lanes
+from renderer.kernels.jit import pack
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.make_plan import make_plan
@@ -42,15 +39,6 @@ PLATE = {
     "camera": {"type": "perspective"},
     "plate": {"type": "rectangle"},
 }
-
-
-@entry_kernel
-def run_parameters(bsdfs, points, count):
-    """Load the parameters of the BSDFs that `points.bsdf` names."""
-    none = np.int64(0)
-    for i in range(0, count, 16):
-        load_constants(bsdfs, none, points, i, first_lanes(count - i))
-    look_up_textures(bsdfs, none, points, none, count)
 
 
 def evaluate(textures, texture_of, material, uv, constant=0.25, bsdf=Diffuse):
