@@ -1,7 +1,7 @@
-"""What all tests share: rooms, failures printed at once, and the collector kept out.
+"""What all tests share: failures printed at once, and the collector kept out.
 
-Tests lie in rooms, as what they test does. What they are made with is in `probes`, and some
-use samples of others: every room is on the path.
+Tests lie in rooms, as what they test does. What several of them use is in `probes`, which
+is on the path, as this folder is: no test imports another (tests/project/test_rooms.py).
 
 A run that something ends from outside (a hung process, CI's own limit) never comes to
 pytest's closing summary; without this its output says that tests failed and not which.
@@ -23,7 +23,10 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-sys.path[:0] = sorted({str(file.parent) for file in Path(__file__).parent.rglob("*.py")})
+TESTS = Path(__file__).parent
+# some tests of mitsuba_ref still import one another
+ROOMS = sorted(path for path in (TESTS / "mitsuba_ref").iterdir() if path.is_dir())
+sys.path[:0] = map(str, (TESTS, TESTS / "probes", *ROOMS))
 
 
 class FailuresAtOnce:

@@ -17,7 +17,13 @@ from numba import typeof
 from renderer.accelerators.build import build_accelerator
 from renderer.accelerators.dispatch import TRAVERSALS
 from renderer.integrators.stages.intersect import intersect
-from renderer.integrators.stages.surface import append_hits, leave_surface, surface_points
+from renderer.integrators.stages.materials import look_up_textures
+from renderer.integrators.stages.surface import (
+    append_hits,
+    leave_surface,
+    load_constants,
+    surface_points,
+)
 from renderer.kernels.jit import (
     Packed,
     call,
@@ -26,6 +32,7 @@ from renderer.kernels.jit import (
     kernel,
     pack,
 )
+from renderer.kernels.lanes.functions import first_lanes
 from renderer.kernels.lanes.vectors import load3, store3
 from renderer.kernels.records.batch import (
     CAPACITY,
@@ -405,3 +412,12 @@ def mean_z(values: Any, expected: float) -> float:
     """How many standard errors the mean of independent values is off."""
     values = np.asarray(values, float)
     return float((values.mean() - expected) / (values.std() / np.sqrt(values.size)))
+
+
+@entry_kernel
+def run_parameters(bsdfs, points, count):
+    """Load the parameters of the BSDFs that `points.bsdf` names."""
+    none = np.int64(0)
+    for i in range(0, count, 16):
+        load_constants(bsdfs, none, points, i, first_lanes(count - i))
+    look_up_textures(bsdfs, none, points, none, count)

@@ -228,3 +228,37 @@ def importance(bounds: Bounds, p: Array, n: Array) -> float:
 
 def _angle(cosine: float) -> float:
     return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+def at(x, linear=None):
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, 0, 0
+    if linear is not None:
+        matrix[:3, :3] = linear
+    return matrix
+
+
+SPACING = 12.0
+AREA_SHAPES = {
+    "rectangle": {"type": "rectangle", "to_world": at(0)},
+    "disk": {"type": "disk", "to_world": at(SPACING)},
+    "sphere": {"type": "sphere", "to_world": at(2 * SPACING)},
+    "lamp": {"type": "sphere", "to_world": at(3 * SPACING), "flip_normals": True},
+    "cube": {"type": "cube", "to_world": at(4 * SPACING, np.diag([1, 0.5, 0.25]))},
+    "cylinder": {"type": "cylinder", "to_world": at(5 * SPACING, np.diag([0.5, 0.5, 2]))},
+    "ellipse": {"type": "disk", "to_world": at(6 * SPACING, np.diag([1.5, 0.5, 1]))},
+    "mirrored": {"type": "rectangle", "to_world": at(7 * SPACING, np.diag([-1, 1, 1]))},
+    "flipped": {"type": "rectangle", "to_world": at(8 * SPACING), "flip_normals": True},
+}
+TILT = np.array([[1, 0, 0], [0, 0.6, 0.8], [0, -0.8, 0.6]])
+OTHERS = {
+    "point": {"type": "point", "position": [1.0, 2.0, 3.0]},
+    "spot": {
+        "type": "spot",
+        "to_world": at(2, TILT),
+        "cutoff_angle": 40.0,
+        "beam_width": 25.0,
+    },
+    "directional": {"type": "directional", "direction": [1.0, 2.0, -3.0]},
+    "constant": {"type": "constant"},
+}

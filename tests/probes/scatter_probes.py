@@ -20,7 +20,9 @@ from renderer.kernels.lanes.vectors import store3, vec3
 from renderer.kernels.records.batch import CAPACITY, Rays, Tile, Workspace
 from renderer.kernels.records.kernel_scene import RECORD
 from renderer.plugins.bsdfs.diffuse import Diffuse, eval_pdf
-from renderer.plugins.sampling.numbers_and_warps import Independent
+from renderer.plugins.sampling.numbers_and_warps import (
+    Independent,
+)
 from renderer.rendering.planning.make_plan import make_plan
 
 Array = NDArray[np.float64]
@@ -191,3 +193,12 @@ def _stated(albedo: Any, cosine: Any) -> tuple[Array, Array]:
     run_eval_diffuse(np.float32(albedo), padded, f_cos, pdf)
     n = len(cosine)
     return f_cos[:, :n].astype(float), pdf[:n].astype(float)
+
+
+def dielectric64(cos_i, n):
+    """Fresnel's equations from outside by complex square roots."""
+    sin2 = 1 - cos_i**2
+    far = np.sqrt(n**2 - sin2 + 0j)  # n cos_t
+    s = (cos_i - far) / (cos_i + far)
+    p = (n**2 * cos_i - far) / (n**2 * cos_i + far)
+    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)

@@ -45,6 +45,13 @@ def theirs(content: str, *, folder: Path | None = None, **texts: str) -> Any:
     return mi.load_file(str(path), optimize=False)
 
 
+def in_mitsuba(value):
+    """Return the dictionary as Mitsuba's `load_dict` takes it."""
+    if isinstance(value, dict):
+        return {key: in_mitsuba(item) for key, item in value.items()}
+    return mi.ScalarTransform4f(value) if isinstance(value, np.ndarray) else value
+
+
 def parameter(plugin: Any, name: str) -> np.ndarray:
     """Return a value that Mitsuba's `traverse` shows, as (3,) if it is a colour."""
     value = np.array(mi.traverse(plugin)[name], dtype=np.float64)

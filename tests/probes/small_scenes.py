@@ -101,11 +101,7 @@ def rectangle(
     shine: Any = None,
 ) -> dict[str, Any]:
     """Return a rectangle with normal half_x x half_y; `shine` makes it an area light."""
-    shape = {
-        "type": "rectangle",
-        "to_world": placed(center, half_x, half_y),
-        "bsdf": bsdf,
-    }
+    shape = {"type": "rectangle", "to_world": placed(center, half_x, half_y), "bsdf": bsdf}
     return shape if shine is None else shape | {"emitter": area(shine)}
 
 
@@ -218,3 +214,11 @@ def assert_mean(
     assert (error < within * expected).all(), f"too noisy: {error} of {expected}"
     allowed = FALSE_ALARM_1E_4 * error + 2e-5 * expected
     assert (np.abs(mean - expected) <= allowed).all(), f"{mean} +- {error}, not {expected}"
+
+
+def white_furnace(**film):
+    """Return a white diffuse, a mirror and a glass ball under a white sky."""
+    camera = sensor((0, -8, 0), (0, 0, 0), **film)
+    balls = [diffuse(1.0), mirror(), glass()]
+    parts = [sphere(b, center=(2.5 * (i - 1), 0, 0)) for i, b in enumerate(balls)]
+    return scene(camera, "path", *parts, sky(1.0), max_depth=32, rr_depth=32)

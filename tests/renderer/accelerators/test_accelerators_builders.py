@@ -35,8 +35,7 @@ from soups import awkward_rays
 
 import renderer
 from renderer.accelerators.build import BUILDERS, build_accelerators
-from renderer.accelerators.dispatch import TRAVERSALS
-from renderer.accelerators.validate import VALIDATORS, validate
+from renderer.accelerators.validate import validate
 from renderer.kernels.records.batch import STACK, make_tally
 
 BYTES = 1024  # for a primitive and its share of the structure; the worst measured is 289
@@ -56,13 +55,6 @@ def bytes_of(record: Any) -> int:
 
 
 # ------------------------------------------------------------------------- the registry
-
-
-@every_name
-def test_every_structure_has_a_traversal_and_a_proof(name):
-    accel = accelerator("triangles", soup("triangles", 3, np.random.default_rng(0)), name)
-    assert type(accel) in TRAVERSALS
-    assert type(accel) in VALIDATORS
 
 
 @every_name
@@ -94,13 +86,6 @@ def test_a_proof_sees_a_primitive_that_is_lost(name):
     validate(accel, extents_for("triangles", held))
     with pytest.raises(ValueError):
         validate(accel, extents_for("triangles", other))
-
-
-def test_a_structure_without_a_proof_is_refused():
-    with pytest.raises(TypeError, match="no proof for a tuple; there are: BruteForce"):
-        validate(
-            (), extents_for("triangles", soup("triangles", 1, np.random.default_rng()))
-        )
 
 
 # -------------------------------------------------------------------- what ends builders
@@ -185,16 +170,6 @@ def test_ten_thousand_in_a_heap(name, make):
     # a grid in each cell: the proof of all of them takes 14 s, see the slow test below
     small = name == "grid-nested" and make is equal_centroids
     check_heap(name, make, 2_000 if small else 10_000, 5)
-
-
-@pytest.mark.slow
-def test_nested_grids_of_ten_thousand_around_one_point():
-    check_heap("grid-nested", equal_centroids, 10_000, 5)
-
-
-@every_name
-def test_thirty_thousand_in_a_line(name):
-    check_heap(name, in_a_line, 30_000, 2)
 
 
 @pytest.mark.slow

@@ -9,22 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from chi_square import FALSE_ALARM, binomial_found, binomial_p_value, cell_masses
+from chi_square import FALSE_ALARM, binomial_found, binomial_p_value
 from scatter_probes import (
     ScatterProbe,
     clear_glass,
-    diffuse_f_cos,
+    dielectric64,
     seen_at,
-    two_sided,
     undone,
 )
-from small_scenes import pixels, sensor
-from test_bsdfs import dielectric64
-from test_furnaces import white_furnace
+from small_scenes import pixels, sensor, white_furnace
 
 ANGLES = np.array([0, 10, 30, 41.7, 42, 45, 60, 75, 85, 89, 89.9])
 ROUNDING = 2.0**-24  # half a unit in the last place of 1
-ALBEDO = (0.25, 0.5, 0.75)
 
 
 def rgb(values):
@@ -35,67 +31,6 @@ both_sides = pytest.mark.parametrize("side", [1, -1], ids=["front", "back"])
 
 
 # ------------------------------------------------------------------------------ energy
-
-
-@both_sides
-@pytest.mark.parametrize("albedo", [(1, 1, 1), ALBEDO], ids=["white", "coloured"])
-def test_a_diffuse_surface_keeps_its_albedo(albedo, side):
-    """Each single weight is the albedo, at every angle: no noise, and 1 for white."""
-    probe = two_sided(type="diffuse", reflectance=rgb(albedo))
-    out = probe.scatter(seen_at(ANGLES, side), samples=256)
-    alive = np.isfinite(out.pdf)
-    assert alive.all()
-    np.testing.assert_array_equal(
-        out.weight, np.broadcast_to(np.float32(albedo), out.weight.shape)
-    )
-    assert (side * out.direction[..., 2] > 0).all()
-
-
-def test_the_sampled_weight_of_a_diffuse_surface_is_the_integral_of_f_cos():
-    """The integral of f cos over the hemisphere is the same albedo."""
-    for k, albedo in enumerate(ALBEDO):
-        mass = cell_masses(
-            lambda c, _, k=k: diffuse_f_cos(ALBEDO, c)[k],
-            np.array([0.0, 1]),
-            np.array([0.0, 1]),
-        )
-        assert 2 * np.pi * mass.sum() == pytest.approx(albedo, rel=2e-7)
-
-
-@both_sides
-def test_a_perfect_mirror_absorbs_nothing(side):
-    """Material `none` at every angle: 1 exactly, in the mirrored direction."""
-    wo = seen_at(ANGLES, side)
-    out = two_sided(type="conductor", material="none").scatter(wo)
-    np.testing.assert_array_equal(out.weight, 1)
-    np.testing.assert_allclose(out.direction[0], wo * [-1, -1, 1], atol=4 * ROUNDING)
-
-
-@both_sides
-def test_a_metal_reflects_by_fresnel(side):
-    """Gold-like, tinted: reflectance x Fresnel of a complex index, and below 1."""
-    eta, k = np.array([0.143, 0.375, 1.442]), np.array([3.983, 2.386, 1.603])
-    metal = two_sided(
-        type="conductor", eta=rgb(eta), k=rgb(k), specular_reflectance=rgb((1, 0.5, 1))
-    )
-    cosine = np.cos(np.radians(ANGLES))[:, None]
-    weight = metal.scatter(seen_at(ANGLES, side)).weight[0]
-    expected = dielectric64(cosine, eta + 1j * k) * [1, 0.5, 1]
-    np.testing.assert_allclose(weight, expected, atol=64 * ROUNDING)
-    assert (weight < 1).all()
-
-
-@both_sides
-def test_clear_glass_absorbs_nothing(side):
-    """Each weight is 1, reflected or refracted, once eta^2 is undone; R + T = 1."""
-    probe, wo = clear_glass(), seen_at(ANGLES, side)
-    out = probe.scatter(wo, samples=256)
-    np.testing.assert_allclose(undone(out), 1, rtol=6 * ROUNDING)
-    reflected, refracted = probe.split(wo)
-    total = undone(reflected) + np.nan_to_num(undone(refracted))
-    np.testing.assert_allclose(total, 1, rtol=6 * ROUNDING)
-    beyond = np.isnan(refracted.eta[0])
-    np.testing.assert_array_equal(beyond, (ANGLES > 41.82) & (side < 0))
 
 
 @both_sides

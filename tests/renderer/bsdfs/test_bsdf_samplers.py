@@ -20,8 +20,7 @@ from chi_square import (
     histogram,
 )
 from kernel_probes import unit
-from scatter_probes import clear_glass, diffuse_pdf, two_sided
-from test_bsdfs import dielectric64
+from scatter_probes import clear_glass, dielectric64, diffuse_pdf, two_sided
 
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.memory import load_row

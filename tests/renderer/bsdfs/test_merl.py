@@ -166,14 +166,6 @@ def test_a_known_brdf_comes_back(file):
     assert not found[~above].any()
 
 
-def test_it_is_reciprocal(file):
-    probe, (wo, wi) = BsdfProbe(merl(file)), pairs(4096)
-    wi[:, 2] = np.abs(wi[:, 2])
-    there, back = probe.eval_pdf(wo, wi)[0], probe.eval_pdf(wi, wo)[0]
-    a, b = there / wi[:, 2:], back / wo[:, 2:]
-    np.testing.assert_allclose(a, b, rtol=2e-4, atol=1e-5)
-
-
 def test_its_twin_in_mitsuba_says_the_same(small):
     """In double precision, written apart: values, densities, directions, weights.
 

@@ -10,6 +10,7 @@ import pytest
 from bsdf_probes import BsdfProbe, MitsubaProbe, random_directions, seen_under
 from chi_square import assert_follows, gauss_masses, histogram
 from scene_file_samples import error_of, mitsuba_refuses, ours
+from scene_xml import props, tag
 from small_scenes import floor, pixels, rectangle, scene, sensor, sphere
 
 import renderer
@@ -17,7 +18,6 @@ from renderer.errors import SceneError
 from renderer.plugins.bsdfs.kind import SMOOTH
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.scene.materials import sides
 
 
 def rgb(*value):
@@ -154,13 +154,6 @@ def test_a_structure_is_named_as_a_function():
     assert (both.name, both.transmits) == ("twosided(blendbsdf(diffuse, conductor))", False)
 
 
-def test_two_sides_of_single_kinds_are_no_structure():
-    plain = bsdf_of({"type": "twosided", "a": RED, "b": GOLD})
-    assert [kind_of(side).name for side in sides(plain)] == ["diffuse", "conductor"]
-    nested = bsdf_of(SETS["one for each"])
-    assert sides(nested) == (nested, nested)
-
-
 @pytest.mark.parametrize("ghost", [mask(0.0, RED), {"type": "null"}], ids=["mask", "null"])
 def test_light_goes_straight_through(ghost):
     """A ball that is not there: the light behind, from both of its sides, unchanged."""
@@ -185,22 +178,14 @@ BOARD = '<texture type="checkerboard" name="{}"/>'
         ("mask", "", 'bsdf "mask" holds 0 bsdfs; expected one'),
         ("mask", ONE * 2, 'bsdf "mask" holds 2 bsdfs; expected one'),
         ("mask", ONE + BOARD.format("opaque"), 'has no property "opaque"'),
-        (
-            "blendbsdf",
-            '<float name="weight" value="0"/>' + ONE,
-            "holds 1 bsdfs; expected two",
-        ),
-        (
-            "normalmap",
-            '<rgb name="normalmap" value="2"/>' + ONE,
-            "found the colour (2, 2, 2)",
-        ),
+        ("blendbsdf", props(weight=0.0) + ONE, "holds 1 bsdfs; expected two"),
+        ("normalmap", tag("rgb", normalmap="2") + ONE, "found the colour (2, 2, 2)"),
         ("bumpmap", ONE, "holds 0 textures; expected one"),
         ("bumpmap", ONE + BOARD.format("a") + BOARD.format("b"), "holds 2 textures"),
         ("twosided", '<bsdf type="null"/>', 'bsdf "null" cannot be inside of twosided'),
         ("twosided", f'<bsdf type="mask">{ONE}</bsdf>', 'bsdf "mask" cannot be inside'),
         ("null", ONE, 'bsdf "null" has no <bsdf>'),
-        ("thindielectric", '<float name="eta" value="1"/>', 'has no property "eta"'),
+        ("thindielectric", props(eta=1.0), 'has no property "eta"'),
     ],
 )
 def test_nestings_that_are_wrong(plugin, content, message):
@@ -238,7 +223,7 @@ def test_nestings_that_mitsuba_refuses_later_or_never(plugin, content, message):
 
 
 def test_an_opacity_may_be_any_number():
-    text = '<float name="opacity" value="-3.5"/>' + ONE
+    text = props(opacity=-3.5) + ONE
     assert ours(SHAPE.format("mask", text)).shapes[0].bsdf.opacity == -3.5
 
 

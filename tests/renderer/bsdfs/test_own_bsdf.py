@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from chi_square import assert_follows, cell_masses, histogram
+from scene_xml import element
 from scipy.integrate import quad
 from small_scenes import (
     assert_mean,
@@ -346,16 +347,8 @@ def test_a_mistake_in_what_is_registered(name, parameters, kernels, said):
     ("old", "new", "said"),
     [
         ('<bsdf type="lunar"/>', '<bsdf type="lunr"/>', "lunar"),
-        (
-            '<bsdf type="lunar"/>',
-            '<bsdf type="lunar"><float name="colour" value="1"/></bsdf>',
-            '"colour"',
-        ),
-        (
-            '<bsdf type="lunar"/>',
-            '<bsdf type="lunar"><string name="albedo" value="grey"/></bsdf>',
-            "albedo",
-        ),
+        ('<bsdf type="lunar"/>', element("bsdf", "lunar", colour=1.0), '"colour"'),
+        ('<bsdf type="lunar"/>', element("bsdf", "lunar", albedo="grey"), "albedo"),
     ],
     ids=["unknown kind", "unknown property", "wrong type"],
 )

@@ -16,13 +16,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bsdf_probes import BsdfProbe, random_directions
-from chi_square import assert_follows, gauss_masses, histogram
 from small_scenes import rgb
 
 from renderer.plugins.bsdfs.kind import DELTA, SMOOTH, STRAIGHT
-from renderer.simple.bsdfs import Lobe, reflectance_of_glass
+from renderer.simple.bsdfs import Lobe
 from renderer.simple.materials import BSDFS, NESTED, bsdf_at
-from renderer.simple.rough import Microfacets
 
 BRONZE = Path(__file__).parents[2] / "plugins" / "bronze.binary"
 COUNT = 112  # of pairs of directions for each set of parameters
@@ -191,82 +189,3 @@ def test_the_same_numbers_choose_the_same_directions(bsdf):
     assert same.mean() >= 0.99
     assert close[alive & same].mean() >= 0.98, np.flatnonzero(alive & same & ~close)
     assert alive.mean() > 0.3
-
-
-SAMPLES = 1 << 13
-FINDS = 0.35
-ROUND = np.linspace(0, 2 * np.pi, 7)
-RISE = np.linspace(-1, 1, 11)
-SPREAD = [
-    {"type": "roughconductor", "alpha_u": 0.3, "alpha_v": 0.7, "distribution": "beckmann"},
-    {"type": "roughdielectric", "alpha": 0.5, "distribution": "ggx"},
-    {"type": "principledthin", "spec_trans": 0.4, "diff_trans": 1.0, "roughness": 0.8},
-]
-
-
-@pytest.mark.parametrize("bsdf", SPREAD, ids=name_of)
-def test_directions_follow_their_density_and_weights_their_integral(bsdf):
-    """By chi-square, 8192 samples each, with a false alarm rate of 1e-5 for all three.
-
-    A density that is tilted by 35 % from one end to the other would be found with a power
-    of 99 %; finer differences are those of the kernels' samplers, which choose the same
-    directions and get a million samples (test_bsdfs_against_mitsuba.py). The mean of the
-    weights is the integral of f |cos|, within 3 %.
-    """
-    simple, _ = both(bsdf)
-    wo = np.array([0.6, 0.3, np.sqrt(0.55)])
-    numbers = np.random.default_rng(4).random((SAMPLES, 3))
-    samples = [simple.sample(wo, tuple(u)) for u in numbers]
-    wi = np.array([s.wi for s in samples if s.weight.any()])
-    known = {}
-
-    def at(cosine, angle):
-        if not known:
-            sine = np.sqrt(1 - cosine**2)
-            there = np.column_stack((sine * np.cos(angle), sine * np.sin(angle), cosine))
-            known[0] = evaluated(simple, np.broadcast_to(wo, there.shape), there)
-        return known[0]
-
-    reflected = gauss_masses(lambda a, b: at(a, b)[:, 0], RISE, ROUND, 5)
-    chosen = gauss_masses(lambda a, b: at(a, b)[:, 3], RISE, ROUND, 5)
-    turns = np.arctan2(wi[:, 1], wi[:, 0]) % (2 * np.pi)
-    assert_follows(
-        histogram(wi[:, 2], turns, RISE, ROUND),
-        chosen,
-        SAMPLES,
-        mass=min(chosen.sum(), 1.0),  # what lacks of 1 are samples that fail
-        within=1e-3,
-        finds=FINDS,
-        tests=len(SPREAD),
-    )
-    mean = np.mean([s.weight[0] for s in samples])
-    assert mean == pytest.approx(reflected.sum(), rel=0.03)
-
-
-def test_the_table_of_a_rough_coat_is_what_its_facets_let_through():
-    """Sampled normals of the simple renderer integrate what the reader's table holds."""
-    plastic, _ = both({"type": "roughplastic", "alpha": 0.3, "int_ior": 1.7})
-    facets = Microfacets(0.3, 0.3, beckmann=True)
-    x, weight = np.polynomial.legendre.leggauss(32)
-    nodes = list(zip((x + 1) / 2, weight / 2, strict=True))
-    for entry in (10, 40, 63):
-        mu = entry / 63
-        wo = np.array([np.sqrt(1 - mu * mu), 0.0, mu])
-        passed = 0.0
-        for (u, a), (v, b) in itertools.product(nodes, nodes):
-            m = facets.sample(wo, u, v)
-            wi = refracted_by(wo, m, plastic.eta)
-            if wi[2] < 0.0:
-                share = 1.0 - reflectance_of_glass(float(wo @ m), plastic.eta)
-                passed += a * b * share * facets.unshadowed(wi, m)
-        assert plastic.transmitted(mu) == pytest.approx(passed, abs=2e-5)
-
-
-def refracted_by(wo, m, eta):
-    """Snell's law with angles, in the plane of wo and m."""
-    cosine = float(wo @ m)
-    across = wo - cosine * m
-    length = np.linalg.norm(across)
-    sine = length / eta
-    tangent = across / length if length > 0.0 else across
-    return -sine * tangent - np.sqrt(1.0 - sine**2) * m

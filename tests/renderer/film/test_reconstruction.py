@@ -100,28 +100,6 @@ def test_a_sample_reaches_the_pixels_that_mitsubas_block_gives_it(name, position
     np.testing.assert_allclose(ours, np.array(block.tensor())[..., 0], rtol=0, atol=4e-5)
 
 
-def test_gaussian_fit_stays_near_the_exponential():
-    """The polynomial stands for exp(-x^2 / (2 stddev^2)), shifted to end at 0."""
-    rfilter = ReconstructionFilter("gaussian", radius=2.0, stddev=0.5)
-    x = np.linspace(0.0, 2.0, 101)
-    exact = np.exp(-2.0 * x * x) - np.exp(-8.0)
-    assert np.abs(evaluate(rfilter, x) - exact).max() < 4.5e-4
-
-
-def test_catmullrom_and_lanczos_interpolate():
-    """Both are 1 at their own pixel and 0 at every other whole distance."""
-    whole = np.arange(-3, 4)
-    for rfilter in (CATMULLROM, ReconstructionFilter("lanczos", radius=3.0)):
-        np.testing.assert_allclose(evaluate(rfilter, whole), whole == 0, atol=1e-15)
-
-
-def test_cubics_are_a_partition_of_unity():
-    """Mitchell and Catmull-Rom weights of all pixels around any point sum to 1."""
-    offsets = np.linspace(0.0, 1.0, 17)[:, None] + np.arange(-3, 3)
-    for rfilter in (ReconstructionFilter("mitchell", radius=2.0), CATMULLROM):
-        np.testing.assert_allclose(evaluate(rfilter, offsets).sum(axis=1), 1.0, atol=1e-14)
-
-
 def test_unknown_filter_names_what_there_is():
     """A misspelt name is answered with the list, not with a KeyError."""
     with pytest.raises(SceneError, match=r"'sinc'; there are box,"):

@@ -7,7 +7,16 @@ import io
 import mitsuba as mi
 import numpy as np
 import pytest
-from small_scenes import diffuse, mirror, point_light, rectangle, scene, sensor, sky
+from scene_file_samples import in_mitsuba
+from small_scenes import (
+    diffuse,
+    mirror,
+    point_light,
+    rectangle,
+    scene,
+    sensor,
+    sky,
+)
 
 import renderer
 from renderer.rendering.picture.image_files import encode_png
@@ -35,13 +44,6 @@ def hidden_lights(view, hide):
         max_depth=4,
         hide_emitters=hide,
     )
-
-
-def in_mitsuba(value):
-    """Return the dictionary as Mitsuba's `load_dict` takes it."""
-    if isinstance(value, dict):
-        return {key: in_mitsuba(item) for key, item in value.items()}
-    return mi.ScalarTransform4f(value) if isinstance(value, np.ndarray) else value
 
 
 def mitsuba_picture(content):

@@ -9,8 +9,17 @@ from __future__ import annotations
 import mitsuba as mi
 import numpy as np
 import pytest
-from small_scenes import diffuse, glass, point_light, rectangle, rgb, scene, sensor, sky
-from test_first_hits import in_mitsuba
+from scene_file_samples import in_mitsuba
+from small_scenes import (
+    diffuse,
+    glass,
+    point_light,
+    rectangle,
+    rgb,
+    scene,
+    sensor,
+    sky,
+)
 
 import renderer
 from mitsuba_ref.reference.plugins.whitted import register_whitted

@@ -103,14 +103,6 @@ def test_products_norms_and_choice(arrays):
     np.testing.assert_array_equal(vectors[3], [a[0], np.zeros(N), np.full(N, 1.5)])
 
 
-def test_cross_is_right_handed():
-    x, y = np.zeros((2, 3, N), np.float32)
-    x[0] = y[1] = 1
-    vectors = np.empty((4, 3, N), np.float32)
-    run_products(x, y, np.empty((2, N), np.float32), vectors)
-    np.testing.assert_array_equal(vectors[0], np.repeat([[0], [0], [1]], N, axis=1))
-
-
 @entry_kernel
 def run_bases(normals, tangents, bitangents):
     for i in range(0, normals.shape[1], 16):

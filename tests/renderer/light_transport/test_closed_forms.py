@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from form_factors import SMALL, corner_factor, lambert_irradiance, under_light
 from small_scenes import (
-    area,
     assert_mean,
     box,
     diffuse,
@@ -70,17 +70,6 @@ def test_point_light_over_a_plane_falls_off_as_lambert_says(r, expected):
     camera = sensor((r, -3, 5), (r, 0, 0))
     content = one_light(camera, floor(), point_light((0, 0, 1)))
     assert pixels(content) == pytest.approx(expected, rel=2e-5)
-
-
-@pytest.mark.parametrize("h", [1e-1, 1e-2, 1e-3])
-def test_radiance_below_a_very_near_point_light_is_still_the_inverse_square(h):
-    """L = rho I / (pi h^2): the offset that keeps rays off their surface is not in it.
-
-    A fixed offset of 1e-3 would be wrong by a factor of up to 4 at h = 1e-3.
-    """
-    camera = sensor((0, -3, 5), (0, 0, 0))
-    content = one_light(camera, floor(), point_light((0, 0, h)))
-    assert pixels(content) == pytest.approx(0.5 / (np.pi * h * h), rel=1e-3)
 
 
 def square_from_above(light):
@@ -151,28 +140,6 @@ def test_sphere_under_parallel_light_seen_along_it():
 
 # ---------------------------------------------------------------------- area lights
 
-# 1024 views of one point
-SMALL = {"size": (32, 32), "fov": 1e-3, "spp": 25, "jitter": True}
-
-
-def under_light(camera, light, tmp_path):
-    """Return a grey floor under one light.
-
-    The lights of other shapes lie below the floor, where they cannot be seen: with them all
-    scenes are made of the same kinds of things, and their kernels are compiled once.
-    """
-    (tmp_path / "below.obj").write_text("v 0 0 -9\nv 1 0 -9\nv 0 1 -9\nf 1 2 3\n")
-    flat = placed((0, 0, -9), (1, 0, 0), (0, -1, 0))
-    black = {"bsdf": diffuse(0.0), "emitter": area(1.0)}
-    kinds = [
-        {"type": "obj", "filename": str(tmp_path / "below.obj")} | black,
-        {"type": "disk", "to_world": flat} | black,
-        {"type": "rectangle", "to_world": flat} | black,
-        sphere(diffuse(0.0), center=(0, 0, -9)) | black,
-    ]
-    others = [kind for kind in kinds if kind["type"] != light["type"]]
-    return scene(camera, "path", floor(0.5), light | black, *others, max_depth=2)
-
 
 @pytest.mark.parametrize("tilt", [0.0, 60.0])
 def test_sphere_light_gives_the_sine_squared_of_its_half_angle(tilt, tmp_path):
@@ -195,12 +162,6 @@ def test_disk_light_on_its_axis(radius, height, tmp_path):
     assert_mean(content, expected, within=1e-3)
 
 
-def corner_factor(a: float, b: float) -> float:
-    """Return the form factor of a rectangle a x b at height 1 above one of its corners."""
-    p, q = np.hypot(1, a), np.hypot(1, b)
-    return (a / p * np.arctan(b / p) + b / q * np.arctan(a / q)) / (2 * np.pi)
-
-
 @pytest.mark.parametrize(
     ("x", "factor"), [(0.0, 4 * corner_factor(1, 1)), (1.0, corner_factor(2, 2))]
 )
@@ -211,20 +172,6 @@ def test_rectangle_light_parallel_to_the_plane(x, factor, tmp_path):
     camera = sensor((x, x - 8, 0.1), (x, x, 0), **SMALL)
     content = under_light(camera, light, tmp_path)
     assert_mean(content, 0.5 * factor, within=1e-3)
-
-
-def lambert_irradiance(corners) -> float:
-    """Return E / L at the origin, normal +z: half the sum of Theta_i Gamma_i . n [Lambert].
-
-    Theta_i is the angle that edge i fills, Gamma_i the unit normal of its plane.
-    """
-    total = 0.0
-    for p, q in zip(corners, [*corners[1:], corners[0]], strict=True):
-        p, q = np.array(p) / np.linalg.norm(p), np.array(q) / np.linalg.norm(q)
-        across = np.cross(p, q)
-        sine = np.linalg.norm(across)
-        total += np.arctan2(sine, p @ q) * across[2] / sine
-    return abs(total) / 2
 
 
 @pytest.mark.parametrize(

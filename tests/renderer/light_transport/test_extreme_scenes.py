@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_xml import element, to_world
 from small_scenes import diffuse, placed, rgb, sensor
 
 import renderer
@@ -72,8 +73,7 @@ def test_floors_beyond_single_precision_are_refused(scale: float) -> None:
             ':3: shape "cylinder", property "p0"',
         ),
         (
-            '<shape type="cube"><transform name="to_world">'
-            '<translate x="1e20"/></transform></shape>',
+            element("shape", "cube", to_world('<translate x="1e20"/>')),
             ':2: shape "cube", property "to_world"',
         ),
         (MESH.format(1), ':3: shape "obj", property "filename"'),
@@ -100,10 +100,7 @@ def test_what_reaches_too_far_is_named_by_line_plugin_and_property(
 
 def test_what_reaches_almost_too_far_is_read() -> None:
     """A sphere of radius 9e17; the sum of its axes' coordinates would pass the limit."""
-    turned = (
-        '<shape type="sphere"><float name="radius" value="9e17"/>'
-        '<transform name="to_world"><rotate y="1" angle="45"/></transform></shape>'
-    )
+    turned = element("shape", "sphere", to_world('<rotate y="1" angle="45"/>'), radius=9e17)
     scene = renderer.load_string(f'<scene version="3.0.0">{turned}{CAMERA}</scene>')
     assert 9e17 <= np.abs(scene.bounds).max() < 1e18
 
@@ -179,9 +176,7 @@ def _ball(bsdf: str = "", light: str = '<emitter type="constant"/>') -> str:
             r"\bk\b.*4\.29497e\+09.*an index of refraction from -1e9 to 1e9",
         ),
         (
-            _ball(
-                '<bsdf type="principled"><float name="metallic" value="-3.4e38"/></bsdf>'
-            ),
+            _ball(element("bsdf", "principled", metallic=-3.4e38)),
             r"metallic.*-3\.4e\+38.*numbers from -1e9 to 1e9",
         ),
         (
@@ -199,19 +194,10 @@ def _ball(bsdf: str = "", light: str = '<emitter type="constant"/>') -> str:
             r"scale.*1e\+38",
         ),
         (
-            _ball(
-                light='<emitter type="projector"><float name="scale" value="3e38"/>'
-                "</emitter>"
-            ),
+            _ball(light=element("emitter", "projector", scale=3e38)),
             r"scale.*3e\+38.*at most 1e\+30",
         ),
-        (
-            _ball(
-                light='<emitter type="projector"><float name="fov" value="1e-38"/>'
-                "</emitter>"
-            ),
-            r"fov.*1e-38 degrees",
-        ),
+        (_ball(light=element("emitter", "projector", fov=1e-38)), r"fov.*1e-38 degrees"),
     ],
     ids=["emission", "conductor", "metallic", "spectrum", "bumps", "projector", "fov"],
 )
@@ -310,8 +296,5 @@ def test_a_camera_that_reaches_too_far_is_refused(camera: str, name: str) -> Non
 
 def test_where_a_light_at_infinity_stands_means_nothing() -> None:
     """A translation of 1e30 is in the matrix of some exporters' environments."""
-    far = (
-        '<emitter type="directional"><transform name="to_world"><translate x="1e30"/>'
-        "</transform></emitter>"
-    )
+    far = element("emitter", "directional", to_world('<translate x="1e30"/>'))
     renderer.load_string(f'<scene version="3.0.0">{far}{CAMERA}</scene>')

@@ -15,13 +15,12 @@ from small_scenes import (
     diffuse,
     floor,
     glass,
-    mirror,
     pixels,
     point_light,
     scene,
     sensor,
-    sky,
     sphere,
+    white_furnace,
 )
 
 import renderer
@@ -105,14 +104,6 @@ def test_lamp_off_the_middle_of_a_sphere_lights_it_evenly_by_reflection():
     expected = 0.5 / np.pi
     assert (error < 3e-3 * expected).all()
     assert (np.abs(mean - expected) < 5.24 * error + 2e-5).all()  # t, 15 d.o.f.: 4e-4
-
-
-def white_furnace(**film):
-    """Return a white diffuse, a mirror and a glass ball under a white sky."""
-    camera = sensor((0, -8, 0), (0, 0, 0), **film)
-    balls = [diffuse(1.0), mirror(), glass()]
-    parts = [sphere(b, center=(2.5 * (i - 1), 0, 0)) for i, b in enumerate(balls)]
-    return scene(camera, "path", *parts, sky(1.0), max_depth=32, rr_depth=32)
 
 
 def test_white_furnace_shows_nothing_at_all():

@@ -7,9 +7,9 @@ circle, light at the poles, an even one, one of a single pixel, one turned and m
 from __future__ import annotations
 
 import numpy as np
-import OpenEXR
 import pytest
 from chi_square import assert_follows, cell_masses, histogram
+from environment_maps import LAMP, directions, turned, write_exr
 from light_probes import LightProbe
 from scene_file_samples import error_of
 from small_scenes import diffuse, pixels, scene, sensor, sphere
@@ -22,15 +22,6 @@ mi = pytest.importorskip("mitsuba")
 
 N = 1 << 18
 SEED = 20
-LAMP = {"lamp": {"type": "rectangle"}}
-
-
-def write_exr(path, image):
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    rgb = {c: np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate("RGB")}
-    with OpenEXR.File(header, rgb) as file:
-        file.write(str(path))
-    return str(path)
 
 
 def noise(height, width):
@@ -43,12 +34,6 @@ def dark_but(height, width, *bright):
     for row, column in bright:
         image[row, column] = 100.0, 80.0, 50.0
     return image
-
-
-def turned():
-    axis = np.array([1, 2, 0.5]) / np.linalg.norm([1, 2, 0.5])
-    spin = mi.ScalarTransform4f().rotate(list(axis), 40).rotate([0, 1, 0], 25)
-    return spin.scale([1, 1, -1])
 
 
 MAPS = {
@@ -91,14 +76,6 @@ class Pair:
 @pytest.fixture(scope="module", params=list(MAPS))
 def pair(request, tmp_path_factory):
     return Pair(request.param, tmp_path_factory.mktemp("maps"))
-
-
-def directions(n):
-    """Even over the sphere, and 1 in 200 within a hundredth of the poles."""
-    rng = np.random.default_rng(SEED)
-    d = rng.normal(size=(n, 3))
-    d[: n // 200] *= 0.003, 1.0, 0.003
-    return np.float32(d / np.linalg.norm(d, axis=1, keepdims=True)).astype(float)
 
 
 def assert_close(mine, reference, within):
@@ -200,22 +177,6 @@ def test_furnace(tmp_path):
     view = sensor((0, -5, 0), (0, 0, 0), size=(16, 16), fov=5.0, spp=256, jitter=True)
     picture = pixels(scene(view, "path", sphere(diffuse(0.6)), sky, max_depth=3))
     np.testing.assert_allclose(picture.mean(), 0.9, rtol=3e-3)
-
-
-def test_sky_that_the_camera_sees_is_the_image(tmp_path):
-    """A direction at the centre of a texel, on a row, has the texel's radiance."""
-    image = noise(5, 8)
-    pair = LightProbe(
-        LAMP,
-        {"sky": {"type": "envmap", "filename": write_exr(tmp_path / "n.exr", image)}},
-        (1.0, 1.0, 1.0),
-    )
-    row, column = np.meshgrid(np.arange(5), np.arange(8), indexing="ij")
-    phi, theta = 2 * np.pi * (column + 0.5) / 8, np.pi * row / 4
-    sine = np.sin(theta)
-    wi = np.stack((np.sin(phi) * sine, np.cos(theta), -np.cos(phi) * sine), axis=-1)
-    radiance, _ = pair.environment("sky", wi[1:-1].reshape(-1, 3))
-    np.testing.assert_allclose(radiance, image[1:-1].reshape(-1, 3), atol=5e-6)
 
 
 # --------------------------------------------------------------------- bad input

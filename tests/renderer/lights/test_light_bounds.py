@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kernel_probes import unit
-from light_probes import Bounds, LightProbe, importance
-from test_lights import AREA_SHAPES, OTHERS, TILT, at
+from light_probes import AREA_SHAPES, OTHERS, TILT, Bounds, LightProbe, at, importance
 
 from renderer.scene.light_tables import light_bounds
 

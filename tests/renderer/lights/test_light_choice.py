@@ -31,7 +31,6 @@ from renderer.kernels.records.kernel_scene import (
 )
 from renderer.plugins.lights.choice import UNIFORM, LightChoice
 from renderer.plugins.lights.importance import ANY_NORMAL, BOTH_SIDES, IN_FRONT, LightNodes
-from renderer.plugins.lights.light_tree import LISTED, WIDTH
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.render_mode import mode_for
 from renderer.scene.light_tables import light_bounds, lit_sides
@@ -317,17 +316,6 @@ def test_probabilities_are_those_of_a_slow_walk(which, place, request):
     assert np.median(np.abs(probability / slow[light] - 1)) < 1e-4
 
 
-def test_the_trees_hold_every_light_once(many):
-    """And are what the test above means by trees: some nodes lie two levels down."""
-    choice = many.choice
-    leaves = choice.child[choice.children == 0]
-    assert sorted(leaves) == list(range(choice.count))
-    assert choice.entries.size <= LISTED + 2 and choice.children.max() <= WIDTH
-    below = choice.children[choice.entries].max()
-    inner = np.flatnonzero(choice.children)
-    assert below > 0 and set(inner) - set(choice.entries)
-
-
 def test_a_node_gives_at_least_something_where_a_light_below_does(many):
     """A tree that forgets a part of its lights would never go down to them.
 
@@ -394,13 +382,6 @@ def test_two_points_as_on_paper():
     expected = UNIFORM / 3 + (1 - UNIFORM) * given / given.sum()
     np.testing.assert_allclose(probability, expected[light], rtol=1e-5)
     assert set(light) == {0, 1, 2}
-
-
-def test_where_nothing_is_known_to_shine_all_are_alike():
-    probe = Probe(scene_of({"a": point((0, 0, -2)), "b": point((1, 0, -1), 5.0)}))
-    light, probability = probe.choose((0.0, 0.0, 0.0))
-    assert set(probability) == {0.5}
-    assert np.bincount(light).tolist() == [NUMBERS // 2] * 2
 
 
 @pytest.mark.parametrize(

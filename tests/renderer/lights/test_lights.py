@@ -17,14 +17,13 @@ import numpy as np
 import pytest
 from kernel_probes import (
     chi_square_z,
-    directions,
     float32,
     kernel_inputs,
     mean_z,
     nearest,
     unit,
 )
-from light_probes import LightProbe
+from light_probes import AREA_SHAPES, OTHERS, SPACING, TILT, LightProbe
 from scene_file_samples import mi
 
 from renderer.scene.light_tables import alias_table
@@ -37,38 +36,6 @@ L = np.array([2.0, 1.0, 0.5])
 # ------------------------------------------------------------------------ the scene
 
 
-def at(x, linear=None):
-    matrix = np.eye(4)
-    matrix[:3, 3] = x, 0, 0
-    if linear is not None:
-        matrix[:3, :3] = linear
-    return matrix
-
-
-SPACING = 12.0
-AREA_SHAPES = {
-    "rectangle": {"type": "rectangle", "to_world": at(0)},
-    "disk": {"type": "disk", "to_world": at(SPACING)},
-    "sphere": {"type": "sphere", "to_world": at(2 * SPACING)},
-    "lamp": {"type": "sphere", "to_world": at(3 * SPACING), "flip_normals": True},
-    "cube": {"type": "cube", "to_world": at(4 * SPACING, np.diag([1, 0.5, 0.25]))},
-    "cylinder": {"type": "cylinder", "to_world": at(5 * SPACING, np.diag([0.5, 0.5, 2]))},
-    "ellipse": {"type": "disk", "to_world": at(6 * SPACING, np.diag([1.5, 0.5, 1]))},
-    "mirrored": {"type": "rectangle", "to_world": at(7 * SPACING, np.diag([-1, 1, 1]))},
-    "flipped": {"type": "rectangle", "to_world": at(8 * SPACING), "flip_normals": True},
-}
-TILT = np.array([[1, 0, 0], [0, 0.6, 0.8], [0, -0.8, 0.6]])
-OTHERS = {
-    "point": {"type": "point", "position": [1.0, 2.0, 3.0]},
-    "spot": {
-        "type": "spot",
-        "to_world": at(2, TILT),
-        "cutoff_angle": 40.0,
-        "beam_width": 25.0,
-    },
-    "directional": {"type": "directional", "direction": [1.0, 2.0, -3.0]},
-    "constant": {"type": "constant"},
-}
 VALUE = {"point": "intensity", "spot": "intensity", "directional": "irradiance"}
 NAMES = [*AREA_SHAPES, *OTHERS]
 
@@ -126,18 +93,6 @@ def beside(name, *where):
 
 
 # --------------------------------------------------------- lights without an area
-
-
-def test_point_light(setup):
-    """I / r^2 along the direction to it, no density."""
-    where = np.random.default_rng(0).uniform(-5, 5, (64, 3)).astype(np.float32)
-    wi, radiance, distance, pdf = setup.sample("point", where, np.zeros((3, 64)))
-    to_light = np.array([1.0, 2, 3]) - where
-    r = np.linalg.norm(to_light, axis=1)
-    np.testing.assert_allclose(wi, to_light / r[:, None], atol=1e-6)
-    np.testing.assert_allclose(distance, r, rtol=1e-6)
-    np.testing.assert_allclose(radiance, L / r[:, None] ** 2, rtol=2e-6)
-    np.testing.assert_array_equal(pdf, 0)
 
 
 def test_spot_light(setup):
@@ -295,43 +250,6 @@ def test_mesh_light(setup, where):
     assert abs(setup.irradiance_z("cube", position, normal, expected)) < SIGMA
 
 
-def by_quadrature(points, normals, area, position, normal):
-    """E / L as the integral of cos cos / r^2 over points of equal area."""
-    to_light = points - position
-    r2 = np.sum(to_light**2, axis=1)
-    wi = to_light / np.sqrt(r2)[:, None]
-    here, there = np.maximum(wi @ normal, 0), np.maximum(-np.sum(wi * normals, axis=1), 0)
-    return area * np.mean(here * there / r2)
-
-
-@pytest.mark.parametrize("where", [(2, 0, 1), (1, 1, 3), (0.6, 0, 0.5)])
-def test_cylinder_light(setup, where):
-    """From outside, where none of the inner wall is seen; by quadrature in float64."""
-    t, z = (np.indices((1500, 1500)).reshape(2, -1) + 0.5) / 1500
-    normals = np.column_stack((np.cos(2 * np.pi * t), np.sin(2 * np.pi * t), 0 * t))
-    points = center("cylinder") + 0.5 * normals
-    points[:, 2] += 2 * z
-    position = center("cylinder") + where
-    normal = unit([-where[0], -where[1], 0])
-    expected = by_quadrature(points, normals, 2 * np.pi, position, normal)
-    assert abs(setup.irradiance_z("cylinder", position, normal, expected)) < SIGMA
-
-
-@pytest.mark.parametrize("where", [(0, 0, 1), (2, 1, 0.5), (1.5, 0, 2)])
-def test_elliptic_light(setup, where):
-    """A stretched disk: area pi a b, by quadrature."""
-    r2, t = (np.indices((1500, 1500)).reshape(2, -1) + 0.5) / 1500
-    r = np.sqrt(r2)
-    points = np.column_stack(
-        (1.5 * r * np.cos(2 * np.pi * t), 0.5 * r * np.sin(2 * np.pi * t), 0 * r)
-    )
-    normals = np.broadcast_to([0.0, 0, 1], points.shape)
-    normal = np.array([0.0, 0, -1])
-    expected = by_quadrature(points, normals, 0.75 * np.pi, np.array(where, float), normal)
-    z = setup.irradiance_z("ellipse", center("ellipse") + where, normal, expected)
-    assert abs(z) < SIGMA
-
-
 # ------------------------------------------------------------------------- from behind
 
 
@@ -393,16 +311,6 @@ SEEN_FROM = [
 ]
 
 
-def seen_by_chance(setup, name, position, n=N):
-    """Uniform directions and what they hit: (wi, found, hits this light, points)."""
-    wi = float32(directions(n, np.random.default_rng(5)))
-    found = nearest(setup.tracing, position, wi)
-    shape = NAMES.index(name)
-    hit = (found.prim >= 0) & (setup.scene.shape[found.prim] == shape)
-    points = position + wi * np.where(hit, found.t, 1)[:, None]
-    return wi, found, hit, points
-
-
 def front_cosine(setup, name, points, wi):
     """Cosine between -wi and the shining normal, from the shape's formula."""
     local = points - center(name)
@@ -417,29 +325,6 @@ def front_cosine(setup, name, points, wi):
     else:
         normal = np.broadcast_to([0, 0, -1.0 if name == "flipped" else 1.0], local.shape)
     return -np.sum(wi * normal, axis=1)
-
-
-@pytest.mark.parametrize(("name", "where"), SEEN_FROM)
-def test_the_density_is_that_of_the_samples(setup, name, where):
-    """The integral of pdf over all directions to the front is the share of samples there.
-
-    That is 1 for flat shapes and spheres; of a closed mesh or a tube, sampled by area, the
-    samples on the far side are lost.
-    """
-    position = float32(center(name) + where)
-    _, radiance, _, _ = setup.sample(name, position)
-    share = np.mean(radiance[:, 1] > 0)
-    if name not in ("cube", "cylinder"):
-        assert share > 0.999
-    wi, found, hit, points = seen_by_chance(setup, name, position)
-    cosine = np.where(hit, front_cosine(setup, name, points, wi), 0)
-    front = hit & (cosine > 0)
-    part = type(found)(*(a[front] for a in found))
-    density = np.zeros(len(wi))
-    density[front] = setup.density_at(name, position, part, cosine[front])
-    error = 4 * np.pi * density.std() / np.sqrt(N) + np.sqrt(share * (1 - share) / N)
-    assert abs(4 * np.pi * density.mean() - share) < SIGMA * error
-    assert front.mean() > 0.01
 
 
 @pytest.mark.parametrize(("name", "where"), SEEN_FROM)
@@ -473,46 +358,6 @@ def test_a_far_sphere_has_the_density_of_its_solid_angle(setup):
     np.testing.assert_allclose(pdf, 1e8 / np.pi, rtol=1e-5)
 
 
-def test_points_are_spread_evenly_over_the_shapes(setup):
-    """By area on flat shapes and the tube; by solid angle in the cone of a sphere."""
-    below = np.array([0.5, -0.3, 1.0])
-    for name in ("rectangle", "disk", "ellipse", "cylinder", "sphere"):
-        position = float32(center(name) + (below if name != "cylinder" else [1, 0.5, 0.7]))
-        if name == "sphere":
-            position = float32(beside(name, 0, 0, 3))
-        wi, _, distance, _ = setup.sample(name, position)
-        p = position - center(name) + wi * distance[:, None]
-        turn = (np.arctan2(p[:, 1], p[:, 0]) / (2 * np.pi)) % 1
-        a, b = {
-            "rectangle": ((p[:, 0] + 1) / 2, (p[:, 1] + 1) / 2),
-            "disk": (np.sum(p[:, :2] ** 2, axis=1), turn),
-            "ellipse": (
-                (p[:, 0] / 1.5) ** 2 + (p[:, 1] / 0.5) ** 2,
-                (np.arctan2(p[:, 1] / 0.5, p[:, 0] / 1.5) / (2 * np.pi)) % 1,
-            ),
-            "cylinder": (p[:, 2] / 2, turn),
-            "sphere": ((1 + wi[:, 2]) / (1 - np.sqrt(1 - 1 / 9)), turn),
-        }[name]
-        # the border itself may be rounded out of the histogram
-        counts = np.histogram2d(np.clip(a, 0, 1), b, 16, [[0, 1], [0, 1]])[0]
-        assert counts.sum() == N and chi_square_z(counts) < SIGMA, name
-
-
-def test_triangles_are_chosen_by_their_area(setup):
-    """Samples on the faces of a box of 2 x 1 x 0.5, counted."""
-    position = float32(beside("cube", 3, 2, 1))
-    wi, _, distance, _ = setup.sample("cube", position)
-    p = (position - center("cube") + wi * distance[:, None]) / [1, 0.5, 0.25]
-    axis = np.abs(p).argmax(axis=1)
-    sign = np.take_along_axis(p, axis[:, None], 1)[:, 0] > 0
-    u = np.take_along_axis(p, (axis[:, None] + 1) % 3, 1)[:, 0]
-    v = np.take_along_axis(p, (axis[:, None] + 2) % 3, 1)[:, 0]
-    quarter = (u > 0) * 2 + (v > 0)
-    counts = np.bincount(axis * 8 + sign * 4 + quarter, minlength=24)
-    area = np.repeat([1 * 0.5, 2 * 0.5, 2 * 1], 8)
-    assert chi_square_z(counts, N * area / area.sum()) < SIGMA
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_alias_tables_have_the_weights_as_probabilities(seed):
     """Exactly, for weights of very different size, zeros among them [Walker1977]."""
@@ -526,12 +371,3 @@ def test_alias_tables_have_the_weights_as_probabilities(seed):
     np.add.at(chance, np.arange(len(weights)), keep)
     np.add.at(chance, alias, 1 - keep)
     np.testing.assert_allclose(chance / len(weights), weights / weights.sum(), atol=1e-13)
-
-
-def test_lights_are_chosen_evenly(setup):
-    """Also for the largest number below 1."""
-    number = np.float32(np.random.default_rng(6).random(N))
-    number[0], number[1] = 1 - 2.0**-24, 0
-    light = setup.choices(number)
-    assert light[0] == len(NAMES) - 1 and light[1] == 0
-    assert chi_square_z(np.bincount(light, minlength=len(NAMES))) < SIGMA

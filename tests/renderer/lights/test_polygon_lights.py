@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from form_factors import SMALL, lambert_irradiance, under_light
 from small_scenes import assert_mean, diffuse, rectangle, sensor
-from test_closed_forms import SMALL, lambert_irradiance, under_light
 
 RHO = 0.5
 CAMERA = sensor((0, 0, 0.01), (0, 0, 0), up=(0, 1, 0), **SMALL)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from form_factors import corner_factor
 from small_scenes import (
     assert_mean,
     diffuse,
@@ -20,7 +21,6 @@ from small_scenes import (
     sensor,
     sky,
 )
-from test_closed_forms import corner_factor
 
 RHO = 0.5
 VIEWS = {"size": (32, 32), "fov": 1e-3, "spp": 64, "jitter": True}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from light_probes import LightProbe
 from scene_file_samples import error_of, mitsuba_refuses, ours
+from scene_xml import element, to_world
 
 mi = pytest.importorskip("mitsuba")
 
@@ -195,13 +196,12 @@ TEXTURED = (
             True,
         ),
         (
-            '<emitter type="projector"><float name="fov" value="190"/></emitter>',
+            element("emitter", "projector", fov=190.0),
             "a field of view between 0 and 180",
             True,
         ),
         (
-            '<emitter type="projector"><transform name="to_world"><scale value="2"/>'
-            "</transform></emitter>",
+            element("emitter", "projector", to_world('<scale value="2"/>')),
             "rotation and translation",
             False,
         ),

@@ -19,37 +19,28 @@ from small_scenes import (
     glass,
     mirror,
     placed,
-    point_light,
     rectangle,
     rgb,
     scene,
     sensor,
     sphere,
-    sun,
 )
 
 import renderer
 from renderer.integrators.kind import NO_LIMIT
 from renderer.kernels.records.kernel_scene import (
-    ANY_COHERENT,
-    ANY_SINGLE,
     CHOOSE_LIGHT,
     CLOSEST,
     CLOSEST_COHERENT,
     DRAW,
     DRAW_FILM,
     EMISSION,
-    ENVIRONMENT,
     LOCATE,
     REFLECT_LIGHT,
     SAMPLE_LIGHT,
     SCATTER,
 )
 from renderer.plugins.lights.area import AreaLights
-from renderer.plugins.lights.constant import ConstantLights
-from renderer.plugins.lights.directional import DirectionalLights
-from renderer.plugins.lights.point import PointLights
-from renderer.plugins.lights.spot import SpotLights
 from renderer.rendering.job import RenderJob
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.render_loop import run
@@ -106,69 +97,6 @@ def test_a_box_has_rectangles_and_nothing_else():
     assert settings.roulette_depth == NO_LIMIT
     assert settings.every_light == settings.with_uv == settings.with_tangents == 0
     assert settings.weigh == 1
-
-
-@pytest.mark.parametrize(
-    ("light", "kind", "methods"),
-    [
-        (point_light((0, 0, 0.5)), PointLights, columns(SAMPLE_LIGHT)),
-        ({"type": "spot"}, SpotLights, columns(SAMPLE_LIGHT)),
-        (sun((0, 0, -1)), DirectionalLights, columns(SAMPLE_LIGHT)),
-        ({"type": "constant"}, ConstantLights, columns(ENVIRONMENT)),
-        (LAMP, AreaLights, columns(SAMPLE_LIGHT, EMISSION)),
-    ],
-)
-def test_one_kind_of_light_leaves_the_others_out(light, kind, methods):
-    inputs = kernels_of("direct", *box(0.7), light)
-    assert lights_of(inputs) == [kind]
-    assert rows(inputs.record.lights.methods) == [methods]
-
-
-@pytest.mark.parametrize(
-    ("shape", "kind"),
-    [
-        (sphere(diffuse(0.5)), "spheres"),
-        ({"type": "disk"}, "disks"),
-        ({"type": "cylinder"}, "cylinders"),
-        ({"type": "cube"}, "triangles"),
-    ],
-)
-def test_one_kind_of_shape_leaves_the_others_out(shape, kind):
-    inputs = kernels_of("direct", shape, point_light((0, 0, 3)))
-    assert list(inputs.tables.surfaces) == [kind]
-    assert rows(inputs.record.surfaces) == [columns(LOCATE)]
-    assert len(inputs.record.groups) == 1
-    in_the_way = [] if kind == "disks" else [columns(ANY_COHERENT, ANY_SINGLE)]
-    assert rows(inputs.record.shadow_groups) == in_the_way
-    assert inputs.record.settings.with_uv == 0
-
-
-@pytest.mark.parametrize(
-    ("bsdf", "kind", "methods"),
-    [
-        (diffuse(0.5), "diffuse", columns(REFLECT_LIGHT, SCATTER)),
-        (mirror(), "conductor", columns(SCATTER)),
-        (glass(), "dielectric", columns(SCATTER)),
-    ],
-)
-def test_one_kind_of_bsdf_leaves_the_others_out(bsdf, kind, methods):
-    inputs = kernels_of("path", sphere(bsdf), LAMP | {"bsdf": bsdf}, max_depth=9)
-    assert [k.name for k in inputs.scene.materials.kinds] == [kind]
-    assert rows(inputs.record.bsdfs.methods) == [methods]
-
-
-def test_without_lights_or_materials_asked_for_there_are_none():
-    """Depth looks at shapes alone; a scene without lights has no table of them."""
-    depth = kernels_of("depth", *box(0.7), LAMP).record
-    assert depth.lights.count == depth.lights.methods.size == 0
-    assert rows(depth.groups) == [columns(CLOSEST_COHERENT)]
-    dark = kernels_of("path", *box(0.7)).record
-    assert dark.lights.count == dark.lights.methods.size == 0
-    assert rows(dark.groups) == [columns(CLOSEST_COHERENT)]
-    direct = kernels_of("direct", *box(0.7), point_light((0, 0, 0.5))).record
-    assert rows(direct.bsdfs.methods) == [columns(REFLECT_LIGHT)]
-    assert direct.settings.weigh == 0
-    assert direct.settings.roulette_depth == NO_LIMIT
 
 
 # -------------------------------------------------------------------------- pictures

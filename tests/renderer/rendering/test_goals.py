@@ -193,14 +193,6 @@ def test_light_that_hardly_a_sample_has_met_makes_it_unsure():
     assert found.uncertainty == 0.0, "a picture without noise is sure"
 
 
-def test_a_noisy_picture_is_unsure():
-    rng = np.random.default_rng(8)
-    first, second = (rng.gamma(1.0, 1.0, (64, 64, 3)) for _ in range(2))
-    found = estimate(first, second, 2)
-    assert found.steady, f"many pixels make up the error: {found.uncertainty:.3g}"
-    assert found.unsure, f"an error of {found.error:.3g} is too large to be sure"
-
-
 def test_stopping_pulls_the_picture_nowhere():
     """Samples of skewness 6, stopped at 10 %: the mean of 400 pictures is the limit.
 
@@ -360,18 +352,6 @@ def test_the_explanation_knows_the_goal(box):
     image = renderer.render(box, target_error=0.2)
     line = f"{image.spp} samples per pixel were taken: estimated error"
     assert line in image.explain.splitlines()[-1]
-
-
-def test_looks_at_the_error_come_less_and_less_often():
-    """From 1 % of the samples that are needed on: few looks, none far beyond the goal."""
-    goal, done, looks = Goal(target_error=0.01), 0, 0
-    while more := goal.next_samples(done, 0.5 / np.sqrt(max(done, 1)), 0.0, 10**9):
-        done, looks = done + more, looks + 1
-    assert looks < 12
-    assert 2500 <= done <= 2800
-    assert Goal(time_limit=10.0).next_samples(100, 1.0, 9.99, 10**9) == 0
-    assert Goal(time_limit=10.0).next_samples(100, 1.0, 5.0, 10**9) == 100
-    assert Goal(target_error=0.1).next_samples(10, 0.2, 0.0, 11) == 0
 
 
 @pytest.mark.parametrize(

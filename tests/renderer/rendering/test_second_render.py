@@ -8,7 +8,8 @@ import pickle
 
 import numpy as np
 import pytest
-from closed_room import CLOSED_ROOM
+from scene_file_samples import scene_text
+from scene_xml import element, props, tag, to_world
 
 import renderer
 from renderer.rendering.job import RenderJob
@@ -34,8 +35,23 @@ WAYS = [
 ]
 
 
+VIEW = element(
+    "sensor",
+    "perspective",
+    to_world('<lookat origin="0,0,-0.9" target="0,0,0" up="0,1,0"/>'),
+    element("film", "hdrfilm", '<rfilter type="box"/>', width=8, height=8),
+    element("sampler", "independent", sample_count=4),
+)
+ROOM = scene_text(
+    element("integrator", "path", max_depth=4, rr_depth=100)
+    + element("shape", "cube", props(flip_normals=True))
+    + element("emitter", "point", tag("rgb", intensity="1 2 3")),
+    sensor=VIEW,
+)
+
+
 def room():
-    return renderer.load_string(CLOSED_ROOM)
+    return renderer.load_string(ROOM)
 
 
 def by_pickle(scene):
@@ -106,9 +122,7 @@ def test_copies_of_tables_of_one_column_or_none(copied, tmp_path):
     others = """<shape type="rectangle"><transform name="to_world">
         <translate z="0.5"/></transform><bsdf type="diffuse"/></shape>
       <shape type="obj"><string name="filename" value="one.obj"/></shape>"""
-    (tmp_path / "scene.xml").write_text(
-        CLOSED_ROOM.replace("</scene>", others + "</scene>")
-    )
+    (tmp_path / "scene.xml").write_text(ROOM.replace("</scene>", others + "</scene>"))
     scene = renderer.load_file(tmp_path / "scene.xml")
     expected = np.asarray(renderer.render(scene, 1))
     np.testing.assert_array_equal(np.asarray(renderer.render(copied(scene), 1)), expected)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from environment_maps import write_exr
 from small_scenes import placed, rgb, sensor
-from test_envmap import write_exr
 
 import renderer
 from renderer.advice.simplifications import differs, offered, simplified, words_of
@@ -91,15 +91,6 @@ def test_a_texture_is_its_mean_but_a_normal_map_stays():
     flat = ball(simplified(before, "normals=flat"))
     assert isinstance(flat.front, Diffuse)
     assert flat.front.reflectance is ball(before).front.nested.reflectance
-
-
-def test_mean_of_a_bitmap():
-    pixels = np.arange(24, dtype=np.float32).reshape(2, 4, 3) / 24
-    bitmap = {"type": "bitmap", "bitmap": pixels, "raw": True}
-    before = scene({"type": "diffuse", "reflectance": bitmap})
-    mean = ball(simplified(before, "textures=mean")).reflectance
-    assert isinstance(mean, ConstantTexture)
-    assert mean.rgb == pytest.approx(tuple(pixels.mean(axis=(0, 1))))
 
 
 @pytest.mark.parametrize("kind", ["dielectric", "thindielectric", "roughdielectric"])
@@ -464,54 +455,6 @@ def test_simplified_methods_are_no_replays():
             renderer.render(less, 1, sampler="mitsuba")
 
 
-def test_instances_written_out_are_where_they_were():
-    """Triangles, normals and spheres; turned, mirrored and flattened copies.
-
-    The hits of the camera's rays: the same distance and normal to 1e-5, but for one in
-    a hundred, at edges. A flattened sphere stays an instance.
-    """
-    cube = {"type": "cube", "to_world": placed((0, 0, 0), (0.3, 0, 0), (0, 0.3, 0))}
-    group = {
-        "type": "shapegroup",
-        "id": "group",
-        "cube": cube,
-        "sphere": {"type": "sphere", "center": [0.6, 0, 0], "radius": 0.3},
-    }
-    places = [
-        placed((-1, 0, 0), (0, 1, 0), (-1, 0, 0)) @ np.diag([0.5, 0.5, 0.5, 1.0]),
-        placed((1, 0, 0), (0.7, 0, 0), (0, 0.4, 0)),
-        np.diag([-1.0, 1.0, 1.0, 1.0]),
-    ]
-    copies = {
-        f"copy_{k}": {
-            "type": "instance",
-            "to_world": place,
-            "group": {"type": "ref", "id": "group"},
-        }
-        for k, place in enumerate(places)
-    }
-    aov = {"type": "aov", "aovs": "d:depth,g:geo_normal,s:sh_normal"}
-    view = sensor((0, -4, 2), (0, 0, 0), fov=40, size=(48, 32))
-    full = read_dict(
-        {"type": "scene", "integrator": aov, "sensor": view, **{"g": group}} | copies
-    )
-    flat = simplified(full, "instances=flat")
-    assert len(full.instances) == 3 and len(flat.instances) == 2
-    assert all(len(group.shapes) == 1 for group in flat.groups)
-    places = [instance.place for instance in flat.instances]
-    assert places == [len(flat.shapes), len(flat.shapes) + 1]
-    before, after = (renderer.render(build_scene(d), 1) for d in (full, flat))
-    assert before.aovs["d"].max() > 0.0
-    for name, picture in before.aovs.items():
-        off = np.abs(after.aovs[name] - picture).max(axis=-1) > 1e-5
-        assert off.mean() < 0.01, name
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("renderer.advice.simpler_shapes.MOST_FACES", 35)
-        with pytest.raises(SceneError, match="36 faces in all; at most 35"):
-            simplified(full, "instances=flat")
-        assert not any("instances=flat" in words for words in offered(full))
-
-
 # General: no axis is kept, and no two of these commute; the second and fourth mirror.
 SHEARED = [
     np.array([[0.7, 0.5, -0.2, -1.1], [-0.1, 0.9, 0.4, 0.0], [0.3, -0.2, 0.5, -0.5]]),
@@ -605,3 +548,9 @@ def assert_same_hits(full, flat):
         assert off < 0.01, (
             f"{name} differs in {off:.1%} of the pixels, by {apart.max():.3g}"
         )
+
+
+def test_instances_of_very_many_faces_are_not_written_out(monkeypatch):
+    monkeypatch.setattr("renderer.advice.simpler_shapes.MOST_FACES", 35)
+    with pytest.raises(SceneError, match="36 faces in all; at most 35"):
+        written_out(SHEARED[:3], {"cube": {"type": "cube"}})

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from environment_maps import LAMP, directions, turned, write_exr
 from light_probes import LightProbe
-from test_envmap import LAMP, directions, turned, write_exr
 
 import renderer.replay.replay_mode
 from renderer.plugins.lights.envmap import EnvironmentMaps

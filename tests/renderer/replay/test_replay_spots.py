@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from environment_maps import LAMP
 from light_probes import LightProbe
 from small_scenes import look_at
-from test_envmap import LAMP
 
 import renderer.replay.replay_mode
 from renderer.replay.light_rounding import rounded_spots

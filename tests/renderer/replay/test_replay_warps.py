@@ -28,6 +28,7 @@ from replay_shapes import (
     write_meshes,
 )
 from scene_file_samples import mi
+from scene_xml import props
 
 import renderer
 from renderer.plugins.lights.area import AreaLights
@@ -94,7 +95,7 @@ def test_directions_from_diffuse_surfaces(tmp_path):
 def test_directions_are_the_same_bits(tmp_path):
     """On flat triangles under a rotation: normal, frame, warp and the turn to the world."""
     write_meshes(tmp_path)
-    flat = '<boolean name="face_normals" value="true"/>'
+    flat = props(face_normals=True)
     content = shape("with uv", 0, BOTH_SIDES + flat) + shape(
         "without uv", 1, BOTH_SIDES + flat
     )
@@ -304,8 +305,8 @@ def test_which_triangle_of_a_large_mesh(tmp_path):
     text = "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in vertices)
     text += "".join(f"f {k} {k + 1} {k + 2}\n" for k in range(1, 3 * count, 3))
     (tmp_path / "mesh.obj").write_text(text)
-    name = '<string name="filename" value="mesh.obj"/>'
-    flat = '<boolean name="face_normals" value="true"/>'
+    name = props(filename="mesh.obj")
+    flat = props(face_normals=True)
     content = f'<shape type="obj">{name}{flat}{area_light(0)}</shape>'
     ours, theirs = load(tmp_path, content)
     n = 4000

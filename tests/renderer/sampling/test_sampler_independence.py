@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 from chi_square import FALSE_ALARM, assert_follows, histogram, sidak
+from sampler_probes import draw, label, samplers
 from scipy import stats
-from small_scenes import sensor
-from test_furnaces import white_furnace
-from test_sampling import draw, label, samplers
+from small_scenes import sensor, white_furnace
 
 import renderer
 from renderer.plugins.sampling.numbers_and_warps import Independent

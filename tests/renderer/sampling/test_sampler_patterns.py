@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sampler_probes import multijitter, whole_grid
 from small_scenes import rgb, sensor
-from test_sampling import multijitter, whole_grid
 
 import renderer
 from renderer.plugins.sampling.numbers_and_warps import (

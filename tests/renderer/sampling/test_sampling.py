@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kernel_probes import chi_square_z, key_of, mean_z
+from sampler_probes import draw, label, multijitter, samplers, whole_grid
 
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.lanes.functions import as_i32, splat_u32
@@ -30,20 +31,11 @@ from renderer.plugins.sampling.numbers_and_warps import (
     square_to_disk,
     square_to_sphere,
 )
-from renderer.plugins.sampling.sobol import Sobol, make_sobol
+from renderer.plugins.sampling.sobol import make_sobol
 
 PIXELS = 1 << 16
 GRIDS = [(8, 8), (4, 2), (5, 3), (3, 3), (7, 1), (1, 1)]
 SIGMA = 5.0  # two-sided 6e-7, one-sided 3e-7
-
-
-@entry_kernel
-def run_draw4(sampler, pixels, sample, block, out):
-    for i in range(0, pixels.size, 16):
-        row = 0
-        for number in draw4(sampler, key_of(load_row(pixels, 0, i)), sample, block):
-            store_row(out, row, i, number)
-            row += 1
 
 
 @entry_kernel
@@ -73,24 +65,6 @@ def run_warps(x, y, disk, hemisphere, sphere, weight):
         store_row(weight, 0, i, power_heuristic(a, b))
 
 
-def draw(sampler, pixels, sample, block):
-    """Four rows of float64 numbers, one column a pixel."""
-    pixels = np.ascontiguousarray(pixels, np.uint32)
-    padded = np.pad(pixels, (0, -pixels.size % 16))
-    out = np.empty((4, padded.size), np.float32)
-    run_draw4(sampler, padded, sample, block, out)
-    return out[:, : pixels.size].astype(float)
-
-
-def multijitter(seed, columns, rows):
-    return Stratified(seed, columns, rows, 1.0, 1)
-
-
-def samplers(columns, rows, seed=7):
-    """Plain strata, and correlated multi-jittering."""
-    return Stratified(seed, columns, rows, 1.0, None), multijitter(seed, columns, rows)
-
-
 ALL = [
     Independent(7),
     *samplers(8, 8),
@@ -99,15 +73,6 @@ ALL = [
     make_sobol(7, 64),
     make_sobol(7, 15),
 ]
-
-
-def label(sampler):
-    if isinstance(sampler, Independent):
-        return "independent"
-    if isinstance(sampler, Sobol):
-        return f"sobol of 2^{sampler.bits}, {'net' if sampler.plain else 'sequence'}"
-    name = "stratified" if sampler.multi is None else "multijitter"
-    return f"{name} {sampler.columns} x {sampler.rows}"
 
 
 every_sampler = pytest.mark.parametrize("sampler", ALL, ids=label)
@@ -150,42 +115,6 @@ def test_each_number_is_uniform(sampler):
 
 
 @every_sampler
-def test_pairs_fill_the_square(sampler):
-    """The four numbers of one draw two by two, 16 x 16 bins."""
-    numbers = draw(sampler, np.arange(PIXELS), 3, 1)
-    cell = (numbers * 16).astype(int)
-    for i in range(4):
-        for j in range(i):
-            pair = np.bincount(cell[i] * 16 + cell[j], minlength=256)
-            assert chi_square_z(pair) < SIGMA, (i, j)
-
-
-@every_sampler
-@pytest.mark.parametrize(
-    "changed",
-    ["pixel", "row of pixels", "block", "bounce", "seed"],
-)
-def test_neighbours_are_independent(sampler, changed):
-    """|r| < 5 / sqrt(N), and 16 x 16 bins, against the pixel beside, the next block, ..."""
-    pixels = np.arange(PIXELS)
-    step = {"pixel": 1, "row of pixels": 640}.get(changed, 0)
-    block = {"block": 3, "bounce": 2 + 256}.get(changed, 2)
-    other = sampler._replace(seed=sampler.seed + (changed == "seed"))
-    a, b = draw(sampler, pixels, 2, 2), draw(other, pixels + step, 2, block)
-    for i in range(4):
-        for j in range(4):
-            assert abs(np.corrcoef(a[i], b[j])[0, 1]) * np.sqrt(PIXELS) < SIGMA
-        cells = (a[i] * 16).astype(int) * 16 + (b[i] * 16).astype(int)
-        assert chi_square_z(np.bincount(cells, minlength=256)) < SIGMA
-
-
-def test_samples_of_the_independent_sampler_are_independent():
-    a, b = (draw(Independent(0), np.arange(PIXELS), sample, 1) for sample in (4, 5))
-    for i in range(4):
-        assert abs(np.corrcoef(a[i], b[i])[0, 1]) * np.sqrt(PIXELS) < SIGMA
-
-
-@every_sampler
 def test_the_same_question_has_the_same_answer(sampler):
     """In any order and beside any other pixel: nothing is carried on."""
     pixels = np.random.default_rng(0).permutation(4096)
@@ -211,11 +140,6 @@ def test_no_number_is_rounded_up_to_one():
 
 
 # ---------------------------------------------------------------------- stratification
-
-
-def whole_grid(sampler, count, pixels, block=1, first=0):
-    """All samples of a grid: (count, 4, pixels)."""
-    return np.array([draw(sampler, pixels, first + s, block) for s in range(count)])
 
 
 @pytest.mark.parametrize(("columns", "rows"), GRIDS)
@@ -355,45 +279,9 @@ def warped(x, y):
     return *(a[:, :n].T.astype(float) for a in out), weight[:n]
 
 
-def random_square():
-    return np.random.default_rng(3).random((2, PIXELS)).astype(np.float32)
-
-
-def turn(v):
-    return (np.arctan2(v[:, 1], v[:, 0]) / (2 * np.pi)) % 1
-
-
 def cells(a, b):
     """Counts of pairs in [0, 1]^2 in 16 x 16 bins."""
     return np.histogram2d(a, b, 16, [[0, 1], [0, 1]])[0]
-
-
-def test_the_disk_is_covered_evenly():
-    """r^2 and the angle are uniform and independent."""
-    disk, _, _, _ = warped(*random_square())
-    r2 = np.sum(disk**2, axis=1)
-    assert r2.max() < 1 + 2e-7
-    assert chi_square_z(cells(r2, turn(disk))) < SIGMA
-
-
-def test_the_hemisphere_has_density_cos_over_pi():
-    """z^2 and the longitude are uniform and independent; mean of z is 2/3."""
-    _, hemisphere, _, _ = warped(*random_square())
-    np.testing.assert_allclose(np.linalg.norm(hemisphere, axis=1), 1, rtol=3e-7)
-    z = hemisphere[:, 2]
-    assert z.min() >= 0
-    assert chi_square_z(cells(z * z, turn(hemisphere))) < SIGMA
-    assert abs(mean_z(z, 2 / 3)) < SIGMA
-
-
-def test_the_sphere_is_covered_evenly():
-    """z and the longitude are uniform and independent."""
-    _, _, sphere, _ = warped(*random_square())
-    np.testing.assert_allclose(np.linalg.norm(sphere, axis=1), 1, rtol=3e-7)
-    assert chi_square_z(cells((sphere[:, 2] + 1) / 2, turn(sphere))) < SIGMA
-    for k in range(3):
-        assert abs(mean_z(sphere[:, k], 0)) < SIGMA
-        assert abs(mean_z(sphere[:, k] ** 2, 1 / 3)) < SIGMA
 
 
 def test_the_warps_keep_neighbours():

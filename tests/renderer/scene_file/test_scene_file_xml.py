@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import SENSOR, error_of, mitsuba_refuses, ours, scene_text, theirs
+from scene_xml import element, props, tag
 
 from renderer import scene_file
 from renderer.errors import SceneError
@@ -169,7 +170,7 @@ def test_duplicate_id_and_property_and_child() -> None:
     assert message.startswith('<string>:3: id "a" is taken already')
     assert "<string>:2" in message
     twice = '<shape type="sphere">\n<float name="radius" value="1"/>\n{}</shape>'
-    message = error_of(twice.format('<float name="radius" value="1"/>'))
+    message = error_of(twice.format(props(radius=1.0)))
     assert message.startswith('<string>:4: shape "sphere" has two properties "radius"')
     message = error_of(
         '<shape type="sphere"><bsdf type="diffuse"/>\n<bsdf type="diffuse"/></shape>'
@@ -396,19 +397,16 @@ def test_documents_that_are_no_scene(document: str, message: str) -> None:
         ),
         ('<boolean name="x" value="yes"/>', 'boolean "x" is "yes"; expected true or false'),
         ('<integer name="x" value="1.5"/>', 'integer "x" is "1.5"; expected an integer'),
-        (
-            '<integer name="x" value="99999999999999999999"/>',
-            "too large for a 64-bit integer",
-        ),
+        (props(x=99999999999999999999), "too large for a 64-bit integer"),
         ('<float name="x" value="1_0"/>', 'float "x" is "1_0"; expected a finite number'),
         ('<point name="x" x="1"/>', "<point> needs x, y and z"),
-        ('<point name="x" value="1 2"/>', "2 numbers; expected 1 or 3"),
+        (tag("point", x="1 2"), "2 numbers; expected 1 or 3"),
         ('<point name="x" value="1" y="1"/>', 'has "value" and "y"'),
         (
             '<shape type="sphere"><medium type="homogeneous" name="interior"/></shape>',
             'shape "sphere" refers to medium "homogeneous"; this renderer has no medium',
         ),
-        ('<float name="gamma" value="1"/>', 'scene has no property "gamma"; supported: '),
+        (props(gamma=1.0), 'scene has no property "gamma"; supported: '),
         ('<alias id="a" as="b"/>', '<alias> of "a", which is no id so far'),
     ],
 )
@@ -550,14 +548,14 @@ def test_what_only_waits_for_references_is_checked_too() -> None:
     """Mitsuba makes an object of each, used or not. (Unsupported: test_unused_parts.)"""
     for content in (
         '<texture type="bitmap"/>',
-        '<texture type="uniform"><float name="valu" value="1"/></texture>',
-        '<film type="hdrfilm"><integer name="width" value="0"/></film>',
-        '<rfilter type="tent"><float name="radiu" value="1"/></rfilter>',
+        element("texture", "uniform", valu=1.0),
+        element("film", "hdrfilm", width=0),
+        element("rfilter", "tent", radiu=1.0),
     ):
         assert error_of(content).startswith("<string>:2: ")
 
 
 def test_robust_intersections_flag_is_known() -> None:
-    flag = '<boolean name="embree_use_robust_intersections" value="true"/>'
+    flag = props(embree_use_robust_intersections=True)
     assert ours(flag).warnings == ()
     theirs(flag)

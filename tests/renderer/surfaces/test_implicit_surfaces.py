@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scene_file_samples import error_of, ours
+from scene_xml import element, props, tag, to_world
 
 import renderer
 from renderer.kernels.jit import entry_kernel
@@ -270,8 +271,8 @@ def test_a_sphere_is_the_sphere():
     """Pixel by pixel, the same random numbers: moved by to_world as well."""
     moved = 0.5 * np.eye(4) + np.diag([0, 0, 0, 0.5])
     moved[0, 3] = 0.1
-    for to_world in (np.eye(4), moved):
-        place = {"to_world": to_world}
+    for matrix in (np.eye(4), moved):
+        place = {"to_world": matrix}
         found = picture(scene({"type": "implicit", "expression": SPHERE, **place}))
         expected = picture(scene({"type": "sphere", **place}))
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-6)
@@ -361,48 +362,34 @@ def test_a_python_function_is_the_expression():
             "",
             'property "expression": found nothing, expected an "expression" of x, y and z',
         ),
-        ('<string name="expression" value=""/>', "it is no expression"),
-        ('<string name="expression" value="x +"/>', "it is no expression: invalid syntax"),
-        ('<string name="expression" value="w + 1"/>', "`w` is not possible; possible: num"),
-        ('<string name="expression" value="x.real"/>', "`x.real` is not possible"),
-        ('<string name="expression" value="__import__(1)"/>', "is not possible; possible"),
-        ('<string name="expression" value="(lambda: 1)()"/>', "is not possible; possible"),
-        ('<string name="expression" value="[x][0]"/>', "`[x][0]` is not possible"),
-        ('<string name="expression" value="2(x)"/>', "`2(x)` is not possible"),
-        ('<string name="expression" value="sin(x, y)"/>', "`sin(x, y)` is not possible"),
+        (props(expression=""), "it is no expression"),
+        (props(expression="x +"), "it is no expression: invalid syntax"),
+        (props(expression="w + 1"), "`w` is not possible; possible: num"),
+        (props(expression="x.real"), "`x.real` is not possible"),
+        (props(expression="__import__(1)"), "is not possible; possible"),
+        (props(expression="(lambda: 1)()"), "is not possible; possible"),
+        (props(expression="[x][0]"), "`[x][0]` is not possible"),
+        (props(expression="2(x)"), "`2(x)` is not possible"),
+        (props(expression="sin(x, y)"), "`sin(x, y)` is not possible"),
+        (props(expression="x^0.5"), "an exponent must be an integer from"),
+        (props(expression="x^y"), "an exponent must be an integer"),
+        (props(expression="x^99"), "an integer from -64 to 64"),
+        (props(expression="x + 1e999"), "it has the constant inf"),
+        (props(expression="x if y else z"), "is not possible"),
+        (props(expression="True"), "`True` is not possible"),
+        (props(expression=1.0), "found a value of type float, expected str"),
+        (props(function="x"), "found a value of type string, expected fu"),
         (
-            '<string name="expression" value="x^0.5"/>',
-            "an exponent must be an integer from",
-        ),
-        ('<string name="expression" value="x^y"/>', "an exponent must be an integer"),
-        ('<string name="expression" value="x^99"/>', "an integer from -64 to 64"),
-        ('<string name="expression" value="x + 1e999"/>', "it has the constant inf"),
-        ('<string name="expression" value="x if y else z"/>', "is not possible"),
-        ('<string name="expression" value="True"/>', "`True` is not possible"),
-        (
-            '<float name="expression" value="1"/>',
-            "found a value of type float, expected str",
-        ),
-        (
-            '<string name="function" value="x"/>',
-            "found a value of type string, expected fu",
-        ),
-        (
-            '<string name="expression" value="x"/>'
-            '<point name="bounds_min" value="2, 0, 0"/>',
+            tag("point", bounds_min="2, 0, 0") + props(expression="x"),
             "found a box from (2.0, 0.0, 0.0) to (1.0, 1.0, 1.0), expected each coordinate",
         ),
         (
-            '<string name="expression" value="x"/><emitter type="area"/>',
+            element("emitter", "area") + props(expression="x"),
             "cannot emit: its area is not known",
         ),
+        (props(expression="x", radius=1.0), 'has no property "radius"; supported: <bsdf>'),
         (
-            '<string name="expression" value="x"/><float name="radius" value="1"/>',
-            'has no property "radius"; supported: <bsdf>',
-        ),
-        (
-            '<string name="expression" value="x"/>'
-            '<transform name="to_world"><scale value="1e19"/></transform>',
+            to_world('<scale value="1e19"/>') + props(expression="x"),
             "what makes the shape reach farther than 1e+18",
         ),
     ],

@@ -10,91 +10,35 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from instances import (
+    INSTANCES,
+    RAYS,
+    accelerators_of,
+    content,
+    middle,
+    rays,
+)
 from kernel_probes import (
     blocked,
     directions,
     fill,
-    first_hit_plan,
     kernel_inputs,
     run_surface_points,
     unit,
 )
 from scene_file_samples import mi, scene_text
-from test_surface_points import write_meshes
+from small_meshes import write_meshes
 
 import renderer
-from renderer.accelerators.build import build_accelerators
 from renderer.accelerators.bvh.wide.wide_bvh_build import BOX_BYTES
 from renderer.accelerators.instances.instance_streams import END, KIND, LEAF_WORDS
 from renderer.accelerators.instances.instances import Instances
 from renderer.accelerators.instances.instances_checks import validate_instances
 from renderer.errors import SceneError
 from renderer.kernels.jit import pack
-from renderer.rendering.planning.make_plan import make_plan
 from renderer.scene.scene import Scene
 
-SPACING = 7.0
-RAYS = 16_000
-
-GROUPS = """
-<shape type="rectangle" id="floor"><transform name="to_world"><scale value="90"/>
-    <translate x="10" y="10" z="-5"/></transform></shape>
-<shape type="shapegroup" id="many">
-    <shape type="obj" id="mesh"><string name="filename" value="smooth.obj"/>
-        <transform name="to_world"><rotate x="1" angle="70"/></transform></shape>
-    <shape type="cube"><boolean name="flip_normals" value="true"/>
-        <transform name="to_world"><scale value="0.4"/>
-        <rotate z="1" angle="20"/><translate x="-1.5"/></transform></shape>
-    <shape type="sphere"><point name="center" value="1.5,0,0"/>
-        <float name="radius" value="0.6"/></shape>
-    <shape type="rectangle"><transform name="to_world"><scale value="0.8"/>
-        <rotate y="1" angle="60"/><translate y="1.6" z="0.3"/></transform></shape>
-    <shape type="disk"><boolean name="flip_normals" value="true"/>
-        <transform name="to_world"><rotate x="1" angle="50"/>
-        <translate y="-1.6"/></transform></shape>
-    <shape type="cylinder"><point name="p0" value="0,0,1.2"/>
-        <point name="p1" value="0.2,0.3,2"/><float name="radius" value="0.5"/></shape>
-</shape>
-<shape type="shapegroup" id="few">
-    <shape type="sphere"><transform name="to_world"><scale value="-1.2"/></transform>
-    </shape>
-    <shape type="obj"><string name="filename" value="plain.obj"/></shape>
-</shape>"""
-# what the instances' transforms do, before they are moved apart; the group
-INSTANCES = {
-    "nothing": ("", "many"),
-    "turned": ('<rotate x="0.6" z="0.8" angle="130"/>', "many"),
-    "larger": ('<scale value="1.4"/><rotate y="1" angle="40"/>', "many"),
-    "stretched": ('<scale x="0.5" y="1.5" z="0.8"/><rotate z="1" angle="30"/>', "many"),
-    "mirrored": ('<scale x="-1"/>', "many"),
-    "mirrored, slanted": (
-        '<matrix value="-1 .4 0 0 0 1 .3 0 0 0 .7 0 0 0 0 1"/><rotate x="1" angle="33"/>',
-        "many",
-    ),
-    "turned inside out": ('<scale value="-0.9"/>', "many"),
-    "the other group": ('<rotate x="1" angle="15"/>', "few"),
-    "the other group, mirrored": ('<scale z="-1.1"/>', "few"),
-}
-RIGID = ("nothing", "turned", "larger", "the other group")
 NAMES = list(INSTANCES)
-
-
-def middle(k):
-    return SPACING * np.array([k % 3, k // 3, 0.0])
-
-
-def moved(steps, k):
-    x, y, z = middle(k)
-    shift = f'<translate x="{x}" y="{y}" z="{z}"/>'
-    return f'<transform name="to_world">{steps}{shift}</transform>'
-
-
-def content():
-    copies = [
-        f'<shape type="instance" id="{name}"><ref id="{group}"/>{moved(steps, k)}</shape>'
-        for k, (name, (steps, group)) in enumerate(INSTANCES.items())
-    ]
-    return GROUPS + "\n".join(copies)
 
 
 @pytest.fixture(scope="module")
@@ -108,17 +52,6 @@ def folder(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def scene(folder) -> Scene:
     return renderer.load_file(folder / "scene.xml")
-
-
-def rays(seed, n=RAYS, distance=(3.0, 5.0)):
-    """Rays at the instances, most from outside of them, the same number at each."""
-    rng = np.random.default_rng(seed)
-    k = np.arange(n) % len(INSTANCES)
-    centre = np.array([middle(i) for i in k])
-    target = centre + rng.uniform(0, 2, (n, 1)) * directions(n, rng)
-    origin = target + rng.uniform(*distance, (n, 1)) * directions(n, rng)
-    origin = origin.astype(np.float32)
-    return origin, unit(target - origin).astype(np.float32)
 
 
 class Hit:
@@ -151,10 +84,6 @@ class Hit:
 
 def inputs_of(scene, accel="auto"):
     return kernel_inputs(scene, accel=accel)
-
-
-def accelerators_of(scene, accel="auto"):
-    return build_accelerators(scene, accel, first_hit_plan(scene).rays)
 
 
 # ------------------------------------------------------------------------ brute force
@@ -300,56 +229,6 @@ def test_of_equal_hits_the_first_primitive_and_then_the_first_instance_wins(fold
 
 
 # --------------------------------------------------------------------- explicit copies
-
-
-def test_instances_are_where_explicit_copies_are(folder, scene):
-    """For transforms without stretching, so that a sphere has an explicit copy.
-
-    The two round in different ways: t, positions and normals agree to a few units in the
-    last place of the coordinates that went into them (20), rays along edges aside.
-    """
-    start = GROUPS.index('<shape type="shapegroup"')
-    plain = [GROUPS[:start]]
-    numbers = []
-    for k, name in enumerate(NAMES):
-        if name not in RIGID:
-            continue
-        steps, group = INSTANCES[name]
-        inside = GROUPS.split(f'id="{group}">')[1].split("\n</shape>")[0]
-        for shape in inside.replace(' id="mesh"', "").split("</shape>")[:-1]:
-            if "</transform>" in shape:
-                whole = shape.replace("</transform>", _steps_of(moved(steps, k)))
-            else:
-                whole = shape + moved(steps, k)
-            plain.append(whole + "</shape>")
-            numbers.append(k)
-    (folder / "plain.xml").write_text(scene_text("\n".join(plain)))
-    copies = renderer.load_file(folder / "plain.xml")
-    origin, direction = rays(5)
-    ours, theirs = (Hit(inputs_of(s), origin, direction) for s in (scene, copies))
-    assert copies.placements is None and copies.shape.max() == len(numbers)
-
-    k = np.arange(RAYS) % len(NAMES)
-    instance = np.append(-1, numbers)[copies.shape[theirs.prim]]
-    same = ours.hit & theirs.hit & (instance == ours.instance) & (instance == k)
-    aimed = np.isin(k, [NAMES.index(name) for name in RIGID])
-    there = aimed & theirs.hit & (instance == k)
-    assert same[there].mean() > 0.998 and there.sum() > 2000
-    np.testing.assert_array_equal(
-        scene.face[ours.prim[same]], copies.face[theirs.prim[same]]
-    )
-    tolerance = 20 * 2.0**-24 * (np.abs(origin).max(axis=1) + 5.0)
-    for name, share in (("position", 1.0), ("normal", 0.5), ("shading_normal", 0.5)):
-        difference = np.abs(getattr(ours, name) - getattr(theirs, name)).max(axis=1)
-        assert np.mean(difference[same] > share * tolerance[same]) < 0.01, name
-    steep = np.abs(np.sum(ours.normal * direction, axis=1)) > 0.2
-    compared = same & steep
-    difference = np.abs(ours.t.astype(float)[compared] - theirs.t[compared])
-    assert np.mean(difference > tolerance[compared]) < 0.005
-
-
-def _steps_of(transform):
-    return transform.replace('<transform name="to_world">', "")
 
 
 # ----------------------------------------------------------------------------- Mitsuba
@@ -529,20 +408,6 @@ def test_ten_thousand_copies_cost_two_hundred_bytes_each(folder, ten_thousand):
     assert many.tables.surfaces["triangles"].end == 32
     assert bytes_of(many) - bytes_of(few) <= 9_990 * 170
     assert bytes_of(few) < 20_000
-
-
-def test_ten_thousand_copies_are_hit_as_brute_force_does(ten_thousand):
-    rng = np.random.default_rng(10)
-    origin = rng.uniform(-60, 60, (1000, 3)).astype(np.float32)
-    direction = directions(1000, rng).astype(np.float32)
-    found, truth = (
-        Hit(inputs_of(ten_thousand, accel), origin, direction)
-        for accel in ("auto", "brute")
-    )
-    assert_same(found, truth)
-    assert 0.3 < truth.hit.mean() < 1 and len(set(truth.instance)) > 200
-    lines = make_plan(ten_thousand).lines
-    assert any("10000 instances of 1 group (32 triangles)" in line for line in lines)
 
 
 # -------------------------------------------------------------------------- bad input

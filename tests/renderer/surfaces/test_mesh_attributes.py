@@ -7,9 +7,8 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 import pytest
-from kernel_probes import Inputs
+from kernel_probes import Inputs, run_parameters
 from scene_file_samples import error_of, ours
-from test_textures import run_parameters
 
 import renderer
 from renderer.kernels.jit import pack

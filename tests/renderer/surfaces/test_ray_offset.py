@@ -216,12 +216,6 @@ def test_the_smallest_gap_that_is_resolved():
     assert resolved == sorted(resolved, reverse=True) == list(GAPS[: len(resolved)])
 
 
-def test_a_fixed_epsilon_does_not_resolve_it():
-    """Mitsuba 3.9.1's rule, 1500 units of 1 + |p|, is known to fail below 1e-4 (row 2)."""
-    assert leaks(1e-2, "mitsuba") == leaks(10**-3.5, "mitsuba") == 0
-    assert leaks(10**-4.5, "mitsuba") == 1
-
-
 @pytest.mark.parametrize(("ray_offset", "resolved"), [("tight", True), ("mitsuba", False)])
 def test_a_sphere_in_a_shell_of_four_hundred_thousandths(ray_offset, resolved):
     """Radius 1 inside radius 1 + 4e-5 (row 2): light must enter the shell and find it.

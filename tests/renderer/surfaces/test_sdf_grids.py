@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from make_grids import grid_file, places, torus, waves
+from plugins.make_grids import grid_file, places, torus, waves
 from scene_file_samples import error_of, ours
+from scene_xml import props
 
 mi.set_variant("scalar_rgb")
 
@@ -174,34 +175,6 @@ def test_no_hit_is_missed_and_none_is_invented(name, inside):
     # sampled places can overlook two hits next to each other, and where the grid ends
     assert (t[sure] > first[sure] - 1e-5).mean() > 0.98
     assert (hit & ~sure).mean() < 0.03
-
-
-def test_a_saddle_is_met_where_its_equation_says():
-    """4 (x - 1/2) (y - 1/2) = z - 1/2 lies between the points of any grid."""
-    x, y, z = places(4, 7, 3)
-    cells = cells_of(4 * (x - 0.5) * (y - 0.5) - (z - 0.5), smooth=False)
-    origin, direction = rays(400, 3)
-    o, d = origin - 0.5, direction
-    a, b = 4 * d[:, 0] * d[:, 1], 4 * (o[:, 0] * d[:, 1] + o[:, 1] * d[:, 0]) - d[:, 2]
-    c = 4 * o[:, 0] * o[:, 1] - o[:, 2]
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(b * b - 4 * a * c)
-        t = np.sort([(-b - root) / (2 * a), (-b + root) / (2 * a)], axis=0)
-        p = o + t[..., None] * d
-    t[~(abs(p) <= 0.5).all(axis=-1)] = np.inf
-    expected = t.min(axis=0)
-    found, cell = hits(cells, origin, direction)
-    np.testing.assert_allclose(found, expected, rtol=3e-6)
-    hit = cell >= 0
-    met = origin[hit] + found[hit, None] * direction[hit]
-    position, normal, shading = points(cells, cell[hit], met)
-    q = position - 0.5
-    g = np.stack([4 * q[:, 1], 4 * q[:, 0], -np.ones(len(q))], axis=1)
-    np.testing.assert_allclose(4 * q[:, 0] * q[:, 1], q[:, 2], atol=1e-6)
-    np.testing.assert_allclose(
-        normal, g / np.linalg.norm(g, axis=1, keepdims=True), atol=1e-6
-    )
-    assert np.array_equal(normal, shading)
 
 
 def test_a_ball_has_no_hole():
@@ -414,7 +387,7 @@ def test_flipped_bytes_end_in_a_grid_or_an_error(tmp_path, flips):
         assert min(grid.shape) >= 2
 
 
-FILE = '<string name="filename" value="x.vol"/>'
+FILE = props(filename="x.vol")
 
 
 @pytest.mark.parametrize(
@@ -422,8 +395,8 @@ FILE = '<string name="filename" value="x.vol"/>'
     [
         ("", 'property "filename": found nothing, expected the path of a .vol file'),
         (FILE, 'the grid "x.vol"'),
-        (FILE + '<float name="grid" value="1"/>', "found one beside a file, expected"),
-        ('<float name="grid" value="1"/>', "found a value of type float, expected an arr"),
+        (FILE + props(grid=1.0), "found one beside a file, expected"),
+        (props(grid=1.0), "found a value of type float, expected an arr"),
         (FILE + '<emitter type="area"/>', "cannot emit: its area is not known"),
     ],
 )

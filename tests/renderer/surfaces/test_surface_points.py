@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from kernel_probes import directions, kernel_inputs, look, nearest, unit
 from scene_file_samples import mi, scene_text
+from scene_xml import props
+from small_meshes import write_meshes
 
 import renderer
 
@@ -30,8 +32,8 @@ def matrix(seed, *, mirror=False, stretch=(1.0, 1.0, 1.0), slant=0.0):
     return f'<matrix value="{" ".join(f"{x:.9g}" for x in whole.ravel())}"/>'
 
 
-FLIP = '<boolean name="flip_normals" value="true"/>'
-FACES = '<boolean name="face_normals" value="true"/>'
+FLIP = props(flip_normals=True)
+FACES = props(face_normals=True)
 MESH = '<string name="filename" value="{}.obj"/>'
 WIDE = (1.5, 0.6, 1.0)
 
@@ -53,7 +55,7 @@ SHAPES = {
     "disk, stretched": ("disk", "", matrix(15, stretch=WIDE)),
     "disk, mirrored": ("disk", "", matrix(16, mirror=True)),
     "disk, flipped": ("disk", FLIP, matrix(17)),
-    "sphere": ("sphere", '<float name="radius" value="1.3"/>', matrix(18)),
+    "sphere": ("sphere", props(radius=1.3), matrix(18)),
     "sphere, mirrored": ("sphere", "", matrix(19, mirror=True)),
     "sphere, flipped": ("sphere", FLIP, matrix(20)),
     "sphere, mirrored, flipped": ("sphere", FLIP, matrix(21, mirror=True)),
@@ -82,26 +84,6 @@ def content():
             f'<translate x="{x}" y="{y}" z="{z}"/></transform></shape>'
         )
     return "\n".join(shapes)
-
-
-def write_meshes(folder):
-    """A bumpy patch of 5 x 5 points, with normals and uv, and without."""
-    grid = np.linspace(-1, 1, 5)
-    rng = np.random.default_rng(30)
-    points = [(x, y, 0.3 * rng.random()) for y in grid for x in grid]
-    lines = ["v {:.6f} {:.6f} {:.6f}".format(*p) for p in points]
-    uvs = ["vt {:.6f} {:.6f}".format(*rng.random(2)) for _ in points]
-    tilt = unit(np.column_stack((rng.uniform(-0.3, 0.3, (25, 2)), np.ones(25))))
-    normals = ["vn {:.6f} {:.6f} {:.6f}".format(*n) for n in tilt]
-    smooth, plain = [], []
-    for j in range(4):
-        for i in range(4):
-            a = 5 * j + i + 1
-            for face in ((a, a + 1, a + 6), (a, a + 6, a + 5)):
-                smooth.append("f " + " ".join(f"{v}/{v}/{v}" for v in face))
-                plain.append("f " + " ".join(map(str, face)))
-    (folder / "smooth.obj").write_text("\n".join(lines + uvs + normals + smooth) + "\n")
-    (folder / "plain.obj").write_text("\n".join(lines + plain) + "\n")
 
 
 @pytest.fixture(scope="module")

@@ -8,15 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kernel_probes import Inputs
+from kernel_probes import Inputs, run_parameters
 from PIL import Image
 from scene_file_samples import mi
 
 import renderer
-from renderer.integrators.stages.materials import look_up_textures
-from renderer.integrators.stages.surface import load_constants
-from renderer.kernels.jit import entry_kernel, pack
-from renderer.kernels.lanes.functions import first_lanes
+from renderer.kernels.jit import pack
 from renderer.plugins.bsdfs.registry import kind_of
 from renderer.plugins.textures.registry import mean_of
 from renderer.rendering.planning.make_plan import make_plan
@@ -42,15 +39,6 @@ PLATE = {
     "camera": {"type": "perspective"},
     "plate": {"type": "rectangle"},
 }
-
-
-@entry_kernel
-def run_parameters(bsdfs, points, count):
-    """Load the parameters of the BSDFs that `points.bsdf` names."""
-    none = np.int64(0)
-    for i in range(0, count, 16):
-        load_constants(bsdfs, none, points, i, first_lanes(count - i))
-    look_up_textures(bsdfs, none, points, none, count)
 
 
 def evaluate(textures, texture_of, material, uv, constant=0.25, bsdf=Diffuse):
@@ -331,33 +319,6 @@ def test_mean_is_that_of_mitsuba(tmp_path, k):
     """A bitmap has that of its luminance, a checkerboard that of its six numbers."""
     expected = in_mitsuba(ALL[k], tmp_path).mean()
     assert mean_of(ALL[k]) == pytest.approx(expected, rel=1e-6)
-
-
-def test_a_bitmap_by_hand():
-    """Row 0 of the description is at v near 1 (the reader turns files over)."""
-    pixels = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32)
-    nearest = BitmapTexture(pixels, "nearest", "clamp")
-    smooth = BitmapTexture(pixels, "bilinear", "clamp")
-    uv = [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)]
-    for texture in (nearest, smooth):  # at the texels' centres both agree
-        got = evaluate([texture], [0], [0] * 4, uv)
-        np.testing.assert_allclose(got, pixels.reshape(4, 3), atol=1e-6)
-    middle = evaluate([smooth], [0], [0], [(0.5, 0.5)])
-    np.testing.assert_allclose(middle[0], pixels.mean(axis=(0, 1)), atol=1e-6)
-
-
-def test_a_checkerboard_by_hand():
-    board = CheckerboardTexture(rgb(1, 1, 1), rgb(0, 0, 0))
-    uv = [
-        (0.25, 0.25),
-        (0.75, 0.25),
-        (0.25, 0.75),
-        (0.75, 0.75),
-        (-0.25, 0.75),
-        (1.25, 7.25),
-    ]
-    got = evaluate([board], [0], [0] * 6, uv)[:, 0]
-    np.testing.assert_array_equal(got, [1, 0, 0, 1, 1, 1])
 
 
 def test_boards_of_boards():

@@ -31,7 +31,6 @@ from renderer.textbook.volume_fits import (
 
 every_volume = pytest.mark.parametrize("name", VOLUMES)
 CUBE = np.array(list(itertools.product((0.0, 1.0), repeat=3))).T
-OCTAHEDRON = np.concatenate((np.eye(3), -np.eye(3)), axis=1)
 # a volume is padded by 32 ulp of its largest coordinate, twice; a thin one feels it most
 PADDED = 3e-5
 
@@ -159,66 +158,6 @@ def test_rounding_is_outward_and_to_the_next_number(values):
 
 
 # ------------------------------------------------------------------- closed forms
-
-
-AREAS = {
-    # unit cube: half its diagonal is sqrt(3) / 2
-    "cube": (CUBE, 3 * np.pi, 6, 6, 6, 6, 6),
-    # the 14-DOP's corner planes are the octahedron's own faces, each sqrt(3) / 2; with 10
-    # directions: a square column of base 2 and height 2
-    "octahedron": (OCTAHEDRON, 4 * np.pi, 24, None, 24, 4 + 8 * 2**0.5, 4 * 3**0.5),
-    # a diagonal of the unit cube: nothing but the OBB sees how thin it is. Of the cube,
-    # |x - y| <= 0 leaves two sides of a rectangle 1 x sqrt(2)
-    "rod": (np.ones((3, 1)) * [[0.0, 0.5, 1.0]], 3 * np.pi, 6, 0, 6, 2 * 2**0.5, None),
-}
-
-
-@pytest.mark.parametrize("form", AREAS)
-def test_areas_known_on_paper(form):
-    points, *expected = AREAS[form]
-    for (name, volume), area in zip(VOLUMES.items(), expected, strict=True):
-        if area is not None:
-            found = volume.area(volume.fit(points))
-            assert found == pytest.approx(area, rel=PADDED, abs=1e-4), name
-
-
-def test_area_of_a_cube_with_its_corners_cut_off():
-    """Cut through the middles of the edges: 6 squares and 8 triangles remain."""
-    x, y, z = np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)
-    points = np.array([x, y, z]).reshape(3, -1)
-    points = points[:, np.abs(points).sum(axis=0) == 2]  # the cuboctahedron
-    fitted = VOLUMES["14-DOP"].fit(points)
-    assert VOLUMES["14-DOP"].area(fitted) == pytest.approx(12 + 4 * 3**0.5, rel=PADDED)
-    assert VOLUMES["6-DOP"].area(VOLUMES["6-DOP"].fit(points)) == pytest.approx(
-        24, rel=1e-4
-    )
-
-
-def test_area_of_a_column_with_its_edges_cut_off():
-    """A regular octagon of width 2 as the base, height 3, along each of the axes."""
-    angle = np.pi / 8 + np.arange(8) * np.pi / 4
-    ring = np.stack((np.cos(angle), np.sin(angle))) / np.cos(np.pi / 8)
-    base, around = 8 * (2**0.5 - 1), 16 * (2**0.5 - 1)
-    for axis in range(3):
-        points = np.concatenate([np.vstack((ring, np.full(8, h))) for h in (0, 3)], axis=1)
-        points = np.roll(points, axis, axis=0)
-        area = VOLUMES["10-DOP"].area(VOLUMES["10-DOP"].fit(points))
-        assert area == pytest.approx(2 * base + 3 * around, rel=PADDED)
-
-
-def test_every_volume_of_a_ball_touches_it():
-    """The 14-DOP of a ball is an octahedron, |x| + |y| + |z| <= sqrt(3), cut by a cube."""
-    sphere, aabb, obb, six, ten, fourteen = (
-        volume.area(volume.fit(np.zeros((3, 1)), 1.0)) for volume in VOLUMES.values()
-    )
-    assert sphere == pytest.approx(4 * np.pi, rel=PADDED)
-    assert (aabb, obb, six) == pytest.approx((24, 24, 24), rel=PADDED)
-    octagon = 8 * (2**0.5 - 1)
-    assert ten == pytest.approx(2 * octagon + 2 * 2 * octagon, rel=PADDED)
-    # 6 squares |y| + |z| <= sqrt(3) - 1; 8 triangles of edge sqrt(6) that lose their tips
-    squares, tip = 6 * 2 * (3**0.5 - 1) ** 2, (3**0.5 - 1) / 3**0.5
-    triangles = 8 * (3**0.5 / 4) * 6 * (1 - 3 * tip**2)
-    assert fourteen == pytest.approx(squares + triangles, rel=PADDED)
 
 
 # ------------------------------------------------------------------- sphere and OBB

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from agreement import assert_same_hits, proved, some
-from kernel_probes import FIRST_ID, KINDS, blocked, closest, directions, soup, unit
+from kernel_probes import FIRST_ID, blocked, closest, directions, soup, unit
 from textbook_cases import (
     ACROSS_AXES,
     GRIDS,
@@ -22,10 +22,7 @@ from textbook_cases import (
     axis_directions,
     ball_in_a_stadium,
     coincident,
-    concentric,
     counts,
-    line,
-    mixed_sizes,
     rays_in_planes,
     rays_into_the_ball,
     sheets,
@@ -76,17 +73,6 @@ def planes_of(accel):
 
 
 @every_name
-@pytest.mark.parametrize("kind", KINDS)
-def test_soups_of_every_kind(name, kind):
-    """Few and many, small and large, near and far, of one size and of many."""
-    for n, size in ((1, 1.0), (2, 0.1), (300, 0.1), (150, 2.0)):
-        rng = np.random.default_rng(n)
-        check(name, kind, soup(kind, n, rng, size=size))
-        check(name, kind, soup(kind, n, rng, size=size, center=1e3), 0.0)
-    check(name, kind, mixed_sizes(kind, np.random.default_rng(0)))
-
-
-@every_name
 def test_a_hundred_thousand_duplicates_between_others(name):
     """Row 13: the build ends, and the smallest id of the duplicates is hit."""
     surfaces = coincident(100_000)
@@ -99,37 +85,6 @@ def test_a_hundred_thousand_duplicates_between_others(name):
     direction = rng.uniform(0.3, 0.6, (64, 3)) - origin
     truth = assert_same_hits(name, "triangles", surfaces, origin, direction, reach=REACH)
     assert (truth.prim == FIRST_ID).any()
-
-
-@pytest.mark.parametrize("name", ("kd-middle", "kd-median", "kd-sah", "bsp"))
-def test_coincident_triangles_stay_together(name):
-    """No plane tells them apart, and some cut off empty space: few leaves."""
-    tree = check(name, "triangles", coincident(10_000))
-    assert len(tree.items) == 10_000 and (tree.child == 0).sum() < 60
-
-
-@every_name
-def test_equal_centroids(name):
-    rng = np.random.default_rng(2)
-    surfaces = concentric(500)
-    check(name, "spheres", surfaces)
-    origin = rng.uniform(-4, 4, (RAYS, 3))
-    assert_same_hits(name, "spheres", surfaces, origin, directions(RAYS, rng))
-
-
-@every_name
-def test_a_long_line(name):
-    """Squares in a row: as many leaves as there are, whatever was copied on the way."""
-    accel = check(name, "rectangles", line(20_000))
-    assert len(accel.items) < 6 * 20_000
-
-
-@every_name
-def test_the_same_primitives_give_the_same_structure(name):
-    surfaces = soup("triangles", 2000, np.random.default_rng(4), size=0.2)
-    first, second = (proved(name, "triangles", surfaces) for _ in range(2))
-    for a, b in zip(first[:6], second[:6], strict=True):
-        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -210,26 +165,6 @@ def test_walls_in_planes_between_cells(name):
         origin, direction = rays_in_planes(heights, axes, RAYS, rng)
         for start in (origin, np.round(2 * origin) / 2):
             assert_same_hits(name, "rectangles", surfaces, start, direction, reach=REACH)
-
-
-@every_name
-def test_ends_of_rays(name):
-    """A hit at t_max counts; one unit before it, it does not."""
-    rng = np.random.default_rng(12)
-    surfaces = soup("triangles", 300, rng, size=0.5)
-    origin, direction = rng.uniform(-1.5, 1.5, (RAYS, 3)), directions(RAYS, rng)
-    t = closest(proved(name, "triangles", surfaces, REACH), origin, direction).t
-    hit = np.isfinite(t)
-    assert hit.sum() > 100
-    rays = origin[hit], direction[hit]
-    for end, counts_at in ((t[hit], True), (np.nextafter(t[hit], np.float32(0)), False)):
-        truth = assert_same_hits(name, "triangles", surfaces, *rays, end, reach=REACH)
-        assert ((truth.prim >= 0) == counts_at).all()
-    accel = proved(name, "triangles", surfaces)
-    for t_max in (np.nan, -np.inf, -1.0, 0.0):
-        rays = np.full((64, 3), 0.1), directions(64, rng)
-        assert (closest(accel, *rays, t_max=t_max).prim == -1).all()
-        assert not blocked(accel, *rays, t_max=t_max).any()
 
 
 @every_name

@@ -64,38 +64,6 @@ def test_any_finite_boxes(corners, leaf_size):
     check(corners.min(axis=2), corners.max(axis=2), leaf_size)
 
 
-@pytest.mark.parametrize("size", [0.0, 1.0])
-def test_coincident_boxes_are_halved(size):
-    """No plane separates them; a builder that insists on one never ends."""
-    tree = check(*line(np.zeros(10_000), size))
-    assert bvh_depth(tree) == 11  # 10000 / 2^11 < 8 <= 10000 / 2^10
-
-
-@pytest.mark.parametrize("size", [0.0, 1.0])
-def test_a_million_in_a_line(size):
-    """Points on a line have boxes without area: every split costs the same."""
-    tree = check(*line(np.arange(1_000_000), size))
-    assert bvh_depth(tree) == 17
-
-
-def test_centres_that_grow_as_powers_stay_within_the_depth():
-    """Equal bins put nearly all centres into the first one, at every level again."""
-    tree = check(*line(np.exp(np.linspace(-80, 80, 30_000))), leaf_size=1)
-    assert bvh_depth(tree) == MAX_DEPTH
-
-
-def test_duplicates_between_others():
-    lower, upper = soup(4000)
-    lower[:, 1000:3000], upper[:, 1000:3000] = lower[:, :1], upper[:, :1]
-    check(lower, upper)
-
-
-def test_boxes_within_boxes():
-    """All centres equal, all boxes different."""
-    half = np.geomspace(1e-3, 1e3, 500, dtype=np.float32) * np.ones((3, 1), np.float32)
-    check(-half, half)
-
-
 def median_tree(lower, upper, leaf_size):
     """The same record, split at the median of the longest axis."""
     centres = lower + upper
@@ -143,23 +111,6 @@ def test_a_full_leaf_is_split_only_where_that_pays():
     assert sorted(build_tree(*two_blocks, leaf_size=16).count.tolist()) == [0, 8, 8]
 
 
-def test_the_same_boxes_give_the_same_tree_and_stay_as_they_are():
-    lower, upper = soup(5000)
-    before = lower.copy(), upper.copy()
-    first, second = build_tree(lower, upper), build_tree(lower, upper)
-    for a, b in zip(first, second, strict=True):
-        np.testing.assert_array_equal(a, b)
-    np.testing.assert_array_equal((lower, upper), before)
-
-
-def test_layout_of_the_record():
-    tree = build_tree(*soup(1000))
-    nodes = len(tree.child)
-    assert tree.bounds.shape == (nodes, 6) and tree.bounds.dtype == np.float32
-    assert tree.bounds.flags.c_contiguous
-    assert tree.child.dtype == tree.count.dtype == tree.order.dtype == np.int32
-
-
 @pytest.mark.parametrize(
     ("lower", "upper", "leaf_size"),
     [
@@ -200,16 +151,6 @@ def test_validation_sees_every_kind_of_damage():
         with pytest.raises(ValueError, match=message):
             n = len(damaged.order)
             validate_bvh(damaged, np.resize(lower, (3, n)), np.resize(upper, (3, n)))
-
-
-def test_a_swapped_primitive_is_seen():
-    """A leaf that holds another leaf's primitive, with every index in place."""
-    lower, upper = soup(200)
-    tree = build_tree(lower, upper)
-    order = tree.order.copy()
-    order[[0, -1]] = order[[-1, 0]]
-    with pytest.raises(ValueError, match="does not hold its boxes"):
-        validate_bvh(tree._replace(order=order), lower, upper)
 
 
 @entry_kernel

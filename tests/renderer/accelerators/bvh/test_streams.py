@@ -12,6 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from agreement import assert_agrees, extents_for, reach_of, ways_of
+from instances import accelerators_of, content
+from instances import rays as rays_at_instances
 from kernel_probes import (
     accelerator,
     blocked,
@@ -23,10 +25,8 @@ from kernel_probes import (
     workspace,
 )
 from scene_file_samples import scene_text
+from small_meshes import write_meshes
 from soups import awkward_rays
-from test_instances import accelerators_of, content
-from test_instances import rays as rays_at_instances
-from test_surface_points import write_meshes
 
 import renderer
 from renderer.accelerators.bvh.streams import ray_streams

@@ -14,11 +14,8 @@ from renderer.accelerators.bvh.wide.wide_bvh_build import (
     CHILD,
     PAIR_COUNT,
     PAIR_WORDS,
-    WIDE_BYTES,
-    WIDE_WORDS,
 )
 from renderer.accelerators.bvh.wide.wide_bvh_checks import validate_wide
-from renderer.plugins.shapes.blocks import WIDTH
 from renderer.plugins.shapes.extents import extents_of
 
 
@@ -49,11 +46,6 @@ def test_bytes_hold_boxes_of_any_size(scale, shift):
     points = scale * (rng.uniform(-1, 1, (300, 3, 3)) + shift)
     points[::2, :, 1] = points[0, 0, 1]  # flat ones, too
     validate_wide(*built(triangles(points)))
-
-
-def test_leaves_are_full_enough(tree):
-    accel, _ = tree
-    assert accel.blocks.count // WIDTH <= 500 / 4
 
 
 def narrow_a_box(accel):
@@ -131,10 +123,3 @@ def test_any_number_of_rays_at_once(count):
     found = closest(accelerator("triangles", surfaces, "wide"), origin, direction)
     np.testing.assert_array_equal(found.prim, truth.prim)
     assert (found.prim[::3] == -1).all() and (found.prim[1::4] == -1).all()
-
-
-def test_words_and_bytes_are_one_memory(tree):
-    accel, _ = tree
-    assert np.shares_memory(accel.floats, accel.octets)
-    assert len(accel.integers) * 4 == len(accel.octets)
-    assert WIDE_WORDS * 4 == WIDE_BYTES == BOX_BYTES + 9 * 8

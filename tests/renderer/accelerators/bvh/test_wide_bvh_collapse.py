@@ -73,15 +73,6 @@ def test_no_other_nodes_cost_less(n, rule):
         assert cost == pytest.approx(least_cost(tree), rel=1e-6)
 
 
-def test_nodes_of_points_on_a_line_are_few():
-    """All boxes are without area. Every node counts as met: the fewest are the cheapest."""
-    x = np.zeros((3, 16))
-    x[0] = np.arange(16)
-    tree = tree_of(x, x)
-    octets, pair_of = collapse(tree.bounds, tree.child, tree.count)
-    assert found_cost(tree, octets, pair_of) == least_cost(tree) == 3
-
-
 def test_a_line_beside_a_box_has_few_nodes():
     """Nothing below the root has an area, and all ways cost nothing but their nodes."""
     low, high = np.zeros((3, 65)), np.zeros((3, 65))

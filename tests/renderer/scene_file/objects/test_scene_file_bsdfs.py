@@ -6,6 +6,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
+from scene_xml import props, tag
 
 from renderer.scene_file.colors.named_materials import INDICES
 from renderer.scene_file.description import WHITE, Bsdf, Conductor, Dielectric, Diffuse
@@ -38,9 +39,9 @@ def test_named_indices_are_those_of_mitsuba(name: str) -> None:
 
 def test_indices_as_numbers_and_colours_of_glass() -> None:
     content = (
-        '<float name="int_ior" value="1.2"/><float name="ext_ior" value="1.6"/>'
-        '<rgb name="specular_reflectance" value="0.5 0.25 1"/>'
-        '<spectrum name="specular_transmittance" value="0.125"/>'
+        tag("rgb", specular_reflectance="0.5 0.25 1")
+        + tag("spectrum", specular_transmittance="0.125")
+        + props(int_ior=1.2, ext_ior=1.6)
     )
     mine, reference = both("dielectric", content)
     assert mine.eta == pytest.approx(mi.traverse(reference)["eta"], rel=1e-6)
@@ -78,11 +79,9 @@ def test_every_colour_takes_a_texture() -> None:
     [
         '<rgb name="eta" value="0.2 0.3 0.4"/><rgb name="k" value="2 3 4"/>',
         '<float name="eta" value="0.5"/><spectrum name="k" value="3"/>',
-        '<rgb name="k" value="2"/>',
-        '<spectrum name="eta" value="400:1.5 700:1.4"/><spectrum name="k" value="360:2 '
-        '830:3"/>',
-        '<string name="material" value="none"/><rgb name="specular_reflectance" '
-        'value=".5 1 0"/>',
+        tag("rgb", k="2"),
+        tag("spectrum", eta="400:1.5 700:1.4") + tag("spectrum", k="360:2 830:3"),
+        tag("rgb", specular_reflectance=".5 1 0") + props(material="none"),
     ],
 )
 def test_conductor_colours_are_those_of_mitsuba(content: str) -> None:
@@ -118,35 +117,15 @@ def test_twosided_has_one_bsdf_for_both_sides_or_two() -> None:
             '<bsdf type="dielectric"/>',
             'bsdf "dielectric" cannot be inside of twos',
         ),
-        (
-            "dielectric",
-            '<string name="int_ior" value="foo"/>',
-            "a float or one of vacuum, heli",
-        ),
-        ("dielectric", '<integer name="int_ior" value="2"/>', "a value of type integer"),
-        (
-            "dielectric",
-            '<float name="int_ior" value="-1"/>',
-            "expected an index of refraction ab",
-        ),
-        (
-            "dielectric",
-            '<float name="eta" value="1"/>',
-            'has no property "eta"; supported: int_',
-        ),
-        (
-            "dielectric",
-            '<rgb name="specular_reflectance" value="2"/>',
-            "a reflectance in [0, 1]",
-        ),
+        ("dielectric", props(int_ior="foo"), "a float or one of vacuum, heli"),
+        ("dielectric", props(int_ior=2), "a value of type integer"),
+        ("dielectric", props(int_ior=-1.0), "expected an index of refraction ab"),
+        ("dielectric", props(eta=1.0), 'has no property "eta"; supported: int_'),
+        ("dielectric", tag("rgb", specular_reflectance="2"), "a reflectance in [0, 1]"),
+        ("conductor", props(material="au"), '"au", expected one of none, Ag'),
         (
             "conductor",
-            '<string name="material" value="au"/>',
-            '"au", expected one of none, Ag',
-        ),
-        (
-            "conductor",
-            '<string name="material" value="Au"/><rgb name="k" value="1"/>',
+            tag("rgb", k="1") + props(material="Au"),
             'property "k": found a value beside "material", expected one of the two',
         ),
         (
@@ -167,16 +146,8 @@ def test_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("plugin", "content", "message"),
     [
-        (
-            "dielectric",
-            '<float name="int_ior" value="0"/>',
-            "an index of refraction above 0",
-        ),
-        (
-            "conductor",
-            '<rgb name="eta" value="-2e9"/>',
-            "an index of refraction from -1e9 to 1e9",
-        ),
+        ("dielectric", props(int_ior=0.0), "an index of refraction above 0"),
+        ("conductor", tag("rgb", eta="-2e9"), "an index of refraction from -1e9 to 1e9"),
     ],
 )
 def test_bsdfs_that_only_we_refuse(plugin: str, content: str, message: str) -> None:

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
+from scene_xml import props, tag
 
 from renderer.scene_file.colors import spectra as cie_tables
 from renderer.scene_file.colors.named_materials import MATERIALS
@@ -117,10 +118,10 @@ def test_conductor_indices_are_those_of_mitsuba() -> None:
 
 
 def test_clamped_colours_are_mentioned_in_the_log() -> None:
-    laser = '<spectrum name="intensity" value="500:1 510:1"/>'
+    laser = tag("spectrum", intensity="500:1 510:1")
     assert "clamped" in ours(EMISSION.format(laser)).warnings[0]
-    assert ours(EMISSION.format('<float name="intensity" value="2"/>')).warnings == ()
-    white = '<spectrum name="reflectance" value="300:1 900:1"/>'
+    assert ours(EMISSION.format(props(intensity=2.0))).warnings == ()
+    white = tag("spectrum", reflectance="300:1 900:1")
     assert ours(REFLECTANCE.format(white)).warnings == ()
 
 
@@ -130,34 +131,16 @@ def test_clamped_colours_are_mentioned_in_the_log() -> None:
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ('<rgb name="reflectance" value="1.2"/>', "the colour (1.2, 1.2, 1.2)"),
-        ('<rgb name="reflectance" value="0.5 -0.1 0"/>', "the colour (0.5, -0.1, 0)"),
-        (
-            '<rgb name="reflectance" value="#ff8000"/>',
-            '"#ff8000"; expected a finite number',
-        ),
-        ('<rgb name="reflectance" value="1 2"/>', "2 numbers; expected 1 or 3"),
-        (
-            '<string name="reflectance" value="red"/>',
-            "a value of type string, expected a colour",
-        ),
-        ('<vector name="reflectance" value="1 1 1"/>', "a value of type vector"),
-        (
-            '<spectrum name="reflectance" value="400:0.5"/>',
-            "1 entries; expected at least two",
-        ),
-        (
-            '<spectrum name="reflectance" value="700:0.5 400:1"/>',
-            "700 and 400 of a spectrum do",
-        ),
-        (
-            '<spectrum name="reflectance" value="400:1 400:1"/>',
-            "400 and 400 of a spectrum do",
-        ),
-        (
-            '<spectrum name="reflectance" value="0.5 0.6"/>',
-            'entry "0.5"; expected one value, or',
-        ),
+        (tag("rgb", reflectance="1.2"), "the colour (1.2, 1.2, 1.2)"),
+        (tag("rgb", reflectance="0.5 -0.1 0"), "the colour (0.5, -0.1, 0)"),
+        (tag("rgb", reflectance="#ff8000"), '"#ff8000"; expected a finite number'),
+        (tag("rgb", reflectance="1 2"), "2 numbers; expected 1 or 3"),
+        (props(reflectance="red"), "a value of type string, expected a colour"),
+        (tag("vector", reflectance="1 1 1"), "a value of type vector"),
+        (tag("spectrum", reflectance="400:0.5"), "1 entries; expected at least two"),
+        (tag("spectrum", reflectance="700:0.5 400:1"), "700 and 400 of a spectrum do"),
+        (tag("spectrum", reflectance="400:1 400:1"), "400 and 400 of a spectrum do"),
+        (tag("spectrum", reflectance="0.5 0.6"), 'entry "0.5"; expected one value, or'),
         (
             '<spectrum name="reflectance"/>',
             '<spectrum> needs one of "value" and "filename"',
@@ -175,10 +158,7 @@ def test_clamped_colours_are_mentioned_in_the_log() -> None:
             '<spectrum type="black" name="reflectance"/>',
             "supported texture plugins: bitmap, ",
         ),
-        (
-            '<rgb name="reflectence" value="1"/>',
-            'has no property "reflectence"; supported: refl',
-        ),
+        (tag("rgb", reflectence="1"), 'has no property "reflectence"; supported: refl'),
     ],
 )
 def test_reflectances_that_are_wrong(value: str, message: str) -> None:
@@ -190,11 +170,7 @@ def test_reflectances_that_are_wrong(value: str, message: str) -> None:
 
 @pytest.mark.parametrize(
     "value",
-    [
-        '<float name="reflectance" value="1.5"/>',
-        '<spectrum name="reflectance" value="2"/>',
-        '<boolean name="reflectance" value="true"/>',
-    ],
+    [props(reflectance=1.5), tag("spectrum", reflectance="2"), props(reflectance=True)],
 )
 def test_reflectances_that_only_we_refuse(value: str) -> None:
     """Mitsuba checks `<rgb>` alone, though these make energy as well."""
@@ -203,7 +179,7 @@ def test_reflectances_that_only_we_refuse(value: str) -> None:
 
 
 def test_negative_emission_is_refused() -> None:
-    message = error_of(EMISSION.format('<rgb name="intensity" value="1 -1 1"/>'))
+    message = error_of(EMISSION.format(tag("rgb", intensity="1 -1 1")))
     assert message == (
         '<string>:3: emitter "point", property "intensity": found the colour (1, -1, 1), '
         "expected an emission of at least 0 and at most 1e30"

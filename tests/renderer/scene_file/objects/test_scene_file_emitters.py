@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
+from scene_xml import props, tag, to_world
 
 from renderer.scene_file.description import (
     ConstantLight,
@@ -18,10 +19,7 @@ from renderer.scene_file.description import (
     SpotLight,
 )
 
-MOVED = (
-    '<transform name="to_world"><rotate x="1" angle="50"/><translate x="1" y="-2" z="0.5"/>'
-    "</transform>"
-)
+MOVED = to_world('<rotate x="1" angle="50"/><translate x="1" y="-2" z="0.5"/>')
 COLOUR = '<rgb name="{}" value="1 2 3"/>'
 
 
@@ -56,12 +54,11 @@ def test_point_light_is_that_of_mitsuba(content: str) -> None:
         "",
         MOVED,
         COLOUR.format("intensity"),
-        '<float name="cutoff_angle" value="60"/>',
-        '<float name="cutoff_angle" value="60"/><float name="beam_width" value="10"/>',
+        props(cutoff_angle=60.0),
+        props(cutoff_angle=60.0, beam_width=10.0),
         '<transform name="to_world"><scale value="3"/></transform>',
-        '<transform name="to_world"><lookat origin="0 0 1" target="1 2 0" up="0 1 '
-        '0"/></transform>'
-        '<float name="cutoff_angle" value="80"/>',
+        to_world('<lookat origin="0 0 1" target="1 2 0" up="0 1 0"/>')
+        + props(cutoff_angle=80.0),
     ],
 )
 def test_spot_light_is_that_of_mitsuba(content: str) -> None:
@@ -142,27 +139,15 @@ def test_emitters_keep_the_order_of_the_file() -> None:
             "supported emitter plugins: point, spot, directional, constant, envmap, "
             "projector, area",
         ),
+        ("point", props(power=1.0), 'has no property "power"; supported: posit'),
         (
             "point",
-            '<float name="power" value="1"/>',
-            'has no property "power"; supported: posit',
-        ),
-        (
-            "point",
-            '<point name="position" value="1"/>' + MOVED,
+            tag("point", position="1") + MOVED,
             'property "position": found a value beside "to_world", expected one of the two',
         ),
-        (
-            "point",
-            '<float name="position" value="1"/>',
-            "of type float, expected point or vect",
-        ),
-        (
-            "directional",
-            '<vector name="direction" value="1"/>' + MOVED,
-            'beside "to_world"',
-        ),
-        ("constant", '<string name="radiance" value="x"/>', "a value of type string"),
+        ("point", props(position=1.0), "of type float, expected point or vect"),
+        ("directional", tag("vector", direction="1") + MOVED, 'beside "to_world"'),
+        ("constant", props(radiance="x"), "a value of type string"),
         (
             "point",
             '<texture name="intensity" type="checkerboard"/>',
@@ -184,38 +169,22 @@ STRETCHED = '<transform name="to_world"><scale x="2"/></transform>'
     ("plugin", "content", "message"),
     [
         ("area", "", 'emitter "area" belongs inside of a <shape>'),
+        ("directional", tag("vector", direction="0"), "found the zero vector, expected"),
         (
             "directional",
-            '<vector name="direction" value="0"/>',
-            "found the zero vector, expected",
-        ),
-        (
-            "directional",
-            '<transform name="to_world"><scale value="3"/></transform>',
+            to_world('<scale value="3"/>'),
             "a transform that stretches z, expected a rotation",
         ),
         ("spot", STRETCHED, "a transform that distorts the cone"),
-        (
-            "spot",
-            '<float name="cutoff_angle" value="0"/>',
-            "found 0, expected above 0 and at mo",
-        ),
-        (
-            "spot",
-            '<float name="beam_width" value="30"/>',
-            "found 30, expected at least 0 and at",
-        ),
+        ("spot", props(cutoff_angle=0.0), "found 0, expected above 0 and at mo"),
+        ("spot", props(beam_width=30.0), "found 30, expected at least 0 and at"),
         (
             "spot",
             '<float name="cutoff_angle" value="95"/>'
             '<texture name="texture" type="checkerboard"/>',
             "found 95 with a texture, expected less than 90",
         ),
-        (
-            "point",
-            '<float name="sampling_weight" value="2"/>',
-            "found 2, expected 1: lights are",
-        ),
+        ("point", props(sampling_weight=2.0), "found 2, expected 1: lights are"),
         ("point", '<transform name="to_world"><scale value="0"/></transform>', "singular"),
     ],
 )

@@ -6,6 +6,7 @@ import re
 
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+from scene_xml import props
 
 from renderer.scene_file.description import AOV_KINDS, Integrator
 
@@ -62,7 +63,7 @@ def test_scene_without_integrator_has_mitsubas_default() -> None:
 @pytest.mark.parametrize("plugin", ["path", "direct", "depth", "whitted"])
 def test_hide_emitters_and_work_properties_are_taken(plugin: str) -> None:
     content = (
-        '<boolean name="hide_emitters" value="true"/><float name="timeout" value="-1"/>'
+        props(hide_emitters=True, timeout=-1.0)
         + integer("block_size", 8)
         + integer("samples_per_pass", 4)
     )
@@ -76,9 +77,7 @@ def test_hide_emitters_and_work_properties_are_taken(plugin: str) -> None:
 def test_whitted_has_its_own_defaults() -> None:
     mine = integrator("whitted")
     assert (mine.max_depth, mine.cutoff, mine.hide_emitters) == (8, 1 / 1024, False)
-    mine = integrator(
-        "whitted", integer("max_depth", 3) + '<float name="cutoff" value="0.5"/>'
-    )
+    mine = integrator("whitted", integer("max_depth", 3) + props(cutoff=0.5))
     assert (mine.max_depth, mine.cutoff) == (3, 0.5)
 
 
@@ -98,7 +97,7 @@ def test_aov_list_with_all_kinds_and_a_nested_integrator() -> None:
 
 
 def test_aov_alone_has_no_nested_integrator() -> None:
-    mine = integrator("aov", '<string name="aovs" value="dd:depth nn:sh_normal"/>')
+    mine = integrator("aov", props(aovs="dd:depth nn:sh_normal"))
     assert mine.nested is None
     assert mine.aovs == (("dd", "depth"), ("nn", "sh_normal"))
 
@@ -120,11 +119,7 @@ def aovs(text: str) -> str:
         ),
         ("path", integer("max_depth", -2), "found -2, expected at least -1"),
         ("path", integer("rr_depth", 0), "found 0, expected at least 1"),
-        (
-            "path",
-            '<float name="max_depth" value="3"/>',
-            "a value of type float, expected integer",
-        ),
+        ("path", props(max_depth=3.0), "a value of type float, expected integer"),
         (
             "path",
             integer("bsdf_samples", 2),
@@ -168,8 +163,8 @@ def test_integrators_that_are_wrong(plugin: str, content: str, message: str) -> 
 @pytest.mark.parametrize(
     ("plugin", "content", "message"),
     [
-        ("path", '<float name="timeout" value="3"/>', "found 3 s, expected none"),
-        ("whitted", '<float name="cutoff" value="0"/>', "found 0, expected above 0"),
+        ("path", props(timeout=3.0), "found 3 s, expected none"),
+        ("whitted", props(cutoff=0.0), "found 0, expected above 0"),
         ("aov", aovs("depth"), 'found "depth", expected name:kind'),  # Mitsuba crashes
         ("aov", aovs(":depth"), 'found ":depth", expected name:kind'),  # Mitsuba crashes
         ("aov", aovs(""), "an empty list"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from bsdf_probes import BsdfProbe, MitsubaProbe, seen_under
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+from scene_xml import props, tag
 
 from renderer.plugins.bsdfs.plastic import diffuse_fresnel, mean_of
 from renderer.plugins.bsdfs.rough_transmittance import rough_transmittance
@@ -72,10 +73,10 @@ def test_a_roughness_of_nothing_is_taken_as_a_ten_thousandth(alpha: float) -> No
 
 def test_a_roughness_may_be_a_colour_or_a_texture() -> None:
     """Of a colour the mean counts; the table of rough plastic knows one number alone."""
-    metal = read("roughconductor", '<rgb name="alpha" value="0.1 0.2 0.6"/>')
+    metal = read("roughconductor", tag("rgb", alpha="0.1 0.2 0.6"))
     assert (metal.alpha_u, metal.alpha_v) == (pytest.approx(0.3), pytest.approx(0.3))
     board = '<texture name="alpha_u" type="checkerboard"/>'
-    glass = read("roughdielectric", board + '<float name="alpha_v" value="0.3"/>')
+    glass = read("roughdielectric", board + props(alpha_v=0.3))
     assert isinstance(glass.alpha_u, CheckerboardTexture)
     assert glass.alpha_v == pytest.approx(0.3)
     text = SHAPE.format("roughplastic", board.replace("alpha_u", "alpha"))
@@ -127,7 +128,7 @@ ALPHA = '<float name="{}" value="0.2"/>'
     [
         (
             "roughconductor",
-            '<string name="distribution" value="phong"/>',
+            props(distribution="phong"),
             'property "distribution": found "phong", expected one of beckmann, ggx',
         ),
         (
@@ -142,17 +143,17 @@ ALPHA = '<float name="{}" value="0.2"/>'
         ),
         (
             "roughplastic",
-            '<float name="alpha_u" value="0.2"/><float name="alpha_v" value="0.3"/>',
+            props(alpha_u=0.2, alpha_v=0.3),
             'property "alpha_u": found 0.2 beside alpha_v 0.3, expected the same roughness',
         ),
         (
             "roughplastic",
-            '<rgb name="alpha" value="0.5"/>',
+            tag("rgb", alpha="0.5"),
             'property "alpha": found a value of type rgb, expected float',
         ),
         (
             "roughconductor",
-            '<string name="material" value="gold"/>',
+            props(material="gold"),
             'property "material": found "gold", expected one of none, Ag',
         ),
         (
@@ -162,24 +163,20 @@ ALPHA = '<float name="{}" value="0.2"/>'
         ),
         (
             "roughdielectric",
-            '<float name="int_ior" value="1.5"/><float name="ext_ior" value="1.5"/>',
+            props(int_ior=1.5, ext_ior=1.5),
             'property "int_ior": found 1.5 on both sides, expected two different indices',
         ),
         (
             "roughplastic",
-            '<string name="ext_ior" value="polypropylene"/>',
+            props(ext_ior="polypropylene"),
             'property "ext_ior": found 1.49 on both sides',
         ),
         (
             "plastic",
-            '<string name="int_ior" value="jelly"/>',
+            props(int_ior="jelly"),
             'property "int_ior": found "jelly", expected a float or one of vacuum',
         ),
-        (
-            "plastic",
-            '<float name="int_ior" value="-1"/>',
-            "expected an index of refraction above 0",
-        ),
+        ("plastic", props(int_ior=-1.0), "expected an index of refraction above 0"),
         (
             "plastic",
             ALPHA.format("alpha"),
@@ -187,12 +184,12 @@ ALPHA = '<float name="{}" value="0.2"/>'
         ),
         (
             "roughplastic",
-            '<string name="nonlinear" value="yes"/>',
+            props(nonlinear="yes"),
             'property "nonlinear": found a value of type string, expected boolean',
         ),
         (
             "plastic",
-            '<rgb name="diffuse_reflectance" value="2"/>',
+            tag("rgb", diffuse_reflectance="2"),
             "expected a reflectance in [0, 1]",
         ),
     ],
@@ -207,7 +204,7 @@ def test_rough_bsdfs_that_are_wrong(plugin: str, content: str, message: str) -> 
 @pytest.mark.parametrize("plugin", ["roughdielectric", "plastic", "roughplastic"])
 def test_an_index_of_nothing_is_refused_by_us_alone(plugin: str) -> None:
     """Mitsuba divides by it, and shows NaN."""
-    content = '<float name="int_ior" value="0"/>'
+    content = props(int_ior=0.0)
     assert "an index of refraction above 0" in error_of(SHAPE.format(plugin, content))
 
 

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+from scene_xml import element, props, to_world
 
 from renderer.plugins.sensors.registry import kind_of_sensor
 from renderer.scene_file.description import Film, PerspectiveCamera, Sampler
@@ -17,17 +18,19 @@ from renderer.simple.camera import camera_ray
 
 SENSOR = '<sensor type="perspective">\n{}</sensor>'
 FILM = '<film type="hdrfilm">\n{}</film>'
-WIDE = FILM.format('<integer name="width" value="60"/><integer name="height" value="40"/>')
-TALL = FILM.format('<integer name="width" value="30"/><integer name="height" value="50"/>')
+WIDE = FILM.format(props(width=60, height=40))
+TALL = FILM.format(props(width=30, height=50))
 CROPPED = FILM.format(
-    '<integer name="width" value="60"/><integer name="height" value="40"/>'
-    '<integer name="crop_offset_x" value="10"/><integer name="crop_offset_y" value="4"/>'
-    '<integer name="crop_width" value="20"/><integer name="crop_height" value="30"/>'
+    props(
+        width=60,
+        height=40,
+        crop_offset_x=10,
+        crop_offset_y=4,
+        crop_width=20,
+        crop_height=30,
+    )
 )
-LOOKAT = (
-    '<transform name="to_world"><lookat origin="1 2 3" target="0 0.5 -1" up="0 1 0.2"/>'
-    "</transform>"
-)
+LOOKAT = to_world('<lookat origin="1 2 3" target="0 0.5 -1" up="0 1 0.2"/>')
 
 
 def camera(content: str) -> PerspectiveCamera:
@@ -70,18 +73,16 @@ AXES = [
 CAMERAS = [
     "",
     *AXES,
-    WIDE + '<string name="focal_length" value="35mm"/>',
-    TALL + '<string name="focal_length" value="80"/>',
-    CROPPED + LOOKAT + '<float name="fov" value="60"/>',
+    WIDE + props(focal_length="35mm"),
+    TALL + props(focal_length="80"),
+    CROPPED + LOOKAT + props(fov=60.0),
     CROPPED
     + LOOKAT
-    + '<float name="principal_point_offset_x" value="0.2"/>'
-    + '<float name="principal_point_offset_y" value="-0.1"/>',
-    WIDE
-    + '<float name="near_clip" value="0.5"/><float name="far_clip" value="7"/>'
-    + LOOKAT,
+    + props(principal_point_offset_x=0.2)
+    + props(principal_point_offset_y=-0.1),
+    WIDE + props(near_clip=0.5, far_clip=7.0) + LOOKAT,
     WIDE + '<transform name="to_world"><scale x="-1"/></transform>',
-    WIDE + '<integer name="fov" value="30"/><float name="focus_distance" value="3"/>',
+    WIDE + props(fov=30, focus_distance=3.0),
 ]
 
 
@@ -99,22 +100,16 @@ def test_rays_are_those_of_mitsuba(content: str) -> None:
         assert length == pytest.approx(expected.maxt, rel=1e-4)
 
 
-LENS = '<float name="aperture_radius" value="0.3"/><float name="focus_distance" value="4"/>'
-PLANES = '<float name="near_clip" value="0.5"/><float name="far_clip" value="7"/>'
-SCALED = (
-    '<transform name="to_world"><scale x="-2" y="3" z="1.5"/>'
-    '<lookat origin="1 2 3" target="0 0.5 -1" up="0 1 0.2"/></transform>'
+LENS = props(aperture_radius=0.3, focus_distance=4.0)
+PLANES = props(near_clip=0.5, far_clip=7.0)
+SCALED = to_world(
+    '<scale x="-2" y="3" z="1.5"/><lookat origin="1 2 3" target="0 0.5 -1" up="0 1 0.2"/>'
 )
 SENSORS = [
     ("perspective", CROPPED + LOOKAT + PLANES),
     ("thinlens", CROPPED + LOOKAT + PLANES + LENS),
-    ("thinlens", TALL + '<float name="aperture_radius" value="0.01"/>'),
-    (
-        "thinlens",
-        WIDE
-        + LENS
-        + '<float name="fov" value="50"/><string name="fov_axis" value="larger"/>',
-    ),
+    ("thinlens", TALL + props(aperture_radius=0.01)),
+    ("thinlens", WIDE + LENS + props(fov=50.0, fov_axis="larger")),
     ("orthographic", ""),
     ("orthographic", TALL + LOOKAT + PLANES),
     ("orthographic", CROPPED + SCALED + PLANES),
@@ -143,7 +138,7 @@ def test_all_sensors_have_the_rays_of_mitsuba(plugin: str, content: str) -> None
     ("plugin", "content", "message"),
     [
         ("thinlens", "", 'property "aperture_radius": found nothing, expected the radius'),
-        ("thinlens", '<float name="aperture_radius" value="-1"/>', "found -1, expected at"),
+        ("thinlens", props(aperture_radius=-1.0), "found -1, expected at"),
         (
             "thinlens",
             LENS + '<transform name="to_world"><scale value="2"/></transform>',
@@ -151,19 +146,18 @@ def test_all_sensors_have_the_rays_of_mitsuba(plugin: str, content: str) -> None
         ),
         (
             "thinlens",
-            '<float name="aperture_radius" value="1"/>'
-            '<float name="focus_distance" value="0"/>',
+            props(aperture_radius=1.0, focus_distance=0.0),
             "found 0, expected above 0",
         ),
         (
             "thinlens",
-            LENS + '<float name="principal_point_offset_x" value="0.1"/>',
+            LENS + props(principal_point_offset_x=0.1),
             'has no property "principal_point_offset_x"',
         ),
-        ("orthographic", '<float name="fov" value="9"/>', 'has no property "fov"'),
+        ("orthographic", props(fov=9.0), 'has no property "fov"'),
         (
             "orthographic",
-            '<transform name="to_world"><scale value="1e15"/></transform>',
+            to_world('<scale value="1e15"/>'),
             "what makes the picture reach farther than 1e+18",
         ),
         ("radiancemeter", "", "sensor plugins: perspective, thinlens, orthographic"),
@@ -230,14 +224,14 @@ def filter_value(rfilter: Any, x: float) -> float:
     [
         ("box", ""),
         ("tent", ""),
-        ("tent", '<float name="radius" value="1.5"/>'),
+        ("tent", props(radius=1.5)),
         ("gaussian", ""),
-        ("gaussian", '<float name="stddev" value="0.8"/>'),
+        ("gaussian", props(stddev=0.8)),
         ("mitchell", ""),
-        ("mitchell", '<float name="B" value="1"/><float name="C" value="0"/>'),
+        ("mitchell", props(B=1.0, C=0.0)),
         ("catmullrom", ""),
         ("lanczos", ""),
-        ("lanczos", '<integer name="lobes" value="2"/>'),
+        ("lanczos", props(lobes=2)),
     ],
 )
 def test_filters_have_the_numbers_of_mitsuba(name: str, content: str) -> None:
@@ -284,22 +278,21 @@ def test_samplers_round_their_counts_as_mitsuba_does(name: str) -> None:
 
 
 def test_sampler_seed_and_jitter() -> None:
-    text = (
-        '<sampler type="stratified"><integer name="seed" value="7"/>'
-        '<boolean name="jitter" value="false"/></sampler>'
-    )
+    text = element("sampler", "stratified", seed=7, jitter=False)
     assert camera(text).sampler == Sampler("stratified", 4, 7, False)
     reference(text)
 
 
 def test_film_properties_that_say_how_mitsuba_stores_are_taken() -> None:
     text = FILM.format(
-        '<string name="file_format" value="OpenEXR"/><string name="pixel_format" '
-        'value="rgba"/>'
-        '<string name="component_format" value="float32"/>'
-        '<boolean name="sample_border" value="false"/><boolean name="compensate" '
-        'value="true"/>'
-        '<boolean name="banner" value="false"/>'
+        props(
+            file_format="OpenEXR",
+            pixel_format="rgba",
+            component_format="float32",
+            sample_border=False,
+            compensate=True,
+            banner=False,
+        )
     )
     assert camera(text).film == Film()
     reference(text)
@@ -325,7 +318,7 @@ def test_other_pixels_than_rgb_are_warned_about(pixels: str) -> None:
     ],
 )
 def test_samples_beyond_the_film_reach_as_far_as_in_mitsuba(rfilter: str) -> None:
-    border = '<boolean name="sample_border" value="true"/>'
+    border = props(sample_border=True)
     film = camera(FILM.format(border + rfilter)).film
     theirs = reference(FILM.format(border + rfilter)).film()
     assert film.border == theirs.rfilter().border_size()
@@ -338,72 +331,48 @@ def test_samples_beyond_the_film_reach_as_far_as_in_mitsuba(rfilter: str) -> Non
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (props(fov=180.0), "found 180 degrees, expected a field of view betw"),
+        (props(fov=0.0), "found 0 degrees"),
+        (props(fov=-20.0), "found -20 degrees"),
+        (props(fov_axis="y"), 'a value without a fov, expected a "fov" besi'),
         (
-            '<float name="fov" value="180"/>',
-            "found 180 degrees, expected a field of view betw",
-        ),
-        ('<float name="fov" value="0"/>', "found 0 degrees"),
-        ('<float name="fov" value="-20"/>', "found -20 degrees"),
-        (
-            '<string name="fov_axis" value="y"/>',
-            'a value without a fov, expected a "fov" besi',
-        ),
-        (
-            '<float name="fov" value="9"/><string name="fov_axis" value="z"/>',
+            props(fov=9.0, fov_axis="z"),
             'found "z", expected one of x, y, diagonal, smaller, larger',
         ),
         (
-            '<string name="focal_length" value="35mm"/><float name="fov" value="9"/>',
+            props(focal_length="35mm", fov=9.0),
             'found a value beside "fov", expected one of the two',
         ),
+        (props(focal_length="0mm"), "found 0 mm, expected a length above 0"),
+        (props(focal_length="x"), 'is "x"; expected a finite number'),
+        (props(focal_length=35.0), "a value of type float, expected string"),
+        (props(near_clip=0.0), "found 0, expected above 0"),
         (
-            '<string name="focal_length" value="0mm"/>',
-            "found 0 mm, expected a length above 0",
-        ),
-        ('<string name="focal_length" value="x"/>', 'is "x"; expected a finite number'),
-        (
-            '<float name="focal_length" value="35"/>',
-            "a value of type float, expected string",
-        ),
-        ('<float name="near_clip" value="0"/>', "found 0, expected above 0"),
-        (
-            '<float name="near_clip" value="5"/><float name="far_clip" value="4"/>',
+            props(near_clip=5.0, far_clip=4.0),
             "found near_clip 5 and far_clip 4, expected near_clip < far_clip",
         ),
+        (props(aperture_radius=1.0), 'has no property "aperture_radius"; supp'),
         (
-            '<float name="aperture_radius" value="1"/>',
-            'has no property "aperture_radius"; supp',
-        ),
-        (
-            '<transform name="to_world"><scale value="2"/></transform>',
+            to_world('<scale value="2"/>'),
             "a transform that scales or shears, expected a rotation and translation",
         ),
         (WIDE + WIDE, "a second <film> in sensor"),
         ('<rfilter type="box"/>', "has no <rfilter>; supported: <film>, <sampler>"),
         ('<film type="specfilm"/>', "supported film plugins: hdrfilm"),
         ('<sampler type="sobol"/>', "supported sampler plugins: independent, stratified"),
+        (FILM.format(props(width=-1)), "found -1, expected at least 1"),
+        (FILM.format(props(width=10.0)), "a value of type float, expected inte"),
         (
-            FILM.format('<integer name="width" value="-1"/>'),
-            "found -1, expected at least 1",
-        ),
-        (
-            FILM.format('<float name="width" value="10"/>'),
-            "a value of type float, expected inte",
-        ),
-        (
-            FILM.format('<integer name="crop_offset_x" value="10"/>'),
+            FILM.format(props(crop_offset_x=10)),
             "found a crop window from 10 to 778, expected one inside of the film's "
             "width, 0 to 7",
         ),
         (
-            FILM.format('<integer name="crop_height" value="577"/>'),
+            FILM.format(props(crop_height=577)),
             'property "crop_height": found a crop window from 0 to 577',
         ),
-        (FILM.format('<string name="pixel_format" value="foo"/>'), "one of rgb, rgba"),
-        (
-            FILM.format('<string name="file_format" value="png"/>'),
-            "one of openexr, exr, pfm, rg",
-        ),
+        (FILM.format(props(pixel_format="foo")), "one of rgb, rgba"),
+        (FILM.format(props(file_format="png")), "one of openexr, exr, pfm, rg"),
         (
             FILM.format('<rfilter type="sinc"/>'),
             "supported rfilter plugins: box, tent, gauss",
@@ -413,13 +382,11 @@ def test_samples_beyond_the_film_reach_as_far_as_in_mitsuba(rfilter: str) -> Non
             'rfilter "box" has no property "radius"; supported: none',
         ),
         (
-            FILM.format(
-                '<rfilter type="lanczos"><float name="lobes" value="2"/></rfilter>'
-            ),
+            FILM.format(element("rfilter", "lanczos", lobes=2.0)),
             "a value of type float, expected integer",
         ),
         (
-            '<sampler type="independent"><boolean name="jitter" value="true"/></sampler>',
+            element("sampler", "independent", jitter=True),
             'has no property "jitter"; supported: sample_count, seed',
         ),
     ],
@@ -434,29 +401,17 @@ def test_sensors_that_are_wrong(content: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (FILM.format('<integer name="width" value="0"/>'), "found 0, expected at least 1"),
+        (FILM.format(props(width=0)), "found 0, expected at least 1"),
+        (FILM.format(props(crop_width=0)), "found 0, expected at least 1"),
         (
-            FILM.format('<integer name="crop_width" value="0"/>'),
-            "found 0, expected at least 1",
-        ),
-        (
-            FILM.format(
-                '<integer name="width" value="100000"/><integer name="height" '
-                'value="100000"/>'
-            ),
+            FILM.format(props(width=100000, height=100000)),
             "has 100000 x 100000 pixels; expected at most 4294967296",
         ),
         (
-            FILM.format(
-                '<rfilter type="gaussian"><float name="stddev" value="0"/></rfilter>'
-            ),
+            FILM.format(element("rfilter", "gaussian", stddev=0.0)),
             "found 0, expected above 0 and at most 16",
         ),
-        (
-            '<sampler type="independent"><integer name="sample_count" '
-            'value="0"/></sampler>',
-            "found 0, expected at least 1",
-        ),
+        (element("sampler", "independent", sample_count=0), "found 0, expected at least 1"),
     ],
 )
 def test_sensors_that_only_we_refuse(content: str, message: str) -> None:

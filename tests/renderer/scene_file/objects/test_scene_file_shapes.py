@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, points_on, theirs
+from scene_xml import props, tag
 
 from renderer.scene_file.description import Cylinder, Disk, Rectangle, Shape, Sphere
 from renderer.scene_file.meshes.mesh_data import surface_area
@@ -20,7 +21,7 @@ ROTATED = MOVED.format(
 MIRRORED = MOVED.format('<rotate y="1" angle="40"/><scale x="-1"/><translate y="2"/>')
 STRETCHED = MOVED.format('<scale x="2" z="0.5"/><rotate x="1" angle="20"/>')
 SHEARED = MOVED.format('<matrix value="1 0.5 0 1  0 1 0 2  0.25 0 1 3  0 0 0 1"/>')
-FLIPPED = '<boolean name="flip_normals" value="true"/>'
+FLIPPED = props(flip_normals=True)
 BALL = '<point name="center" x="1" y="2" z="3"/><float name="radius" value="2"/>'
 TUBE = (
     '<point name="p0" x="1" y="2" z="0"/><point name="p1" x="0" y="1" z="2"/>'
@@ -113,11 +114,11 @@ def test_meshes_come_from_their_files(tmp_path: Path) -> None:
         name = f'<string name="filename" value="t.{plugin}"/>'
         for extra in (
             "",
-            '<boolean name="face_normals" value="true"/>',
+            props(face_normals=True),
             FLIPPED,
             ROTATED,
-            '<boolean name="flip_tex_coords" value="true"/>',
-            '<boolean name="flip_tex_coords" value="false"/>',
+            props(flip_tex_coords=True),
+            props(flip_tex_coords=False),
         ):
             text = f'<shape type="{plugin}">{name}{extra}</shape>'
             scene = ours(text, folder=tmp_path)
@@ -145,8 +146,8 @@ def test_ids_lines_and_emission_are_kept() -> None:
 
 def test_properties_without_effect_are_taken() -> None:
     for plugin in ("rectangle", "cube"):
-        both(plugin, '<boolean name="face_normals" value="true"/>')
-    both("sphere", '<float name="silhouette_sampling_weight" value="2"/>')
+        both(plugin, props(face_normals=True))
+    both("sphere", props(silhouette_sampling_weight=2.0))
 
 
 # -------------------------------------------------------------------- errors
@@ -162,44 +163,21 @@ def test_properties_without_effect_are_taken() -> None:
         ),
         ("diffuse", "", 'shape "diffuse" is not supported; supported shape plugins: obj'),
         ("obj", "", 'property "filename": found nothing, expected the path of a .obj file'),
-        (
-            "ply",
-            '<string name="filename" value="no.ply"/>',
-            '"no.ply" not found; looked in: ',
-        ),
+        ("ply", props(filename="no.ply"), '"no.ply" not found; looked in: '),
         (
             "obj",
-            '<string name="filename" value="/a/long/way/to/a/model/that/somebody/has/on/'
-            'another/machine/no.obj"/>',
+            props(
+                filename="/a/long/way/to/a/model/that/somebody/has/on/another/machine/no.obj"
+            ),
             '/another/machine/no.obj" not found; looked in: ',
         ),
-        (
-            "sphere",
-            '<boolean name="face_normals" value="true"/>',
-            "supported: <bsdf>, <emitter>",
-        ),
-        (
-            "disk",
-            '<float name="radius" value="1"/>',
-            'has no property "radius"; supported: ',
-        ),
-        ("cube", '<boolean name="flip_tex_coords" value="true"/>', "supported: <bsdf>"),
-        (
-            "sphere",
-            '<string name="radius" value="1"/>',
-            "a value of type string, expected float",
-        ),
-        (
-            "sphere",
-            '<rgb name="center" value="1"/>',
-            "a value of type rgb, expected point or ve",
-        ),
-        (
-            "sphere",
-            '<float name="to_world" value="1"/>',
-            "of type float, expected transform",
-        ),
-        ("sphere", '<integer name="flip_normals" value="1"/>', "integer, expected boolean"),
+        ("sphere", props(face_normals=True), "supported: <bsdf>, <emitter>"),
+        ("disk", props(radius=1.0), 'has no property "radius"; supported: '),
+        ("cube", props(flip_tex_coords=True), "supported: <bsdf>"),
+        ("sphere", props(radius="1"), "a value of type string, expected float"),
+        ("sphere", tag("rgb", center="1"), "a value of type rgb, expected point or ve"),
+        ("sphere", props(to_world=1.0), "of type float, expected transform"),
+        ("sphere", props(flip_normals=1), "integer, expected boolean"),
         ("sphere", '<shape type="sphere"/>', "has no <shape>; supported: <bsdf>"),
         (
             "sphere",
@@ -218,14 +196,10 @@ def test_shapes_that_are_wrong(plugin: str, content: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("plugin", "content", "message"),
     [
-        ("sphere", '<float name="radius" value="0"/>', "found 0, expected above 0"),
-        ("sphere", '<float name="radius" value="-1"/>', "found -1, expected above 0"),
-        ("cylinder", '<float name="radius" value="-1"/>', "found -1, expected above 0"),
-        (
-            "cylinder",
-            '<point name="p1" value="0"/>',
-            "found the same point as p0, expected anot",
-        ),
+        ("sphere", props(radius=0.0), "found 0, expected above 0"),
+        ("sphere", props(radius=-1.0), "found -1, expected above 0"),
+        ("cylinder", props(radius=-1.0), "found -1, expected above 0"),
+        ("cylinder", tag("point", p1="0"), "found the same point as p0, expected anot"),
         ("sphere", STRETCHED, "a transform that makes an ellipsoid, expected a rotation"),
         ("sphere", SHEARED, "a transform that makes an ellipsoid"),
         ("cylinder", STRETCHED, "a transform that makes the tube elliptic or slanted"),

@@ -13,6 +13,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
+from scene_xml import props, tag, to_uv
 
 import renderer
 from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
@@ -194,7 +195,7 @@ def test_texels_are_kept_in_the_format_of_the_file(
 
 
 def test_bytes_only_where_there_are_bytes(images: Path) -> None:
-    kept = '<string name="format" value="uint8"/>'
+    kept = props(format="uint8")
     texture = ours(bitmap("rgb.png", kept), folder=images).shapes[0].bsdf.reflectance
     assert texture.texels.dtype == np.uint8
     found = error_of(bitmap("rgb.exr", kept), folder=images)
@@ -203,9 +204,7 @@ def test_bytes_only_where_there_are_bytes(images: Path) -> None:
 
 def test_halves_that_are_too_small_for_the_pixels(tmp_path: Path) -> None:
     write_exr(tmp_path / "sun.exr", RGB=FLOATS[..., :3] * 1e6)
-    found = error_of(
-        bitmap("sun.exr", '<string name="format" value="fp16"/>'), folder=tmp_path
-    )
+    found = error_of(bitmap("sun.exr", props(format="fp16")), folder=tmp_path)
     assert 'property "format": found half floats, expected variant: there are' in found
 
 
@@ -327,10 +326,7 @@ def test_third_column_of_a_uv_matrix_is_mentioned_in_the_log() -> None:
 
 
 def test_checkerboard_has_the_colours_of_mitsuba() -> None:
-    for content in (
-        "",
-        '<rgb name="color0" value="0.1 0.2 0.3"/><spectrum name="color1" value="0.5"/>',
-    ):
+    for content in ("", tag("rgb", color0="0.1 0.2 0.3") + tag("spectrum", color1="0.5")):
         text = SHAPE.format("checkerboard", content)
         texture = ours(text).shapes[0].bsdf.reflectance
         assert isinstance(texture, CheckerboardTexture)
@@ -354,20 +350,11 @@ def test_pixels_above_one_are_kept_and_mentioned_in_the_log(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (
-            '<string name="filter_type" value="trilinear"/>',
-            "expected one of bilinear, nearest",
-        ),
-        (
-            '<string name="wrap_mode" value="black"/>',
-            "expected one of repeat, mirror, clamp",
-        ),
-        (
-            '<float name="gamma" value="2"/>',
-            'has no property "gamma"; supported: filename, raw',
-        ),
-        ('<string name="raw" value="true"/>', "a value of type string, expected boolean"),
-        ('<float name="to_uv" value="2"/>', "a value of type float, expected transform"),
+        (props(filter_type="trilinear"), "expected one of bilinear, nearest"),
+        (props(wrap_mode="black"), "expected one of repeat, mirror, clamp"),
+        (props(gamma=2.0), 'has no property "gamma"; supported: filename, raw'),
+        (props(raw="true"), "a value of type string, expected boolean"),
+        (props(to_uv=2.0), "a value of type float, expected transform"),
     ],
 )
 def test_bitmap_properties_that_are_wrong(images: Path, extra: str, message: str) -> None:
@@ -379,9 +366,7 @@ def test_bitmap_properties_that_are_wrong(images: Path, extra: str, message: str
 
 
 def test_singular_uv_transform() -> None:
-    text = SHAPE.format(
-        "checkerboard", '<transform name="to_uv"><scale x="0"/></transform>'
-    )
+    text = SHAPE.format("checkerboard", to_uv('<scale x="0"/>'))
     assert 'property "to_uv": found a singular transform of u and v' in error_of(text)
 
 
@@ -450,10 +435,7 @@ def test_garbled_image_is_an_error_or_a_picture(
     [
         (np.nan, "NaN or infinite pixels, 1 of 20; the first is in row 1, column 2"),
         (np.inf, "NaN"),
-        (
-            -500.0,
-            "bad.exr with a negative mean (1 of 20 pixels",
-        ),
+        (-500.0, "bad.exr with a negative mean (1 of 20 pixels"),
     ],
 )
 def test_image_with_values_that_are_no_reflectance(

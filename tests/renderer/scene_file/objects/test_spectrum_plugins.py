@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scene_file_samples import error_of, ours, parameter, theirs
+from scene_xml import props, tag
 
 from renderer.scene_file.colors.colors import planck
 
@@ -84,10 +85,10 @@ def test_d65_with_a_colour_is_that_colour_as_in_mitsuba():
 
 
 RAW = '<texture type="rawconstant" name="{}">{}</texture>'
-VECTOR = '<vector name="value" value="0.5, 0.25, 1"/>'
+VECTOR = tag("vector", value="0.5, 0.25, 1")
 
 
-@pytest.mark.parametrize("value", [VECTOR, '<float name="value" value="0.4"/>'])
+@pytest.mark.parametrize("value", [VECTOR, props(value=0.4)])
 def test_rawconstant_is_its_numbers_as_in_mitsuba(value):
     bsdf = f'<bsdf type="diffuse">{RAW.format("reflectance", value)}</bsdf>'
     content = f'<shape type="sphere">{bsdf}</shape>'
@@ -105,7 +106,7 @@ def test_rawconstant_is_its_numbers_as_in_mitsuba(value):
     [
         ("alpha", VECTOR, "found a value of type vector, expected a float, or a vector"),
         ("specular_reflectance", "", "found nothing, expected a float"),
-        ("alpha", '<integer name="value" value="1"/>', "a value of type integer"),
+        ("alpha", props(value=1), "a value of type integer"),
     ],
 )
 def test_a_rawconstant_without_a_usable_value(name, value, words):
@@ -152,10 +153,7 @@ def _keys(scene):
             DIFFUSE.format(BLACKBODY.format(3000, "").replace("radiance", "reflectance")),
             "is no reflectance",
         ),
-        (
-            LAMP.format(BLACKBODY.format(3000, '<float name="scale" value="2"/>')),
-            'has no property "scale"',
-        ),
+        (LAMP.format(BLACKBODY.format(3000, props(scale=2.0))), 'has no property "scale"'),
     ],
 )
 def test_spectra_that_are_wrong(content, message):
