@@ -3,7 +3,7 @@
 `python -m reports` runs the harness on every scene and draws all pages;
 `python -m reports STUDY` measures a study, `python -m reports.accelerators`
 everything that finds hits, `python -m reports.proof` replays and tests,
-`python -m reports.limits` puts methods under stress until they fail. Only the
+`python -m reports limits` puts methods under stress until they fail. Only the
 last computes images of its own; the others read what `mitsuba_ref` wrote.
 
 One room a page or study, from the top down; imports go no other way:
@@ -12,10 +12,14 @@ One room a page or study, from the top down; imports go no other way:
     Measure, write the records, draw the pages.
 `scenes_page`, `proof_page`, `accelerator_page`
     From records to a page.
-`limits`, `speed_accuracy`, `needs`, `soak`, `history`
-    Studies with a page of their own: where methods fail, what an error costs, what a scene
-    needs, what is rare, how records changed.
-`accelerator_study`, `moving_scene`, `bounding_volume_study`
+`speed_accuracy`, `needs`, `soak`, `history`
+    Studies with a page of their own: what an error costs, what a scene needs, what is rare,
+    how records changed.
+`atlas`
+    Where methods fail: texts and boundaries, which `studies.limits` measures.
+`beside_peers`
+    Pictures and rays of several scenes beside Mitsuba and Embree.
+`accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`, `cluster_study`
     From measurements to records; small ones draw their section, too.
 `accelerator_trials`
     One accelerator on one mesh, checked, counted and timed.

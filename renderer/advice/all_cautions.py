@@ -3,8 +3,8 @@
 Each is drawn from the description alone. What stands in front of what, and what mirrors
 show, is not looked at: a caution holds where the camera sees what it names. Silence is no
 promise: what a check gives up is named in its docstring, and none but that of far
-coordinates looks into instances. Each stands under the row of the atlas of failures
-(`reports/limits`) that measures it. Nothing here runs while a picture is rendered.
+coordinates looks into instances. Each has the name of what measures it in the atlas of
+failures (`reports/atlas`). Nothing here runs while a picture is rendered.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from renderer.scene.scene import Scene
 
 __all__ = ["CHECKS", "Caution", "cautions_of"]
 
-# row of the atlas -> what finds scenes that are in it
+# name in the atlas -> what finds scenes that are in it
 CHECKS: Mapping[str, Callable[[Scene, Plan], Iterator[str]]] = {
     "far-from-origin": far_coordinates,
     "coincident-surfaces": coincident_surfaces,

@@ -41,7 +41,7 @@ class Caution(NamedTuple):
     """A sentence without a full stop, and where it is measured."""
 
     text: str
-    row: str  # the name of a row of the atlas of failures
+    row: str  # its name in the atlas of failures
 
     def __str__(self) -> str:
         """Return both."""

@@ -10,14 +10,6 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
-from reports.bench.store import Store
-from reports.bench.study import find_study
-from reports.command import draw as draw_study
-from reports.errors import ReportError
-from reports.limits.page import limits_page
-from reports.limits.record import FILE as LIMITS
-from reports.limits.record import Limits, read_limits
-from reports.look.shared_files import write_shared_files
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import NeedsRecord
@@ -45,8 +37,8 @@ WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 def draw(source: Path, out: Path) -> int:
     """Draw index.html in `out` from results; say where it is; return the exit status.
 
-    That is the status of the most severe verdict, or 1 if the accelerators disagree, the
-    proof has a fault or the atlas an alarm.
+    That is the status of the most severe verdict, or 1 if the accelerators disagree or the
+    proof has a fault.
 
     Parameters
     ----------
@@ -70,7 +62,6 @@ def draw(source: Path, out: Path) -> int:
     study = read_accelerators(counted) if counted.exists() else None
     proven = results_file(out / "data")
     proof = read_proof_record(proven) if proven.exists() else None
-    limits = _limits(out)
     _needs(out)
     measured = newest(out / "data" / CURVES)
     curves = read_speed_accuracy(measured) if measured.exists() else None
@@ -82,9 +73,9 @@ def draw(source: Path, out: Path) -> int:
         speed.verdict(store.read("benchmark")),
         study,
         proof,
-        limits,
         curves,
         soak,
+        limits=(out / "limits.html").exists(),
         needs=(out / "needs.html").exists(),
         history=(out / "history.html").exists(),
     )
@@ -101,24 +92,7 @@ def draw(source: Path, out: Path) -> int:
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
     faulty = study is not None and bool(study.faults)
     faulty = faulty or (proof is not None and bool(proof.faults))
-    faulty = faulty or (limits is not None and bool(limits.alarms))
     return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
-
-
-def _limits(out: Path) -> Limits | None:
-    """Return the atlas behind limits.html; draw that from the repository's if it lacks."""
-    page, path = out / "limits.html", out / "data" / LIMITS
-    if page.exists():
-        # not drawn anew: the atlas of today may lack rows that were measured then
-        return read_limits(path) if path.exists() else None
-    if not (kept := newest(path)).exists():
-        return None
-    limits = read_limits(kept)
-    try:
-        write_atomically(page, limits_page(limits).encode())
-    except ReportError:  # a row of then is not in the atlas of today
-        return None
-    return limits
 
 
 def _needs(out: Path) -> None:

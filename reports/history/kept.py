@@ -33,7 +33,6 @@ PARTIAL = {
     "compile_times.json": (),
     "peers.json": ("--rounds", "--threads"),
     "accelerators.json": ("--quick",),
-    "limits.json": ("--quick", "--only"),
     "needs.json": ("--spp", "--seeds", "--tolerance", "--timed", "-D"),
     "soak.json": (),
 }
@@ -107,8 +106,6 @@ def _older(content: Content, kept: Path) -> str:
 def _slim(name: str, content: Content) -> bytes:
     """Return the record without its pictures, and without the paths of this machine."""
     content = without_paths(content)
-    if name == "limits.json":
-        content = {**content, "rows": [{**row, "picture": ""} for row in content["rows"]]}
     if name == "accelerators.json":
         content = {**content, "maps": []}
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"

@@ -105,11 +105,6 @@ def _structures(study: Content) -> dict[str, float]:
     }
 
 
-def _limits(limits: Content) -> dict[str, float]:
-    alarms = sum(row["verdict"] != "as said" for row in limits["rows"])
-    return {"rows": len(limits["rows"]), "not as the atlas says": alarms}
-
-
 def _needs(record: Content) -> dict[str, float]:
     least = [scene["least"] for scene in record["scenes"] if scene["least"]]
     times = [one["time"] for one in least]
@@ -137,7 +132,6 @@ MEASURES = (
         "speed_accuracy.json", "Worth at equal error, others' is 1", "ratio", _equal_error
     ),
     Measure("accelerators.json", "Structures, diffuse rays", "ns a ray", _structures),
-    Measure("limits.json", "The atlas of limits", "rows", _limits),
     Measure(
         "needs.json", "Time of the least model, the full scene's is 1", "ratio", _needs
     ),

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from mitsuba_ref.records.results import Results
 from reports.accelerator_study.record import AcceleratorStudy
-from reports.limits.record import Limits
 from reports.look.template import fill
 from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
@@ -23,10 +22,10 @@ def results_page(
     benchmark: str = "",
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
-    limits: Limits | None = None,
     curves: SpeedAccuracy | None = None,
     soak: Soak | None = None,
     *,
+    limits: bool = False,
     needs: bool = False,
     history: bool = False,
 ) -> str:
@@ -44,14 +43,12 @@ def results_page(
         Likewise, with a link to accelerators.html.
     proof
         Likewise, with a link to proof.html.
-    limits
-        Likewise, with a link to limits.html.
     curves
         Likewise, with a link to speed_accuracy.html.
     soak
         Likewise, with a link to soak.html.
-    needs, history
-        Whether there is a needs.html, a history.html to be named.
+    limits, needs, history
+        Whether there is a limits.html, a needs.html, a history.html to be named.
 
     Raises
     ------

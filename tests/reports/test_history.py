@@ -102,7 +102,7 @@ def test_the_repositorys_records_have_no_paths_of_a_machine(path: Path) -> None:
     [
         ("matrix.json", record(1, "--jobs 2"), ""),
         ("matrix.json", record(1, "--only one"), "it was measured with --only"),
-        ("limits.json", record(1, "--quick"), "it was measured with --quick"),
+        ("register.json", record(1, "--quick"), "it was measured with --quick"),
         ("benchmark.json", record(1, "--size=64"), "it was measured with --size=64"),
         ("accelerators.json", record(1), "it was measured without --full"),
         ("accelerators.json", record(1, "--full --out a"), ""),
@@ -144,7 +144,6 @@ def test_parts_and_changed_sources_are_not_kept(name, content, reason) -> None:
                 "accelerators",
                 "benchmark",
                 "calibration",
-                "limits",
                 "speed_accuracy",
             )
         ),
@@ -162,16 +161,12 @@ def test_whole_and_newer_records_are_kept(tmp_path: Path) -> None:
     target = tmp_path / "kept"
     write(tmp_path / "data" / "matrix.json", record(2, rows=[]))
     write(tmp_path / "data" / "proof" / "register.json", record(2, "--quick"))
-    rows = [{"name": "a", "picture": "x" * 1000}]
-    write(tmp_path / "data" / "limits.json", record(2, rows=rows))
     lines = list(keep(tmp_path / "data", target))
     assert [line.rpartition(": ")[2] for line in lines] == [
         "kept",
         "not kept, it was measured with --quick",
-        "kept",
     ]
-    assert sorted(path.name for path in target.iterdir()) == ["limits.json", "matrix.json"]
-    assert "xxx" not in (target / "limits.json").read_text()  # no pictures
+    assert [path.name for path in target.iterdir()] == ["matrix.json"]
     again = list(keep(tmp_path / "data", target))
     assert all("not kept, " in line for line in again)
     (tmp_path / "data" / "matrix.json").write_text("[1")
@@ -204,24 +199,24 @@ def git(folder: Path, *words: str) -> str:
 
 
 def test_every_committed_version_is_found_oldest_first(clone: Path) -> None:
-    path = clone / "measured" / "limits.json"
+    path = clone / "measured" / "register.json"
     for day, alarms in ((1, 3), (2, 1)):
-        rows = [{"verdict": "ALARM"}] * alarms + [{"verdict": "as said"}] * 5
-        write(path, record(day, rows=rows))
+        entries = [{"verdict": "ALARM"}] * alarms + [{"verdict": "still disagrees"}] * 5
+        write(path, record(day, entries=entries))
         git(clone, "add", ".")
         git(clone, "commit", "-qm", "measure")
     path.write_text("{")
     git(clone, "commit", "-qam", "spoil")  # is left out
-    write(path, record(3, rows=[]))
+    write(path, record(3, entries=[]))
     found = versions_of(path)
     assert [one.created[8:10] for one in found] == ["01", "02", "03"]
     assert found[-1].commit == NOT_COMMITTED
     assert found[0].commit == git(clone, "log", "--format=%h", "--reverse").split()[0]
-    (measure,) = [one for one in MEASURES if one.record == "limits.json"]
-    values = [values_of(measure, one.content)["not as the atlas says"] for one in found]
-    assert values == [3, 1, 0]
-    page = history_page({"limits.json": found})
-    assert "The atlas of limits" in page and found[0].commit in page
+    (measure,) = [one for one in MEASURES if one.record == "register.json"]
+    values = [values_of(measure, one.content)["entries"] for one in found]
+    assert values == [8, 6, 0]
+    page = history_page({"register.json": found})
+    assert "Known disagreements" in page and found[0].commit in page
     assert "Not measured whole so far" in page and "matrix.json" in page
 
 

@@ -1,6 +1,6 @@
 """Rays from inside of closed meshes: one that meets nothing has leaked.
 
-Neighbouring triangles do not share their edge exactly (`reports.limits`, row edges-ours),
+Neighbouring triangles do not share their edge exactly (`reports.atlas`, edges-ours),
 so that a ray which passes nearer to an edge than rounding may be lost. Such a ray is
 counted, and is no fault: a *leak* is a ray that is lost although it meets a triangle
 whatever the rounding of the test, or comes near none (`rounding`), or that one structure
