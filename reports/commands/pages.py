@@ -8,8 +8,6 @@ from rich.console import Console
 
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
-from reports.accelerator_page.page import accelerators_page
-from reports.accelerator_study.record import read_accelerators
 from reports.errors import ReportError
 from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
@@ -35,7 +33,6 @@ from reports.speed_accuracy.record import FILE as CURVES
 from reports.speed_accuracy.record import read_speed_accuracy
 
 DEFAULT_OUT = Path("reports/out")
-ACCELERATORS = "accelerators.json"
 BENCHMARK = "benchmark.json"
 COMPILE_TIMES = "compile_times.json"
 NEEDS = "needs.json"
@@ -46,16 +43,16 @@ WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 def draw(source: Path, out: Path) -> int:
     """Draw index.html in `out` from results; say where it is; return the exit status.
 
-    That is the status of the most severe verdict, or 1 if the accelerators disagree, the
-    proof has a fault or the atlas an alarm.
+    That is the status of the most severe verdict, or 1 if the proof has a fault or the
+    atlas an alarm.
 
     Parameters
     ----------
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; benchmark.json, speed_accuracy.json, accelerators.json and the
-        proof in its `data` are shown too, each on a page of its own; limits.html and
+        Folder for the page; benchmark.json, speed_accuracy.json and the proof
+        in its `data` are shown too, each on a page of its own; limits.html and
         needs.html are named if they are there. What is not in `data` comes from the
         repository's records, if it is among them, and so does what was soaked.
 
@@ -67,8 +64,6 @@ def draw(source: Path, out: Path) -> int:
     results = read_results(source)
     timings = newest(out / "data" / BENCHMARK)
     benchmark = read_benchmark(timings) if timings.exists() else None
-    counted = newest(out / "data" / ACCELERATORS)
-    study = read_accelerators(counted) if counted.exists() else None
     proven = results_file(out / "data")
     proof = read_proof_record(proven) if proven.exists() else None
     limits = _limits(out)
@@ -81,7 +76,6 @@ def draw(source: Path, out: Path) -> int:
         results,
         source.parent,
         benchmark,
-        study,
         proof,
         limits,
         curves,
@@ -93,15 +87,12 @@ def draw(source: Path, out: Path) -> int:
     draw_benchmark(out)
     if curves is not None:
         write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())
-    if study is not None:
-        write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     if soak is not None:
         write_atomically(out / "soak.html", soak_page(soak).encode())
     if proof is not None:
         write_atomically(out / "proof.html", proof_page(proof, proven.parent).encode())
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
-    faulty = study is not None and bool(study.faults)
-    faulty = faulty or (proof is not None and bool(proof.faults))
+    faulty = proof is not None and bool(proof.faults)
     faulty = faulty or (limits is not None and bool(limits.alarms))
     return exit_status(scene.verdict for scene in results.scenes) or int(faulty)
 

@@ -14,7 +14,7 @@ from reports.charts.figure import Point, Series
 from reports.look import formatting
 from reports.look.template import fill
 
-APART = "fault", "picture"
+APART = "fault", "picture", "file"
 
 
 @dataclass(frozen=True)

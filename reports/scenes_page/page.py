@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from mitsuba_ref.records.results import Results
-from reports.accelerator_study.record import AcceleratorStudy
 from reports.limits.record import Limits
 from reports.look.template import fill
 from reports.proof_page.record import ProofRecord
@@ -23,7 +22,6 @@ def results_page(
     results: Results,
     folder: Path,
     benchmark: Benchmark | None = None,
-    accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
     curves: SpeedAccuracy | None = None,
@@ -42,8 +40,6 @@ def results_page(
         Where results.json is; its pictures are named from there.
     benchmark
         Shown in a few words, with a link to benchmark.html.
-    accelerators
-        Likewise, with a link to accelerators.html.
     proof
         Likewise, with a link to proof.html.
     limits
@@ -66,7 +62,6 @@ def results_page(
         verdicts=[scene.verdict for scene in results.scenes],
         sections=build_sections(worst_first(results), folder),
         benchmark=None if benchmark is None else build_benchmark_section(benchmark),
-        accelerators=accelerators,
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
         limits=limits,
