@@ -10,7 +10,7 @@ One room a page or study, from the top down; imports go no other way:
 
 `commands`
     Measure, write the records, draw the pages.
-`scenes_page`, `proof_page`, `accelerator_page`
+`scenes_page`, `proof_page`
     From records to a page.
 `speed_accuracy`, `needs`, `soak`, `history`
     Studies with a page of their own: what an error costs, what a scene needs, what is rare,
@@ -19,10 +19,10 @@ One room a page or study, from the top down; imports go no other way:
     Where methods fail: texts and boundaries, which `studies.limits` measures.
 `beside_peers`
     Pictures and rays of several scenes beside Mitsuba and Embree.
-`accelerator_study`, `speed`, `moving_scene`, `bounding_volume_study`, `cluster_study`
+`speed`, `cluster_study`
     From measurements to records; small ones draw their section, too.
-`accelerator_trials`
-    One accelerator on one mesh, checked, counted and timed.
+`studies`, `trials`, `pages`, `bench`
+    Studies that yield rows, what they measure with, their pages, and what runs them.
 `page`, `charts`, `records`
     The look of all pages, charts, and JSON files as dataclasses.
 """

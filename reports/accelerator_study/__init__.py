@@ -1,1 +1,1 @@
-"""Every accelerator on every study scene, as one record."""
+"""For `beside_peers`, until it is a study; see `trials.ray_times`."""

@@ -17,8 +17,8 @@ class Row:
         What was measured on: a scene, a mesh, a stress.
     quantity
         What was measured: "seconds", "relative MSE". The quantities "fault" and "left out"
-        (their values are sentences) and "picture" (a path relative to the page) are shown
-        in their own way.
+        (their values are sentences), "picture" and "file" (paths relative to the page) are
+        shown in their own way.
     value
         A number, a text, or None for a number that is not finite.
     unit

@@ -22,6 +22,7 @@ from reports.errors import ReportError
 
 MEASURED = Path(__file__).resolve().parents[1] / "measured"
 ENDING = ".jsonl"
+FILES = "picture", "file"  # quantities whose values are paths, not kept
 
 Line = Row | Run | Done
 
@@ -88,7 +89,7 @@ class Store:
         """Copy what is worth it into the repository's file; return a sentence about it.
 
         Kept are whole cases of runs of a commit without changes that are not quick and are
-        newer than those there. Pictures are left out.
+        newer than those there. Pictures and files are left out.
 
         Raises
         ------
@@ -121,7 +122,7 @@ class Store:
 
 
 def _kept(row: Row, ended: set[tuple[str, str]]) -> bool:
-    return (row.run, row.case) in ended and row.quantity != "picture"
+    return (row.run, row.case) in ended and row.quantity not in FILES
 
 
 def newest(lines: Iterable[Line]) -> Table:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import io
 import pkgutil
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mitsuba_ref.command.stages import Show
+from mitsuba_ref.records.json_files import write_atomically
 from reports.bench.rows import Row, Table
 from reports.errors import OptionError, ReportError
 
@@ -76,11 +79,29 @@ class Bench:
         pixels
             (height, width, 3) or (height, width), sRGB.
         """
-        path = Path("pictures") / self.study / f"{case}-{name}.png".replace(" ", "-")
+        buffer = io.BytesIO()
+        Image.fromarray(pixels).save(buffer, "PNG", optimize=True)
+        row = self.file(case, name, f"{name}.png", buffer.getvalue())
+        return replace(row, quantity="picture")
+
+    def file(self, case: str, name: str, file: str, content: bytes) -> Row:
+        """Write a file that the page loads; return its row, with the path as value.
+
+        Parameters
+        ----------
+        case, name
+            Case and contender of the row.
+        file
+            Name of the file within the case.
+        content
+            What it holds.
+        """
+        name_of_file = re.sub(r"[^\w.+-]+", "-", f"{case}-{file}")
+        path = Path("pictures") / self.study / name_of_file
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(pixels).save(target, optimize=True)
-        return Row(case=case, contender=name, quantity="picture", value=path.as_posix())
+        write_atomically(target, content)
+        return Row(case=case, contender=name, quantity="file", value=path.as_posix())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -146,6 +146,7 @@ def _curves(series: Sequence[Series]) -> list[go.Scatter]:
             index if one.look is None else one.look,
             one.name,
             mode="lines+markers+text" if one.connected else "markers+text",
+            visible=True if one.visible else "legendonly",
             x=[point.x for point in one.points],
             y=[point.y for point in one.points],
             text=[plain(point.label) for point in one.points],

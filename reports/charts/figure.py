@@ -42,6 +42,7 @@ class Series:
     points: tuple[Point, ...]
     look: int | None = None  # colour, marker and dash; None: those of its place
     connected: bool = True  # by a line
+    visible: bool = True  # from the start; else by a click on its name in the legend
 
 
 def plain(text: str) -> str:

@@ -82,8 +82,6 @@ def draw(source: Path, out: Path) -> int:
     write_atomically(page, content.encode())
     if curves is not None:
         write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())
-    if study is not None:
-        write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     if soak is not None:
         write_atomically(out / "soak.html", soak_page(soak).encode())
     if proof is not None:

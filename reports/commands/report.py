@@ -10,11 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from mitsuba_ref.command import cli as harness
-from mitsuba_ref.command.stages import shown_stages
 from mitsuba_ref.records.verdicts import statuses_in_words
-from reports.accelerator_study.settings import QUICK
-from reports.accelerator_study.study import write_study
-from reports.commands.pages import ACCELERATORS, DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
+from reports.commands.pages import DEFAULT_OUT, INTERRUPTED, WRONG_USE, draw
 from reports.errors import ReportError
 from reports.proof_page.run import QUICK as QUICK_PROOF
 from reports.proof_page.run import make_proof, results_file
@@ -38,15 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(sys.argv[1:] if arguments is None else arguments)
     if given.source is not None and (
-        given.scenes
-        or given.size
-        or given.ladder is not None
-        or given.accelerators
-        or given.proof
+        given.scenes or given.size or given.ladder is not None or given.proof
     ):
         parser.error(
-            "--from draws old results: no SCENE, --size, --ladder, --accelerators, --proof "
-            "beside it"
+            "--from draws old results: no SCENE, --size, --ladder, --proof beside it"
         )
     status = 0
     source: Path = given.source or given.out / "data" / "results.json"
@@ -77,8 +69,6 @@ def _refused(error: ReportError) -> int:
 
 def _further_pages(given: argparse.Namespace, data: Path) -> None:
     """Measure what is asked for, or due because all scenes were rendered."""
-    if _wants(given.accelerators, data / ACCELERATORS, given):
-        _study_accelerators(data)
     if _wants(given.proof, results_file(data), given):
         make_proof(data, QUICK_PROOF)
 
@@ -86,17 +76,6 @@ def _further_pages(given: argparse.Namespace, data: Path) -> None:
 def _wants(asked: bool | None, made: Path, given: argparse.Namespace) -> bool:
     """Say whether to measure: asked for, or all scenes and nothing made so far."""
     return asked if asked is not None else not (given.scenes or made.exists())
-
-
-def _study_accelerators(data: Path) -> None:
-    """Measure all accelerators at the quick sizes, write accelerators.json to `data`."""
-    with shown_stages() as show:
-        write_study(
-            data / ACCELERATORS,
-            QUICK,
-            "python -m reports.accelerators",
-            lambda stage: show(f"accelerators: {stage}"),
-        )
 
 
 def _run_harness(given: argparse.Namespace, data: Path) -> int:
@@ -157,12 +136,6 @@ def _parser() -> argparse.ArgumentParser:
         action=argparse.BooleanOptionalAction,
         default=None,
         help="measure speed against accuracy too (default: yes)",
-    )
-    add(
-        "--accelerators",
-        action=argparse.BooleanOptionalAction,
-        default=None,
-        help="measure the accelerators too (default: with all scenes, the first time)",
     )
     add(
         "--proof",

@@ -26,10 +26,10 @@ RAMP = np.array(
 STEPS = 256
 
 
-def heat_map_uri(work: NDArray[np.int64], most: float) -> str:
-    """Return work per pixel (H, W) as a PNG data URI; 1 is darkest, `most` lightest."""
-    scale = math.log(max(most, 2.0))
-    return ramp_uri(np.log(np.maximum(work, 1)) / scale)
+def heat_map(work: NDArray[np.int64], most: float) -> NDArray[np.uint8]:
+    """Return work per pixel (H, W) as colours (H, W, 3); 1 is darkest, `most` lightest."""
+    part = np.log(np.maximum(work, 1)) / math.log(max(most, 2.0))
+    return _palette()[np.round(np.clip(part, 0.0, 1.0) * (STEPS - 1)).astype(np.int64)]
 
 
 def ramp_uri(part: NDArray[np.float64]) -> str:

@@ -1,1 +1,1 @@
-"""Refit or rebuild: what a moving scene costs either way."""
+"""For `limits`, until it is a study; see `studies.moving_scene`."""

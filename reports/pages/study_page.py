@@ -16,7 +16,7 @@ from reports.charts.rows import dots_chart
 from reports.look import formatting
 from reports.look.template import fill
 
-APART = "fault", "left out", "picture"
+APART = "fault", "left out", "picture", "file"
 MOST_COLUMNS = 8  # of a table over the axis of a study
 OBVIOUS = "", "s", "times"  # units that a heading need not say
 

@@ -20,16 +20,16 @@ from renderer.accelerators.bvh.bvh_refit import leaf_order, refit_bounds, refit_
 from renderer.accelerators.bvh.bvh_tree import BvhTree, bvh_cost
 from renderer.kernels.records.batch import NODES
 from renderer.plugins.shapes.extents import extents_of
-from reports.accelerator_trials.meshes import (
+from reports.bench.rows import Row
+from reports.bench.study import Bench, Study
+from reports.bench.timing import take_turns
+from reports.trials.meshes import (
     StudyMesh,
     displaced_icosphere,
     triangle_surfaces,
 )
-from reports.accelerator_trials.rays import random_rays
-from reports.accelerator_trials.tracing import answers, make_query, tallied, trace
-from reports.bench.rows import Row
-from reports.bench.study import Bench, Study
-from reports.bench.timing import take_turns
+from reports.trials.rays import random_rays
+from reports.trials.tracing import answers, make_query, tallied, trace
 
 Corners = NDArray[np.float64]  # (n, 3 corners, 3)
 ENOUGH = 0.3  # [s] of turns
@@ -116,7 +116,8 @@ def measure_frame(
     new = extents(mesh)
     first = build_bvh(extents(rest), group)
     order = leaf_order(first)
-    build(0), refit(0)  # compiles
+    build(0)  # compiles
+    refit(0)
     times = take_turns({"rebuilt": build, "refitted": refit}, 9, enough=ENOUGH)
     trees = {"rebuilt": build_bvh(new, group), "refitted": refit_bvh(first, new, group)}
     query = make_query("random", random_rays(mesh, rays))
@@ -138,8 +139,8 @@ def measure_frame(
         yield name, "SAH cost", "", float(cost)
 
 
-def _tracing(tree: Any, query: Any) -> Callable[[int], None]:
-    return lambda turn: trace(tree, query, query.batches) and None
+def _tracing(tree: Any, query: Any) -> Callable[[int], float]:
+    return lambda turn: trace(tree, query, query.batches)
 
 
 STUDY = Study(

@@ -1,1 +1,1 @@
-"""What several studies measure with."""
+"""What several studies measure with: meshes, rays, contenders, and how they are traced."""

@@ -13,21 +13,21 @@ from dataclasses import dataclass
 from functools import partial
 
 from mitsuba_ref.records.machine import usable_cores
-from reports.accelerator_trials.contenders import (
+from reports.bench.timing import take_turns
+from reports.trials.embree_peers import Peer, load_peers
+from reports.trials.meshes import StudyMesh
+from reports.trials.rays import RAY_KINDS
+from reports.trials.structures import (
     NAIVE,
     Chosen,
+    Show,
+    Structure,
     affordable,
     build_all,
     check_all,
     study_queries,
 )
-from reports.accelerator_trials.contenders import Contender as Structure
-from reports.accelerator_trials.contenders import Progress as Show
-from reports.accelerator_trials.meshes import StudyMesh
-from reports.accelerator_trials.peers import Peer, load_peers
-from reports.accelerator_trials.rays import RAY_KINDS
-from reports.accelerator_trials.tracing import Query, spread, trace
-from reports.bench.timing import take_turns
+from reports.trials.tracing import Query, spread, trace
 
 CHECK_PATIENCE = 4  # times the seconds of a turn, for comparing hits
 # [s] before a turn: for a while threads that have nothing to do keep looking for work
@@ -85,7 +85,7 @@ def time_rays(
     show
         Called with a sentence about what is being done.
     """
-    structures = build_all(mesh, list(names), effort.build_rounds, show)
+    structures = build_all(mesh, names, effort.build_rounds, show)
     naive = next(one for one in structures if one.name == NAIVE)
     scout = next((one for one in structures if one is not naive and not one.fault), naive)
     queries = study_queries(mesh, scout.accel, effort.pixels)

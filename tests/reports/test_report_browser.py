@@ -10,12 +10,10 @@ from pathlib import Path
 
 import proof_samples
 import pytest
-from accelerators_sample import record as accelerators_record
 from headless_browser import Browser, Page, find_browser
 from markupsafe import Markup
 from report_samples import scene, stopped_scene, write_results
 
-from reports.accelerator_page.page import accelerators_page
 from reports.charts.curves import log_log_chart
 from reports.charts.figure import Point, Series
 from reports.look.shared_files import write_shared_files
@@ -255,24 +253,6 @@ def test_chart_without_a_script_says_what_it_shows(page: Page) -> None:
     )
     assert len(sentences) == 2
     assert all("Seconds against RMSE" in sentence for sentence in sentences)
-
-
-@pytest.mark.parametrize("width", [360, 1000])
-def test_accelerators_fit_the_window_and_load_nothing(
-    browser: Browser, tmp_path: Path, width: int
-) -> None:
-    """The page of the accelerators, too, is one file that never scrolls sideways."""
-    file = tmp_path / "accelerators.html"
-    file.write_text(accelerators_page(accelerators_record(tmp_path)), encoding="utf-8")
-    page = opened(browser, file, width)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    sizes = page.evaluate("[...document.images].map(i => i.naturalWidth)")
-    assert sizes == [6, 6]
-    assert page.complaints() == []
-    assert all(
-        address.startswith("data:") or address.endswith((".html", ".js", "about:blank"))
-        for address in page.requests()
-    )
 
 
 @pytest.mark.parametrize("width", [360, 1000])

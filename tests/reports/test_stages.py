@@ -110,7 +110,8 @@ def test_commands_say_something_before_their_imports() -> None:
     program = (
         "import sys\n"
         "import reports.starting\n"
-        "import reports.cli, reports.proof, reports.accelerators\n"
+        "import reports.cli, reports.proof
+"
         "heavy = {'numpy', 'numba', 'rich', 'msgspec', 'jinja2', 'plotly'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
         "sys.argv[1:] = ['--no-such-option']\n"

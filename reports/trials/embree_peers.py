@@ -1,26 +1,26 @@
-"""The renderers of others on the same rays: Embree by two ways, or why they are absent.
+"""Embree on the same rays, by embreex and inside of Mitsuba, or why it is absent.
 
-Answers are compared before anything is timed. Different formulas round differently, so
-distances agree to a ten thousandth, and primitives but for shared edges and coincident
-faces; the shares are stated.
+embreex: one thread, one ray a call inside; it has no wheels for Linux on ARM. Answers are
+compared before anything is timed. Different formulas round differently, so distances agree
+to a ten thousandth, and primitives but for shared edges and coincident faces.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.traced_mitsuba import TracedMitsuba
-from reports.accelerator_trials.embree_peer import EmbreePeer
-from reports.accelerator_trials.meshes import StudyMesh
-from reports.accelerator_trials.rays import RAY_KINDS, RayBatches, flat
-from reports.accelerator_trials.tracing import Answers
+from reports.trials.meshes import StudyMesh
+from reports.trials.rays import RAY_KINDS, RayBatches, flat
+from reports.trials.tracing import Answers
 
 EMBREEX = "embreex"
 MITSUBA = "mitsuba llvm_ad_rgb"
@@ -30,6 +30,65 @@ SAME_DISTANCE = 1e-4  # relative
 LEAST_SHARE = 0.99  # of rays that must agree; edges of walls are where Embree differs
 
 Rows = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+
+
+class EmbreeAnswers(NamedTuple):
+    """What Embree found for n rays."""
+
+    t: NDArray[np.float32]  # (n,)
+    prim: NDArray[np.int32]  # (n,) -1 for a miss; for any hit 0 where something is met
+
+
+class EmbreePeer:
+    """A mesh in Embree.
+
+    Parameters
+    ----------
+    vertices, faces
+        (V, 3) float32 and (F, 3) int32.
+
+    Raises
+    ------
+    ImportError
+        If embreex is not installed, or does not run here.
+    """
+
+    def __init__(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None:
+        from embreex import mesh_construction, rtcore_scene
+
+        self._new_scene: Any = rtcore_scene.EmbreeScene
+        self._new_mesh: Any = mesh_construction.TriangleMesh
+        self._vertices, self._faces = vertices, faces
+        self.build()
+
+    def build(self) -> float:
+        """Build the tree, anew; return the seconds it took."""
+        self._scene = self._new_scene()
+        self._mesh = self._new_mesh(self._scene, self._vertices, self._faces)
+        # The first query builds the tree. Copying the mesh before is not counted: it is a
+        # loop of Python objects in the binding, no work of Embree's.
+        ray = np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32)
+        start = time.perf_counter()
+        self._scene.run(*ray)
+        return time.perf_counter() - start
+
+    def trace(self, rows: Rows, *, any_hit: bool) -> float:
+        """Trace rays (origins, directions, ends); return the seconds it took."""
+        origin, direction, ends = rows
+        ends = ends.copy()  # Embree shortens them
+        query = "OCCLUDED" if any_hit else "INTERSECT"
+        start = time.perf_counter()
+        self._scene.run(origin, direction, dists=ends, query=query)
+        return time.perf_counter() - start
+
+    def found(self, rows: Rows, *, any_hit: bool) -> EmbreeAnswers:
+        """Return the answers for rays (origins, directions, ends)."""
+        origin, direction, ends = rows
+        if any_hit:
+            met = self._scene.run(origin, direction, dists=ends.copy(), query="OCCLUDED")
+            return EmbreeAnswers(ends, np.where(met >= 0, 0, -1).astype(np.int32))
+        given = self._scene.run(origin, direction, dists=ends.copy(), output=1)
+        return EmbreeAnswers(given["tfar"], given["primID"])
 
 
 @dataclass
@@ -141,10 +200,12 @@ def _mitsuba(mesh: StudyMesh, rows: Mapping[str, Rows], stack: ExitStack) -> Pee
         peer.fault = f"not available: {error}"
         return peer
 
-    def asked(kind: str) -> dict[str, bool]:
+    def settings(kind: str) -> dict[str, bool]:
         return {"any_hit": RAY_KINDS[kind].any_hit, "coherent": RAY_KINDS[kind].coherent}
 
     peer.build = mitsuba.build
-    peer.seconds = lambda kind, threads: mitsuba.trace(kind, threads=threads, **asked(kind))
-    peer.found = lambda kind: mitsuba.found(kind, **asked(kind))
+    peer.seconds = lambda kind, threads: mitsuba.trace(
+        kind, threads=threads, **settings(kind)
+    )
+    peer.found = lambda kind: mitsuba.found(kind, **settings(kind))
     return peer

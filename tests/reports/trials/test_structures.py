@@ -1,4 +1,4 @@
-"""What is measured on the page "accelerators": meshes, rays, counts, and the checks first.
+"""What studies of structures measure with: meshes, rays, counts, and the checks first.
 
 Everything is tiny, and no time is looked at.
 """
@@ -18,11 +18,10 @@ from renderer.accelerators.build import BUILDERS
 from renderer.accelerators.rays.boxes import build_brute_force
 from renderer.kernels.records import batch as tally
 from renderer.kernels.records.batch import CAPACITY
-from reports.accelerator_study import growth_study, scene_study
-from reports.accelerator_study.settings import QUICK
-from reports.accelerator_trials import contenders, peers, tracing
-from reports.accelerator_trials.contenders import NAIVE, Contender
-from reports.accelerator_trials.meshes import (
+from reports.trials import embree_peers, growth, structures, tracing
+from reports.trials.embree_peers import Peer
+from reports.trials.growth import Point, too_long
+from reports.trials.meshes import (
     StudyMesh,
     displaced_icosphere,
     soup,
@@ -31,8 +30,8 @@ from reports.accelerator_trials.meshes import (
     teapot_in_a_stadium,
     triangle_surfaces,
 )
-from reports.accelerator_trials.peers import Peer
-from reports.accelerator_trials.rays import (
+from reports.trials.ray_times import Effort, time_rays
+from reports.trials.rays import (
     camera_rays,
     diffuse_rays,
     flat,
@@ -42,6 +41,7 @@ from reports.accelerator_trials.rays import (
     random_rays,
     shadow_rays,
 )
+from reports.trials.structures import NAIVE, Structure
 
 PIXELS = 40  # a side: two batches, the second one not full
 
@@ -51,21 +51,21 @@ def ball() -> StudyMesh:
     return displaced_icosphere(4)
 
 
-def built(name: str, mesh: StudyMesh) -> Contender:
-    accel, seconds = contenders.build(
-        name, triangle_surfaces(mesh), contenders.reach_of(mesh)
+def built(name: str, mesh: StudyMesh) -> Structure:
+    accel, seconds = structures.build(
+        name, triangle_surfaces(mesh), structures.reach_of(mesh)
     )
-    return Contender(name, accel, [seconds])
+    return Structure(name, accel, [seconds])
 
 
 @pytest.fixture(scope="module")
-def structures(ball: StudyMesh) -> list[Contender]:
+def built_two(ball: StudyMesh) -> list[Structure]:
     return [built(NAIVE, ball), built("bvh", ball)]
 
 
 @pytest.fixture
-def queries(ball: StudyMesh, structures: list[Contender]) -> dict[str, tracing.Query]:
-    return contenders.study_queries(ball, structures[1].accel, PIXELS)
+def queries(ball: StudyMesh, built_two: list[Structure]) -> dict[str, tracing.Query]:
+    return structures.study_queries(ball, built_two[1].accel, PIXELS)
 
 
 # ------------------------------------------------------------------------------ meshes
@@ -78,6 +78,7 @@ def queries(ball: StudyMesh, structures: list[Contender]) -> dict[str, tracing.Q
         (displaced_icosphere(4), 20 * 4**2),
         (displaced_icosphere(7), 980),
         (teapot(), 6320),
+        (teapot(2), 1560),
         (soup(500), 500),
         (teapot_in_a_stadium(), 5002),
         (street(6), 74),
@@ -189,22 +190,22 @@ def test_random_rays_start_in_the_ball_around_the_mesh(ball: StudyMesh) -> None:
 
 def test_brute_force_counts_every_triangle(
     ball: StudyMesh,
-    structures: list[Contender],
+    built_two: list[Structure],
     queries: dict[str, tracing.Query],
 ) -> None:
     """A nearest hit by brute force is as many tests as there are triangles, a miss too."""
     for kind in ("camera", "random"):
-        counts = tracing.tallied(structures[0].accel, queries[kind], queries[kind].batches)
+        counts = tracing.tallied(built_two[0].accel, queries[kind], queries[kind].batches)
         assert counts.shape == (tally.ROWS, queries[kind].rays.rays)
         assert (counts[tally.PRIMITIVES] == ball.triangles).all()
         assert (counts[tally.NODES] == 0).all()
 
 
 def test_threads_change_nothing(
-    structures: list[Contender], queries: dict[str, tracing.Query]
+    built_two: list[Structure], queries: dict[str, tracing.Query]
 ) -> None:
     """Batches shared out to three threads are answered as by one."""
-    accel = structures[1].accel
+    accel = built_two[1].accel
     for query in queries.values():
         one = tracing.answers(accel, query, query.batches)
         # u and v of a miss are nobody's: traversals leave them as they are
@@ -232,10 +233,10 @@ def test_bytes_count_shared_memory_once() -> None:
 
 
 def test_agreeing_structures_are_without_fault(
-    structures: list[Contender], queries: dict[str, tracing.Query]
+    built_two: list[Structure], queries: dict[str, tracing.Query]
 ) -> None:
-    agreed = contenders.check_all(structures, queries, patience=1.0)
-    assert [one.fault for one in structures] == ["", ""]
+    agreed = structures.check_all(built_two, queries, patience=1.0)
+    assert [one.fault for one in built_two] == ["", ""]
     assert set(agreed) == set(queries)
     hits = agreed["camera"].values[1]
     assert (hits >= 0).any()
@@ -243,7 +244,7 @@ def test_agreeing_structures_are_without_fault(
 
 def test_structure_that_lost_a_triangle_is_not_timed(
     ball: StudyMesh,
-    structures: list[Contender],
+    built_two: list[Structure],
     queries: dict[str, tracing.Query],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -257,13 +258,27 @@ def test_structure_that_lost_a_triangle_is_not_timed(
 
     monkeypatch.setitem(BUILDERS, "forgetful", forgetful)
     wrong = built("forgetful", ball)
-    contenders.check_all([*structures, wrong], queries, patience=1.0)
+    structures.check_all([*built_two, wrong], queries, patience=1.0)
     assert "answered wrongly; not timed" in wrong.fault
-    right = structures[1]
-    right.share = {kind: query.batches for kind, query in queries.items()}
-    times = scene_study.take_turns([right, wrong], [], queries, [1], 2, lambda stage: None)
-    assert times["forgetful"]["camera"] == {}
-    assert len(times["bvh"]["camera"]["1"]) == 2
+
+
+def test_what_answers_wrongly_has_no_times(
+    ball: StudyMesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A structure without a third of the triangles is compared and left out of turns."""
+
+    def forgetful(extents: Any, group: Any) -> Any:
+        return build_brute_force(extents, lambda order: group(order[:200]))
+
+    monkeypatch.setitem(BUILDERS, "forgetful", forgetful)
+    monkeypatch.setattr("reports.trials.ray_times.load_peers", lambda *given: [])
+    monkeypatch.setattr("reports.trials.ray_times.PAUSE", 0.0)
+    effort = Effort(pixels=32, rounds=2, build_rounds=2, seconds=1e-3)
+    found = time_rays(ball, effort, [1], (NAIVE, "bvh", "forgetful"), ("random",))
+    assert "not timed" in found.structure("forgetful").fault
+    assert set(found.seconds) == {(NAIVE, "random", 1), ("bvh", "random", 1)}
+    assert all(len(times) == 2 for times in found.seconds.values())
+    assert all(len(found.builds[name]) == 2 for name in (NAIVE, "bvh"))
 
 
 def test_builder_that_fails_is_a_fault_of_its_own(
@@ -273,7 +288,7 @@ def test_builder_that_fails_is_a_fault_of_its_own(
         raise MemoryError
 
     monkeypatch.setitem(BUILDERS, "refuses", refuses)
-    made = contenders.build_all(ball, [NAIVE, "refuses"], 2, lambda stage: None)
+    made = structures.build_all(ball, [NAIVE, "refuses"], 2, lambda stage: None)
     assert made[1].fault == "not built: MemoryError"
     assert len(made[0].build_seconds) == 2
 
@@ -287,19 +302,21 @@ def answers_of(kind: str, queries: dict[str, tracing.Query], accel: Any) -> Any:
 
 def test_peers_find_our_hits(
     ball: StudyMesh,
-    structures: list[Contender],
+    built_two: list[Structure],
     queries: dict[str, tracing.Query],
 ) -> None:
     """Embree by two ways, where it is available; where it is not, a sentence says why."""
     with ExitStack() as stack:
-        loaded = peers.load_peers(ball, {k: q.rays for k, q in queries.items()}, stack)
-        assert [peer.name for peer in loaded] == list(peers.NAMES)
+        loaded = embree_peers.load_peers(
+            ball, {k: q.rays for k, q in queries.items()}, stack
+        )
+        assert [peer.name for peer in loaded] == list(embree_peers.NAMES)
         for peer in loaded:
             if peer.fault:
                 assert peer.fault.startswith("not available: ")
                 continue
             for kind, query in queries.items():
-                peer.check(kind, answers_of(kind, queries, structures[1].accel), query.rays)
+                peer.check(kind, answers_of(kind, queries, built_two[1].accel), query.rays)
             assert not peer.fault
             assert peer.agreement["random"]["same_primitive"] > 0.999
             assert peer.seconds is not None and peer.seconds("camera", 1) > 0.0
@@ -313,20 +330,20 @@ def test_absent_peers_say_why(ball: StudyMesh, monkeypatch: pytest.MonkeyPatch) 
         raise MitsubaError("llvm_ad_rgb: no libLLVM 16 to 19 in the usual folders")
 
     monkeypatch.setitem(sys.modules, "embreex", None)
-    monkeypatch.setattr(peers, "TracedMitsuba", no_llvm)
+    monkeypatch.setattr(embree_peers, "TracedMitsuba", no_llvm)
     with ExitStack() as stack:
-        loaded = peers.load_peers(ball, {}, stack)
+        loaded = embree_peers.load_peers(ball, {}, stack)
     assert all(peer.fault.startswith("not available: ") for peer in loaded)
     assert "embreex" in loaded[0].fault
     assert "no libLLVM" in loaded[1].fault
 
 
 def test_peer_with_other_hits_is_not_timed(
-    structures: list[Contender], queries: dict[str, tracing.Query]
+    built_two: list[Structure], queries: dict[str, tracing.Query]
 ) -> None:
     """Distances off by a thousandth: the share that agrees is that of the misses."""
     query = queries["random"]
-    truth = answers_of("random", queries, structures[1].accel)
+    truth = answers_of("random", queries, built_two[1].accel)
     t, prim = (flat(row, query.rays) for row in truth.values[:2])
 
     class Shifted:
@@ -346,50 +363,43 @@ def test_peer_with_other_hits_is_not_timed(
 
 def test_growth_stops_where_a_build_would_take_too_long() -> None:
     """0.1 s for 1000 triangles are guessed as 0.1 x 10^1.15 = 1.41 s for 10,000."""
-    points = [{"triangles": 1000, "build_seconds": 0.1}]
-    assert growth_study._too_long(points, 10_000, 1.5) == ""
-    assert "10,000 triangles would build for about 1 s" in growth_study._too_long(
-        points, 10_000, 1.4
-    )
-    assert growth_study._too_long([], 10_000, 0.0) == ""
+    last = Point("bvh", 1000, build=0.1)
+    assert too_long(last, 10_000, 1.5) == ""
+    assert "10,000 triangles would build for about 1 s" in too_long(last, 10_000, 1.4)
+    assert too_long(None, 10_000, 0.0) == ""
 
 
 def test_growth_measures_each_structure_at_each_size(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Two sizes, one structure that finds nothing: it stops, and says why."""
+    """Two sizes; what finds nothing, and what gets no memory, stops and says why."""
 
     def blind(extents: Any, group: Any) -> Any:
         return build_brute_force(extents, lambda order: group(order[:1]))
 
-    names = {NAIVE: BUILDERS[NAIVE], "bvh": BUILDERS["bvh"], "blind": blind}
-    monkeypatch.setitem(BUILDERS, "blind", blind)
-    monkeypatch.setattr(growth_study, "BUILDERS", names)
-    settings = QUICK.__class__(
-        **(vars(QUICK) | {"pixels": 32, "frequencies": (2, 3), "build_limit": 1e9})
-    )
-    grown = growth_study.study_growth(settings, lambda stage: None)
-    found = {one["name"]: one for one in grown["series"]}
+    def greedy(extents: Any, group: Any) -> Any:
+        return np.zeros((1 << 44,), np.uint8)
+
+    names = {NAIVE: BUILDERS[NAIVE], "bvh": BUILDERS["bvh"]}
+    names |= {"blind": blind, "greedy": greedy}
+    for name, builder in names.items():
+        monkeypatch.setitem(BUILDERS, name, builder)
+    monkeypatch.setattr(growth, "BUILDERS", names)
+    effort = Effort(pixels=32, rounds=2, build_rounds=1, seconds=1e-3)
+    points = list(growth.growth((2, 3), effort, 1e9, lambda stage: None))
     for name in (NAIVE, "bvh"):
-        assert [point["triangles"] for point in found[name]["points"]] == [80, 180]
-        assert all(v > 0 for p in found[name]["points"] for v in p["nanoseconds"].values())
-    assert found["blind"]["points"] == []
-    assert "answered wrongly" in found["blind"]["stopped"]
-    assert 0 < grown["peak_bytes"]
+        mine = [point for point in points if point.name == name]
+        assert [point.triangles for point in mine] == [80, 180]
+        assert all(value > 0 for point in mine for _, value in point.nanoseconds)
+    stopped = {point.name: point.stopped for point in points if point.stopped}
+    assert "answered wrongly" in stopped["blind"]
+    assert stopped["greedy"] == "80 triangles need more than 8 GiB"
+    assert len(points) == 2 * 2 + 2
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits a process's data")
-def test_growth_keeps_within_its_memory(
-    ball: StudyMesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What cannot get its memory stops and says so; afterwards there is memory again."""
-
-    def greedy(extents: Any, group: Any) -> Any:
-        return np.zeros((1 << 34,), np.uint8)
-
-    monkeypatch.setitem(BUILDERS, "greedy", greedy)
-    series = {"greedy": {"name": "greedy", "stopped": "", "points": []}}
-    with growth_study._memory_limited(growth_study.MEMORY_LIMIT):
-        growth_study._measure_size(ball, series, QUICK, lambda stage: None)
-    assert series["greedy"]["stopped"] == "320 triangles need more than 8 GiB"
+def test_growth_keeps_within_its_memory() -> None:
+    """16 GiB are refused while sizes grow; afterwards there is memory again."""
+    with growth._memory_limited(growth.MEMORY_LIMIT), pytest.raises(MemoryError):
+        np.zeros((1 << 34,), np.uint8)
     assert np.zeros(1 << 33, np.uint8).nbytes == 1 << 33

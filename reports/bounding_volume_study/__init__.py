@@ -1,1 +1,0 @@
-"""Which bounding volume for which object."""
