@@ -8,3 +8,7 @@ class ReportError(ValueError):
 
     The message is one line: where, what was found, what is possible.
     """
+
+
+class OptionError(ReportError):
+    """An option of a study has a value that it cannot have; nothing is measured."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ from PIL import Image
 
 from mitsuba_ref.command.stages import Show
 from reports.bench.rows import Row, Table
-from reports.errors import ReportError
+from reports.errors import OptionError, ReportError
 
 FOLDER = Path(__file__).resolve().parents[1] / "studies"
 
@@ -49,6 +50,21 @@ class Bench:
     options: Mapping[str, str] = field(default_factory=dict)
     earlier: Table = field(default_factory=Table)
 
+    def whole(self, name: str, default: int, least: int = 1) -> int:
+        """Return an option that is a whole number.
+
+        Raises
+        ------
+        OptionError
+            If it is something else, or below `least`.
+        """
+        text = self.options.get(name, str(default))
+        if not text.isdecimal() or int(text) < least:
+            raise OptionError(
+                f"--set {name}={text}: expected a whole number, {least} or more"
+            )
+        return int(text)
+
     def picture(self, case: str, name: str, pixels: NDArray[np.uint8]) -> Row:
         """Write a picture for the page; return its row.
 
@@ -61,7 +77,8 @@ class Bench:
         pixels
             (height, width, 3) or (height, width), sRGB.
         """
-        path = Path("pictures") / self.study / f"{case}-{name}.png".replace(" ", "-")
+        file = re.sub(r"[^\w.=+-]+", "-", f"{case}-{name}.png").strip("-")
+        path = Path("pictures") / self.study / file
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(pixels).save(target, optimize=True)
@@ -90,10 +107,22 @@ class Study:
         Whether `--case` may name other cases, such as a scene file.
     axis
         What `Row.at` means, such as "samples per pixel"; "" if rows have no place.
+    about
+        What some of the cases are, a few sentences each.
     goes_on
         Whether each run adds to the rows of earlier runs, until `measure` yields nothing.
+    aims
+        Of a study that goes on: the sum of the quantity "done" that completes each case.
+    headlines
+        Quantities that the page "history" shows over the runs; empty: the first ones.
+    inputs
+        Returns a text that changes with what a case is measured on, such as a hash of a
+        scene's files; a case with other inputs is measured again.
     options
         Settings that `measure` knows, with their help.
+    verdict
+        From the rows to one sentence that answers the study's question; it stands at the
+        top of the page, and the command says it.
     page
         "module:function" that turns the study's rows into a page; "" draws a table of each
         quantity, and a chart of each that has an axis.
@@ -108,8 +137,13 @@ class Study:
     quick_cases: Sequence[str] | None = None
     any_case: bool = False
     axis: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
     goes_on: bool = False
+    aims: Mapping[str, int] = field(default_factory=dict)
+    headlines: Sequence[str] = ()
+    inputs: Callable[[str, Mapping[str, str]], str] = lambda case, options: ""
     options: Mapping[str, str] = field(default_factory=dict)
+    verdict: Callable[[Table], str] = lambda table: ""
     page: str = ""
 
     def chosen(self, names: Sequence[str], quick: bool) -> list[str]:

@@ -10,23 +10,19 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
+from reports.bench.store import Store
+from reports.bench.study import find_study
+from reports.command import draw as draw_study
 from reports.errors import ReportError
 from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
 from reports.limits.record import Limits, read_limits
-from reports.needs.page import needs_page
-from reports.needs.record import SCHEMA as NEEDS_SCHEMA
-from reports.needs.record import NeedsRecord
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
-from reports.records.json_file import read_json
-from reports.records.measured import MEASURED, newest
+from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
-from reports.soak.page import soak_page
-from reports.soak.record import FILE as SOAK
-from reports.soak.record import read_soak
 from reports.speed.compile_times import read_compile_times
 from reports.speed.page import benchmark_page
 from reports.speed.record import read_benchmark
@@ -38,7 +34,6 @@ DEFAULT_OUT = Path("reports/out")
 ACCELERATORS = "accelerators.json"
 BENCHMARK = "benchmark.json"
 COMPILE_TIMES = "compile_times.json"
-NEEDS = "needs.json"
 PART = "-part"  # in the names of record and page that hold not everything
 WRONG_USE, INTERRUPTED = 2, 130  # exit statuses of every command
 
@@ -72,10 +67,10 @@ def draw(source: Path, out: Path) -> int:
     proven = results_file(out / "data")
     proof = read_proof_record(proven) if proven.exists() else None
     limits = _limits(out)
-    _needs(out)
+    store, soak, needs = Store(out / "data"), find_study("soak"), find_study("needs")
+    needs_drawn = draw_study("needs", needs, store, out) is not None
     measured = newest(out / "data" / CURVES)
     curves = read_speed_accuracy(measured) if measured.exists() else None
-    soak = read_soak(MEASURED / SOAK) if (MEASURED / SOAK).exists() else None
     page = out / "index.html"
     content = results_page(
         results,
@@ -85,8 +80,10 @@ def draw(source: Path, out: Path) -> int:
         proof,
         limits,
         curves,
-        soak,
-        needs=(out / "needs.html").exists(),
+        soak.verdict(store.everything("soak"))
+        if draw_study("soak", soak, store, out)
+        else "",
+        needs=needs_drawn,
         history=(out / "history.html").exists(),
     )
     write_atomically(page, content.encode())
@@ -95,8 +92,6 @@ def draw(source: Path, out: Path) -> int:
         write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())
     if study is not None:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
-    if soak is not None:
-        write_atomically(out / "soak.html", soak_page(soak).encode())
     if proof is not None:
         write_atomically(out / "proof.html", proof_page(proof, proven.parent).encode())
     Console().print(f"The page: {page}", markup=False, soft_wrap=True)
@@ -120,14 +115,6 @@ def _limits(out: Path) -> Limits | None:
     except ReportError:  # a row of then is not in the atlas of today
         return None
     return limits
-
-
-def _needs(out: Path) -> None:
-    """Draw needs.html from the repository's record if it lacks, without pictures."""
-    page, kept = out / "needs.html", newest(out / "data" / NEEDS)
-    if not page.exists() and kept.exists():
-        record = read_json(kept, NeedsRecord, NEEDS_SCHEMA)
-        write_atomically(page, needs_page(record).encode())
 
 
 def draw_benchmark(out: Path) -> Path | None:

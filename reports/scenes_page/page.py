@@ -12,7 +12,6 @@ from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
 from reports.scenes_page.sections import build_sections
-from reports.soak.record import Soak
 from reports.speed.record import Benchmark
 from reports.speed.section import build_benchmark_section
 from reports.speed_accuracy.record import SpeedAccuracy
@@ -27,7 +26,7 @@ def results_page(
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
     curves: SpeedAccuracy | None = None,
-    soak: Soak | None = None,
+    soak: str = "",
     *,
     needs: bool = False,
     history: bool = False,
@@ -51,7 +50,7 @@ def results_page(
     curves
         Likewise, with a link to speed_accuracy.html.
     soak
-        Likewise, with a link to soak.html.
+        Verdict of the study, shown with a link to soak.html.
     needs, history
         Whether there is a needs.html, a history.html to be named.
 
