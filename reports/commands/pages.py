@@ -67,8 +67,9 @@ def draw(source: Path, out: Path) -> int:
     proven = results_file(out / "data")
     proof = read_proof_record(proven) if proven.exists() else None
     limits = _limits(out)
-    store, soak, needs = Store(out / "data"), find_study("soak"), find_study("needs")
-    needs_drawn = draw_study("needs", needs, store, out) is not None
+    store = Store(out / "data")
+    studies = {name: find_study(name) for name in ("needs", "soak")}
+    trials = store.everything("soak")
     measured = newest(out / "data" / CURVES)
     curves = read_speed_accuracy(measured) if measured.exists() else None
     page = out / "index.html"
@@ -80,13 +81,13 @@ def draw(source: Path, out: Path) -> int:
         proof,
         limits,
         curves,
-        soak.verdict(store.everything("soak"))
-        if draw_study("soak", soak, store, out)
-        else "",
-        needs=needs_drawn,
+        studies["soak"].verdict(trials) if trials else "",
+        needs=bool(store.read("needs")),
         history=(out / "history.html").exists(),
     )
     write_atomically(page, content.encode())
+    for name, one in studies.items():
+        draw_study(name, one, store, out)
     draw_benchmark(out)
     if curves is not None:
         write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())

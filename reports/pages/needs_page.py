@@ -10,6 +10,7 @@ from reports.bench.study import Study
 from reports.look.template import fill
 
 FULL = "full scene"  # contender of its picture
+FULL_COLOUR = 0.1  # of the mean luminance, in pictures of differences
 QUANTITIES = "loss", "mean", "worst tile", "FLIP", "time", "noise"
 
 
@@ -20,7 +21,6 @@ class Simpler:
     words: str
     rows: dict[str, Row]  # by quantity
     picture: str  # of the difference; "": there is none
-    full_colour: float | None
 
     @property
     def loss(self) -> float:
@@ -69,6 +69,7 @@ def needs_page(name: str, study: Study, table: Table) -> str:
         cards=cards,
         verdict=verdict(table),
         quantities=QUANTITIES,
+        full_colour=FULL_COLOUR,
         pictures_of=_other_run(table),
     )
 
@@ -115,8 +116,7 @@ def _card(case: str, table: Table) -> Card:
 
 def _simpler(words: str, table: Table, picture: str) -> Simpler:
     found = {row.quantity: row for row in table.where(contender=words)}
-    scale = found["full colour"].value if "full colour" in found else None
-    return Simpler(words, found, picture, scale if isinstance(scale, float) else None)
+    return Simpler(words, found, picture)
 
 
 def _other_run(table: Table) -> Run | None:

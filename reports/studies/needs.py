@@ -24,10 +24,9 @@ from reports.look.pictures import (
     diverging_palette,
     diverging_steps,
     exposure_stops,
-    symmetric_scale,
     tone_mapped,
 )
-from reports.pages.needs_page import FULL, verdict
+from reports.pages.needs_page import FULL, FULL_COLOUR, verdict
 from reports.trials.simpler_scenes import Simpler, Trial, mean_picture, needs_of
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
@@ -75,11 +74,10 @@ def measure(case: str, bench: Bench) -> Iterator[Row]:
     yield row("command", command(path, words))
     full = mean_picture(trial.full)
     yield bench.picture(case, FULL, tone_mapped(full, exposure_stops(full)))
+    scale = FULL_COLOUR * float((full.astype(np.float64) @ LUMINANCE).mean()) or 1.0
     for name, one in needs.simpler.items():
         difference = one.difference.astype(np.float64) @ LUMINANCE
-        scale = symmetric_scale(difference)
         steps = diverging_steps(difference, scale)
-        yield row("full colour", scale, contender=name)
         yield bench.picture(case, name, diverging_palette()[steps])
 
 
