@@ -18,6 +18,7 @@ from reports.bench.store import Store
 from reports.bench.study import Study, find_study, study_names
 from reports.errors import ReportError
 from reports.look.shared_files import write_shared_files
+from reports.pages.history_page import history_page
 
 FAULTY, WRONG_USE, INTERRUPTED = 1, 2, 130
 DEFAULT_OUT = Path("reports/out")
@@ -43,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         names = given.studies or study_names()
         studies = {name: find_study(name) for name in names}
         if given.keep:
-            for name in studies:
-                _say(store.keep(name))
+            for name, study in studies.items():
+                _say(store.keep(name, study.goes_on))
             return 0
         if not given.draw and not given.studies:
             raise ReportError(f"name a study, or --draw: {', '.join(names)}")
@@ -76,6 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         write_shared_files(
             given.out, [(_file(n), find_study(n).title) for n in study_names()]
         )
+        if given.draw and not given.studies:
+            everything = {n: (s, store.everything(n)) for n, s in studies.items()}
+            write_atomically(given.out / "history.html", history_page(everything).encode())
+            _say(f"The page: {given.out / 'history.html'}")
     except ReportError as error:
         console.print(f"reports: {error}", markup=False, soft_wrap=True)
         return WRONG_USE
@@ -167,7 +172,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SECONDS",
         help="of each case of a study without an end",
     )
-    add("--draw", action="store_true", help="draw the pages of what is stored")
+    add(
+        "--draw",
+        action="store_true",
+        help="draw the pages of what is stored; without STUDY also all over commits",
+    )
     add("--keep", action="store_true", help="copy full measurements into the repository")
     add("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help="folder of the pages")
     return parser

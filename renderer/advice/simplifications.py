@@ -312,7 +312,7 @@ OF_EACH = {
 # ----------------------------------------------------------------------------- simplify
 # `simplified`: a scene with less in it, each step with a name and a sentence.
 #
-# `--simplify NAME=VALUE` names the same steps; `python -m reports.needs` measures what
+# `--simplify NAME=VALUE` names the same steps; `python -m reports needs` measures what
 # each of them loses and saves.
 
 MOST_DEPTH = 2**31 - 1

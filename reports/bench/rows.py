@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+LARGEST = "largest"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +21,8 @@ class Row:
         What was measured: "seconds", "relative MSE". The quantities "fault" and "left out"
         (their values are sentences), "picture" and "file" (paths relative to the page) are
         shown in their own way.
+        In a study that goes on, values of one quantity add up over its runs, but for
+        "largest", of which the greatest counts.
     value
         A number, a text, or None for a number that is not finite.
     unit
@@ -73,6 +77,7 @@ class Done:
     run: str
     seconds: float
     cores_of_other_programs: float | None = None  # kept busy meanwhile
+    inputs: str = ""  # what `Study.inputs` returned
 
 
 @dataclass(frozen=True)
@@ -137,8 +142,8 @@ class Table:
 
     @property
     def newest(self) -> Run | None:
-        """The newest of the runs that these rows come from."""
-        used = {row.run for row in self.rows}
+        """The newest of the runs that measured these rows; pictures may be of others."""
+        used = {row.run for row in self.rows if row.quantity != "picture"}
         runs = [run for name, run in self.runs.items() if name in used]
         return max(runs, key=lambda run: run.created, default=None)
 
@@ -147,6 +152,24 @@ class Table:
         """Cores that were kept busy meanwhile, in the worst case; None: unknown."""
         found = [done.cores_of_other_programs for done in self.done.values()]
         return max((cores for cores in found if cores is not None), default=None)
+
+
+def added_up(rows: Iterable[Row]) -> list[Row]:
+    """Return the rows of studies that go on with all of a run that add up in one.
+
+    Texts and rows with a place stay as they are.
+    """
+    whole: dict[Any, Row] = {}
+    for row in rows:
+        key: Any = (row.run, row.case, row.contender, row.quantity, row.unit)
+        if row.at is not None or not isinstance(row.value, int | float):
+            key = len(whole)
+        elif key in whole:
+            both = whole[key].value, row.value
+            total = max(both) if row.quantity == LARGEST else sum(both)  # type: ignore
+            row = replace(row, value=total)
+        whole[key] = row
+    return list(whole.values())
 
 
 def joined(tables: Iterable[Table]) -> Table:

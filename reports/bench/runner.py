@@ -14,6 +14,7 @@ from mitsuba_ref.records.other_programs import BusyClock
 from reports.bench.rows import Done, Row, Run, Table
 from reports.bench.store import Store
 from reports.bench.study import Bench, Study
+from reports.bench.without_paths import without_paths
 from reports.errors import OptionError, ReportError
 from reports.look.formatting import seconds
 
@@ -57,14 +58,18 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
         **circumstances("reports", request.words),
     )
     earlier = store.everything(name)
-    left = [case for case in cases if study.goes_on or not _measured(case, run, earlier)]
-    left = cases if request.again else left
+    left = [
+        case
+        for case in cases
+        if request.again or study.goes_on or not _measured(case, study, run, earlier)
+    ]
     store.append(name, [run])
     faults: list[str] = []
     began, expected = time.monotonic(), _expected(study, request.quick)
+    usual = len(study.chosen((), request.quick))
     for number, case in enumerate(left):
         gone = time.monotonic() - began
-        each = gone / number if number else expected / max(1, len(cases))
+        each = gone / number if number else expected / max(1, usual)
         remaining = seconds(each * (len(left) - number))
         place = f"{name}: {case}, {number + 1} of {len(left)}, about {remaining} left"
         show(place)
@@ -76,9 +81,11 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
             request.folder,
             request.budget,
             request.options,
-            earlier.where(case=case),
+            earlier.where(case=without_paths(case)),
         )
+        inputs = ""
         try:
+            inputs = study.inputs(case, request.options)  # now: files may be edited later
             for row in study.measure(case, bench):
                 store.append(name, [replace(row, study=name, run=run.run)])
                 if row.quantity == "fault":
@@ -95,6 +102,7 @@ def run_study(name: str, study: Study, request: Request, show: Show) -> list[str
             run=run.run,
             seconds=round(time.monotonic() - start, 3),
             cores_of_other_programs=clock.others(),
+            inputs=inputs,
         )
         store.append(name, [done])
     return faults
@@ -105,13 +113,20 @@ def _expected(study: Study, quick: bool) -> float:
     return 60.0 * (study.minutes if minutes is None else minutes)
 
 
-def _measured(case: str, run: Run, earlier: Table) -> bool:
-    """Return whether this commit has measured a case with the same settings."""
-    done = earlier.done.get(case)
+def _measured(case: str, study: Study, run: Run, earlier: Table) -> bool:
+    """Return whether this commit has measured a case with the same settings.
+
+    A case with a fault counts as not measured, so that the fault is found and told again.
+    """
+    stored = without_paths(case)
+    done = earlier.done.get(stored)
     before = earlier.runs.get(done.run) if done else None
     return (
-        before is not None
+        done is not None
+        and before is not None
         and not run.commit.endswith("-dirty")
         and (before.commit, before.quick, before.options)
         == (run.commit, run.quick, run.options)
+        and not earlier.where(case=stored, run=done.run, quantity="fault")
+        and done.inputs == study.inputs(case, run.options)
     )

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 
 from mitsuba_ref.records.json_files import write_atomically
-from reports.bench.rows import Done, Row, Run, Table
+from reports.bench.rows import Done, Row, Run, Table, added_up
 from reports.bench.without_paths import without_paths
 from reports.errors import ReportError
 
@@ -73,23 +73,33 @@ class Store:
         )
 
     def everything(self, study: str) -> Table:
-        """Return all rows of a study, of all runs, also of interrupted ones."""
-        lines = [
-            line
-            for folder in (self.measured, self.folder)
-            for line in read_lines(folder / f"{study}{ENDING}")
-        ]
+        """Return all rows of a study, of all runs, also of interrupted ones.
+
+        A run that the repository keeps is not read a second time.
+        """
+        lines = read_lines(self.measured / f"{study}{ENDING}")
+        kept = {line.run for line in lines if isinstance(line, Run)}
+        own = read_lines(self.folder / f"{study}{ENDING}")
+        lines += [line for line in own if line.run not in kept]
         return Table(
             tuple(line for line in lines if isinstance(line, Row)),
             {line.run: line for line in lines if isinstance(line, Run)},
             {line.done: line for line in lines if isinstance(line, Done)},
         )
 
-    def keep(self, study: str) -> str:
+    def keep(self, study: str, goes_on: bool = False) -> str:
         """Copy what is worth it into the repository's file; return a sentence about it.
 
         Kept are whole cases of runs of a commit without changes that are not quick and are
         newer than those there. Pictures and files are left out.
+
+        Parameters
+        ----------
+        study
+            Its name.
+        goes_on
+            Whether its rows add up: then those of interrupted runs are kept too, and the
+            sums of each run are kept instead of its rows.
 
         Raises
         ------
@@ -110,23 +120,33 @@ class Store:
             and not line.commit.endswith("-dirty")
         }
         ended = {(line.run, line.done) for line in own if isinstance(line, Done)}
-        kept = [
+        rows = [
             line
             for line in own
-            if line.run in good and not (isinstance(line, Row) and not _kept(line, ended))
+            if isinstance(line, Row)
+            and line.run in good
+            and (goes_on or (line.run, line.case) in ended)
+            and line.quantity not in FILES
         ]
-        if not any(isinstance(line, Done) for line in kept):
+        if goes_on:
+            rows = added_up(rows)
+        used = {row.run for row in rows}
+        circumstances = [
+            line for line in own if not isinstance(line, Row) and line.run in used
+        ]
+        kept: list[Line] = [*circumstances, *rows]
+        if not rows:
             return f"{study}: nothing new of a commit, measured in full"
         write_atomically(path, b"".join(map(_encoded, [*there, *kept])))
-        return f"{study}: {sum(isinstance(line, Row) for line in kept)} rows kept"
-
-
-def _kept(row: Row, ended: set[tuple[str, str]]) -> bool:
-    return (row.run, row.case) in ended and row.quantity not in FILES
+        return f"{study}: {len(rows)} rows kept"
 
 
 def newest(lines: Iterable[Line]) -> Table:
-    """Return of each case the rows of its newest whole run, full runs before quick ones."""
+    """Return of each case the rows of its newest whole run, full runs before quick ones.
+
+    The repository keeps no pictures: a case without any has those of its newest run that
+    made some.
+    """
     every = list(lines)
     runs = {line.run: line for line in every if isinstance(line, Run)}
     best: dict[str, Done] = {}
@@ -140,12 +160,23 @@ def newest(lines: Iterable[Line]) -> Table:
             line.done not in best or rank(line) >= rank(best[line.done])
         ):
             best[line.done] = line
-    rows = tuple(
-        line
-        for line in every
-        if isinstance(line, Row) and line.case in best and best[line.case].run == line.run
+    ended = {(line.done, line.run) for line in every if isinstance(line, Done)}
+    rows = [row for row in every if isinstance(row, Row) and (row.case, row.run) in ended]
+    chosen = {case: done.run for case, done in best.items()}
+    pictured = {
+        row.case: row.run
+        for row in sorted(rows, key=lambda row: row.run == chosen[row.case])
+        if row.quantity == "picture"
+    }
+    return Table(
+        tuple(
+            row
+            for row in rows
+            if row.run == (pictured if row.quantity == "picture" else chosen).get(row.case)
+        ),
+        runs,
+        best,
     )
-    return Table(rows, runs, best)
 
 
 def read_lines(path: Path) -> list[Line]:

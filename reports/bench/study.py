@@ -126,8 +126,17 @@ class Study:
         Whether `--case` may name other cases, such as a scene file.
     axis
         What `Row.at` means, such as "samples per pixel"; "" if rows have no place.
+    about
+        What some of the cases are, a few sentences each.
     goes_on
         Whether each run adds to the rows of earlier runs, until `measure` yields nothing.
+    aims
+        Of a study that goes on: the sum of the quantity "done" that completes each case.
+    headlines
+        Quantities that the page "history" shows over the runs; empty: the first ones.
+    inputs
+        Returns a text that changes with what a case is measured on, such as a hash of a
+        scene's files; a case with other inputs is measured again.
     options
         Settings that `measure` knows, with their help.
     verdict
@@ -147,7 +156,11 @@ class Study:
     quick_cases: Sequence[str] | None = None
     any_case: bool = False
     axis: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
     goes_on: bool = False
+    aims: Mapping[str, int] = field(default_factory=dict)
+    headlines: Sequence[str] = ()
+    inputs: Callable[[str, Mapping[str, str]], str] = lambda case, options: ""
     options: Mapping[str, str] = field(default_factory=dict)
     verdict: Callable[[Table], str] = lambda table: ""
     page: str = ""

@@ -16,8 +16,7 @@ from reports.needs.record import NeedsRecord
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
-from reports.records.json_file import read_json
-from reports.records.measured import MEASURED, newest
+from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.page import soak_page
@@ -65,7 +64,6 @@ def draw(source: Path, out: Path) -> int:
     _needs(out)
     measured = newest(out / "data" / CURVES)
     curves = read_speed_accuracy(measured) if measured.exists() else None
-    soak = read_soak(MEASURED / SOAK) if (MEASURED / SOAK).exists() else None
     page = out / "index.html"
     content = results_page(
         results,

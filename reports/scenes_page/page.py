@@ -23,7 +23,7 @@ def results_page(
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     curves: SpeedAccuracy | None = None,
-    soak: Soak | None = None,
+    soak: str = "",
     *,
     limits: bool = False,
     needs: bool = False,

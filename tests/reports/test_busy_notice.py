@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
 import re
 from pathlib import Path
 
@@ -13,12 +15,11 @@ import reports
 from mitsuba_ref.records import other_programs
 from mitsuba_ref.records.machine import describe_machine
 from mitsuba_ref.records.other_programs import KEY, busy_sentence, cores_of_other_programs
-from reports.needs.page import needs_page
-from reports.needs.record import NeedsRecord
+from reports.bench.rows import Table
+from reports.bench.store import Store
+from reports.bench.study import find_study
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
-from reports.soak.page import soak_page
-from reports.soak.record import Soak
 from reports.speed_accuracy.page import speed_accuracy_page
 
 BUSY, QUIET = {"cores": 2, KEY: 1.7}, {"cores": 2, KEY: 0.1}
@@ -32,12 +33,21 @@ def index(folder, machine):
     return results_page(results, folder)
 
 
+def page_of(name, machine):
+    """Return the page of a study whose kept runs were on that machine."""
+    study, kept = find_study(name), Store(Path("nowhere")).everything(name)
+    runs = {
+        key: dataclasses.replace(run, machine=machine) for key, run in kept.runs.items()
+    }
+    module, _, function = study.page.partition(":")
+    draw = getattr(importlib.import_module(module), function)
+    return draw(name, study, Table(kept.rows, runs, kept.done))
+
+
 PAGES = {
     "index": index,
-    "needs": lambda _, machine: needs_page(
-        NeedsRecord(machine=machine, whole=True, scenes=[])
-    ),
-    "soak": lambda _, machine: soak_page(Soak(machine=machine)),
+    "needs": lambda _, machine: page_of("needs", machine),
+    "soak": lambda _, machine: page_of("soak", machine),
     "speed_accuracy": lambda _, machine: speed_accuracy_page(curves(machine=machine)),
 }
 
@@ -56,7 +66,7 @@ def test_every_page_that_tells_its_machine_tells_that_it_was_busy():
     """A page that is added later is asked for it here; a history has many machines."""
     pages = [
         path
-        for path in TEMPLATES.glob("*/*.html")
+        for path in TEMPLATES.rglob("*.html")
         if "<h1>" in (text := path.read_text()) and "provenance(" in text
     ]
     assert len(pages) >= 8

@@ -1,38 +1,38 @@
 """The long trials in short: each finds nothing, and finds what is put in its way.
 
-How many rays, files and interrupts the long runs did is in reports/measured/soak.json.
+How many rays, files and interrupts the long runs did is in reports/measured/soak.jsonl.
 """
 
 from __future__ import annotations
 
 import itertools
-import json
 import random
 import subprocess
 import sys
 import zlib
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from reports.errors import ReportError
-from reports.soak import command, interrupts, self_hits
-from reports.soak.damage import formats, process
-from reports.soak.damage.formats import DAMAGE
-from reports.soak.damage.sound_files import SoundFile, sound_files
-from reports.soak.damaged_files import Answer, Reader, damaged_file_steps
-from reports.soak.growth import ALPHA, LEAST, MIB, trend
-from reports.soak.page import soak_page
-from reports.soak.rays import trial as rays
-from reports.soak.rays.closed_meshes import ClosedMesh, Starts
-from reports.soak.rays.making import rays_from_inside
-from reports.soak.rays.rounding import certainty
-from reports.soak.record import FAULTS_KEPT, Part, Session, Soak, Step, read_soak
-from reports.soak.studies import STUDIES, Study
+from reports.bench import runner
+from reports.bench.rows import Done, Row, Run, Table
+from reports.bench.runner import Request, run_study
+from reports.bench.steps import Step, Sums, rows_of, sums_of
+from reports.bench.store import Store
+from reports.bench.study import find_study
+from reports.pages.soak_page import merged, soak_page, soaked
+from reports.studies import soak
+from reports.trials.soaking import formats, interrupts, reading_process, self_hits
+from reports.trials.soaking import leaks as rays
+from reports.trials.soaking.closed_meshes import ClosedMesh, Starts, rays_from_inside
+from reports.trials.soaking.damaged_files import Answer, Reader, damaged_file_steps
+from reports.trials.soaking.formats import DAMAGE
+from reports.trials.soaking.growth import ALPHA, LEAST, MIB, growth_steps, trend
+from reports.trials.soaking.hit_certainty import certainty
+from reports.trials.soaking.sound_files import SoundFile, sound_files
 
 FOREVER = float("inf")
 
@@ -89,7 +89,7 @@ def test_every_structure_has_as_many_rays(monkeypatch: pytest.MonkeyPatch) -> No
     """Brute force too, which is spared the large meshes; who has enough has no more."""
     monkeypatch.setattr(rays, "EACH", 128)
     large = next(turn for turn in range(999) if len(rays.combination(turn)[0].faces) > 400)
-    part = Part(counts={rays.TURNS: large, "rays: bvh": 64})
+    part = Sums(counts=Counter({rays.TURNS: large, "rays: bvh": 64}))
     steps = list(rays.ray_steps(part, FOREVER, ("brute", "bvh"), 64))
     assert [step.done for step in steps] == [128, 64]
     counts = Counter(part.counts)
@@ -266,14 +266,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("sound", FORMATS, ids=lambda one: one.name)
 def test_damaged_files_are_refused_or_rendered(folder: Path, sound: SoundFile) -> None:
     """A dozen of each format; the sound one is rendered: the damage is what hurts."""
-    assert process.outcome(folder, sound, sound.content) == (process.PICTURE, "")
+    assert reading_process.outcome(folder, sound, sound.content) == (
+        reading_process.PICTURE,
+        "",
+    )
     found = Counter()
     for seed in range(12):
         damaged = DAMAGE[Path(sound.name).suffix](random.Random(seed), sound.content)
-        outcome, fault = process.outcome(folder, sound, damaged)
+        outcome, fault = reading_process.outcome(folder, sound, damaged)
         assert fault == "", (seed, outcome)
         found[outcome] += 1
-    assert found[process.REFUSED]
+    assert found[reading_process.REFUSED]
 
 
 def test_damage_knows_the_formats() -> None:
@@ -309,8 +312,8 @@ def test_what_is_no_scene_error_is_a_fault(
     def fail(*given: object) -> None:
         raise raised
 
-    monkeypatch.setattr(process, "_rendered", fail)
-    found, fault = process.outcome(folder, FORMATS[0], b"")
+    monkeypatch.setattr(reading_process, "_rendered", fail)
+    found, fault = reading_process.outcome(folder, FORMATS[0], b"")
     assert found == outcome and fault
 
 
@@ -334,26 +337,26 @@ def test_a_process_that_dies_or_hangs_is_a_fault(
         return start([sys.executable, "-c", program], **given)
 
     monkeypatch.setattr(subprocess, "Popen", popen)
-    monkeypatch.setattr("reports.soak.damaged_files.SECONDS", 0.3)
-    monkeypatch.setattr("reports.soak.damaged_files.WAITING", 2.0)
+    monkeypatch.setattr("reports.trials.soaking.damaged_files.SECONDS", 0.3)
+    monkeypatch.setattr("reports.trials.soaking.damaged_files.WAITING", 2.0)
     with Reader() as reader:
-        (found,) = reader.answers([0])
+        found = reader.answer(0)
     assert found.fault and found.outcome == outcome.replace("10", "0.3")
     assert len(started) == (2 if "more" in outcome else 1)  # too slow: tried once more
 
 
-def test_others_are_asked_again_where_a_file_ends_the_process(monkeypatch) -> None:
-    """Each number has one answer; several are in the pipe when 3 and 4 end a process."""
+def test_a_file_that_was_slow_once_is_tried_again(monkeypatch) -> None:
+    """A kernel may have had to be compiled; and a process that died is replaced."""
     program = """if True:
         import os, sys
         print("ready", flush=True)
         for line in sys.stdin:
-            if line.strip() in ("3", "4"):
+            if line.strip() == "3":
                 os.abort()
-            seconds = 5.0 if line.strip() == "6" and os.path.exists(sys.argv[1]) else 0.0
+            seconds = 5.0 if line.strip() == "1" and os.path.exists(sys.argv[1]) else 0.0
             if seconds:
                 os.remove(sys.argv[1])
-            print(f'[{int(line)}, "{line.strip()}", "", {seconds}]', flush=True)
+            print(f'["{line.strip()}", "", {seconds}]', flush=True)
         """
     start, started = subprocess.Popen, []
 
@@ -362,28 +365,23 @@ def test_others_are_asked_again_where_a_file_ends_the_process(monkeypatch) -> No
         return start([sys.executable, "-c", program, str(slow)], **given)
 
     monkeypatch.setattr(subprocess, "Popen", popen)
-    monkeypatch.setattr("reports.soak.damaged_files.SECONDS", 4.0)
+    monkeypatch.setattr("reports.trials.soaking.damaged_files.SECONDS", 4.0)
     with Reader() as reader:
         slow = Path(reader._folder.name) / "slow"
-        slow.touch()  # number 6 is slow the first time
-        found = list(reader.answers(range(9)))
-        more = list(reader.answers(range(10, 29)))  # nothing was asked twice
-        more += list(reader.answers(range(50, 60)))
-    numbers = [*range(10, 29), *range(50, 60)]
-    assert [one.outcome for one in more] == list(map(str, numbers))
-    died = "the process died"
-    assert [one.outcome for one in found] == [*"012", died, died, *"5678"]
-    assert [one.fault for one in found if one.fault] == [f"{died}: status -6"] * 2
-    assert len(started) == 4
+        slow.touch()
+        found = [reader.answer(number) for number in range(5)]
+    assert [one.outcome for one in found] == [*"012", "the process died", "4"]
+    assert [one.fault for one in found if one.fault] == ["the process died: status -6"]
+    assert len(started) == 3
 
 
 def test_a_failing_file_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def answers(self: Reader, numbers: range) -> Iterator[Answer]:
-        return (Answer("died", "died" if k == 7 else "", 0.0) for k in numbers)
+    def answer(self: Reader, number: int) -> Answer:
+        return Answer("died", "died" if number == 7 else "", 0.0)
 
-    monkeypatch.setattr(Reader, "answers", answers)
+    monkeypatch.setattr(Reader, "answer", answer)
     (step,) = first(damaged_file_steps(5, FOREVER, tmp_path, 4), 1)
-    sound, content = process.damaged(7)
+    sound, content = reading_process.damaged(7)
     assert step.faults == (f"case 7, {sound.name}: died",)
     assert (tmp_path / f"7-{sound.name}").read_bytes() == content
 
@@ -403,7 +401,7 @@ def test_an_interrupted_command_leaves_a_picture_or_nothing() -> None:
         ([], -2, "", ""),
         ([], 1, 'Traceback (most recent call last):\n  File "/usr/lib/site.py"', ""),
         ([], 1, 'Traceback (most recent call last):\n  "/a/renderer/b.py"', "a traceback"),
-        (["a.npy", "a.npy.tmp"], 130, "", "a file besides the picture"),
+        (["a.npy", "a.npy.tmp"], 130, "", "another file"),
         (["a.npy"], 130, "", "a picture that cannot be read"),
         ([], 0, "", "a wrong status"),
         ([], 130, "interrupted; wrote a.npy\n", "a wrong message"),
@@ -444,115 +442,137 @@ def test_little_growth_and_few_rounds_are_no_alarm() -> None:
     assert steadily.p <= ALPHA and not steadily.grows
 
 
-# ------------------------------------------------------------------- record and command
+def test_memory_of_a_process_is_reported_and_judged() -> None:
+    *rounds, last = growth_steps(4, FOREVER, scenes=1)
+    assert [step.done for step in rounds] == [2, 2]
+    assert rounds[-1].largest["MiB of memory"] > 10.0
+    assert last.counts == {"processes with too few rounds to judge": 1}
 
 
-def counted(name: str, done_at: list[int], faults: tuple[str, ...] = ()) -> Study:
-    def steps(part: Part, deadline: float) -> Iterator[Step]:
-        done_at.append(part.done)
-        for _ in range(3):
-            yield Step(10, {"a": 1}, {"b": float(part.done)}, faults)
-
-    return Study(name, name.title(), "things", 100, "About it.", steps)
+# ------------------------------------------------------------------- rows and the page
 
 
-def test_a_run_goes_on_where_the_record_was(tmp_path: Path, monkeypatch, capsys) -> None:
-    done_at: list[int] = []
-    monkeypatch.setattr(command, "STUDIES", (counted("rays", done_at),))
-    monkeypatch.setattr("reports.soak.page.STUDIES", command.STUDIES)
-    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
+def steps_of(count: int, faults: tuple[str, ...] = (), error: BaseException | None = None):
+    for k in range(count):
+        yield Step(10, {"a": 1}, {"b": float(k)}, faults if k == 0 else ())
+    if error is not None:
+        raise error
+
+
+@pytest.mark.parametrize("error", [None, KeyboardInterrupt(), ValueError("a")])
+@pytest.mark.parametrize("every", [0.0, 60.0])
+def test_steps_add_up_in_rows_also_when_something_stops_them(error, every) -> None:
+    rows = []
+    try:
+        for row in rows_of(steps_of(3, ("a hole",), error), "c", "things", every):
+            rows.append(row)
+    except BaseException as found:
+        assert found is error
+    found = sums_of(Table(tuple(rows)))
+    assert (found.done, found.counts, found.largest) == (30, {"a": 3}, {"b": 2.0})
+    assert found.faults == ["a hole"]
+    assert len(rows) == (5 + 2 * 4 if every == 0.0 else 5)
+
+
+@pytest.fixture
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Store:
+    """Return an empty one; each run is of a day and a commit of its own."""
+    number = itertools.count(1)
+
+    def circumstances(module, words):
+        day = next(number)
+        made = {"created": f"2026-01-{day:02}", "commit": f"c{day}"}
+        return {**made, "command": "c", "machine": {}, "versions": {}}
+
+    monkeypatch.setattr(runner, "circumstances", circumstances)
+    return Store(tmp_path / "data", tmp_path / "measured")
+
+
+def run(store: Store, monkeypatch, trial: soak.Trial) -> list[str]:
+    monkeypatch.setattr(soak, "TRIALS", {"rays": trial})
+    request = Request(store, ["soak"], cases=["rays"], budget=1.0, folder=store.folder)
+    return run_study("soak", soak.STUDY, request, lambda stage: None)
+
+
+def test_a_trial_goes_on_where_the_rows_end(store: Store, monkeypatch) -> None:
+    """Each run does three steps of ten; the last stops at the aim, one more has no rows."""
+    done_at = []
+
+    def steps(so_far: Sums, deadline: float, folder: Path):
+        done_at.append(so_far.done)
+        return steps_of(3)
+
+    trial = soak.Trial("things", 100, steps, {"a": 10})
     for _ in range(5):
-        assert command.main(words) == 0
-    soak = read_soak(tmp_path / "soak.json")
-    part = soak.parts["rays"]
-    assert done_at == [0, 30, 60, 90]  # the fifth run finds all done
-    assert part.done == 100
-    assert part.counts == {"a": 10} and part.largest == {"b": 90.0}
-    assert [one.done for one in part.sessions] == [30, 30, 30, 10]
-    assert {one.commit for one in part.sessions} == {soak.commit}
-    assert "Rays" in (tmp_path / "soak.html").read_text()
-    assert "100 things, no fault" in capsys.readouterr().out
+        assert run(store, monkeypatch, trial) == []
+    assert done_at == [0, 30, 60, 90]
+    found = sums_of(store.everything("soak"))
+    assert (found.done, found.counts["a"]) == (100, 10)
+    behind = replace(trial, aims={"a": 11})
+    assert trial.complete(found) and not behind.complete(found)
 
 
-def test_a_trial_is_complete_when_each_of_its_counts_is() -> None:
-    study = replace(counted("rays", []), wanted_of={"a": 5, "b": 5})
-    assert not study.complete(Part(done=100, counts={"a": 9}))
-    assert not study.complete(Part(done=99, counts={"a": 9, "b": 5}))
-    assert study.complete(Part(done=100, counts={"a": 9, "b": 5}))
+def test_an_interrupt_keeps_what_was_done(store: Store, monkeypatch) -> None:
+    """And so does the repository, in one row of each sum."""
+    trial = soak.Trial("things", 100, lambda *_: steps_of(2, (), KeyboardInterrupt()))
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            run(store, monkeypatch, trial)
+    before = sums_of(store.everything("soak"))
+    assert before.done == 40
+    assert store.keep("soak", goes_on=True) == "soak: 8 rows kept"
+    assert sums_of(store.everything("soak")).done == 40  # not counted twice
+    (store.folder / "soak.jsonl").unlink()
+    assert sums_of(store.everything("soak")) == before
 
 
-def test_a_fault_is_status_1_and_on_the_page(tmp_path: Path, monkeypatch) -> None:
-    """Once: the next run that finds none is status 0, and the page still tells of it."""
-    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
-    for faults, status in ((("a <b> hole",), 1), ((), 0)):
-        study = counted("rays", [], faults)
-        monkeypatch.setattr(command, "STUDIES", (study,))
-        monkeypatch.setattr("reports.soak.page.STUDIES", (study,))
-        assert command.main(words) == status
-        assert "a &lt;b&gt; hole" in (tmp_path / "soak.html").read_text()
+def test_kept_sums_are_those_of_all_rows_of_a_run(store: Store) -> None:
+    lines = [Run(run="r", created="2026", command="c", commit="abc")]
+    for number in (1.0, 2.0):
+        for quantity in ("count", "largest"):
+            lines.append(Row(case="c", quantity=quantity, value=number, run="r"))
+        lines.append(Row(case="c", quantity="fault", value="a hole", run="r"))
+    store.append("soak", [*lines, Done(done="c", run="r", seconds=1.0)])
+    store.keep("soak", goes_on=True)
+    (store.folder / "soak.jsonl").unlink()
+    values = [row.value for row in store.everything("soak")]
+    assert values == [3.0, 2.0, "a hole", "a hole"]
 
 
-def test_faults_are_open_until_the_trial_goes_on_without_them() -> None:
-    """The banner counts those of each trial's last session, the others are mended."""
-    begun = (
-        Part()
-        .begun(Session("2026", "c0ffee", "cpu"))
-        .after(Step(9, faults=("a", "b")), 1.0)
-    )
-    gone_on = begun.begun(Session("2027", "c0ffee", "cpu")).after(Step(9), 1.0)
-    for part, banner in (
-        (Part(), '"banner pass">✓ 0 faults open, 0 found and mended'),
-        (begun, '"banner fail">✗ 2 faults open, 0 found and mended'),
-        (gone_on, '"banner pass">✓ 0 faults open, 2 found and mended'),
-    ):
-        assert banner in soak_page(Soak(parts={STUDIES[0].name: part}))
+def test_faults_are_open_until_the_trial_goes_on_without_them(store, monkeypatch) -> None:
+    study = replace(soak.STUDY, cases=("rays", "growth"))
+    states = []
+    for faults in ((), ("a <b> hole", "c"), ()):
+        trial = soak.Trial("things", 10**9, lambda *_, found=faults: steps_of(1, found))
+        assert len(run(store, monkeypatch, trial)) == len(faults)
+        table = store.everything("soak")
+        shown, page = soaked(study, table), soak_page("soak", study, table)
+        states.append((shown.open, shown.mended))
+        sign = "fail" if faults else "pass"
+        assert f'class="banner {sign}"' in page
+        assert f"{shown.open} faults open, {shown.mended} found and mended" in page
+        assert "a <b> hole" not in page
+    assert states == [(0, 0), (2, 0), (0, 2)]
+    assert "a &lt;b&gt; hole" in page and page.count("unfinished, ") == 2
 
 
-def test_a_record_has_no_paths_of_the_machine(tmp_path: Path, monkeypatch) -> None:
-    """Faults quote tracebacks, and the command says where its files are."""
-    study = counted("rays", [], ('File "/a/b/.venv/lib/c.py", line 3',))
-    monkeypatch.setattr(command, "STUDIES", (study,))
-    monkeypatch.setattr("reports.soak.page.STUDIES", (study,))
-    command.main(["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)])
-    soak = read_soak(tmp_path / "soak.json")
-    assert soak.parts["rays"].faults[0] == 'File ".venv/lib/c.py", line 3'
-    assert str(tmp_path.parent) not in soak.command and "soak.json" in soak.command
+def test_equal_counts_of_a_kind_are_one_row() -> None:
+    counts = {"rays: a": 5, "rays: b": 5, "rays: c": 6, "leaks": 5}
+    expected = [("leaks", 5), ("rays, each of a, b", 5), ("rays: c", 6)]
+    assert merged(counts) == expected
 
 
-def test_an_interrupt_keeps_what_was_done(tmp_path: Path, monkeypatch) -> None:
-    def steps(part: Part, deadline: float):
-        yield Step(10)
-        raise KeyboardInterrupt
-
-    study = Study("rays", "Rays", "things", 100, "About it.", steps)
-    monkeypatch.setattr(command, "STUDIES", (study,))
-    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
-    assert command.main(words) == 130
-    assert read_soak(tmp_path / "soak.json").parts["rays"].done == 10
-
-
-def test_a_damaged_record_is_one_line(tmp_path: Path, capsys) -> None:
-    (tmp_path / "soak.json").write_text('{"schema": 1, "parts": {"rays": 3}}')
-    words = ["--record", str(tmp_path / "soak.json"), "--out", str(tmp_path)]
-    assert command.main(words) == 2
-    assert "soak.json: parts.rays: expected `object`, found 3" in capsys.readouterr().err
-    with pytest.raises(ReportError):
-        read_soak(tmp_path / "soak.json")
-
-
-def test_many_faults_are_all_counted_and_the_first_kept() -> None:
-    part = Part().begun(Session("now", "abc", "cpu"))
-    for k in range(30):
-        part = part.after(Step(1, faults=(f"{k}a", f"{k}b")), 0.5)
-    assert part.fault_count == part.sessions[0].faults == 60
-    assert len(part.faults) == FAULTS_KEPT and part.faults[0] == "0a"
-    assert part.sessions[0].seconds == 15.0
-    assert Soak(parts={"a": part}).fault_count == 60
-
-
-def test_the_repositorys_record_is_of_todays_trials() -> None:
-    path = command.MEASURED / "soak.json"
-    soak = read_soak(path)
-    assert set(soak.parts) == {study.name for study in STUDIES}
-    assert all(part.sessions and part.done for part in soak.parts.values())
-    assert len(json.dumps(path.read_text())) < 200_000
+def test_the_repositorys_rows_have_the_totals_of_the_old_record() -> None:
+    """Those that the page showed before trials had rows."""
+    study = find_study("soak")
+    shown = soaked(study, Store(Path("nowhere")).everything("soak"))
+    assert (shown.open, shown.mended, shown.unfinished) == (0, 27, ["growth"])
+    found = {trial.name: trial for trial in shown.trials}
+    assert found["rays"].sums.done == 15_001_190_400
+    assert found["rays"].sums.counts["rays: octree"] == 1_000_079_360
+    assert found["self-hits"].sums.counts["rays that left a surface"] == 57_262_207
+    assert found["damaged-files"].sums.counts["refused"] == 703_355
+    assert len(found["damaged-files"].sessions) == 11
+    assert [len(one.sums.faults) for one in found["interrupts"].sessions[:3]] == [2, 1, 0]
+    assert found["growth"].sums.largest["pictures of one process"] == 23644
+    assert found["growth"].chart is not None

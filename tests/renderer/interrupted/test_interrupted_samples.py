@@ -21,9 +21,9 @@ from renderer.errors import ClusterError
 from renderer.rendering import render as road
 from renderer.rendering.job import RenderJob
 from renderer.rendering.progress_display import Progress
-from reports.needs.study import Study
 from reports.speed_accuracy.contenders import of_ours
 from reports.speed_accuracy.noiseless import has_noise
+from reports.trials.simpler_scenes import Trial
 
 SCENES = Path(__file__).parents[3] / "scenes"
 CORNELL = SCENES / "cornell-box" / "scene.xml"
@@ -220,13 +220,13 @@ def test_the_harness_takes_no_part_of_a_picture_for_a_whole_one(box, monkeypatch
         return renderer.Image(np.zeros((16, 16, 3), np.float32), spp=2.5, complete=False)
 
     monkeypatch.setattr(renderer, "render", render)
-    study = Study(box, spp=4, seeds=2, tolerance=0.01)
+    trial = Trial(box, spp=4, seeds=2, tolerance=0.01, timed=0.0)
     for measured in (
         lambda: our_picture.render_ours(request),
         lambda: by_ours(CORNELL, {"width": "16"})(4, 0),
         lambda: of_ours(box, 1)(0, 4),
         lambda: has_noise(CORNELL, None),
-        lambda: study.render(box, 0),
+        lambda: trial.render(box, 0),
     ):
         with pytest.raises(KeyboardInterrupt):
             measured()

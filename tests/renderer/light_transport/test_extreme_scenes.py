@@ -148,7 +148,7 @@ def test_shading_normals_decide_which_side_of_a_lamp_shines(
     assert (mean > 1e-3) if lit else (mean == 0.0)
 
 
-# ------------------------------------------- found by soaking (reports.soak, damaged files)
+# ------------------------------------------- found by soaking (reports soak, damaged files)
 
 
 def _ball(bsdf: str = "", light: str = '<emitter type="constant"/>') -> str:

@@ -1,1 +1,0 @@
-"""The records of long measurements in the repository, and how they changed over commits."""

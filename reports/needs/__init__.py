@@ -1,1 +1,0 @@
-"""What a scene needs: what each simplification loses and saves, and the least model."""

@@ -1,0 +1,182 @@
+"""What a scene needs: what each simplification loses and saves, and the least model."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import math
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import renderer
+from mitsuba_ref.records.proof_file import read_proof
+from renderer.command.options import definition
+from renderer.errors import SceneError
+from reports.bench.rows import Row
+from reports.bench.study import Bench, Study
+from reports.errors import OptionError
+from reports.look.pictures import (
+    LUMINANCE,
+    diverging_palette,
+    diverging_steps,
+    exposure_stops,
+    tone_mapped,
+)
+from reports.pages.needs_page import FULL, FULL_COLOUR, verdict
+from reports.trials.simpler_scenes import Simpler, Trial, mean_picture, needs_of
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+OPTIONS = {
+    "tolerance": "largest loss of the least model, such as 1% (default) or 0.01: root mean "
+    "relative squared difference, upper end of the interval",
+    "spp": "samples per pixel of a picture (default 32, quick 8)",
+    "seeds": "pictures of each model, at least 3 (default 6, quick 3)",
+    "define": "NAME=VALUE,...: replaces a <default> of the file (default: the test size of "
+    "its proof.toml)",
+}
+
+
+def measure(case: str, bench: Bench) -> Iterator[Row]:
+    """Yield the losses of one scene, its least model and the command that renders it."""
+    path, given = scene_path(case), bench.options
+    tolerance = _number(given, "tolerance", 0.01)
+    trial = Trial(
+        renderer.load_file(path, **_parameters(path, given)),
+        spp=bench.whole("spp", 8 if bench.quick else 32),
+        seeds=bench.whole("seeds", 3 if bench.quick else 6, least=3),
+        tolerance=tolerance,
+        timed=0.05 if bench.quick else 0.25,
+        show=bench.show,
+    )
+    needs = needs_of(trial)
+    words = [] if needs.least is None else needs.least.words
+    film = trial.scene.description.camera.film
+    size = f"{film.crop_width} x {film.crop_height} pixels"
+
+    def row(quantity: str, value: float | str, **more: Any) -> Row:
+        return Row(case=case, quantity=quantity, value=value, **more)
+
+    yield row("setting", f"{size}, {trial.seeds} seeds of {trial.spp} samples")
+    yield row("tolerance", tolerance)
+    yield row("seconds", trial.seconds, unit="s")
+    for name, one in needs.simpler.items():
+        yield from _rows(case, name, one)
+    yield row("without effect", ", ".join(needs.absent))
+    for claim in needs.claims:
+        checked = ", ".join(claim.words) or ("the file's own" if claim.verbatim else "")
+        yield row("left out by the plan", claim.text, contender=checked)
+    yield row("least model", " ".join(words))
+    yield row("time of the least model", 1.0 if needs.least is None else needs.least.time)
+    yield row("command", command(path, words))
+    full = mean_picture(trial.full)
+    yield bench.picture(case, FULL, tone_mapped(full, exposure_stops(full)))
+    scale = FULL_COLOUR * float((full.astype(np.float64) @ LUMINANCE).mean()) or 1.0
+    for name, one in needs.simpler.items():
+        difference = one.difference.astype(np.float64) @ LUMINANCE
+        steps = diverging_steps(difference, scale)
+        yield bench.picture(case, name, diverging_palette()[steps])
+
+
+def _rows(case: str, name: str, one: Simpler) -> Iterator[Row]:
+    loss = one.loss
+    for quantity, value, interval in (
+        ("loss", loss.error, (loss.error_low, loss.error_high)),
+        ("mean", loss.mean, _around(loss.mean, loss.mean_half_width)),
+        ("worst tile", loss.tile, _around(loss.tile, loss.tile_half_width)),
+        ("FLIP", loss.flip, None),
+        ("time", one.time, one.time_interval),
+        ("noise", loss.noise, None),
+    ):
+        yield Row(
+            case=case, contender=name, quantity=quantity, value=value, interval=interval
+        )
+
+
+def _around(value: float, half_width: float) -> tuple[float, float]:
+    return value - half_width, value + half_width
+
+
+def scene_path(case: str) -> Path:
+    """Return the file of a scene of `scenes/`, or of any folder or path.
+
+    Raises
+    ------
+    OptionError
+        If there is none.
+    """
+    for path in (SCENES / case / "scene.xml", Path(case) / "scene.xml", Path(case)):
+        if path.is_file():
+            return path
+    raise OptionError(
+        f"{case}: no such scene file; there are the scenes {', '.join(names())}"
+    )
+
+
+def names() -> Sequence[str]:
+    """Return the names of the scenes in `scenes/`."""
+    return [path.parent.name for path in sorted(SCENES.glob("*/scene.xml"))]
+
+
+def command(path: Path, words: Sequence[str]) -> str:
+    """Return the command that renders the model."""
+    named = [part for word in words for part in ("--simplify", word)]
+    return shlex.join(["python", "-m", "renderer", str(path), *named])
+
+
+def content(case: str, options: Mapping[str, str]) -> str:
+    """Return a hash of every file that a scene reads; "" if it cannot be read.
+
+    Of the paths only the last names count, so that a clone elsewhere has the same.
+    """
+    digest = hashlib.sha256()
+    try:
+        path = scene_path(case)
+        scene = renderer.load_file(path, **_parameters(path, options))
+        for file in map(Path, scene.description.files):
+            held = file.read_bytes()
+            digest.update(f"{file.name}\0{len(held)}\0".encode() + held)
+    except (SceneError, OptionError, OSError):
+        return ""
+    return digest.hexdigest()[:32]
+
+
+def _parameters(path: Path, options: Mapping[str, str]) -> dict[str, Any]:
+    if defined := options.get("define"):
+        try:
+            return dict(definition(word) for word in defined.split(","))
+        except argparse.ArgumentTypeError as error:
+            raise OptionError(f"--set define={defined}: {error}") from None
+    size = read_proof(path).test
+    return {} if size is None else dict(size.parameters)
+
+
+def _number(options: Mapping[str, str], name: str, default: float) -> float:
+    text = options.get(name, str(default))
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value < math.inf:
+        raise OptionError(f"--set {name}={text}: expected a number from 0 or per cent")
+    return value
+
+
+STUDY = Study(
+    title="What a scene needs",
+    sentence="How much of a scene can be left out before its picture changes, and how much "
+    "time does that save?",
+    minutes=20,
+    quick_minutes=6,
+    cases=names,
+    any_case=True,
+    options=OPTIONS,
+    inputs=content,
+    headlines=("time of the least model",),
+    verdict=verdict,
+    page="reports.pages.needs_page:needs_page",
+    measure=measure,
+)

@@ -1,0 +1,194 @@
+"""Rays from inside of closed meshes: one that meets nothing has leaked.
+
+Neighbouring triangles do not share their edge exactly (study `limits`, row edges-ours), so that a
+ray which passes nearer to an edge than rounding may be lost. Such a ray is counted, and is
+no fault. A *leak* is a ray that is lost although it meets a triangle whatever the rounding
+of the test, or comes near none (`hit_certainty`), or that one structure loses and another
+does not: all structures trace the same rays. Half of the rays go anywhere; the others are
+aimed past an edge or a vertex, at distances from 10^-8 to 10^-2 of the edge's length. A ray
+that leaks and meets the mesh again from outside, as it may in the ring, is not noticed; the
+balls have few such places.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections import Counter
+from collections.abc import Generator, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.accelerators.build import build_accelerator
+from renderer.process.names import ACCELERATORS
+from renderer.process.worker_pool import default_threads, in_threads
+from reports.accelerator_trials.meshes import surfaces_of
+from reports.accelerator_trials.rays import RAY_KINDS, flat
+from reports.accelerator_trials.tracing import Query, make_query, trace
+from reports.bench.steps import Step, Sums
+from reports.trials.soaking.closed_meshes import ClosedMesh, meshes, rays_from_inside
+from reports.trials.soaking.hit_certainty import certainty
+
+STRUCTURES = ACCELERATORS[1:]  # without "auto", which chooses one of them
+EACH = 10**9  # rays wanted of each structure
+BATCH = 1 << 17  # rays of a turn
+PIECE = 1 << 13  # of a turn, for one thread: all it works on stays in its cache
+NUMBERS = 1 << 24  # of rays, kept for each turn
+# the most triangles of these; they have the rays of the first mesh instead of larger ones,
+# where each costs them 3 to 100 times as much as it does the others
+SMALL = {"brute": 400, "boxes": 2000, "bsp": 2000}
+KINDS = ("random", "shadow_nearest", "shadow")  # one by one, in packets, any hit
+# from share to share of the meshes: of 54, the first 21 are then of all six meshes, and in
+# their order the first 40 are of one
+STRIDE = 13
+TURNS = "turns"
+FARTHEST_LOST = "distance of a lost ray from its edge, of what rounding can do"
+
+
+def rays_of(structure: str) -> str:
+    """Return the name of the count of a structure's rays."""
+    return f"rays: {structure}"
+
+
+AIMS = {rays_of(structure): EACH for structure in STRUCTURES}
+
+
+def ray_steps(
+    so_far: Sums,
+    deadline: float,
+    structures: tuple[str, ...] = STRUCTURES,
+    batch: int = BATCH,
+) -> Generator[Step]:
+    """Trace turn after turn, each by all structures that have not had `EACH` rays yet.
+
+    Which turn is next, and its rays, follow from the counts so far.
+    """
+    counts = Counter(so_far.counts)
+    while time.monotonic() < deadline:
+        behind = tuple(name for name in structures if counts[rays_of(name)] < EACH)
+        if not behind:
+            return
+        step = traced(behind, counts[TURNS], batch, default_threads())
+        counts.update(step.counts)
+        yield step
+
+
+def traced(structures: tuple[str, ...], turn: int, count: int, threads: int = 1) -> Step:
+    """Trace the rays of a turn by the structures, and judge those that are lost."""
+    mesh, kind, aimed = combination(turn)
+    spared = tuple(s for s in structures if len(mesh.faces) > SMALL.get(s, np.inf))
+    others = tuple(s for s in structures if s not in spared)
+    groups = [one for one in ((mesh, others), (meshes()[0], spared)) if one[1]]
+    for traced_mesh, those in groups:
+        for structure in those:
+            _built(structure, traced_mesh)  # once, before the threads need it
+    places = range(0, count, PIECE)
+    lost: list[list[_Lost]] = [[] for _ in places]
+
+    def work(piece: int) -> None:
+        first, number = turn * NUMBERS + places[piece], min(PIECE, count - places[piece])
+        for traced_mesh, those in groups:
+            rays = rays_from_inside(traced_mesh, aimed, first, number)
+            lost[piece] += _lost(those, traced_mesh, make_query(kind, rays), first)
+
+    in_threads(threads, len(places), work)
+    return _counted([one for those in lost for one in those], structures, turn, count)
+
+
+class _Lost(NamedTuple):
+    """A ray that met nothing."""
+
+    ray: int
+    mesh: ClosedMesh
+    structures: tuple[str, ...]  # that lost it
+    tried: int  # structures that traced it
+    certainty: float  # of a hit, see `hit_certainty`
+
+    @property
+    def fault(self) -> str:
+        """Why the ray should have met something; "" if rounding explains its loss."""
+        if self.certainty > 1.0:
+            times = f"{self.certainty:.3g}"
+            return f"though it meets a triangle by {times} times what rounding can do"
+        if not self.certainty >= -1.0:  # nor is it a number
+            return "and no triangle is near it"
+        if len(self.structures) < self.tried:
+            return f"by {len(self.structures)} of {self.tried} structures"
+        return ""
+
+
+def _lost(
+    structures: tuple[str, ...], mesh: ClosedMesh, query: Query, first: int
+) -> Iterator[_Lost]:
+    """Yield each ray that one of the structures loses."""
+    missed = np.stack([~_met(structure, mesh, query) for structure in structures])
+    rays = np.flatnonzero(missed.any(axis=0))  # mostly by all structures alike
+    if not len(rays):
+        return
+    origin, direction = (
+        flat(rows, query.rays)[rays].astype(float)
+        for rows in (query.rays.origin, query.rays.direction)
+    )
+    found = certainty(mesh, origin, direction)
+    for ray, by, sure in zip(rays, missed[:, rays].T, found, strict=True):
+        losing = tuple(np.array(structures)[by])
+        yield _Lost(first + int(ray), mesh, losing, len(structures), float(sure))
+
+
+def _counted(lost: list[_Lost], structures: tuple[str, ...], turn: int, count: int) -> Step:
+    _, kind, aimed = combination(turn)
+    way = "aimed at edges" if aimed else "anywhere"
+    leaks = tuple(
+        f"{name}, {one.mesh.name}, {kind}, turn {turn}, ray {one.ray}: lost, {one.fault}"
+        for one in lost
+        if one.fault
+        for name in one.structures
+    )
+    excused = sum(len(one.structures) for one in lost if not one.fault)
+    doubts = [abs(one.certainty) for one in lost if abs(one.certainty) <= 1.0]
+    return Step(
+        count * len(structures),
+        {
+            **{rays_of(structure): count for structure in structures},
+            TURNS: 1,
+            f"rays {way}": count * len(structures),
+            f"lost within rounding of an edge, {way}": excused,
+            "leaks": len(leaks),
+        },
+        {FARTHEST_LOST: max(doubts)} if doubts else {},
+        leaks,
+    )
+
+
+def combination(turn: int) -> tuple[ClosedMesh, str, bool]:
+    """Return mesh, kind of rays and whether they are aimed at edges.
+
+    Each meets each within six turns for every share of a mesh; the kinds move on by one
+    from turn to turn, and the meshes take turns, so that a short run has them all.
+    """
+    turn, aimed = divmod(turn, 2)
+    shares = [mesh for mesh in meshes() for _ in range(mesh.share)]
+    rounds, place = divmod(turn, len(shares))
+    mesh = shares[STRIDE * place % len(shares)]
+    return mesh, KINDS[(rounds + place) % len(KINDS)], aimed == 1
+
+
+@functools.cache
+def _built(structure: str, mesh: ClosedMesh) -> Any:
+    surfaces = surfaces_of(mesh.vertices, mesh.faces)
+    reach = float(np.abs(mesh.vertices).sum(axis=1).max())
+    order = np.arange(len(mesh.faces))
+    return build_accelerator("triangles", surfaces, order, structure, reach)
+
+
+def _met(structure: str, mesh: ClosedMesh, query: Query) -> NDArray[np.bool_]:
+    """Return for each ray whether the structure says that it meets something."""
+    query.hits.prim[:] = -1  # nothing is left of another structure's answers
+    query.blocked[:] = 0
+    trace(_built(structure, mesh), query, query.batches)
+    answers = flat(
+        query.blocked if RAY_KINDS[query.kind].any_hit else query.hits.prim, query.rays
+    )
+    return answers != 0 if RAY_KINDS[query.kind].any_hit else answers >= 0
