@@ -76,6 +76,7 @@ def dots_chart(
         ),
         height=AROUND + ROW * len(rows),
         description=description,
+        showlegend=True,  # also of one series
         shapes=[] if guide is None else [_line(guide)],
     )
 

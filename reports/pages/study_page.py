@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from markupsafe import Markup
 
@@ -21,16 +22,23 @@ MOST_COLUMNS = 8  # of a table over the axis of a study
 OBVIOUS = "", "s", "times"  # units that a heading need not say
 
 
+class Cell(NamedTuple):
+    """What a table shows at one place."""
+
+    text: str
+    style: str  # class of the cell: numbers are set right and never broken
+
+
 @dataclass(frozen=True)
 class Section:
-    """Values of one quantity, or of several of one case.
+    """Values of one quantity, or of several in one table.
 
-    `rows` has a text for each column; `charts` a caption and a chart.
+    `rows` has a cell for each column; `charts` a caption and a chart.
     """
 
     title: str
     columns: list[str]
-    rows: list[tuple[str, list[str]]]
+    rows: list[tuple[str, list[Cell]]]
     charts: list[tuple[str, Markup]]
 
 
@@ -66,71 +74,76 @@ def circumstances_of(table: Table) -> Run | None:
 
 
 def _sections(study: Study, table: Table) -> list[Section]:
-    """Return a section for each quantity; those of the same lines of one case are one."""
-    parts: dict[tuple[str, ...], list[Table]] = {}
+    """Return a section for each quantity; tables without a chart are put together."""
+    sections: list[Section] = []
+    tables: dict[tuple[str, ...], Section] = {}
     for quantity in table.distinct("quantity"):
         if quantity in APART:
             continue
-        part = table.where(quantity=quantity)
-        contenders, cases = part.distinct("contender"), part.distinct("case")
-        together = len(cases) == 1 < len(contenders) and part.distinct("at") == [None]
-        key = (cases[0], *contenders) if together else (quantity,)
-        parts.setdefault(key, []).append(part)
-    return [
-        _section(study, found[0]) if len(key) == 1 else _of_one_case(key[0], found)
-        for key, found in parts.items()
-    ]
-
-
-def _of_one_case(case: str, parts: list[Table]) -> Section:
-    contenders = parts[0].distinct("contender")
-    return Section(
-        case,
-        [_heading(part) for part in parts],
-        [(one, [_cell(part, case, one) for part in parts]) for one in contenders],
-        [],
-    )
+        one = _section(study, table.where(quantity=quantity))
+        lines = tuple(name for name, _ in one.rows)
+        if one.charts or lines not in tables:
+            sections.append(one)
+            if not one.charts:
+                tables[lines] = one
+            continue
+        first = tables[lines]
+        first.columns.extend(one.columns)
+        for (_, cells), (_, more) in zip(first.rows, one.rows, strict=True):
+            cells.extend(more)
+    return sections
 
 
 def _section(study: Study, table: Table) -> Section:
-    contenders = table.distinct("contender")
+    """Return charts and a table; of one case a line is a contender, else a case."""
+    contenders, cases = table.distinct("contender"), table.distinct("case")
     placed = Table(tuple(row for row in table if row.at is not None))
     bare = Table(tuple(row for row in table if row.at is None))
-    charts = [
-        (case, chart)
-        for case in placed.distinct("case")
-        if (chart := _chart(study, placed.where(case=case), _heading(table))) is not None
-    ]
-    if (dots := _dots(bare, _heading(table))) is not None:
+    heading, charts = _heading(table), []
+    for case in placed.distinct("case"):
+        if (chart := _chart(study, placed.where(case=case), heading)) is not None:
+            charts.append((case, chart))
+    if (dots := _dots(bare, heading)) is not None:
         charts.append(("", dots))
+    if bare and len(cases) == 1 < len(contenders):
+        rows = [(name, [_cell(bare, cases[0], name)]) for name in contenders]
+        return Section(_capital(cases[0]), [heading], rows, charts)
+    columns = [f"{heading}: {one}" if one else heading for one in contenders]
     rows = [
-        (case, [_cell(bare, case, contender) for contender in contenders])
+        (case, [_cell(bare, case, one) for one in contenders])
         for case in bare.distinct("case")
     ]
-    quantity = table.rows[0].quantity
-    columns = [one or quantity for one in contenders]
     if not rows and len(places := sorted(placed.distinct("at"))) <= MOST_COLUMNS:
-        columns = [f"{place:g}" for place in places]
+        columns = [f"{place:g} {study.axis}" for place in places]
         rows = [
             (
-                ", ".join(filter(None, (case, contender))),
-                [_cell(placed.where(at=place), case, contender) for place in places],
+                ", ".join(filter(None, (case, one))),
+                [_cell(placed.where(at=place), case, one) for place in places],
             )
             for case in placed.distinct("case")
-            for contender in placed.where(case=case).distinct("contender")
+            for one in placed.where(case=case).distinct("contender")
         ]
-    return Section(_heading(table), columns, rows, charts)
+    return Section(heading, columns, rows, charts)
 
 
 def _heading(table: Table) -> str:
     first = table.rows[0]
-    title = first.quantity[:1].upper() + first.quantity[1:]
+    title = _capital(first.quantity)
     return title if first.unit in OBVIOUS else f"{title} [{first.unit}]"
 
 
-def _cell(table: Table, case: str, contender: str) -> str:
+def _with_seconds(label: str, table: Table) -> str:
+    return f"{label} [s]" if table.rows[0].unit == "s" else label
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _cell(table: Table, case: str, contender: str) -> Cell:
     found = table.where(case=case, contender=contender).rows
-    return "; ".join(_text(row) for row in found) if found else formatting.NOTHING
+    text = "; ".join(_text(row) for row in found) if found else formatting.NOTHING
+    return Cell(text, "" if any(isinstance(row.value, str) for row in found) else "num")
 
 
 def _text(row: Row) -> str:
@@ -148,15 +161,16 @@ def _dots(table: Table, label: str) -> Markup | None:
     """Return a chart of values with intervals of several cases; None: there are none."""
     drawn = [row for row in table if isinstance(row.value, float | int) and row.value > 0.0]
     cases = Table(tuple(drawn)).distinct("case")
-    if len(cases) < 2 or not any(row.interval for row in drawn):
+    values = {row.value for row in drawn}
+    if len(cases) < 2 or len(values) < 2 or not any(row.interval for row in drawn):
         return None
-    values: dict[str, dict[str, float]] = {case: {} for case in cases}
+    lines: dict[str, dict[str, float]] = {case: {} for case in cases}
     for row in drawn:
-        values[row.case][row.contender] = float(row.value or 0.0)
+        lines[row.case][row.contender] = float(row.value or 0.0)
     return dots_chart(
-        list(values.items()),
+        list(lines.items()),
         Table(tuple(drawn)).distinct("contender"),
-        x_label=f"{label} [s]" if drawn[0].unit == "s" else label,
+        x_label=_with_seconds(label, table),
         description=f"{label}, of each case, with intervals of 95 %",
         intervals={(r.case, r.contender): r.interval for r in drawn if r.interval},
         guide=1.0 if drawn[0].unit == "times" else None,
@@ -164,7 +178,7 @@ def _dots(table: Table, label: str) -> Markup | None:
 
 
 def _chart(study: Study, table: Table, label: str) -> Markup | None:
-    quantity = table.rows[0].quantity
+    quantity, label = table.rows[0].quantity, _with_seconds(label, table)
     series = []
     for contender in table.distinct("contender"):
         points = tuple(
@@ -186,7 +200,11 @@ def _chart(study: Study, table: Table, label: str) -> Markup | None:
     says = f"{quantity} over {study.axis}: " + ", ".join(one.name for one in series)
     if positive and _spread(every) > 1.0:
         return log_log_chart(
-            series, x_label=study.axis, y_label=label, description=says, guide_slope=None
+            series,
+            x_label=study.axis,
+            y_label=label,
+            description=says,
+            guide_slope=None,
         )
     return line_chart(series, x_label=study.axis, y_label=label, description=says)
 

@@ -125,7 +125,7 @@ def verdict(table: Table) -> str:
         return ""
     mean, worst = statistics.fmean(right.values()), min(right, key=lambda c: right[c])
     if right[worst] == 100.0:
-        return f"All claimed errors of {len(right)} scenes are within a fifth of the true error."
+        return f"All claims of {len(right)} scenes are within a fifth of the true error."
     return (
         f"{number(mean)} % of the claimed errors of {len(right)} scenes are within a fifth "
         f"of the true error; the fewest, {number(right[worst])} %, in {worst}."

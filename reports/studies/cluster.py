@@ -95,9 +95,10 @@ def _against_threads(side: int, count: int, bench: Bench) -> Iterator[Row]:
         )
         dealt = (workers.tally.portions - before[0]) / rounds
         sent = (_bytes(workers) - before[1]) / rounds / 1e6
-    at = functools.partial(Row, case=HERE, at=float(count))
+    row = functools.partial(Row, case=HERE)
     for name, seconds in times.items():
-        yield at(
+        yield row(
+            at=float(count),
             contender=name,
             quantity="time",
             unit="s",
@@ -105,9 +106,10 @@ def _against_threads(side: int, count: int, bench: Bench) -> Iterator[Row]:
             interval=median_interval(seconds),
         )
     value, interval = ratio(times["workers"], times["threads"])
-    yield at(quantity=RATIO, unit="times", value=value, interval=interval)
-    yield at(quantity="portions of a picture", value=dealt)
-    yield at(quantity="sums sent and received", unit="MB", value=sent)
+    several = functools.partial(row, contender=f"{count} worker{'s' * (count > 1)}")
+    yield several(quantity=RATIO, unit="times", value=value, interval=interval)
+    yield several(quantity="portions of a picture", value=dealt)
+    yield several(quantity="sums sent and received", unit="MB", value=sent)
 
 
 def _scene(side: int) -> Scene:
@@ -156,29 +158,23 @@ def _bytes(workers: ClusterWorkers) -> int:
     return workers.tally.bytes_sent + workers.tally.bytes_received
 
 
-def _number(row: Row) -> str:
-    return f"{row.value:.3g}" if isinstance(row.value, float) else "?"
-
-
 def verdict(table: Table) -> str:
-    """Say what workers cost on this machine, and how far the large picture scales."""
-    parts = []
-    measured = table.curve(quantity=RATIO)
-    if measured:
-        most = measured[-1]
-        parts.append(
-            f"{most.at:g} workers take {_number(most)} times as long as {most.at:g} "
-            "threads of one process"
-        )
-    large = list(CASES)[1]
-    for workers in (100.0, 1000.0):
-        tracing = table.value(quantity=TRACING, contender=large, at=workers)
-        if tracing is not None:
-            parts.append(
-                f"{workers:g} workers would spend {tracing:.0f} % of their time tracing "
-                "on a picture of hours"
-            )
-    return "; ".join(parts) + "." if parts else ""
+    """Say what workers cost on this machine, and how far a large picture scales."""
+    sentences = []
+    for row in table.where(quantity=RATIO).rows[-1:]:
+        if isinstance(row.value, float):
+            times = f"{row.contender} take {row.value:.3g} times as long as as many threads"
+            sentences.append(f"On this machine {times}.")
+    large = table.where(quantity=TRACING, contender=list(CASES)[1])
+    scales = [
+        f"{row.at:g} workers {row.value:.0f} %"
+        for row in large.rows[1:]
+        if isinstance(row.value, float)
+    ]
+    if scales:
+        part = " and ".join(scales)
+        sentences.append(f"On a picture of hours {part} of their time would be tracing.")
+    return " ".join(sentences)
 
 
 STUDY = Study(

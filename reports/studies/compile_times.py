@@ -26,7 +26,7 @@ FORMER = {
 """Scenes in their order, and what each took in an earlier version, 119 s in all [s]."""
 
 SUM = "all"
-NOW, THEN = "processor time", "processor time of an earlier version"
+NOW, THEN = "processor time", "earlier version"
 
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:

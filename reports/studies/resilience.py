@@ -8,7 +8,7 @@ compared byte by byte. Kills wait for what has been reached, not for a clock.
 from __future__ import annotations
 
 import filecmp
-import os
+import functools
 import re
 import signal
 import subprocess
@@ -17,7 +17,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import psutil
 
@@ -26,132 +25,107 @@ from reports.bench.study import Bench, Study
 from reports.trials.contenders import scene_file
 
 SCENE = "cornell-box"
-WORKERS = 2
 COMPARED = "both files, byte by byte"
 POLL = 0.02  # [s]
 LONGEST = 900.0  # [s] of one step; a machine may be busy
 
-
-class Step(NamedTuple):
-    """What was done, and what came of it."""
-
-    what: str
-    came: str
-    good: bool
-    seconds: float
-
-
-class Command:
-    """A render in a process of its own."""
-
-    def __init__(self, output: Path, spp: int, *more: object) -> None:
-        words = [scene_file(SCENE), "--spp", spp, "--threads", 2, "-o", output, *more]
-        self.started = time.monotonic()
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "renderer", *map(str, words)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-
-    def until(self, reached: Callable[[], bool]) -> bool:
-        """Wait until something is reached; return false if the process ends before."""
-        while not reached():
-            if self.process.poll() is not None:
-                return False
-            if time.monotonic() - self.started > LONGEST:
-                self.process.kill()
-                raise TimeoutError(f"a step took more than {LONGEST:.0f} s")
-            time.sleep(POLL)
-        return True
-
-    def end(self) -> tuple[int, str, float]:
-        """Wait for the end; return status, what was printed, and the seconds."""
-        said, _ = self.process.communicate(timeout=LONGEST)
-        return self.process.returncode, said, time.monotonic() - self.started
+Rendering = subprocess.Popen[str]
 
 
 def measure(case: str, bench: Bench) -> Iterator[Row]:
-    """Yield what came of each step, up to the first that fails, and its seconds."""
+    """Yield what came of each step, and its seconds.
+
+    Raises
+    ------
+    ValueError
+        If a step ends in another way than it should.
+    """
     spp = bench.whole("spp", 2048)  # some five seconds on two cores
+    row = functools.partial(Row, case=case)
     with tempfile.TemporaryDirectory(prefix="lightproof-") as name:
-        folder = Path(name)
-        at_once, piecewise = folder / "at-once.exr", folder / "piecewise.exr"
-        checkpoint = folder / "night.checkpoint"
-        for doing, step in (
-            ("in one go", lambda: _at_once(at_once, spp)),
-            ("again, until kill -9", lambda: _killed(piecewise, spp, checkpoint)),
-            ("resumed on a cluster", lambda: _resumed(piecewise, spp, checkpoint)),
-            ("comparing", lambda: _compared(at_once, piecewise)),
-        ):
-            bench.show(doing)
-            what, came, good, seconds = step()
-            yield Row(case=case, contender=what, quantity="what came of it", value=came)
-            yield Row(case=case, contender=what, quantity="time", unit="s", value=seconds)
-            if not good:
-                yield Row(case=case, contender=what, quantity="fault", value=came)
-                return
+        at_once, piecewise = Path(name, "at-once.exr"), Path(name, "piecewise.exr")
+        kept = Path(name, "night.checkpoint")
+        keeping = ("--checkpoint", kept, "--every", 0.5)
+        steps: dict[str, Callable[[], str]] = {
+            "in one go, 2 threads": lambda: _ended(_start(at_once, spp)),
+            "again, kill -9": lambda: _killed(_start(piecewise, spp, *keeping), kept),
+            "resumed, 2 workers, one kill -9": lambda: _resumed(
+                _start(piecewise, spp, *keeping, "--resume", "--cluster", "local:2"), kept
+            ),
+            COMPARED: lambda: _compared(at_once, piecewise),
+        }
+        for step, take in steps.items():
+            bench.show(step)
+            begin = time.monotonic()
+            came = take()
+            yield row(contender=step, quantity="what came of it", value=came)
+            seconds = time.monotonic() - begin
+            yield row(contender=step, quantity="time", unit="s", value=seconds)
 
 
-def _at_once(output: Path, spp: int) -> Step:
-    status, said, seconds = Command(output, spp).end()
-    came = _last_line(said).partition("; wrote")[0]
-    return Step("in one go, 2 threads", came, status == 0, seconds)
+def _start(output: Path, spp: int, *more: object) -> Rendering:
+    words = [scene_file(SCENE), "--spp", spp, "--threads", 2, "-o", output, *more]
+    return subprocess.Popen(
+        [sys.executable, "-m", "renderer", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
 
 
-def _killed(output: Path, spp: int, checkpoint: Path) -> Step:
-    command = Command(output, spp, "--checkpoint", checkpoint, "--every", 0.5)
-    alive = command.until(checkpoint.exists)
-    command.process.kill()
-    status, said, seconds = command.end()
-    good = alive and status == -signal.SIGKILL and not output.exists()
-    came = f"it ended before it could be killed; try more --set spp: {_last_line(said)}"
-    if alive:
-        size = f"{checkpoint.stat().st_size / 1e6:.1f} MB"
-        came = f"no picture, a checkpoint of {size}"
-    return Step("again, kill -9", came, good, seconds)
+def _ended(rendering: Rendering, status: int = 0) -> str:
+    """Return what a render printed, in its last line, when it ended with this status."""
+    said, _ = rendering.communicate(timeout=LONGEST)
+    last = (said.strip().splitlines() or ["it said nothing"])[-1]
+    if rendering.returncode != status:
+        raise ValueError(f"status {rendering.returncode}, not {status}: {last}")
+    if status == 0 and (tally := re.search(r"cluster: (\d+ portion.*)", said)):
+        return tally[1]
+    return last.partition("; wrote")[0]
 
 
-def _resumed(output: Path, spp: int, checkpoint: Path) -> Step:
+def _killed(rendering: Rendering, checkpoint: Path) -> str:
+    _wait(rendering, checkpoint.exists)
+    rendering.kill()
+    _ended(rendering, -signal.SIGKILL)
+    return f"no picture, a checkpoint of {checkpoint.stat().st_size / 1e6:.1f} MB"
+
+
+def _resumed(rendering: Rendering, checkpoint: Path) -> str:
     before = checkpoint.stat().st_mtime_ns
-    more = ("--checkpoint", checkpoint, "--every", 0.5, "--resume")
-    command = Command(output, spp, *more, "--cluster", f"local:{WORKERS}")
     # a new checkpoint is written when the workers have added samples
-    alive = command.until(lambda: checkpoint.stat().st_mtime_ns != before)
-    workers = _workers(command.process.pid) if alive else []
-    for worker in workers[:1]:
-        os.kill(worker, signal.SIGKILL)
-    status, said, seconds = command.end()
-    tally = re.search(r"cluster: (\d+ portion.*)", said)
-    lost = re.search(r"\d workers? lost", said)
-    came = tally[1] if tally and status == 0 else _last_line(said)
-    good = status == 0 and bool(workers) and lost is not None
-    return Step(f"resumed, {WORKERS} workers, one kill -9", came, good, seconds)
+    _wait(rendering, lambda: checkpoint.stat().st_mtime_ns != before)
+    children = psutil.Process(rendering.pid).children(recursive=True)
+    workers = [c for c in children if any("spawn_main" in word for word in c.cmdline())]
+    workers[0].kill()
+    came = _ended(rendering)
+    if "lost" not in came:
+        raise ValueError(f"no worker was missed: {came}")
+    return came
 
 
-def _compared(first: Path, second: Path) -> Step:
-    same = filecmp.cmp(first, second, shallow=False)
-    size = f"the same {first.stat().st_size} bytes"
-    return Step(COMPARED, size if same else "the files differ", same, 0.0)
+def _wait(rendering: Rendering, reached: Callable[[], bool]) -> None:
+    end = time.monotonic() + LONGEST
+    while not reached():
+        if rendering.poll() is not None:
+            raise ValueError(f"too short to be killed, set more spp: {_ended(rendering)}")
+        if time.monotonic() > end:
+            rendering.kill()
+            raise ValueError(f"a step took more than {LONGEST:.0f} s")
+        time.sleep(POLL)
 
 
-def _workers(pid: int) -> list[int]:
-    """Return the process ids of a cluster's workers, each a spawned Python."""
-    children = psutil.Process(pid).children(recursive=True)
-    return [c.pid for c in children if any("spawn_main" in word for word in c.cmdline())]
-
-
-def _last_line(said: str) -> str:
-    return (said.strip().splitlines() or ["it said nothing"])[-1]
+def _compared(first: Path, second: Path) -> str:
+    if not filecmp.cmp(first, second, shallow=False):
+        raise ValueError("the files differ")
+    return f"the same {first.stat().st_size} bytes"
 
 
 def verdict(table: Table) -> str:
     """Say whether both files are the same."""
     if table.faults or not table.where(contender=COMPARED):
         return ""
-    return (
-        "A render that is killed and resumed on a cluster gives the same file, bit for bit."
-    )
+    return "A render that is killed and resumed on a cluster gives the same file."
 
 
 STUDY = Study(

@@ -11,6 +11,7 @@ from mitsuba_ref.records.other_programs import KEY
 from reports.bench.rows import Done, Row, Run, Table
 from reports.bench.study import Bench, Study
 from reports.errors import OptionError
+from reports.look.formatting import NOTHING
 from reports.pages.study_page import study_page
 
 RUN = Run(run="r", created="2026-01-01", command="c", machine={"cores": 2, KEY: 0.0})
@@ -73,10 +74,18 @@ def test_one_case_is_a_table_with_a_line_for_each_contender():
         row("night", "first", "killed", "outcome"),
         row("night", "second", "resumed", "outcome"),
     )
-    assert re.findall("<h2>(.*?)</h2>", page) == ["night"]
+    assert re.findall("<h2>(.*?)</h2>", page) == ["The numbers"]
     cells = re.findall("<t[hd][^>]*>([^<]*)</t[hd]>", page)
     assert cells == ["", "Time", "Outcome", "first", "50 ms", "killed", *cells[6:]]
     assert cells[6:] == ["second", "2 s", "resumed"]
+
+
+def test_tables_over_the_same_cases_are_one():
+    rows = [row(case, "", 2.0, name) for name in ("first", "second") for case in "ab"]
+    page = drawn(*rows, row("a", "x", 1.0, "third"), row("b", "y", "yes", "third"))
+    cells = re.findall("<t[hd][^>]*>([^<]*)</t[hd]>", page)
+    assert cells[:5] == ["", "First", "Second", "Third: x", "Third: y"]
+    assert cells[5:] == ["a", "2", "2", "1", NOTHING, "b", "2", "2", NOTHING, "yes"]
 
 
 def test_numbers_of_a_curve_are_a_folded_table_over_its_places():
@@ -85,7 +94,7 @@ def test_numbers_of_a_curve_are_a_folded_table_over_its_places():
     ]
     page = drawn(*rows, axis="workers")
     cells = re.findall("<t[hd][^>]*>([^<]*)</t[hd]>", page)
-    assert cells == ["", "1", "2", "a, x", "10", "20", "a, y", "10", "20"]
+    assert cells == ["", "1 workers", "2 workers", "a, x", "10", "20", "a, y", "10", "20"]
     assert len(figures(page)) == 1 and "<h2>Ratio [%]</h2>" in page
 
 

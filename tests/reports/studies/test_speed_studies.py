@@ -213,7 +213,7 @@ def test_threads_and_workers_render_the_same_picture(
 ) -> None:
     monkeypatch.setattr(cluster, "COUNTS", (1,))
     table = rows_of(cluster, cluster.HERE, size="48", spp="8", rounds="2")
-    assert table.value(at=1.0, quantity=cluster.RATIO) > 0.0
+    assert table.value(contender="1 worker", quantity=cluster.RATIO) > 0.0
     assert len(table.where(quantity="cost")) == 6
 
 

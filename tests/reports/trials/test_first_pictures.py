@@ -15,66 +15,53 @@ from reports.trials import first_pictures
 from reports.trials.first_pictures import compile_seconds, start_seconds
 
 
-class Processes:
-    """Stands for `subprocess.run`: notes each call and writes the picture it names."""
-
-    def __init__(self, status: int = 0, writes: bool = True) -> None:
-        self.status, self.writes = status, writes
-        self.commands: list[list[str]] = []
-        self.caches: list[str | None] = []
-        self.cache_was_empty: list[bool] = []
-
-    def __call__(
-        self, command: list[str], *, env: dict[str, str], **_: object
-    ) -> subprocess.CompletedProcess[str]:
-        self.commands.append(command)
-        self.caches.append(env.get("LIGHTPROOF_CACHE"))
-        self.cache_was_empty.append(not os.listdir(env["LIGHTPROOF_CACHE"]))
-        if self.writes:
-            Path(command[command.index("-o") + 1]).touch()
-        return subprocess.CompletedProcess(command, self.status, "", "first\nit broke\n")
-
-
 @pytest.fixture
-def warm_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    folder = tmp_path / "cache"
-    folder.mkdir()
-    (folder / "kernel").touch()
-    monkeypatch.setenv("LIGHTPROOF_CACHE", str(folder))
-    return str(folder)
+def started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Commands that were started, each with whether its cache is empty; no picture is made.
 
+    The cache of this process has a kernel.
+    """
+    (cache := tmp_path / "cache").mkdir()
+    (cache / "kernel").touch()
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(cache))
+    found: list[Any] = []
 
-def test_a_start_finds_the_cache_or_another(
-    warm_cache: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = Processes()
+    def run(command: list[str], env: dict[str, str], **_: object) -> Any:
+        found.append((command, not os.listdir(env["LIGHTPROOF_CACHE"])))
+        if "late.xml" in command:
+            raise subprocess.TimeoutExpired(command, 300.0)
+        if "blank.xml" not in command:
+            Path(command[command.index("-o") + 1]).touch()
+        status = int("broken.xml" in command)
+        return subprocess.CompletedProcess(command, status, "", "first\nit broke\n")
+
     monkeypatch.setattr(subprocess, "run", run)
-    assert start_seconds(Path("a.xml"), {"width": "8"}) > 0.0
+    return found
+
+
+def test_a_start_finds_the_cache_or_another(started: list[Any], tmp_path: Path) -> None:
     (other := tmp_path / "other").mkdir()
+    assert start_seconds(Path("a.xml"), {"width": "8"}) > 0.0
     assert start_seconds(Path("a.xml"), {}, other) > 0.0
-    assert run.caches == [warm_cache, str(other)]
-    assert run.cache_was_empty == [False, True]
-    begin = [sys.executable, "-m", "renderer", "a.xml", "--spp", "1", "-o"]
-    assert run.commands[0][:7] == begin
-    assert run.commands[0][8:] == ["-Dwidth=8"]
+    assert [empty for _, empty in started] == [False, True]
+    command = started[0][0]
+    assert command[:7] == [sys.executable, "-m", "renderer", "a.xml", "--spp", "1", "-o"]
+    assert command[8:] == ["-Dwidth=8"]
 
 
-@pytest.mark.parametrize(("status", "writes"), [(1, True), (0, False)])
+@pytest.mark.parametrize(
+    ("scene", "message"),
+    [
+        ("broken.xml", "status 1: it broke"),
+        ("blank.xml", "status 0: it broke"),
+        ("late.xml", "no picture within 300 s"),
+    ],
+)
 def test_start_without_a_picture_is_not_a_time(
-    warm_cache: str, monkeypatch: pytest.MonkeyPatch, status: int, writes: bool
+    started: list[Any], scene: str, message: str
 ) -> None:
-    monkeypatch.setattr(subprocess, "run", Processes(status, writes))
-    with pytest.raises(ValueError, match=f"status {status}: it broke"):
-        start_seconds(Path("a.xml"), {})
-
-
-def test_start_that_takes_too_long_is_not_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    def endless(command: list[str], **options: object) -> None:
-        raise subprocess.TimeoutExpired(command, 300.0)
-
-    monkeypatch.setattr(subprocess, "run", endless)
-    with pytest.raises(ValueError, match="no picture within 300 s"):
-        start_seconds(Path("a.xml"), {})
+    with pytest.raises(ValueError, match=message):
+        start_seconds(Path(scene), {})
 
 
 def stand_in(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
@@ -88,7 +75,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
 
 
 def test_compile_times_are_of_one_process_whose_cache_is_empty(
-    warm_cache: str, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Two scenes of a stand-in: each time as it says it, in order."""
     program = (
@@ -104,7 +91,6 @@ def test_compile_times_are_of_one_process_whose_cache_is_empty(
     found = dict(compile_seconds(["metals", "mine"], told.append))
     assert found == {"metals": 0.5, "mine": 1.5}
     assert told == ["compiling: metals, 1 of 2", "compiling: mine, 2 of 2"]
-    assert os.listdir(warm_cache) == ["kernel"]
 
 
 def test_process_that_ends_early_is_no_compile_time(
