@@ -322,25 +322,6 @@ def test_a_damaged_checkpoint_costs_what_came_after_the_older(box, path):
     assert path.read_bytes() == b"lightproof?"
 
 
-def test_only_the_older_is_there(box, path):
-    """As when the power is cut between the two changes of names."""
-    some_of(box, path)
-    os.replace(path, older(path))
-    image = renderer.render(box, 50, checkpoint=path, resume=True)
-    same(image, renderer.render(box, 50))
-    path.unlink()
-    with pytest.raises(SceneError, match=r"a\.ckpt\.older is there already"):
-        renderer.render(box, 50, checkpoint=path)
-
-
-def test_nothing_is_there_yet(box, path):
-    with pytest.warns(
-        CheckpointWarning, match="no checkpoint yet; this starts at the begin"
-    ):
-        image = renderer.render(box, 20, checkpoint=path, resume=True)
-    same(image, renderer.render(box, 20))
-
-
 def test_a_full_disk_ends_no_render(box, path, monkeypatch):
     some_of(box, path)
     before = path.read_bytes()

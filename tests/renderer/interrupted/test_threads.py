@@ -114,22 +114,6 @@ def test_a_stop_does_not_wait_for_a_job_that_was_never_begun():
     assert waited == [False]
 
 
-def test_rounds_are_counted_beyond_a_byte():
-    """Job 0 is slow; with 300 threads none of the others may begin before it has ended."""
-    ended: list[int] = []
-
-    def work(job, thread):
-        if job == 0:
-            time.sleep(0.05)
-        ended.append(job)
-
-    crew = WorkerPool(300, 300, work, round_length=1)
-    crew.start()
-    while not crew.wait():
-        pass
-    assert ended == list(range(300))
-
-
 @pytest.mark.usefixtures("no_collection")
 def test_an_interrupt_at_any_moment_ends_it_and_leaves_no_job_half_done(monkeypatch):
     """Four hundred moments: never a wait without end, a job lost, or one done twice.

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_file_samples import mitsuba_refuses
 
 from renderer.errors import SceneError
 from renderer.scene_file.images.images import read_texels
@@ -64,25 +63,6 @@ def test_rows_that_lack_are_no_black_ones(
         message = f"{held} bytes of pixels; expected {sum(map(len, rows))}"
         with pytest.raises(SceneError, match=message):
             read_texels(path)
-
-
-def test_a_bright_last_row_is_not_counted(tmp_path: Path, monkeypatch) -> None:
-    """Most pictures are read once only."""
-    monkeypatch.delattr("renderer.scene_file.images.images.bytes_held")
-    rows = rows_of(24, 0)
-    rows[-1] = b"\0" + 3 * WIDTH * b"\1"
-    (tmp_path / "a.png").write_bytes(png((2, 8), b"".join(rows)))
-    assert read_texels(tmp_path / "a.png").texels[-1].min() > 0
-
-
-def test_mitsuba_refuses_missing_rows_too(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(png((2, 8), b"".join(rows_of(24, 0)[:-1])))
-    assert mitsuba_refuses(
-        '<shape type="rectangle"><bsdf type="diffuse"><texture type="bitmap" '
-        'name="reflectance"><string name="filename" value="a.png"/></texture></bsdf>'
-        "</shape>",
-        folder=tmp_path,
-    )
 
 
 def test_a_header_that_promises_more_than_the_file_can_hold(

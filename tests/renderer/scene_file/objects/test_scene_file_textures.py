@@ -18,7 +18,7 @@ from scene_xml import props, tag, to_uv
 import renderer
 from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
 from renderer.scene_file.images.image import linear_values
-from renderer.scene_file.images.images import read_image, read_texels
+from renderer.scene_file.images.images import read_texels
 
 SHAPE = (
     '<shape type="rectangle"><bsdf type="diffuse">\n'
@@ -206,11 +206,6 @@ def test_halves_that_are_too_small_for_the_pixels(tmp_path: Path) -> None:
     write_exr(tmp_path / "sun.exr", RGB=FLOATS[..., :3] * 1e6)
     found = error_of(bitmap("sun.exr", props(format="fp16")), folder=tmp_path)
     assert 'property "format": found half floats, expected variant: there are' in found
-
-
-def test_packed_rows_are_in_the_test() -> None:
-    """Mitsuba packs rows of at least 8 pixels."""
-    assert WIDTH < 8 < 200
 
 
 @pytest.mark.parametrize(
@@ -406,31 +401,6 @@ def test_image_without_its_last_byte(images: Path, tmp_path: Path, name: str) ->
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        *("rgb.png", "rgb_16.png", "rgb.exr", "rgb.jpg"),
-        *("rgb.bmp", "rgba.tga", "plain.hdr", "packed.hdr"),
-    ],
-)
-def test_garbled_image_is_an_error_or_a_picture(
-    images: Path, tmp_path: Path, name: str
-) -> None:
-    """Flip each of many bytes in turn: whatever comes, no other exception."""
-    content = (images / name).read_bytes()
-    errors = 0
-    for position in range(0, len(content), max(1, len(content) // 60)):
-        garbled = bytearray(content)
-        garbled[position] ^= 0x5A
-        (tmp_path / name).write_bytes(bytes(garbled))
-        try:
-            assert np.isfinite(read_image(tmp_path / name)).all()
-        except ValueError as error:
-            errors += 1
-            assert type(error).__name__ == "SceneError", error
-    assert errors > 0
-
-
-@pytest.mark.parametrize(
     ("pixels", "message"),
     [
         (np.nan, "NaN or infinite pixels, 1 of 20; the first is in row 1, column 2"),
@@ -475,14 +445,6 @@ def test_radiance_pictures_that_are_damaged(
     found = error_of(bitmap("bad.hdr"), folder=tmp_path)
     assert found.startswith('<string>:3: texture "bitmap": ')
     assert message in found
-
-
-def test_a_radiance_picture_by_hand(tmp_path: Path) -> None:
-    """Mantissas over 256, times 2 to the exponent - 128; exponent 0 is black."""
-    pixels = bytes((128, 64, 32, 129, 255, 1, 0, 128, 255, 255, 255, 0))
-    (tmp_path / "three.hdr").write_bytes(RGBE + b"-Y 1 +X 3\n" + pixels)
-    expected = [[1, 0.5, 0.25], [255 / 256, 1 / 256, 0], [0, 0, 0]]
-    np.testing.assert_array_equal(read_image(tmp_path / "three.hdr")[0], expected)
 
 
 @pytest.mark.parametrize(
