@@ -361,6 +361,13 @@ def rendered_elsewhere(file):
     return np.array(picture), compiled
 
 
+def test_a_second_process_compiles_nothing():
+    here = renderer.render(renderer.load_file(SCENE), spp=1, threads=1)
+    picture, compiled = rendered_elsewhere(FILE)
+    assert compiled == 0
+    np.testing.assert_array_equal(picture, here.pixels)
+
+
 def test_the_file_renders_under_another_name(tmp_path):
     """Kept kernels name their module: those of one that is not there are not taken."""
     another = tmp_path / "another.py"

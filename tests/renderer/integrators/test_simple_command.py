@@ -22,22 +22,11 @@ from renderer.simple import command
 from renderer.simple.command import main
 from renderer.simple.path_tracer import render
 
+pytestmark = pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
+
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "scenes" / "grey-furnace"
 SMALL = [str(FOLDER), "-D", "width=8", "-D", "height=6"]
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture(autouse=True)
-def _heeding_interrupts():
-    """As from a terminal, where a shell's `&` started the tests too."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def test_the_command_in_a_process_of_its_own(tmp_path):

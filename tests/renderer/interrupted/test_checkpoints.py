@@ -556,15 +556,7 @@ def test_what_cannot_be_a_checkpoint(box, path, wanted, error, message):
 # ------------------------------------------------------------------------ the command
 
 
-@pytest.fixture
-def _heeding_interrupts(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("_heeding_interrupts")
+@pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
 def test_ctrl_c_keeps_a_checkpoint_from_which_the_command_goes_on(capsys, monkeypatch):
     """The finished file is that of one go, byte by byte."""
     words = [str(CORNELL), "-D", "width=48", "-D", "height=48", "--spp", "200"]
@@ -596,7 +588,7 @@ def test_ctrl_c_keeps_a_checkpoint_from_which_the_command_goes_on(capsys, monkey
     assert "warning: a.ckpt is no checkpoint of this" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("_heeding_interrupts")
+@pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
 @pytest.mark.parametrize(
     ("words", "status", "complaint"),
     [

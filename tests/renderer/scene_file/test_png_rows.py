@@ -6,11 +6,11 @@ Found by a damaged file of the soak: 213 bytes that were a picture of 7 x 16,711
 from __future__ import annotations
 
 import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from image_files import chunk, png_file
 
 from renderer.errors import SceneError
 from renderer.scene_file.images.images import read_texels
@@ -21,25 +21,9 @@ BITS = {(0, 1): 1, (0, 8): 8, (2, 8): 24, (3, 4): 4, (3, 8): 8, (4, 8): 16, (6, 
 PASSES = ((2, 1), (1, 1), (3, 1), (2, 2), (5, 2), (4, 4), (9, 3))
 
 
-def chunk(kind: bytes, data: bytes) -> bytes:
-    return (
-        struct.pack(">I", len(data))
-        + kind
-        + data
-        + struct.pack(">I", zlib.crc32(kind + data))
-    )
-
-
-def png(
-    kind: tuple[int, int], rows: bytes, interlace: int = 0, size=(WIDTH, HEIGHT)
-) -> bytes:
-    color_type, depth = kind
-    head = struct.pack(">IIBBBBB", *size, depth, color_type, 0, 0, interlace)
-    palette = chunk(b"PLTE", bytes(range(48))) if color_type == 3 else b""
-    image = chunk(b"IDAT", zlib.compress(rows))
-    return (
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + palette + image + chunk(b"IEND", b"")
-    )
+def png(kind: tuple[int, int], rows: bytes, interlace: int = 0, size=(WIDTH, HEIGHT)):
+    palette = [chunk(b"PLTE", bytes(range(48)))] if kind[0] == 3 else []
+    return png_file(size, kind, rows, *palette, interlace=interlace)
 
 
 def rows_of(bits: int, interlace: int) -> list[bytes]:
