@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from processes import run_python
 
 from renderer.command.cli import main as lightproof
 from renderer.rendering.picture.image import Image
@@ -31,14 +32,17 @@ SMALL = [str(FOLDER), "-D", "width=8", "-D", "height=6"]
 
 def test_the_command_in_a_process_of_its_own(tmp_path):
     """A folder is the scene in it; the header says what the picture was made by."""
-    finished = subprocess.run(
-        [sys.executable, "-m", "renderer.simple", *SMALL, "-o", "a.exr", "-o", "a.npy"],
-        env={"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
+    finished = run_python(
+        "-m",
+        "renderer.simple",
+        *SMALL,
+        "-o",
+        "a.exr",
+        "-o",
+        "a.npy",
+        environment={"PYTHONPATH": str(ROOT)},
+        check=True,
     )
-    assert finished.returncode == 0
     assert finished.stderr == "rendering 192 samples\n"
     last = r"8 x 6 pixels, 4 spp, [\d.]+ s, \d+ samples/s; wrote a.exr, a.npy\n"
     assert re.fullmatch(last, finished.stdout)

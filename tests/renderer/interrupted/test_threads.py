@@ -5,13 +5,12 @@ from __future__ import annotations
 import _thread
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 
 import pytest
+from processes import run_python
 
 from renderer.process.worker_pool import STACK, WorkerPool, in_own_thread, in_threads
 
@@ -167,14 +166,14 @@ def test_a_small_stack_holds_the_kernels(tmp_path):
     """
     scene = str(ROOT / "scenes" / "instances" / "scene.xml")
     words = ["-D", "width=16", "-D", "height=16", "--spp", "1", "-o", "a.npy", scene]
-    done = subprocess.run(
-        [sys.executable, "-c", _LITTLE_STACK, *words],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
+    run_python(
+        "-c",
+        _LITTLE_STACK,
+        *words,
+        folder=tmp_path,
+        environment={**os.environ, "PYTHONPATH": str(ROOT)},
+        check=True,
     )
-    assert done.returncode == 0, done.stderr
     assert (tmp_path / "a.npy").exists()
 
 
