@@ -14,10 +14,6 @@ from light_probes import LightProbe
 from scene_file_samples import error_of
 from small_scenes import diffuse, pixels, scene, sensor, sphere
 
-import renderer
-from renderer.errors import SceneError
-from renderer.simple.scene import Scene as SimpleScene
-
 mi = pytest.importorskip("mitsuba")
 
 N = 1 << 18
@@ -228,11 +224,3 @@ def test_files_and_properties_that_cannot_be_used(tmp_path):
     )
     two = env("") + '\n<emitter type="constant"/>'
     assert ':3: emitter "constant" is a second environment beside line 2' in refused(two)
-
-
-def test_the_simple_path_tracer_has_no_environment_maps(tmp_path):
-    sky = {"type": "envmap", "filename": write_map(tmp_path / "n.exr", noise(3, 4))}
-    view = sensor((0, -5, 0), (0, 0, 0), size=(4, 4), fov=5.0, spp=1)
-    loaded = renderer.load_dict(scene(view, "path", sphere(diffuse(0.6)), sky))
-    with pytest.raises(SceneError, match="the simple path tracer has no emitter 'envmap'"):
-        SimpleScene(loaded.description)

@@ -435,17 +435,6 @@ OBJ_FAULTS = {
 }
 
 
-@pytest.mark.parametrize(("content", "message"), OBJ_FAULTS.values(), ids=OBJ_FAULTS.keys())
-def test_obj_faults_are_one_line_errors(tmp_path: Path, content: str, message: str):
-    path = tmp_path / "mesh.obj"
-    path.write_bytes(content.encode())
-    with pytest.raises(SceneError) as caught:
-        read_obj(path)
-    assert str(caught.value).startswith(str(path))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 HEAD = "ply\nformat ascii 1.0\nelement vertex 3\n"
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 FACE = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -494,12 +483,18 @@ PLY_FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("content", "message"), PLY_FAULTS.values(), ids=PLY_FAULTS.keys())
-def test_ply_faults_are_one_line_errors(tmp_path: Path, content: str, message: str):
-    path = tmp_path / "mesh.ply"
+FAULTS = [(read_obj, *fault) for fault in OBJ_FAULTS.values()]
+FAULTS += [(read_ply, *fault) for fault in PLY_FAULTS.values()]
+
+
+@pytest.mark.parametrize(
+    ("read", "content", "message"), FAULTS, ids=[*OBJ_FAULTS, *PLY_FAULTS]
+)
+def test_faults_are_one_line_errors(tmp_path: Path, read, content: str, message: str):
+    path = tmp_path / "mesh"
     path.write_bytes(content.encode())
     with pytest.raises(SceneError) as caught:
-        read_ply(path)
+        read(path)
     assert str(caught.value).startswith(str(path))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -400,11 +400,3 @@ def test_a_wrong_dictionary_is_one_line(grid, more, message):
     with pytest.raises(SceneError, match=message) as found:
         read_dict(scene({"type": "sdfgrid", "grid": grid, **more}))
     assert "\n" not in str(found.value)
-
-
-def test_the_simple_path_tracer_says_that_it_has_none():
-    from renderer.simple.path_tracer import render
-
-    content = scene({"type": "sdfgrid", "grid": GOOD[..., None]})
-    with pytest.raises(SceneError, match="has no shape 'sdfgrid'"):
-        render(read_dict(content), 1)
