@@ -10,14 +10,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 ROOT = Path(__file__).parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+TESTS = ROOT / "tests"
+sys.path[:0] = map(str, (ROOT, TESTS, TESTS / "probes", TESTS / "renderer" / "bsdfs"))
 
-import test_bsdf_albedos as energy  # noqa: E402
 import test_bsdfs_against_mitsuba as single  # noqa: E402
+import test_nested_bsdfs as nested  # noqa: E402
 from chi_square import chi_square  # noqa: E402
 
 from mitsuba_ref.records.json_files import from_json  # noqa: E402
@@ -87,7 +89,7 @@ def main(source: Path) -> None:
         samples=EVEN**2,
         draws=single.SAMPLES,
         seen=" and ".join(str(degrees) for degrees in single.SEEN),
-        energy=_table(ENERGY, energy_rows(energy.ALL)),
+        energy=_table(ENERGY, energy_rows(single.BY_ALBEDO | single.SETS | nested.SETS)),
     )
     (ROOT / "docs" / "plugins.md").write_text(text, encoding="utf-8")
 
@@ -114,10 +116,10 @@ def _replay(replay: ReplayResult) -> tuple[str, str]:
     return largest, str(replay.divergent)
 
 
-def energy_rows(names: Iterable[str]) -> Iterator[str]:
+def energy_rows(sets: dict[str, dict[str, Any]]) -> Iterator[str]:
     """Yield a line for each set of parameters."""
-    for name in names:
-        ours, theirs = energy.albedos(name, EVEN)
+    for name, bsdf in sets.items():
+        ours, theirs = single.albedos(bsdf, EVEN)
         shares = [f"{share:.3f}" for share in ours[0].mean(axis=1)]
         apart = np.abs(ours - theirs).max()
         yield _row([name, *shares, f"{apart:.1g}", _chi_squares(name)])

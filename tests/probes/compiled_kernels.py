@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from numba.core import event
+from processes import run_python
 
 import renderer
 from renderer.kernels.jit.cache import KernelCache
@@ -95,12 +95,11 @@ import json, compiled_kernels, {statement.partition(".")[0]}
 print(json.dumps(compiled_kernels.needed(lambda: {statement}, "{anew}")))
 """
     paths = os.pathsep.join([str(root), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=os.environ | {"PYTHONPATH": paths},
-        cwd=root,
-        capture_output=True,
-        text=True,
+    done = run_python(
+        "-c",
+        program,
+        folder=root,
+        environment=os.environ | {"PYTHONPATH": paths},
         check=True,
     )
     found = json.loads(done.stdout.splitlines()[-1])

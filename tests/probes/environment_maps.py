@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import OpenEXR
+from image_files import write_exr
 from scene_file_samples import mi
 
 LAMP = {"lamp": {"type": "rectangle"}}
 
 
-def write_exr(path, image):
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    rgb = {c: np.ascontiguousarray(image[..., k], np.float32) for k, c in enumerate("RGB")}
-    with OpenEXR.File(header, rgb) as file:
-        file.write(str(path))
-    return str(path)
+def write_map(path, image):
+    planes = {name: image[..., k].astype(np.float32) for k, name in enumerate("RGB")}
+    return str(write_exr(path, planes))
 
 
 def turned():

@@ -177,11 +177,6 @@ def run_eval_diffuse(albedo, cosine, f_cos, pdf):
         store_row(pdf, 0, i, density)
 
 
-def diffuse_f_cos(albedo: Any, cosine: Any) -> Array:
-    """Return what the diffuse BSDF states for n cosines, (3, n)."""
-    return _stated(albedo, cosine)[0]
-
-
 def diffuse_pdf(cosine: Any) -> Array:
     """Return the density [1/sr] that the diffuse BSDF states for n cosines."""
     return _stated((1.0, 1.0, 1.0), cosine)[1]

@@ -6,7 +6,7 @@ import itertools
 from typing import Any
 
 import numpy as np
-from kernel_probes import closest, directions, rectangles, soup, spheres, triangles
+from kernel_probes import closest, directions, rectangles, soup, triangles
 
 from renderer.kernels.records.batch import make_tally
 
@@ -66,11 +66,6 @@ def coincident(n: int) -> Any:
     return triangles(
         np.tile([[[0.1, 0.2, 0.3], [1.0, 0.1, 0.7], [0.3, 1.1, 0.5]]], (n, 1, 1))
     )
-
-
-def concentric(n: int) -> Any:
-    """Spheres about one centre: all centroids equal."""
-    return spheres(np.zeros((n, 3)), np.geomspace(0.01, 3, n))
 
 
 def line(n: int) -> Any:

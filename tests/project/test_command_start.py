@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import logging
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from processes import run_python
 
 import renderer
 from renderer import __main__ as process
@@ -25,12 +25,8 @@ SLOW = {"numba", "llvmlite", "scipy", "OpenEXR", "PIL", "rich"}
 
 def run(*arguments):
     """Run Python in a process that imports our sources, and tell what it imports."""
-    return subprocess.run(
-        [sys.executable, "-X", "importtime", *map(str, arguments)],
-        env={"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
+    return run_python(
+        "-X", "importtime", *map(str, arguments), environment={"PYTHONPATH": str(ROOT)}
     )
 
 

@@ -6,21 +6,18 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import pytest
+from image_files import write_exr
 from PIL import Image as pillow
 
 import renderer
 from renderer.command.cli import main
 from renderer.command.compare_pictures import EQUAL
 
+pytestmark = pytest.mark.usefixtures("in_an_empty_folder")
+
 SCENES = Path(__file__).parents[2] / "scenes"
 NAN, INF = float("nan"), float("inf")
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def compared(capsys, first, second, *words):
@@ -136,12 +133,6 @@ def test_png_levels_are_compared_as_they_are(capsys):
     assert compared(capsys, "p.png", "q.png")[0] == 1
 
 
-def write_exr(name, **planes):
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, planes).write(name)
-    return name
-
-
 def test_what_cannot_be_compared_is_one_line(capfd):
     """OpenEXR's own lines about a damaged file, of its C code, are not seen."""
     save("a.exr", GREY)
@@ -149,7 +140,7 @@ def test_what_cannot_be_compared_is_one_line(capfd):
     save("wide.exr", np.zeros((3, 5, 3)))
     save("aov.exr", GREY, aovs={"d": GREY[..., :1]}, aov_kinds={"d": "depth"})
     save("a.png", GREY)
-    write_exr("half.exr", **{name: GREY[..., 0].astype(np.float16) for name in "RGB"})
+    write_exr("half.exr", {name: GREY[..., 0].astype(np.float16) for name in "RGB"})
     np.save("line.npy", np.zeros(3))
     np.save("text.npy", np.array(["a"]))
     np.save("long.npy", GREY.astype(np.longdouble))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import run_python
 
 import lightproof
 import renderer
@@ -42,14 +41,7 @@ def test_importing_it_is_as_fast_as_before_and_it_is_the_command():
     """Nothing that takes long is imported, not even NumPy."""
     program = "import lightproof, sys; assert 'numpy' not in sys.modules, 'numpy'"
     for words in (("-c", program), ("-m", "lightproof", "--version")):
-        finished = subprocess.run(
-            [sys.executable, *words],
-            env={"PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert finished.returncode == 0, finished.stderr
+        finished = run_python(*words, environment={"PYTHONPATH": str(ROOT)}, check=True)
     assert finished.stdout == f"lightproof {renderer.__version__}\n"
 
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from processes import run_python
 
 from mitsuba_ref.command.verdict_of_error import stopped_by
 from mitsuba_ref.missing_packages import HARNESS, failed_package
@@ -43,13 +42,8 @@ def run(tmp_path):
     def run_one(*arguments, **files):
         for name, text in files.items():
             (tmp_path / f"{name}.py").write_text(text)
-        return subprocess.run(
-            [sys.executable, *arguments],
-            env={"PYTHONPATH": f"{tmp_path}:{ROOT}"},
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
+        return run_python(
+            *arguments, folder=tmp_path, environment={"PYTHONPATH": f"{tmp_path}:{ROOT}"}
         )
 
     return run_one

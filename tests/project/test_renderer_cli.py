@@ -30,24 +30,13 @@ from renderer.rendering.progress_display import Progress, ProgressDisplay
 from renderer.rendering.render_loop import run
 from renderer.rendering.render_options import RenderOptions
 
+pytestmark = pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
+
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
 CORNELL = str(SCENES / "cornell-box" / "scene.xml")
 SMALL = [CORNELL, "-D", "width=32", "-D", "height=32", "--spp", "4"]
 ENDLESS = [CORNELL, "-D", "width=64", "-D", "height=64", "--spp", "4000000"]
-
-
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture(autouse=True)
-def _heeding_interrupts():
-    """As from a terminal, where nohup or a shell's `&` started the tests too."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def header(path):

@@ -61,37 +61,29 @@ def test_nothing_is_left_out_where_rounding_decides():
     assert room(100.0, 0.1) == {}
 
 
-def test_walls_of_a_room_with_a_point_light():
-    assert left_out(*box(0.5), point_light((0, 0, 0.5))) == {"rectangles": 6}
+INSIDE, NEAR_THE_LAMP, ABOVE = (point_light((0, 0, z)) for z in (0.5, 0.95, 1.5))
 
 
-def test_a_flat_lamp_alone_is_not_in_its_own_way():
-    assert left_out(*box(0.5), LAMP) == {"rectangles": 7}
+@pytest.mark.parametrize(
+    ("lights", "rectangles"),
+    [
+        ((), 0),
+        ((INSIDE,), 6),
+        ((LAMP,), 7),  # a flat lamp alone is not in its own way
+        ((LAMP, NEAR_THE_LAMP), 6),  # but in that of another light
+        ((ABOVE,), 5),  # the ceiling is in the way, and the floor is not
+        ((INSIDE, sun((0, 0, -1))), 0),  # walls block what is infinitely far
+        ((INSIDE, sky()), 0),
+    ],
+)
+def test_what_is_left_out_of_a_room(lights, rectangles):
+    assert left_out(*box(0.5), *lights) == (
+        {"rectangles": rectangles} if rectangles else {}
+    )
 
 
-def test_a_lamp_is_in_the_way_of_another_light():
-    behind = point_light((0, 0, 0.95))
-    assert left_out(*box(0.5), LAMP, behind) == {"rectangles": 6}
-
-
-def test_walls_stay_where_the_light_is_behind_them():
-    """Of a light above the ceiling only the ceiling is in the way; the floor is not."""
-    assert left_out(*box(0.5), point_light((0, 0, 1.5))) == {"rectangles": 5}
-
-
-@pytest.mark.parametrize("far", [sun((0, 0, -1)), sky()])
-def test_walls_block_what_is_infinitely_far(far):
-    assert left_out(*box(0.5), point_light((0, 0, 0.5)), far) == {}
-
-
-def test_a_sky_that_is_not_asked_is_none_of_the_lights():
-    parts = (*box(0.5), LAMP, sky())
-    assert left_out(*parts) == {}
-    assert left_out(*parts, finds_sky=True) == {"rectangles": 7}
-
-
-def test_nothing_is_left_out_where_nothing_shines():
-    assert left_out(*box(0.5)) == {}
+def test_a_sky_that_is_not_sampled_is_none_of_the_lights():
+    assert left_out(*box(0.5), LAMP, sky(), finds_sky=True) == {"rectangles": 7}
 
 
 @pytest.mark.parametrize(("height", "stays"), [(-0.05, True), (0.0, True), (0.01, False)])

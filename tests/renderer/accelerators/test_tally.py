@@ -22,7 +22,6 @@ from renderer.kernels.records.batch import (
     BOXES,
     NODES,
     PRIMITIVES,
-    ROWS,
     SAVED,
     STACK,
     make_tally,
@@ -181,9 +180,3 @@ def test_without_a_tally_no_counting_is_compiled():
     count_nonsense(None)
     with pytest.raises(TypingError):
         count_nonsense(make_tally(1))
-
-
-def test_a_tally_has_room_for_a_whole_packet():
-    tally = make_tally(5)
-    assert tally.shape == (ROWS, 21) and len(counting.NAMES) == ROWS
-    assert not tally.any()

@@ -76,6 +76,17 @@ def test_glass_from_outside(degrees, expected):
     assert got == pytest.approx(expected, rel=2e-5)
 
 
+@pytest.mark.parametrize(
+    ("degrees", "expected"), [(41.81, 0.97986), (41.82, 1.0), (60.0, 1.0)]
+)
+def test_total_internal_reflection(degrees, expected):
+    """From inside n = 1.5 all light stays beyond 41.8103 degrees (row 19)."""
+    cosine = -np.cos(np.radians(degrees))
+    got = fresnel(cosine, 1.5)[0, 0]
+    # at 41.81 the reflectance grows by 0.3 % for one unit of the cosine
+    assert got == expected if expected == 1 else got == pytest.approx(expected, abs=3e-3)
+
+
 def test_beyond_the_critical_angle_it_is_one_exactly():
     """For many indices, and never a NaN from the root of a negative number."""
     rng = np.random.default_rng(0)

@@ -244,9 +244,9 @@ CONSERVING = tuple(LOSSLESS)[:4]
 BY_ALBEDO = LOSSLESS | OTHERS
 
 
-def albedos(name: str, n: int) -> Any:
+def albedos(bsdf: dict[str, Any], n: int) -> Any:
     """Return ours and Mitsuba's, (2 sides, angles, 3) each, by n^2 even samples."""
-    pair = BsdfProbe(BY_ALBEDO[name]), MitsubaProbe(BY_ALBEDO[name])
+    pair = BsdfProbe(bsdf), MitsubaProbe(bsdf)
     sides = (False, True) if pair[0].kind.transmits else (False,)
     return [
         np.array(
@@ -262,7 +262,7 @@ def test_the_albedo_is_mitsubas(name):
 
     The principled BSDF does: its diffuse part and its mirrors know nothing of each other.
     """
-    ours, theirs = albedos(name, 8)
+    ours, theirs = albedos(BY_ALBEDO[name], 8)
     np.testing.assert_allclose(ours, theirs, atol=1e-3)
     if name in CONSERVING:
         np.testing.assert_allclose(ours, 1.0, atol=1e-5)

@@ -228,29 +228,3 @@ def test_half_vectors_come_as_often_as_the_density_says(seen, small):
     masses = cell_masses(density, edges, azimuths)
     counts = histogram(half, azimuth, edges, azimuths)
     assert_follows(counts, masses, n, finds=0.1, mass=masses.sum(), tests=2)
-
-
-@pytest.mark.parametrize("seen", [0, 50, 85])
-def test_weights_are_f_cos_over_the_density(seen, file):
-    """And their mean is the albedo: both estimates of it, to five of their errors."""
-    n = 1 << 15
-    probe, rng = BsdfProbe(merl(file)), np.random.default_rng(2)
-    wo = seen_under(seen, 30.0)
-    chosen = probe.sample(wo, rng.random((n, 3)))
-    f_cos, pdf = probe.eval_pdf(wo, chosen.wi)
-    some = chosen.pdf > 0
-    expected = f_cos[some] / chosen.pdf[some, None]
-    np.testing.assert_allclose(chosen.weight[some], expected, rtol=1e-3)
-    np.testing.assert_allclose(chosen.pdf[some], pdf[some], rtol=1e-3)
-    uniform = random_uniform(n, rng)
-    plain = 2 * np.pi * probe.eval_pdf(wo, uniform)[0]
-    error = np.hypot(*(x.std(axis=0) / np.sqrt(n) for x in (chosen.weight, plain)))
-    assert (np.abs(chosen.weight.mean(axis=0) - plain.mean(axis=0)) < 5 * error).all()
-    assert chosen.weight.std(axis=0)[0] < 0.7 * plain.std(axis=0)[0]  # it is worth it
-
-
-def random_uniform(n, rng):
-    """Directions (n, 3), uniform over the hemisphere."""
-    z, phi = rng.random(n), 2 * np.pi * rng.random(n)
-    sine = np.sqrt(1 - z * z)
-    return np.stack((sine * np.cos(phi), sine * np.sin(phi), z), axis=1)

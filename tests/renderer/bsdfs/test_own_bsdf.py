@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from chi_square import assert_follows, cell_masses, histogram
 from scene_xml import element
 from scipy.integrate import quad
 from small_scenes import (
@@ -46,7 +45,7 @@ from renderer.command.cli import main as render_command
 from renderer.kernels.jit import entry_kernel, pack
 from renderer.kernels.lanes.functions import splat_f32, splat_i32
 from renderer.kernels.lanes.memory import load_row, store_row
-from renderer.kernels.lanes.vectors import load3, store3, vec3
+from renderer.kernels.lanes.vectors import store3, vec3
 from renderer.plugins.bsdfs.kind import (
     DELTA,
     Branch,
@@ -142,8 +141,6 @@ def test_dust_under_a_white_sky_reflects_the_integral_of_its_formula(seen):
 # --------------------------------------------------------------------- sample and density
 
 N = 1 << 18
-COSINES = np.linspace(0, 1, 17)
-TURN = 2 * np.pi * COSINES
 
 
 @entry_kernel
@@ -160,18 +157,6 @@ def run_sample(bsdf, wo, x, y, wi, weight, pdf, eta):
         store_row(eta, 0, i, chosen.eta)
 
 
-@entry_kernel
-def run_eval_pdf(wo, wi, f_cos, pdf):
-    for i in range(0, pdf.size, 16):
-        d = load3(wi, i)
-        none = d.x * 0.0
-        lunar = Lunar(vec3(none + 0.9, none + 0.5, none))
-        seen = vec3(none + wo[0], none + wo[1], none + wo[2])
-        value, density = eval_pdf(lunar, seen, d)
-        store3(f_cos, i, value)
-        store_row(pdf, 0, i, density)
-
-
 def sampled(wo, count=N):
     """Draw directions; return wi (3, n), weight (3, n), pdf, eta."""
     bsdf = pack(BsdfMethods(Lunar(None), Plain()))
@@ -179,46 +164,6 @@ def sampled(wo, count=N):
     out = [np.empty(shape, np.float32) for shape in [(3, count)] * 2 + [count] * 2]
     run_sample(bsdf, np.float32(wo), x, y, *out)
     return out
-
-
-def stated(wo, wi):
-    """Return f cos_i (3, n) and density (n,) of directions (3, n)."""
-    n = wi.shape[1]
-    padded = np.zeros((3, n + -n % 16), np.float32)
-    padded[:, :n] = wi
-    f_cos, pdf = np.empty_like(padded), np.empty(padded.shape[1], np.float32)
-    run_eval_pdf(np.float32(wo), padded, f_cos, pdf)
-    return f_cos[:, :n], pdf[:n]
-
-
-@pytest.mark.parametrize("seen", [0, 50, 88])
-def test_chi_square_of_the_samples(seen):
-    """Directions come as often as `eval_pdf` says, whatever wo; nothing goes down."""
-    wo = direction(seen, 20)
-
-    def density(cosine, angle):  # per unit of cosine and of angle, as solid angle is
-        sine = np.sqrt(1 - cosine**2)
-        return stated(wo, np.array([sine * np.cos(angle), sine * np.sin(angle), cosine]))[1]
-
-    wi = sampled(wo)[0].astype(float)
-    counts = histogram(wi[2], np.arctan2(wi[1], wi[0]) % (2 * np.pi), COSINES, TURN)
-    masses = cell_masses(density, COSINES, TURN)
-    assert_follows(counts, masses, N, finds=0.05, tests=3)
-
-
-@pytest.mark.parametrize("seen", [0, 50, 88])
-def test_weight_times_density_is_f_cos(seen):
-    """`sample` and `eval_pdf` say the same of each direction; and the formula as well."""
-    wo = direction(seen, 20)
-    wi, weight, pdf, eta = sampled(wo, 4096)
-    f_cos, density = stated(wo, wi)
-    expected = wi[2] * f(np.array([[0.9], [0.5], [0.0]]), wi[2], wo[2])
-    np.testing.assert_allclose(pdf, density, rtol=1e-6)
-    np.testing.assert_allclose(weight * pdf, f_cos, rtol=1e-6)
-    np.testing.assert_allclose(f_cos, expected, rtol=2e-6)
-    assert (eta == 1.0).all()
-    below = stated(wo, -wi)
-    assert not below[0].any() and not below[1].any()
 
 
 # -------------------------------------------------------------------------- every method

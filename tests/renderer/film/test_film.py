@@ -156,16 +156,6 @@ def test_tiles_of_a_crop_window(rfilter):
 
 
 @every_filter
-def test_a_crop_is_a_piece_of_the_whole_picture(rfilter):
-    """Away from the rim: the same samples, the same sums, however tiles are cut."""
-    film = make_film(rfilter, (0, 0, 40, 36))
-    whole = by_hand(rfilter, tiles_of(film), (0, 0, 40, 36), 1)
-    assert window_sums(by_kernel(rfilter, film, 1)) == pytest.approx(
-        whole, rel=1e-12, abs=1e-13
-    )
-
-
-@every_filter
 def test_a_constant_stays_constant(rfilter):
     """sum(w v) / sum(w) up to the rim, where neighbours are missing; negative lobes too."""
     film = by_kernel(rfilter, make_film(rfilter, (3, 0, 40, 20)), 4, constant=0.7)

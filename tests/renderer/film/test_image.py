@@ -16,7 +16,6 @@ from renderer.rendering.picture.image import Image
 from renderer.rendering.picture.image_files import (
     aov_channel_names,
     check_output_path,
-    encode_png,
 )
 from renderer.scene_file.description import AOV_KINDS
 
@@ -106,13 +105,6 @@ def test_png_says_how_many_pixels_are_broken_and_shows_them(tmp_path):
     assert levels[0, 1].tolist() == [124, 124, 124]
 
 
-@pytest.mark.parametrize("ending", [".exr", ".png", ".npy"])
-def test_one_pixel_is_a_picture(ending, tmp_path):
-    """The smallest picture can be written in every form."""
-    Image(pixels_of((0.25, 0.5, 0.75))).save(tmp_path / f"a{ending}")
-    assert (tmp_path / f"a{ending}").stat().st_size > 0
-
-
 def test_an_interrupted_write_leaves_nothing(tmp_path, monkeypatch):
     """Ctrl-C in the middle of a write is not an error to hide, and leaves no file."""
 
@@ -175,8 +167,3 @@ def test_shapes_that_do_not_belong_together_are_refused(arrays):
     """A mistake in the renderer shows here and not as a skewed file."""
     with pytest.raises(ValueError, match="shape"):
         Image(**arrays)
-
-
-def test_png_encoding_of_an_empty_light_is_black():
-    """Zero stays zero; no offset from the curve's constants."""
-    assert np.asarray(encode_png(np.zeros((2, 2, 3), np.float32))).max() == 0

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from processes import run_python
 
 from renderer.command.cli import main as lightproof
 from renderer.rendering.picture.image import Image
@@ -22,34 +23,26 @@ from renderer.simple import command
 from renderer.simple.command import main
 from renderer.simple.path_tracer import render
 
+pytestmark = pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
+
 ROOT = Path(__file__).parents[3]
 FOLDER = ROOT / "scenes" / "grey-furnace"
 SMALL = [str(FOLDER), "-D", "width=8", "-D", "height=6"]
 
 
-@pytest.fixture(autouse=True)
-def _in_an_empty_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture(autouse=True)
-def _heeding_interrupts():
-    """As from a terminal, where a shell's `&` started the tests too."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def test_the_command_in_a_process_of_its_own(tmp_path):
     """A folder is the scene in it; the header says what the picture was made by."""
-    finished = subprocess.run(
-        [sys.executable, "-m", "renderer.simple", *SMALL, "-o", "a.exr", "-o", "a.npy"],
-        env={"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
+    finished = run_python(
+        "-m",
+        "renderer.simple",
+        *SMALL,
+        "-o",
+        "a.exr",
+        "-o",
+        "a.npy",
+        environment={"PYTHONPATH": str(ROOT)},
+        check=True,
     )
-    assert finished.returncode == 0
     assert finished.stderr == "rendering 192 samples\n"
     last = r"8 x 6 pixels, 4 spp, [\d.]+ s, \d+ samples/s; wrote a.exr, a.npy\n"
     assert re.fullmatch(last, finished.stdout)

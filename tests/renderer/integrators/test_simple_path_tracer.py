@@ -219,6 +219,10 @@ def scene(**changes):
     }
 
 
+SKY = np.ones((4, 8, 3), np.float32)
+GRID = np.float32([-1, 1]).repeat(4).reshape(2, 2, 2, 1)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -227,6 +231,9 @@ def scene(**changes):
             "integrator 'depth'; possible are 'path', 'direct' and 'whitted'",
         ),
         ({"integrator": {"type": "path", "hide_emitters": True}}, "hide_emitters"),
+        ({"a": {"type": "implicit", "expression": "x"}}, "has no shape 'implicit'"),
+        ({"a": {"type": "sdfgrid", "grid": GRID}}, "has no shape 'sdfgrid'"),
+        ({"light": {"type": "envmap", "bitmap": SKY}}, "has no emitter 'envmap'"),
         (
             {
                 "integrator": {"type": "whitted"},

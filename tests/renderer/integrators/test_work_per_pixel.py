@@ -20,8 +20,6 @@ from renderer.command.plan_text import plan_text
 from renderer.errors import SceneError
 from renderer.integrators.stages.camera_rays import camera_rays
 from renderer.integrators.stages.film import (
-    _ROOTS_FROM_OKLAB,
-    _SRGB_FROM_CONES,
     CONTROL_POINTS,
     heat_colours,
 )
@@ -36,10 +34,7 @@ from renderer.kernels.records.batch import (
     Tile,
     make_tally,
 )
-from renderer.process.names import INTEGRATORS
-from renderer.rendering.job import RenderJob
 from renderer.rendering.planning.make_plan import make_plan
-from renderer.rendering.render_options import RenderOptions
 
 WIDTH, HEIGHT = 40, 20  # two tiles, the second of them narrow
 AOVS = tuple(f"work.{name.replace(' ', '_')}" for name in NAMES)
@@ -121,16 +116,6 @@ def test_counts_are_means_over_the_samples_of_their_own_pixel():
     assert (found != np.round(found)).any()
 
 
-def test_nobody_else_counts():
-    """A workspace without a tally compiles no counting."""
-    loaded = view(CUBE, point_light((0, 0, 5)))
-    for name in INTEGRATORS:
-        plan = make_plan(loaded, integrator=name)
-        job = RenderJob(loaded, plan, RenderOptions(accel="brute", threads=1))
-        tally = job.make_workspace(job.shape.channels).tally
-        assert (tally is not None) == (name == "work")
-
-
 def test_an_empty_scene_costs_nothing():
     image = renderer.render(view(), integrator="work")
     assert not counts(image).any()
@@ -157,19 +142,6 @@ def test_equal_steps_of_work_are_equal_steps_of_colour():
     assert steps[:, 0] == pytest.approx(0.24)
     length = np.linalg.norm(steps, axis=1)
     assert length.max() < 1.07 * length.min()
-
-
-def test_the_colours_lie_within_srgb():
-    """Nothing is clipped away: half a step of 8 bits at most."""
-    stations = np.linspace(0, len(CONTROL_POINTS) - 1, 301)
-    lab = np.stack(
-        [np.interp(stations, np.arange(len(CONTROL_POINTS)), c) for c in CONTROL_POINTS.T],
-        1,
-    )
-    linear = ((lab @ _ROOTS_FROM_OKLAB.T) ** 3) @ _SRGB_FROM_CONES.T
-    assert linear.min() > -1.5e-4
-    assert linear.max() < 1
-    assert heat_colours(stations / 4, 1.0) == pytest.approx(linear, abs=1.5e-4)
 
 
 def test_colours_beyond_the_scale():

@@ -193,14 +193,3 @@ def test_parts_of_others_stay(tmp_path):
         (tmp_path / name).touch()
     remove_parts(tmp_path / "night")
     assert sorted(os.listdir(tmp_path)) == sorted(names)
-
-
-def test_a_full_disk_leaves_what_was_there(path, monkeypatch):
-    def full(descriptor):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space"):
-        write(path, 3)
-    assert value_in(find_checkpoint(path)[0]) == 2
-    assert sorted(os.listdir(path.parent)) == ["a.ckpt", "a.ckpt.older"]

@@ -322,25 +322,6 @@ def test_a_damaged_checkpoint_costs_what_came_after_the_older(box, path):
     assert path.read_bytes() == b"lightproof?"
 
 
-def test_only_the_older_is_there(box, path):
-    """As when the power is cut between the two changes of names."""
-    some_of(box, path)
-    os.replace(path, older(path))
-    image = renderer.render(box, 50, checkpoint=path, resume=True)
-    same(image, renderer.render(box, 50))
-    path.unlink()
-    with pytest.raises(SceneError, match=r"a\.ckpt\.older is there already"):
-        renderer.render(box, 50, checkpoint=path)
-
-
-def test_nothing_is_there_yet(box, path):
-    with pytest.warns(
-        CheckpointWarning, match="no checkpoint yet; this starts at the begin"
-    ):
-        image = renderer.render(box, 20, checkpoint=path, resume=True)
-    same(image, renderer.render(box, 20))
-
-
 def test_a_full_disk_ends_no_render(box, path, monkeypatch):
     some_of(box, path)
     before = path.read_bytes()
@@ -575,15 +556,7 @@ def test_what_cannot_be_a_checkpoint(box, path, wanted, error, message):
 # ------------------------------------------------------------------------ the command
 
 
-@pytest.fixture
-def _heeding_interrupts(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.usefixtures("_heeding_interrupts")
+@pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
 def test_ctrl_c_keeps_a_checkpoint_from_which_the_command_goes_on(capsys, monkeypatch):
     """The finished file is that of one go, byte by byte."""
     words = [str(CORNELL), "-D", "width=48", "-D", "height=48", "--spp", "200"]
@@ -615,7 +588,7 @@ def test_ctrl_c_keeps_a_checkpoint_from_which_the_command_goes_on(capsys, monkey
     assert "warning: a.ckpt is no checkpoint of this" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("_heeding_interrupts")
+@pytest.mark.usefixtures("in_an_empty_folder", "heeding_interrupts")
 @pytest.mark.parametrize(
     ("words", "status", "complaint"),
     [

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import run_python
 
 from renderer import __main__
 from renderer.command import cli
@@ -168,14 +169,9 @@ print("bare:", *bare)
 def test_what_has_c_code_is_imported_while_interrupts_are_put_off(tmp_path) -> None:
     scene = ROOT / "scenes" / "grey-furnace" / "scene.xml"
     size = ("-D", "width=8", "-D", "height=6", "--spp", "1", "--quiet")
-    finished = subprocess.run(
-        [sys.executable, "-c", WATCHED, scene, *size, "-o", tmp_path / "ball.exr"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
+    finished = run_python(
+        "-c", WATCHED, scene, *size, "-o", tmp_path / "ball.exr", folder=ROOT, check=True
     )
-    assert finished.returncode == 0, finished.stderr
     assert finished.stdout.split("bare:")[1].split() == []
 
 
@@ -222,12 +218,7 @@ def test_an_interrupt_while_llvm_calls_back_is_raised_after_it(tmp_path: Path) -
     (tmp_path / "twice.py").write_text("def twice(x):\n    return 2 * x\n")
     paths = [str(ROOT), str(tmp_path)]
     given = {"PYTHONPATH": os.pathsep.join(paths), "LIGHTPROOF_CACHE": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-c", _DISTURBED],
-        env={**os.environ, **given},
-        capture_output=True,
-        text=True,
-    )
+    done = run_python("-c", _DISTURBED, environment={**os.environ, **given})
     ways = ("compiled", "from the cache")
     lines = [f"{way} {found}" for way in ways for found in ("interrupted", 42)]
     assert (done.stdout.splitlines(), done.stderr) == ([*lines, "2"], "")

@@ -5,13 +5,12 @@ from __future__ import annotations
 import _thread
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 
 import pytest
+from processes import run_python
 
 from renderer.process.worker_pool import STACK, WorkerPool, in_own_thread, in_threads
 
@@ -114,22 +113,6 @@ def test_a_stop_does_not_wait_for_a_job_that_was_never_begun():
     assert waited == [False]
 
 
-def test_rounds_are_counted_beyond_a_byte():
-    """Job 0 is slow; with 300 threads none of the others may begin before it has ended."""
-    ended: list[int] = []
-
-    def work(job, thread):
-        if job == 0:
-            time.sleep(0.05)
-        ended.append(job)
-
-    crew = WorkerPool(300, 300, work, round_length=1)
-    crew.start()
-    while not crew.wait():
-        pass
-    assert ended == list(range(300))
-
-
 @pytest.mark.usefixtures("no_collection")
 def test_an_interrupt_at_any_moment_ends_it_and_leaves_no_job_half_done(monkeypatch):
     """Four hundred moments: never a wait without end, a job lost, or one done twice.
@@ -183,14 +166,14 @@ def test_a_small_stack_holds_the_kernels(tmp_path):
     """
     scene = str(ROOT / "scenes" / "instances" / "scene.xml")
     words = ["-D", "width=16", "-D", "height=16", "--spp", "1", "-o", "a.npy", scene]
-    done = subprocess.run(
-        [sys.executable, "-c", _LITTLE_STACK, *words],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
+    run_python(
+        "-c",
+        _LITTLE_STACK,
+        *words,
+        folder=tmp_path,
+        environment={**os.environ, "PYTHONPATH": str(ROOT)},
+        check=True,
     )
-    assert done.returncode == 0, done.stderr
     assert (tmp_path / "a.npy").exists()
 
 

@@ -11,12 +11,11 @@ import json
 import os
 import pickle
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from numba.core import types
+from processes import run_python
 
 import renderer
 from renderer.command.cli import main
@@ -44,13 +43,8 @@ def run(folder):
     """Compile and call one kernel in a process of its own; return what it printed."""
     (folder / "program.py").write_text(KERNEL)
     environment = {"LIGHTPROOF_CACHE": str(folder / "cache"), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "program.py"],
-        cwd=folder,
-        env=os.environ | environment,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
+    done = run_python(
+        "program.py", folder=folder, environment=os.environ | environment, check=True
     )
     return done.stdout
 

@@ -18,6 +18,7 @@ import pytest
 from compiled_kernels import ROOT
 from numba.core import types
 from numba.core.caching import IndexDataCacheFile
+from processes import run_python
 
 import renderer
 import renderer.integrators.stages.film
@@ -234,7 +235,7 @@ def test_a_cache_with_another_programs_classes_is_no_obstacle(tmp_path: Path) ->
     }
 
     def run(program: str) -> int:
-        return subprocess.run([sys.executable, "-c", program], env=environment).returncode
+        return run_python("-c", program, environment=environment).returncode
 
     own = tmp_path / "own.py"
     own.write_text(OWN_CLASS.format(hits=0))
@@ -294,12 +295,11 @@ def test_a_folder_that_cannot_be_used_is_no_obstacle(monkeypatch, tmp_path, capl
 def _hash_of(package: Path) -> str:
     """Return the name of the kernel cache that a copy of the package would use."""
     program = "import renderer.kernels.jit; print(renderer.kernels.jit.KERNEL_CACHE.name)"
-    found = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=package.parent,
-        env={"PYTHONPATH": str(package.parent), "PATH": "/usr/bin:/bin"},
-        capture_output=True,
-        text=True,
+    found = run_python(
+        "-c",
+        program,
+        folder=package.parent,
+        environment={"PYTHONPATH": str(package.parent), "PATH": "/usr/bin:/bin"},
         check=True,
     )
     return found.stdout.strip()
@@ -440,11 +440,5 @@ def test_kernels_work_as_compiled_and_as_loaded(tmp_path: Path) -> None:
     }
     program = "import pair; print([len(k.stats.cache_hits) for k in pair.kernels])"
     for hits in (0, 1):
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        done = run_python("-c", program, environment=environment, check=True)
         assert done.stdout == f"303 [0, 3, 6]\n{[hits] * 3}\n"

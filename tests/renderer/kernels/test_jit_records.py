@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numba.core import types
-from numba.core.errors import TypingError
 
 from renderer.errors import SceneError
 from renderer.kernels.jit import (
@@ -20,7 +19,6 @@ from renderer.kernels.jit import (
     entry_kernel,
     kernel,
     pack,
-    record_class,
     record_type,
     table_columns,
 )
@@ -85,11 +83,6 @@ def two_dimensions(record, out):
     out[3] = row[0]
     out[4] = record.value.size
     record.value[0, 0] = 77
-
-
-@entry_kernel
-def missing(record):
-    return record.valu
 
 
 def test_records_in_records_with_numbers_and_nothing() -> None:
@@ -226,11 +219,6 @@ def test_what_kernels_cannot_read_is_refused(value) -> None:
         pack(One(value))
 
 
-def test_a_field_that_is_not_there() -> None:
-    with pytest.raises(TypingError, match="Unknown attribute 'valu'"):
-        missing(pack(One(1)))
-
-
 def test_types_tell_records_apart() -> None:
     """By class, by the types of the fields, and by the source of a user's own kind."""
     assert record_type(One(1)) == pack(One(2)).numba_type
@@ -245,13 +233,6 @@ def test_types_tell_records_apart() -> None:
         record_type(Inner(1, 1, 1)),
     ]
     assert len({str(one) for one in different}) == len(set(different)) == len(different)
-
-
-def test_the_class_behind_a_type() -> None:
-    assert record_class(record_type(One(1))) is One
-    assert record_class(record_type(One(1)).record) is One
-    assert record_class(types.float32) is None
-    assert record_class(types.none) is None
 
 
 def test_the_text_of_a_users_file_tells_its_records_apart(tmp_path, monkeypatch) -> None:

@@ -7,11 +7,6 @@ and on lanes as a kernel, and the bits must agree.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
@@ -657,41 +652,3 @@ def test_a_read_only_array_is_not_written():
 
 
 # ---------------------------------------------------------------------------------- cache
-
-SCRIPT = """
-import numpy as np
-from renderer.kernels.jit import entry_kernel
-from renderer.kernels.lanes.functions import select, sqrt
-from renderer.kernels.lanes.mathematics import sincos
-from renderer.kernels.lanes.vectors import load3, normalize, store3
-
-@entry_kernel
-def run(a):
-    v = normalize(load3(a, 0))
-    v = v * select(v.x > 0.5, sqrt(v.x), sincos(v.y)[0])
-    store3(a, 0, v)
-
-run(np.ones((3, 16), np.float32))
-print(sum(run.stats.cache_hits.values()), sum(run.stats.cache_misses.values()))
-"""
-
-
-def test_a_second_process_compiles_nothing(tmp_path):
-    """Lane types have no address or counter in their names, so the cache finds them."""
-    script = tmp_path / "script.py"
-    script.write_text(SCRIPT)
-    environment = dict(
-        os.environ,
-        LIGHTPROOF_CACHE=str(tmp_path / "cache"),
-        PYTHONPATH=str(Path(__file__).parents[3]),
-    )
-
-    def hits_and_misses():
-        command = [sys.executable, str(script)]
-        run = subprocess.run(
-            command, env=environment, capture_output=True, text=True, check=True
-        )
-        return run.stdout.split()
-
-    assert hits_and_misses() == ["0", "1"]
-    assert hits_and_misses() == ["1", "0"]

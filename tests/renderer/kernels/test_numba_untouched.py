@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 from compiled_kernels import ROOT
+from processes import run_python
 
 WATCHED = """
 import gc, inspect, sys, types
@@ -101,10 +100,5 @@ def test_numba_stays_as_it_was(tmp_path: Path) -> None:
     # nothing of this text is in the cache yet
     (tmp_path / "doubled.py").write_text(f"{DOUBLED}\n# {tmp_path}\n")
     paths = os.pathsep.join([str(tmp_path), str(ROOT)])
-    done = subprocess.run(
-        [sys.executable, "-c", WATCHED],
-        env=os.environ | {"PYTHONPATH": paths},
-        capture_output=True,
-        text=True,
-    )
+    done = run_python("-c", WATCHED, environment=os.environ | {"PYTHONPATH": paths})
     assert (done.stdout, done.stderr) == ("unchanged\n", "")

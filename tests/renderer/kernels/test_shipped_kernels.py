@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from compiled_kernels import ROOT
+from processes import run_python
 
 from renderer.kernels.jit import cache
 from renderer.kernels.jit.cache import LEVELS, runs, shipped_for_this_processor
@@ -43,12 +42,11 @@ pytestmark = pytest.mark.skipif(
 def run(folder: Path, cache: str, *words: str, **told: str) -> str:
     """Compile or load two kernels in a process of its own; return what it printed."""
     environment = {"LIGHTPROOF_CACHE": str(folder / cache), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "program.py", *words],
-        cwd=folder,
-        env=os.environ | environment | told,
-        stdout=subprocess.PIPE,
-        text=True,
+    done = run_python(
+        "program.py",
+        *words,
+        folder=folder,
+        environment=os.environ | environment | told,
         check=True,
     )
     return done.stdout

@@ -9,14 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from chi_square import assert_follows, cell_masses, histogram
-from environment_maps import LAMP, directions, turned, write_exr
+from environment_maps import LAMP, directions, turned, write_map
 from light_probes import LightProbe
 from scene_file_samples import error_of
 from small_scenes import diffuse, pixels, scene, sensor, sphere
-
-import renderer
-from renderer.errors import SceneError
-from renderer.simple.scene import Scene as SimpleScene
 
 mi = pytest.importorskip("mitsuba")
 
@@ -59,7 +55,7 @@ class Pair:
         self.to_world = turned() if settings.pop("turned", False) else None
         self.content = {
             "type": "envmap",
-            "filename": write_exr(folder / f"{name}.exr", self.image),
+            "filename": write_map(folder / f"{name}.exr", self.image),
             **settings,
         }
         if self.to_world is not None:
@@ -109,7 +105,7 @@ def test_radiance_and_density_by_direction(pair):
 
 def test_rotations_of_few_digits_are_undone_by_their_inverse(tmp_path):
     """Their transpose, 1e-4 beside it, gave other texels: light was off by 9e-4 here."""
-    path = write_exr(tmp_path / "steep.exr", noise(64, 128))
+    path = write_map(tmp_path / "steep.exr", noise(64, 128))
     few_digits = np.array(turned().matrix, np.float64)
     few_digits[:3, :3] += 4e-5 * np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
     placed, plain = (
@@ -173,7 +169,7 @@ def test_samples_follow_the_density(pair):
 def test_furnace(tmp_path):
     """Under an even map of radiance 1.5 a body of albedo 0.6 has the radiance 0.9."""
     even = np.full((4, 8, 3), 0.5, np.float32)
-    sky = {"type": "envmap", "filename": write_exr(tmp_path / "even.exr", even), "scale": 3}
+    sky = {"type": "envmap", "filename": write_map(tmp_path / "even.exr", even), "scale": 3}
     view = sensor((0, -5, 0), (0, 0, 0), size=(16, 16), fov=5.0, spp=256, jitter=True)
     picture = pixels(scene(view, "path", sphere(diffuse(0.6)), sky, max_depth=3))
     np.testing.assert_allclose(picture.mean(), 0.9, rtol=3e-3)
@@ -204,12 +200,12 @@ def with_value(value):
     ids=["nan", "infinite", "black", "pole"],
 )
 def test_pixels_that_cannot_be_sampled(image, words, tmp_path):
-    write_exr(tmp_path / "sky.exr", image)
+    write_map(tmp_path / "sky.exr", image)
     assert words in error_of(env(""), folder=tmp_path)
 
 
 def test_files_and_properties_that_cannot_be_used(tmp_path):
-    write_exr(tmp_path / "sky.exr", noise(4, 8))
+    write_map(tmp_path / "sky.exr", noise(4, 8))
     (tmp_path / "cut.exr").write_bytes((tmp_path / "sky.exr").read_bytes()[:200])
 
     def refused(content):
@@ -228,11 +224,3 @@ def test_files_and_properties_that_cannot_be_used(tmp_path):
     )
     two = env("") + '\n<emitter type="constant"/>'
     assert ':3: emitter "constant" is a second environment beside line 2' in refused(two)
-
-
-def test_the_simple_path_tracer_has_no_environment_maps(tmp_path):
-    sky = {"type": "envmap", "filename": write_exr(tmp_path / "n.exr", noise(3, 4))}
-    view = sensor((0, -5, 0), (0, 0, 0), size=(4, 4), fov=5.0, spp=1)
-    loaded = renderer.load_dict(scene(view, "path", sphere(diffuse(0.6)), sky))
-    with pytest.raises(SceneError, match="the simple path tracer has no emitter 'envmap'"):
-        SimpleScene(loaded.description)

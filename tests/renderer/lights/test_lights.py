@@ -358,6 +358,15 @@ def test_a_far_sphere_has_the_density_of_its_solid_angle(setup):
     np.testing.assert_allclose(pdf, 1e8 / np.pi, rtol=1e-5)
 
 
+def test_lights_are_chosen_evenly(setup):
+    """Also for the largest number below 1."""
+    number = np.float32(np.random.default_rng(6).random(N))
+    number[0], number[1] = 1 - 2.0**-24, 0
+    light = setup.choices(number)
+    assert light[0] == len(NAMES) - 1 and light[1] == 0
+    assert chi_square_z(np.bincount(light, minlength=len(NAMES))) < SIGMA
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_alias_tables_have_the_weights_as_probabilities(seed):
     """Exactly, for weights of very different size, zeros among them [Walker1977]."""

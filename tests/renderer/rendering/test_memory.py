@@ -5,13 +5,13 @@ from __future__ import annotations
 import gc
 import struct
 import tracemalloc
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
+from image_files import png_file
 from PIL import Image as Pillow
 from serialized_files import Mesh, ball, file_of, serialized, stream
 
@@ -56,16 +56,7 @@ def read(path: Path) -> scene_file.SceneDescription:
 
 
 def png(width: int, height: int, bits: int, data: bytes = b"") -> bytes:
-    header = struct.pack(">IIBBBBB", width, height, bits, 2, 0, 0, 0)
-    found = b"\x89PNG\r\n\x1a\n"
-    for kind, content in (
-        (b"IHDR", header),
-        (b"IDAT", zlib.compress(data)),
-        (b"IEND", b""),
-    ):
-        check = struct.pack(">I", zlib.crc32(kind + content))
-        found += struct.pack(">I", len(content)) + kind + content + check
-    return found
+    return png_file((width, height), (2, bits), data)
 
 
 def exr(path: Path, compression: str, side: int) -> bytes:

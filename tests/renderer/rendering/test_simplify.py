@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from environment_maps import write_exr
+from environment_maps import write_map
 from small_scenes import placed, rgb, sensor
 
 import renderer
@@ -395,7 +395,7 @@ def test_what_light_samples_leave_out_bsdf_samples_find(tmp_path):
     """
     sky = np.full((8, 16, 3), 0.5, np.float32)
     sky[2, 4] = 6.0
-    write_exr(tmp_path / "sky.exr", sky)
+    write_map(tmp_path / "sky.exr", sky)
     upright = np.eye(4)[[0, 2, 1, 3]]  # local y is the world's z
     full = read_dict(
         {

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from environment_maps import LAMP, directions, turned, write_exr
+from environment_maps import LAMP, directions, turned, write_map
 from light_probes import LightProbe
 
 import renderer.replay.replay_mode
@@ -30,7 +30,7 @@ MAPS = {
 @pytest.fixture(scope="module", params=list(MAPS))
 def pair(request, tmp_path_factory):
     """Ours and Mitsuba's environment."""
-    path = write_exr(tmp_path_factory.mktemp("sky") / "steep.exr", steep())
+    path = write_map(tmp_path_factory.mktemp("sky") / "steep.exr", steep())
     settings = MAPS[request.param]
     matrix = " ".join(map(repr, settings.get("to_world", np.eye(4)).ravel().tolist()))
     compensated = str(settings.get("mis_compensation", False)).lower()
@@ -90,7 +90,7 @@ def test_lookups_are_mitsubas(pair):
 
 def probes(tmp_path, monkeypatch, broken):
     """The environment as it is, and with our own table as `broken` returns it."""
-    path = write_exr(tmp_path / "steep.exr", steep())
+    path = write_map(tmp_path / "steep.exr", steep())
     content = {"type": "envmap", "filename": path}
     right = LightProbe(LAMP, {"sky": content}, WHITE, replay=True)
 
@@ -151,7 +151,7 @@ def test_samples_of_maps_with_bright_poles_are_mitsubas(size, compensated, tmp_p
     In a compensated map that is nearly black but there it moves the shares of patches by
     1e-4 of all, and next to where a density begins at 0 goes with the root of that.
     """
-    path = write_exr(tmp_path / "poles.exr", with_bright_poles(*size))
+    path = write_map(tmp_path / "poles.exr", with_bright_poles(*size))
     content = {"type": "envmap", "filename": path, "mis_compensation": compensated}
     theirs = mi.load_dict({"type": "scene", "ball": {"type": "sphere"}, "sky": content})
     ours = LightProbe(LAMP, {"sky": content}, WHITE, replay=True)

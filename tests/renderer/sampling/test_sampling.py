@@ -115,6 +115,25 @@ def test_each_number_is_uniform(sampler):
 
 
 @every_sampler
+@pytest.mark.parametrize(
+    "changed",
+    ["pixel", "row of pixels", "block", "bounce", "seed"],
+)
+def test_neighbours_are_independent(sampler, changed):
+    """|r| < 5 / sqrt(N), and 16 x 16 bins, against the pixel beside, the next block, ..."""
+    pixels = np.arange(PIXELS)
+    step = {"pixel": 1, "row of pixels": 640}.get(changed, 0)
+    block = {"block": 3, "bounce": 2 + 256}.get(changed, 2)
+    other = sampler._replace(seed=sampler.seed + (changed == "seed"))
+    a, b = draw(sampler, pixels, 2, 2), draw(other, pixels + step, 2, block)
+    for i in range(4):
+        for j in range(4):
+            assert abs(np.corrcoef(a[i], b[j])[0, 1]) * np.sqrt(PIXELS) < SIGMA
+        cells = (a[i] * 16).astype(int) * 16 + (b[i] * 16).astype(int)
+        assert chi_square_z(np.bincount(cells, minlength=256)) < SIGMA
+
+
+@every_sampler
 def test_the_same_question_has_the_same_answer(sampler):
     """In any order and beside any other pixel: nothing is carried on."""
     pixels = np.random.default_rng(0).permutation(4096)
@@ -282,6 +301,24 @@ def warped(x, y):
 def cells(a, b):
     """Counts of pairs in [0, 1]^2 in 16 x 16 bins."""
     return np.histogram2d(a, b, 16, [[0, 1], [0, 1]])[0]
+
+
+def random_square():
+    return np.random.default_rng(3).random((2, PIXELS)).astype(np.float32)
+
+
+def turn(v):
+    return (np.arctan2(v[:, 1], v[:, 0]) / (2 * np.pi)) % 1
+
+
+def test_the_hemisphere_has_density_cos_over_pi():
+    """z^2 and the longitude are uniform and independent; mean of z is 2/3."""
+    _, hemisphere, _, _ = warped(*random_square())
+    np.testing.assert_allclose(np.linalg.norm(hemisphere, axis=1), 1, rtol=3e-7)
+    z = hemisphere[:, 2]
+    assert z.min() >= 0
+    assert chi_square_z(cells(z * z, turn(hemisphere))) < SIGMA
+    assert abs(mean_z(z, 2 / 3)) < SIGMA
 
 
 def test_the_warps_keep_neighbours():

@@ -10,6 +10,7 @@ import pytest
 
 from renderer import scene_file
 from renderer.errors import SceneError
+from renderer.scene_file.description import Mesh, SdfGrid
 from renderer.scene_file.images.images import read_texels
 
 PLUGINS = Path(__file__).parents[2] / "plugins"
@@ -27,6 +28,7 @@ USES = {  # what a file is read for
     "textures/half.exr": TEXTURE,
     "textures/octahedron.ply": '<shape type="ply">{}</shape>',
     "lamp.obj": '<shape type="obj">{}</shape>',
+    "grids/torus.vol": '<shape type="sdfgrid">{}</shape>',
     "meshes/version-3.serialized": '<shape type="serialized">{}</shape>',
     "meshes/version-4.serialized": '<shape type="serialized">{}</shape>',
     "small.binary": '<bsdf type="merl">{}</bsdf>',
@@ -43,7 +45,7 @@ def damaged(content: bytes) -> list[bytes]:
     found = [content[:cut] for cut in cuts]
     for last in (len(content), min(len(content), 80)):  # all of it, and the header
         for width in (1, 1, 1, 4):
-            for _ in range(5):
+            for _ in range(15):
                 wrong = bytearray(content)
                 place = rng.randrange(last)
                 wrong[place : place + width] = rng.choice(
@@ -51,6 +53,17 @@ def damaged(content: bytes) -> list[bytes]:
                 )
                 found.append(bytes(wrong))
     return [*found, content + b"\0", content * 2]
+
+
+def assert_valid(shape: object) -> None:
+    """No half-read mesh: all indices are in range, and all numbers finite."""
+    if isinstance(shape, Mesh):
+        assert shape.faces.min(initial=0) >= 0  # degenerate ones may have been all
+        assert shape.faces.max(initial=-1) < len(shape.vertices)
+        for numbers in (shape.vertices, shape.normals, shape.uvs):
+            assert numbers is None or np.isfinite(numbers).all()
+    if isinstance(shape, SdfGrid):
+        assert np.isfinite(shape.distances).all() and min(shape.distances.shape) >= 2
 
 
 @pytest.mark.parametrize("name", USES)
@@ -73,7 +86,8 @@ def test_a_damaged_file_gives_a_scene_or_one_sentence(tmp_path: Path, name: str)
     for wrong in damaged(content):
         path.write_bytes(wrong)
         try:
-            scene_file.read_string(xml, base_dir=tmp_path)
+            for shape in scene_file.read_string(xml, base_dir=tmp_path).shapes:
+                assert_valid(shape)
         except SceneError as error:
             refused += 1
             assert path.name in str(error)

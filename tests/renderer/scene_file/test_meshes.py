@@ -265,28 +265,6 @@ def test_cube_is_mitsubas_cube(transform: str, flip_normals: bool):
     assert mitsuba_mesh("cube", face_normals=True).has_vertex_normals()
 
 
-def test_random_mesh_has_the_computed_normals_of_mitsuba(tmp_path: Path):
-    """Angle-weighted normals of a bumpy height field of 800 triangles, to 1e-5."""
-    n = 21
-    x, y = np.meshgrid(np.arange(n), np.arange(n))
-    z = np.random.default_rng(5).random((n, n))
-    points = list(
-        zip(x.ravel().tolist(), y.ravel().tolist(), z.ravel().tolist(), strict=True)
-    )
-    corner = np.arange(n * n).reshape(n, n)
-    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
-    triangles = np.stack((a, b, c, a, c, d), axis=-1).reshape(-1, 3)
-    text = "".join(f"v {x} {y} {z:.17g}\n" for x, y, z in points)
-    text += "".join(f"f {i} {j} {k}\n" for i, j, k in triangles + 1)
-    path = tmp_path / "mesh.obj"
-    path.write_text(text)
-    theirs = mi.traverse(mitsuba_mesh("obj", filename=str(path)))
-    ours = build(read_obj(path))
-    assert ours.normals is not None
-    expected = np.array(theirs["vertex_normals"]).reshape(-1, 3)
-    np.testing.assert_allclose(ours.normals, expected, atol=1e-5)
-
-
 # ------------------------------------------------------------- beyond Mitsuba's reader
 
 
@@ -457,17 +435,6 @@ OBJ_FAULTS = {
 }
 
 
-@pytest.mark.parametrize(("content", "message"), OBJ_FAULTS.values(), ids=OBJ_FAULTS.keys())
-def test_obj_faults_are_one_line_errors(tmp_path: Path, content: str, message: str):
-    path = tmp_path / "mesh.obj"
-    path.write_bytes(content.encode())
-    with pytest.raises(SceneError) as caught:
-        read_obj(path)
-    assert str(caught.value).startswith(str(path))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 HEAD = "ply\nformat ascii 1.0\nelement vertex 3\n"
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 FACE = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -516,12 +483,18 @@ PLY_FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("content", "message"), PLY_FAULTS.values(), ids=PLY_FAULTS.keys())
-def test_ply_faults_are_one_line_errors(tmp_path: Path, content: str, message: str):
-    path = tmp_path / "mesh.ply"
+FAULTS = [(read_obj, *fault) for fault in OBJ_FAULTS.values()]
+FAULTS += [(read_ply, *fault) for fault in PLY_FAULTS.values()]
+
+
+@pytest.mark.parametrize(
+    ("read", "content", "message"), FAULTS, ids=[*OBJ_FAULTS, *PLY_FAULTS]
+)
+def test_faults_are_one_line_errors(tmp_path: Path, read, content: str, message: str):
+    path = tmp_path / "mesh"
     path.write_bytes(content.encode())
     with pytest.raises(SceneError) as caught:
-        read_ply(path)
+        read(path)
     assert str(caught.value).startswith(str(path))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -638,30 +611,6 @@ def test_every_truncation_is_an_error_or_a_valid_mesh(tmp_path: Path):
             else:
                 assert_valid(mesh)
     assert errors > 1000
-
-
-@pytest.mark.parametrize("form", ["obj", "ascii", "binary_little_endian"])
-def test_every_flipped_byte_is_an_error_or_a_valid_mesh(tmp_path: Path, form: str):
-    """Damage one byte at a time, counts and types of a header among them."""
-    path = tmp_path / "mesh"
-    read = read_ply
-    if form == "obj":
-        path.write_text(OBJ_FILES["both"])
-        read = read_obj
-    else:
-        write_ply(path, form, normals=True)
-    content = path.read_bytes()
-    for index in range(len(content)):
-        for flip in (0x01, 0x10, 0x80, 0xFF):
-            broken = bytearray(content)
-            broken[index] ^= flip
-            path.write_bytes(broken)
-            try:
-                mesh = build(read(path))
-            except SceneError as error:
-                assert "\n" not in str(error)
-            else:
-                assert_valid(mesh)
 
 
 def assert_valid(mesh: Mesh) -> None:

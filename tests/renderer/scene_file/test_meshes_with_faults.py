@@ -17,7 +17,7 @@ import pytest
 
 mi.set_variant("scalar_rgb")
 
-from scene_file_samples import error_of, mitsuba_refuses, ours, theirs  # noqa: E402
+from scene_file_samples import error_of, mitsuba_refuses, ours  # noqa: E402
 from serialized_files import Mesh, serialized  # noqa: E402
 
 POINTS = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0.5], [-1, 1, 0.25], [4, 4, 4]], float)
@@ -152,17 +152,6 @@ def test_normals_without_a_direction_are_computed_and_counted(
     np.testing.assert_allclose(mesh.normals[at], plain.normals[at], atol=1e-6)
     others = np.delete(mesh.normals, at, axis=0)
     np.testing.assert_allclose(others, UP[: len(others)], atol=1e-6)
-
-
-@pytest.mark.parametrize("form", ["binary ply", "serialized"])
-def test_an_unused_normal_without_a_direction_changes_no_picture(
-    tmp_path: Path, form: str
-) -> None:
-    path = write(tmp_path, form, normals=with_row(UP, 4, 0, 0, 0))
-    mesh, _ = read(path)
-    reference = mi.traverse(theirs(shape(path), folder=tmp_path).shapes()[0])
-    expected = np.array(reference["vertex_normals"]).reshape(-1, 3)[:4]
-    np.testing.assert_allclose(mesh.normals[:4], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("form", FORMATS)

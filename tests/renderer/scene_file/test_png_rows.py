@@ -6,12 +6,11 @@ Found by a damaged file of the soak: 213 bytes that were a picture of 7 x 16,711
 from __future__ import annotations
 
 import struct
-import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scene_file_samples import mitsuba_refuses
+from image_files import chunk, png_file
 
 from renderer.errors import SceneError
 from renderer.scene_file.images.images import read_texels
@@ -22,25 +21,9 @@ BITS = {(0, 1): 1, (0, 8): 8, (2, 8): 24, (3, 4): 4, (3, 8): 8, (4, 8): 16, (6, 
 PASSES = ((2, 1), (1, 1), (3, 1), (2, 2), (5, 2), (4, 4), (9, 3))
 
 
-def chunk(kind: bytes, data: bytes) -> bytes:
-    return (
-        struct.pack(">I", len(data))
-        + kind
-        + data
-        + struct.pack(">I", zlib.crc32(kind + data))
-    )
-
-
-def png(
-    kind: tuple[int, int], rows: bytes, interlace: int = 0, size=(WIDTH, HEIGHT)
-) -> bytes:
-    color_type, depth = kind
-    head = struct.pack(">IIBBBBB", *size, depth, color_type, 0, 0, interlace)
-    palette = chunk(b"PLTE", bytes(range(48))) if color_type == 3 else b""
-    image = chunk(b"IDAT", zlib.compress(rows))
-    return (
-        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + palette + image + chunk(b"IEND", b"")
-    )
+def png(kind: tuple[int, int], rows: bytes, interlace: int = 0, size=(WIDTH, HEIGHT)):
+    palette = [chunk(b"PLTE", bytes(range(48)))] if kind[0] == 3 else []
+    return png_file(size, kind, rows, *palette, interlace=interlace)
 
 
 def rows_of(bits: int, interlace: int) -> list[bytes]:
@@ -64,25 +47,6 @@ def test_rows_that_lack_are_no_black_ones(
         message = f"{held} bytes of pixels; expected {sum(map(len, rows))}"
         with pytest.raises(SceneError, match=message):
             read_texels(path)
-
-
-def test_a_bright_last_row_is_not_counted(tmp_path: Path, monkeypatch) -> None:
-    """Most pictures are read once only."""
-    monkeypatch.delattr("renderer.scene_file.images.images.bytes_held")
-    rows = rows_of(24, 0)
-    rows[-1] = b"\0" + 3 * WIDTH * b"\1"
-    (tmp_path / "a.png").write_bytes(png((2, 8), b"".join(rows)))
-    assert read_texels(tmp_path / "a.png").texels[-1].min() > 0
-
-
-def test_mitsuba_refuses_missing_rows_too(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(png((2, 8), b"".join(rows_of(24, 0)[:-1])))
-    assert mitsuba_refuses(
-        '<shape type="rectangle"><bsdf type="diffuse"><texture type="bitmap" '
-        'name="reflectance"><string name="filename" value="a.png"/></texture></bsdf>'
-        "</shape>",
-        folder=tmp_path,
-    )
 
 
 def test_a_header_that_promises_more_than_the_file_can_hold(

@@ -12,8 +12,6 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from plugins.make_grids import grid_file, places, torus, waves
 from scene_file_samples import error_of, ours
 from scene_xml import props
@@ -366,27 +364,6 @@ def test_a_fault_of_a_file_is_one_line(tmp_path, content, message):
     assert ":2: " in found or "line 2" in found
 
 
-@settings(
-    max_examples=100,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(st.lists(st.tuples(st.integers(0, 300), st.integers(0, 255)), max_size=4))
-def test_flipped_bytes_end_in_a_grid_or_an_error(tmp_path, flips):
-    data = bytearray(grid_file(GOOD))
-    for place, value in flips:
-        data[place % len(data)] = value
-    path = tmp_path / "flipped.vol"
-    path.write_bytes(bytes(data))
-    try:
-        grid = read_grid(path)
-    except SceneError as error:
-        assert "\n" not in str(error)
-    else:
-        assert np.isfinite(grid).all()
-        assert min(grid.shape) >= 2
-
-
 FILE = props(filename="x.vol")
 
 
@@ -423,11 +400,3 @@ def test_a_wrong_dictionary_is_one_line(grid, more, message):
     with pytest.raises(SceneError, match=message) as found:
         read_dict(scene({"type": "sdfgrid", "grid": grid, **more}))
     assert "\n" not in str(found.value)
-
-
-def test_the_simple_path_tracer_says_that_it_has_none():
-    from renderer.simple.path_tracer import render
-
-    content = scene({"type": "sdfgrid", "grid": GOOD[..., None]})
-    with pytest.raises(SceneError, match="has no shape 'sdfgrid'"):
-        render(read_dict(content), 1)

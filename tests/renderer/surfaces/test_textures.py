@@ -321,6 +321,19 @@ def test_mean_is_that_of_mitsuba(tmp_path, k):
     assert mean_of(ALL[k]) == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_bitmap_by_hand():
+    """Row 0 of the description is at v near 1 (the reader turns files over)."""
+    pixels = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float32)
+    nearest = BitmapTexture(pixels, "nearest", "clamp")
+    smooth = BitmapTexture(pixels, "bilinear", "clamp")
+    uv = [(0.25, 0.75), (0.75, 0.75), (0.25, 0.25), (0.75, 0.25)]
+    for texture in (nearest, smooth):  # at the texels' centres both agree
+        got = evaluate([texture], [0], [0] * 4, uv)
+        np.testing.assert_allclose(got, pixels.reshape(4, 3), atol=1e-6)
+    middle = evaluate([smooth], [0], [0], [(0.5, 0.5)])
+    np.testing.assert_allclose(middle[0], pixels.mean(axis=(0, 1)), atol=1e-6)
+
+
 def test_boards_of_boards():
     """The children see uv before `to_uv`; asked for a number, each board is swapped."""
     picture = BitmapTexture(colors(5, 3), "nearest", "repeat")

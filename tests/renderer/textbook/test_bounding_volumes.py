@@ -178,21 +178,6 @@ def test_the_sphere_is_the_smallest(seed):
     assert fitted.center == pytest.approx(center, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("points", "radius"),
-    [
-        (np.array([[0.0, 2], [0, 0], [0, 0]]), 1.0),  # two points: the middle
-        (np.array([[0.0, 2, 1], [0, 0, 0.2], [0, 0, 0]]), 1.0),  # obtuse: the third is in
-        (np.array([[1.0, -0.5, -0.5], [0, 0.75**0.5, -(0.75**0.5)], [0, 0, 0]]), 1.0),
-        (np.tile([[3.0], [1], [2]], 50), 0.0),
-    ],
-    ids=["pair", "obtuse", "equilateral", "coincident"],
-)
-def test_small_spheres(points, radius):
-    fitted = fit_sphere(points)
-    assert fitted.radius[0] == pytest.approx(radius, abs=2e-5)
-
-
 @pytest.mark.parametrize("size", [(1, 1, 1), (1, 2, 3), (10, 1, 0.1), (1, 1, 0.01)])
 @pytest.mark.parametrize("filled", [0, 3000])
 def test_the_obb_finds_a_rotated_box(size, filled):

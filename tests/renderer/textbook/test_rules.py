@@ -10,13 +10,10 @@ from textbook_cases import REACH, axis_directions, ball_in_a_stadium, counts
 
 from renderer.kernels.jit import entry_kernel
 from renderer.kernels.records.batch import BOXES, NODES, PRIMITIVES, SAVED, STACK
-from renderer.plugins.shapes.extents import Extents, Hulls, extents_of
+from renderer.plugins.shapes.extents import extents_of
 from renderer.textbook.cell_tree import CellTree, cells_of, tree_cost
 from renderer.textbook.cell_tree_build import LEAF, Places
-from renderer.textbook.clustered_grids import build_clustered_grids
 from renderer.textbook.kd_tree import BINS, CHEAPEST, KdRule, cheapest_plane, split_cost
-from renderer.textbook.nested_grids import build_nested_grids
-from renderer.textbook.octree import MAX_LEVELS
 from renderer.textbook.uniform_grid import DENSITY, build_uniform_grid
 from renderer.textbook.validate import validate_structure
 
@@ -139,14 +136,6 @@ def test_cells_of_eight_clusters():
         assert ((cells[leaf, :3] < middle) & (middle < cells[leaf, 3:])).all()
 
 
-def test_the_depth_ends_where_it_must():
-    """Two heaps of 100, 10^6 times as far apart as they are large."""
-    rng = np.random.default_rng(3)
-    heaps = np.repeat([[0.1, 0.1, 0.1], [1.0, 1, 1]], 100, axis=0)[:, None]
-    tree = proved("octree", "triangles", triangles(heaps + 1e-6 * rng.random((200, 3, 3))))
-    assert cells_of(tree)[1].max() == 3 * MAX_LEVELS
-
-
 # ------------------------------------------------------------------------------- grids
 
 
@@ -213,13 +202,3 @@ def test_mailboxes_save_all_tests_but_one():
     np.testing.assert_array_equal(without[PRIMITIVES], without[NODES])
     np.testing.assert_array_equal(with_mailboxes[PRIMITIVES], 1)
     np.testing.assert_array_equal(with_mailboxes[SAVED], without[NODES] - 1)
-
-
-def test_all_at_the_origin():
-    """Boxes without extent, in a world without extent."""
-    zero = np.zeros((3, 2), np.float32)
-    hulls = Hulls(np.zeros((3, 4, 2), np.float32), zero[0], zero)
-    nowhere = Extents(zero, zero, 0.0, 0.0, lambda: hulls)
-    held = accelerator("spheres", soup("spheres", 2, np.random.default_rng(0)), "brute")
-    for build in (build_uniform_grid, build_nested_grids, build_clustered_grids):
-        validate_structure(build(nowhere, lambda columns: held.primitives), nowhere)

@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 import OpenEXR
 import pytest
+from image_files import chunk, png_file, write_exr
 from PIL import Image, ImageCms
 from scene_file_samples import error_of, ours
 
@@ -24,14 +25,6 @@ XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
 AP0 = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
 P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290)
 BT709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-
-
-def write_exr(path: Path, channels: dict[str, np.ndarray], **attributes: Any) -> Path:
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    # OpenEXR puts its own objects into the dictionary
-    with OpenEXR.File({**header, **attributes}, dict(channels)) as file:
-        file.write(str(path))
-    return path
 
 
 def colors(names: str = "RGB", kind: str = "f4", prefix: str = "") -> dict[str, np.ndarray]:
@@ -215,19 +208,11 @@ def test_the_first_of_several_parts(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------ PNG and JPEG
 
 
-def chunk(kind: bytes, data: bytes) -> bytes:
-    check = struct.pack(">I", zlib.crc32(kind + data))
-    return struct.pack(">I", len(data)) + kind + data + check
-
-
 def png(path: Path, *chunks: bytes, depth: int = 8) -> Path:
     """Write a PNG with more chunks behind its header."""
     values = BYTES if depth == 8 else BYTES.astype(">u2") * 257
     rows = b"".join(b"\0" + row.tobytes() for row in values)
-    header = struct.pack(">IIBBBBB", WIDTH, HEIGHT, depth, 2, 0, 0, 0)
-    parts = [chunk(b"IHDR", header), *chunks, chunk(b"IDAT", zlib.compress(rows))]
-    content = b"\x89PNG\r\n\x1a\n" + b"".join(parts) + chunk(b"IEND", b"")
-    path.write_bytes(content)
+    path.write_bytes(png_file((WIDTH, HEIGHT), (2, depth), rows, *chunks))
     return path
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import colour
 import mitsuba as mi
 import numpy as np
 import pytest
 from scene_file_samples import error_of, mitsuba_refuses, ours, parameter, theirs
 from scene_xml import props, tag
 
-from renderer.scene_file.colors import spectra as cie_tables
 from renderer.scene_file.colors.named_materials import MATERIALS
 
 REFLECTANCE = '<shape type="sphere"><bsdf type="diffuse">\n{}</bsdf></shape>'
@@ -81,18 +79,6 @@ def test_spd_file(tmp_path: Path) -> None:
         '<spectrum name="reflectance" filename="paint.spd"/>', folder=tmp_path
     )
     np.testing.assert_allclose(mine, reference, rtol=2e-5)
-
-
-def test_cie_tables_are_those_of_colour_science() -> None:
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    np.testing.assert_allclose(
-        cie_tables.OBSERVER, observer[cie_tables.WAVELENGTHS], rtol=1e-6, atol=1e-12
-    )
-    d65 = colour.SDS_ILLUMINANTS["D65"]
-    known = cie_tables.WAVELENGTHS <= d65.wavelengths[-1]
-    np.testing.assert_allclose(
-        cie_tables.D65[known], d65[cie_tables.WAVELENGTHS[known]], rtol=1e-5
-    )
 
 
 def test_all_conductors_of_mitsuba_are_known() -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import mitsuba as mi
 import numpy as np
 import pytest
 from bsdf_probes import BsdfProbe, MitsubaProbe, seen_under
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 from scene_xml import props, tag
 
-from renderer.plugins.bsdfs.plastic import diffuse_fresnel, mean_of
 from renderer.plugins.bsdfs.rough_transmittance import rough_transmittance
 from renderer.scene_file.description import Bsdf, CheckerboardTexture, ConstantTexture
 
@@ -82,40 +80,6 @@ def test_a_roughness_may_be_a_colour_or_a_texture() -> None:
     text = SHAPE.format("roughplastic", board.replace("alpha_u", "alpha"))
     assert 'property "alpha": found a value of type texture' in error_of(text)
     assert mitsuba_refuses(text)
-
-
-def test_means_that_weigh_the_lobes() -> None:
-    assert mean_of(ConstantTexture((0.1, 0.2, 0.6))) == pytest.approx(0.3)
-    board = CheckerboardTexture(
-        ConstantTexture((0.1, 0.2, 0.6)), ConstantTexture((0.5, 0.5, 0.5))
-    )
-    assert mean_of(board) == pytest.approx(0.4)
-
-
-def test_a_coat_throws_back_what_mitsuba_says() -> None:
-    """Both fits, and the integral that they stand for, at an index of 1.5."""
-    for eta in (0.5, 0.7, 0.99, 1.0, 1.3, 1.5, 2.5):
-        assert diffuse_fresnel(eta) == pytest.approx(
-            mi.fresnel_diffuse_reflectance(eta), abs=1e-6
-        )
-    cosine = (np.arange(4000) + 0.5) / 4000
-    exact = [2 * c * mi.fresnel(float(c), 1.5)[0] for c in cosine]
-    assert diffuse_fresnel(1.5) == pytest.approx(np.mean(exact), abs=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("beckmann", "alpha", "eta", "expected"),
-    [
-        (True, 0.1, 1.49 / 1.000277, (0.370129, 0.392376, 0.961324, 0.574663)),
-        (False, 0.1, 1.49 / 1.000277, (0.573123, 0.570510, 0.960892, 0.545523)),
-        (True, 0.5, 1.9, (0.735849, 0.740928, 0.901965, 0.624593)),
-    ],
-)
-def test_the_table_of_a_coat_is_mitsuba_s(beckmann, alpha, eta, expected) -> None:
-    """At cosines 0, 1/63 and 1, and from inside; read back from Mitsuba's `eval`."""
-    table, thrown_back = rough_transmittance(beckmann, alpha, eta)
-    got = (table[0], table[1], table[63], thrown_back)
-    assert got == pytest.approx(expected, abs=4e-6)
 
 
 # -------------------------------------------------------------------- errors

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from pathlib import Path
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import OpenEXR
 import pytest
+from image_files import png_file, write_exr
 from PIL import Image
 from scene_file_samples import error_of, mitsuba_refuses, ours, theirs
 from scene_xml import props, tag, to_uv
@@ -18,7 +16,7 @@ from scene_xml import props, tag, to_uv
 import renderer
 from renderer.scene_file.description import BitmapTexture, CheckerboardTexture
 from renderer.scene_file.images.image import linear_values
-from renderer.scene_file.images.images import read_image, read_texels
+from renderer.scene_file.images.images import read_texels
 
 SHAPE = (
     '<shape type="rectangle"><bsdf type="diffuse">\n'
@@ -46,25 +44,8 @@ def write_png(path: Path, values: np.ndarray, *, interlaced: bool = False) -> No
         packed += bytes([y % 5]) + ((row - guess) % 256).astype(np.uint8).tobytes()
         above = row
     color_type = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
-    header = struct.pack(">IIBBBBB", width, height, 16, color_type, 0, 0, interlaced)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n")
-    with path.open("ab") as file:
-        for kind, data in (
-            (b"IHDR", header),
-            (b"IDAT", zlib.compress(packed)),
-            (b"IEND", b""),
-        ):
-            check = zlib.crc32(kind + data)
-            file.write(
-                struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)
-            )
-
-
-def write_exr(path: Path, **channels: np.ndarray) -> None:
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {k: np.ascontiguousarray(v) for k, v in channels.items()}).write(
-        str(path)
-    )
+    size, form = (width, height), (color_type, 16)
+    path.write_bytes(png_file(size, form, packed, interlace=int(interlaced)))
 
 
 def write_images(folder: Path) -> None:
@@ -89,12 +70,13 @@ def write_images(folder: Path) -> None:
     for name, channels in (("grey", 1), ("grey_alpha", 2), ("rgb", 3), ("rgba", 4)):
         write_png(folder / f"{name}_16.png", words[..., :channels])
     r, g, b, a = (FLOATS[..., k] for k in range(4))
-    write_exr(folder / "rgb.exr", R=r, G=g, B=b)
-    write_exr(folder / "rgba.exr", R=r, G=g, B=b, A=a)
-    write_exr(folder / "half.exr", RGB=FLOATS[..., :3].astype(np.float16))
-    write_exr(folder / "grey.exr", Y=r)
-    write_exr(folder / "layer.exr", **{"paint.R": r, "paint.G": g, "paint.B": b})
-    write_exr(folder / "xyz.exr", X=0.9 + 0.01 * r, Y=0.9 + 0.01 * g, Z=0.9 + 0.01 * b)
+    write_exr(folder / "rgb.exr", {"R": r, "G": g, "B": b})
+    write_exr(folder / "rgba.exr", {"R": r, "G": g, "B": b, "A": a})
+    write_exr(folder / "half.exr", {"RGB": FLOATS[..., :3].astype(np.float16)})
+    write_exr(folder / "grey.exr", {"Y": r})
+    write_exr(folder / "layer.exr", {"paint.R": r, "paint.G": g, "paint.B": b})
+    xyz = {name: 0.9 + 0.01 * plane for name, plane in zip("XYZ", (r, g, b), strict=True)}
+    write_exr(folder / "xyz.exr", xyz)
 
 
 IMAGES = (
@@ -203,14 +185,9 @@ def test_bytes_only_where_there_are_bytes(images: Path) -> None:
 
 
 def test_halves_that_are_too_small_for_the_pixels(tmp_path: Path) -> None:
-    write_exr(tmp_path / "sun.exr", RGB=FLOATS[..., :3] * 1e6)
+    write_exr(tmp_path / "sun.exr", {"RGB": FLOATS[..., :3] * 1e6})
     found = error_of(bitmap("sun.exr", props(format="fp16")), folder=tmp_path)
     assert 'property "format": found half floats, expected variant: there are' in found
-
-
-def test_packed_rows_are_in_the_test() -> None:
-    """Mitsuba packs rows of at least 8 pixels."""
-    assert WIDTH < 8 < 200
 
 
 @pytest.mark.parametrize(
@@ -338,7 +315,7 @@ def test_checkerboard_has_the_colours_of_mitsuba() -> None:
 
 def test_pixels_above_one_are_kept_and_mentioned_in_the_log(tmp_path: Path) -> None:
     """As in Mitsuba, which warns as well."""
-    write_exr(tmp_path / "bright.exr", RGB=FLOATS[..., :3] * 3)
+    write_exr(tmp_path / "bright.exr", {"RGB": FLOATS[..., :3] * 3})
     scene = ours(bitmap("bright.exr"), folder=tmp_path)
     assert "reflectances up to 2.9" in scene.warnings[0]
     assert scene.shapes[0].bsdf.reflectance.pixels.max() > 2.9
@@ -406,31 +383,6 @@ def test_image_without_its_last_byte(images: Path, tmp_path: Path, name: str) ->
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        *("rgb.png", "rgb_16.png", "rgb.exr", "rgb.jpg"),
-        *("rgb.bmp", "rgba.tga", "plain.hdr", "packed.hdr"),
-    ],
-)
-def test_garbled_image_is_an_error_or_a_picture(
-    images: Path, tmp_path: Path, name: str
-) -> None:
-    """Flip each of many bytes in turn: whatever comes, no other exception."""
-    content = (images / name).read_bytes()
-    errors = 0
-    for position in range(0, len(content), max(1, len(content) // 60)):
-        garbled = bytearray(content)
-        garbled[position] ^= 0x5A
-        (tmp_path / name).write_bytes(bytes(garbled))
-        try:
-            assert np.isfinite(read_image(tmp_path / name)).all()
-        except ValueError as error:
-            errors += 1
-            assert type(error).__name__ == "SceneError", error
-    assert errors > 0
-
-
-@pytest.mark.parametrize(
     ("pixels", "message"),
     [
         (np.nan, "NaN or infinite pixels, 1 of 20; the first is in row 1, column 2"),
@@ -443,7 +395,7 @@ def test_image_with_values_that_are_no_reflectance(
 ) -> None:
     values = FLOATS[..., :3].copy()
     values[1, 2, 0] = pixels
-    write_exr(tmp_path / "bad.exr", RGB=values)
+    write_exr(tmp_path / "bad.exr", {"RGB": values})
     assert message in error_of(bitmap("bad.exr"), folder=tmp_path)
 
 
@@ -475,14 +427,6 @@ def test_radiance_pictures_that_are_damaged(
     found = error_of(bitmap("bad.hdr"), folder=tmp_path)
     assert found.startswith('<string>:3: texture "bitmap": ')
     assert message in found
-
-
-def test_a_radiance_picture_by_hand(tmp_path: Path) -> None:
-    """Mantissas over 256, times 2 to the exponent - 128; exponent 0 is black."""
-    pixels = bytes((128, 64, 32, 129, 255, 1, 0, 128, 255, 255, 255, 0))
-    (tmp_path / "three.hdr").write_bytes(RGBE + b"-Y 1 +X 3\n" + pixels)
-    expected = [[1, 0.5, 0.25], [255 / 256, 1 / 256, 0], [0, 0, 0]]
-    np.testing.assert_array_equal(read_image(tmp_path / "three.hdr")[0], expected)
 
 
 @pytest.mark.parametrize(
@@ -527,7 +471,7 @@ def test_images_that_are_not_supported(images: Path, tmp_path: Path) -> None:
     Image.fromarray(BYTES[..., :3]).convert("CMYK").save(tmp_path / "cmyk.jpg")
     Image.fromarray(BYTES[..., :3]).save(tmp_path / "rgb.gif")
     write_png(tmp_path / "interlaced.png", RNG.integers(0, 9, (4, 4, 3)), interlaced=True)
-    write_exr(tmp_path / "depth.exr", Z=FLOATS[..., 0])
+    write_exr(tmp_path / "depth.exr", {"Z": FLOATS[..., 0]})
     for name, message in (
         ("text.png", "no image of a format that is read: PNG, JPEG, BMP, TGA, EXR"),
         ("rgb.gif", "no image of a format that is read: PNG, JPEG, BMP, TGA, EXR"),
