@@ -12,8 +12,8 @@ One room a page or study, from the top down; imports go no other way:
     Measure, write the records, draw the pages.
 `scenes_page`, `proof_page`, `accelerator_page`
     From records to a page.
-`limits`, `speed_accuracy`, `needs`, `soak`, `history`
-    Studies with a page of their own: where methods fail, what an error costs, what a scene
+`limits`, `needs`, `soak`, `history`
+    Studies with a page of their own: where methods fail, what a scene
     needs, what is rare, how records changed.
 `beside_peers`
     Pictures and rays of several scenes beside Mitsuba and Embree.

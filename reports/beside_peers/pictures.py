@@ -1,7 +1,7 @@
 """Pictures of several scenes, ours and Mitsuba's in turn, after their means agreed.
 
 All by independent samples, so that every renderer takes as many: what samples are worth is
-measured elsewhere (`reports.speed_accuracy`). Rays start as far off their surface as
+measured elsewhere (study `speed-accuracy`). Rays start as far off their surface as
 Mitsuba's do: by ours a ball of small triangles under a sun is darker by 1e-4, which the
 comparison of means would see.
 """
@@ -20,7 +20,7 @@ from reports.speed.measure import CHECK_SEEDS, scene_file
 from reports.speed.record import Renderer
 from reports.speed.section import REFERENCE
 from reports.speed.turns import compare_means, take_turns
-from reports.speed_accuracy.large_meshes import LARGE, written
+from reports.trials.large_meshes import LARGE, written
 
 SAMPLER, RAY_OFFSET = "independent", "mitsuba"
 

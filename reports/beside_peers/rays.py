@@ -15,7 +15,7 @@ from reports.accelerator_trials.contenders import NAIVE
 from reports.accelerator_trials.meshes import displaced_icosphere, teapot
 from reports.beside_peers.record import RayTimes
 from reports.errors import ReportError
-from reports.speed_accuracy.large_meshes import FREQUENCY
+from reports.trials.large_meshes import FREQUENCY
 
 OURS = "wide"
 KINDS = ("camera", "shadow", "diffuse")

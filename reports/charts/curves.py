@@ -13,6 +13,7 @@ from reports.charts.figure import (
     GUIDE,
     Point,
     Series,
+    bars,
     element,
     linear_axis,
     log_axis,
@@ -68,7 +69,7 @@ def log_log_chart(
         traces.insert(0, _guide(ends, heights))
     if front:
         traces.insert(0, _front(front))
-    x, y = log_axis(x_label), log_axis(y_label)
+    x, y = log_axis(x_label), log_axis(y_label, automargin=True)
     return element(traces, x=x, y=y, height=height, description=description)
 
 
@@ -143,6 +144,8 @@ def _curves(series: Sequence[Series]) -> list[go.Scatter]:
         marks(
             index if one.look is None else one.look,
             one.name,
+            one.colour,
+            visible=True if one.visible else "legendonly",
             mode="lines+markers+text" if one.connected else "markers+text",
             x=[point.x for point in one.points],
             y=[point.y for point in one.points],
@@ -150,28 +153,11 @@ def _curves(series: Sequence[Series]) -> list[go.Scatter]:
             # the first series, ours, is mostly the lower one
             textposition="top right" if index else "bottom left",
             hovertext=[plain(point.tooltip or one.name) for point in one.points],
-            error_x=_bars([(point.x, point.x_range) for point in one.points]),
-            error_y=_bars([(point.y, point.y_range) for point in one.points]),
+            error_x=bars([(point.x, point.x_range) for point in one.points]),
+            error_y=bars([(point.y, point.y_range) for point in one.points]),
         )
         for index, one in enumerate(drawn)
     ]
-
-
-def _bars(
-    ranges: Sequence[tuple[float, tuple[float, float] | None]],
-) -> dict[str, object] | None:
-    """Return the bars around values, from the low to the high end of each range."""
-    if not any(ends for _, ends in ranges):
-        return None
-    ends = [(value, given or (value, value)) for value, given in ranges]
-    return {
-        "type": "data",
-        "symmetric": False,
-        "array": [high - value for value, (_, high) in ends],
-        "arrayminus": [value - low for value, (low, _) in ends],
-        "thickness": 1,
-        "width": 3,
-    }
 
 
 def _front(places: Sequence[tuple[float, float]]) -> go.Scatter:

@@ -42,6 +42,8 @@ class Series:
     points: tuple[Point, ...]
     look: int | None = None  # colour, marker and dash; None: those of its place
     connected: bool = True  # by a line
+    colour: int | None = None  # and dash, in place of those of `look`
+    visible: bool = True  # from the start; else by a click on its name in the legend
 
 
 def plain(text: str) -> str:
@@ -49,19 +51,40 @@ def plain(text: str) -> str:
     return html.escape(text, quote=False)
 
 
-def marks(series: int, name: str, **given: Any) -> go.Scatter:
-    """Return a trace with the colour, marker and dash of series number `series`."""
-    colour = COLOURS[series % len(COLOURS)]
+def marks(series: int, name: str, hue: int | None = None, **given: Any) -> go.Scatter:
+    """Return a trace with the colour, marker and dash of series number `series`.
+
+    `hue` is the number of another colour and dash.
+    """
+    hue = series if hue is None else hue
+    colour = COLOURS[hue % len(COLOURS)]
     filling = FILLINGS[series // len(SYMBOLS) % len(FILLINGS)]
     symbol = SYMBOLS[series % len(SYMBOLS)] + filling
     return go.Scatter(
         name=plain(name),
-        legendgroup=series,
+        legendgroup=name,
         hovertemplate="%{hovertext}<extra></extra>",
-        line={"color": colour, "dash": DASHES[series % len(DASHES)], "width": 2},
+        line={"color": colour, "dash": DASHES[hue % len(DASHES)], "width": 2},
         marker={"color": colour, "symbol": symbol, "size": 9},
         **given,
     )
+
+
+def bars(
+    ranges: Sequence[tuple[float, tuple[float, float] | None]],
+) -> dict[str, object] | None:
+    """Return the bars around values, from the low to the high end of each range."""
+    if not any(ends for _, ends in ranges):
+        return None
+    ends = [(value, given or (value, value)) for value, given in ranges]
+    return {
+        "type": "data",
+        "symmetric": False,
+        "array": [high - value for value, (_, high) in ends],
+        "arrayminus": [value - low for value, (low, _) in ends],
+        "thickness": 1,
+        "width": 3,
+    }
 
 
 def linear_axis(title: str = "", **given: Any) -> dict[str, Any]:
@@ -72,8 +95,9 @@ def linear_axis(title: str = "", **given: Any) -> dict[str, Any]:
 def log_axis(title: str, **given: Any) -> dict[str, Any]:
     """Return an axis on which equal ratios are equal lengths; its range is of exponents."""
     faint = {"showgrid": True, "gridcolor": FAINT, "dtick": "D1"}
-    power = {"type": "log", "exponentformat": "power", "minor": faint}
-    return linear_axis(title, **power, **given)
+    # with a format the ticks between powers have whole numbers, 0.2 in place of a small 2
+    log = {"type": "log", "tickformat": "~g", "nticks": 4, "minor": faint}
+    return linear_axis(title, **log, **given)
 
 
 def category_axis(

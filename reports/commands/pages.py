@@ -10,6 +10,8 @@ from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
 from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
+from reports.bench.store import Store
+from reports.bench.study import find_study
 from reports.errors import ReportError
 from reports.limits.page import limits_page
 from reports.limits.record import FILE as LIMITS
@@ -17,6 +19,7 @@ from reports.limits.record import Limits, read_limits
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import NeedsRecord
+from reports.pages.speed_accuracy_page import speed_accuracy_page
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
@@ -30,11 +33,9 @@ from reports.soak.record import read_soak
 from reports.speed.compile_times import read_compile_times
 from reports.speed.page import benchmark_page
 from reports.speed.record import read_benchmark
-from reports.speed_accuracy.page import speed_accuracy_page
-from reports.speed_accuracy.record import FILE as CURVES
-from reports.speed_accuracy.record import read_speed_accuracy
 
 DEFAULT_OUT = Path("reports/out")
+CURVES = "speed-accuracy"
 ACCELERATORS = "accelerators.json"
 BENCHMARK = "benchmark.json"
 COMPILE_TIMES = "compile_times.json"
@@ -54,7 +55,7 @@ def draw(source: Path, out: Path) -> int:
     source
         A results.json; its pictures are named relative to it.
     out
-        Folder for the page; benchmark.json, speed_accuracy.json, accelerators.json and the
+        Folder for the page; benchmark.json, speed-accuracy.jsonl, accelerators.json and the
         proof in its `data` are shown too, each on a page of its own; limits.html and
         needs.html are named if they are there. What is not in `data` comes from the
         repository's records, if it is among them, and so does what was soaked.
@@ -73,8 +74,7 @@ def draw(source: Path, out: Path) -> int:
     proof = read_proof_record(proven) if proven.exists() else None
     limits = _limits(out)
     _needs(out)
-    measured = newest(out / "data" / CURVES)
-    curves = read_speed_accuracy(measured) if measured.exists() else None
+    curves = Store(out / "data").read(CURVES)
     soak = read_soak(MEASURED / SOAK) if (MEASURED / SOAK).exists() else None
     page = out / "index.html"
     content = results_page(
@@ -84,15 +84,16 @@ def draw(source: Path, out: Path) -> int:
         study,
         proof,
         limits,
-        curves,
+        curves or None,
         soak,
         needs=(out / "needs.html").exists(),
         history=(out / "history.html").exists(),
     )
     write_atomically(page, content.encode())
     draw_benchmark(out)
-    if curves is not None:
-        write_atomically(out / "speed_accuracy.html", speed_accuracy_page(curves).encode())
+    if curves:
+        content = speed_accuracy_page(CURVES, find_study(CURVES), curves)
+        write_atomically(out / "speed_accuracy.html", content.encode())
     if study is not None:
         write_atomically(out / "accelerators.html", accelerators_page(study).encode())
     if soak is not None:

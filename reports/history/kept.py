@@ -25,10 +25,6 @@ PARTIAL = {
     "false_alarms.json": ("--pairs", "--scene", "--size", "--spp", "--seeds"),
     "register.json": ("--quick", "--only"),
     "calibration.json": ("--error", "--seeds"),
-    "speed_accuracy.json": (
-        *("--quick", "--scene", "--spp", "--seeds", "--samplers"),
-        *("--reference", "--threads", "--full"),
-    ),
     "benchmark.json": ("--size", "--spp", "--rounds", "--threads", "--no-cold", "--scene"),
     "compile_times.json": (),
     "peers.json": ("--rounds", "--threads"),

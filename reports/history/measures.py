@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
-
-from mitsuba_ref.records.json_files import from_json
-from reports.speed_accuracy.record import SpeedAccuracy
-from reports.speed_accuracy.summary import efficiencies
 
 Content = dict[str, Any]
 
@@ -91,13 +86,6 @@ def _compiling(times: Content) -> dict[str, float]:
     return {scene["scene"]: scene["seconds"] for scene in times["scenes"]}
 
 
-def _equal_error(record: Content) -> dict[str, float]:
-    return {
-        row.name: row.mean
-        for row in efficiencies(from_json(json.dumps(record), SpeedAccuracy))
-    }
-
-
 def _structures(study: Content) -> dict[str, float]:
     rows = study["scenes"][0]["structures"]
     return {
@@ -133,9 +121,6 @@ MEASURES = (
     Measure("benchmark.json", "Time of others, ours is 1", "ratio", _speed),
     Measure("benchmark.json", "Time of a start", "seconds", _starts),
     Measure("compile_times.json", "Compiling, scene by scene", "seconds", _compiling),
-    Measure(
-        "speed_accuracy.json", "Worth at equal error, others' is 1", "ratio", _equal_error
-    ),
     Measure("accelerators.json", "Structures, diffuse rays", "ns a ray", _structures),
     Measure("limits.json", "The atlas of limits", "rows", _limits),
     Measure(

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from mitsuba_ref.records.results import Results
 from reports.accelerator_study.record import AcceleratorStudy
+from reports.bench.rows import Table
 from reports.limits.record import Limits
 from reports.look.template import fill
+from reports.pages.speed_accuracy_page import efficiencies, noisy_scenes
 from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
@@ -15,8 +17,6 @@ from reports.scenes_page.sections import build_sections
 from reports.soak.record import Soak
 from reports.speed.record import Benchmark
 from reports.speed.section import build_benchmark_section
-from reports.speed_accuracy.record import SpeedAccuracy
-from reports.speed_accuracy.summary import efficiencies
 
 
 def results_page(
@@ -26,7 +26,7 @@ def results_page(
     accelerators: AcceleratorStudy | None = None,
     proof: ProofRecord | None = None,
     limits: Limits | None = None,
-    curves: SpeedAccuracy | None = None,
+    curves: Table | None = None,
     soak: Soak | None = None,
     *,
     needs: bool = False,
@@ -49,7 +49,7 @@ def results_page(
     limits
         Likewise, with a link to limits.html.
     curves
-        Likewise, with a link to speed_accuracy.html.
+        Rows of the study speed-accuracy; likewise, with a link to speed_accuracy.html.
     soak
         Likewise, with a link to soak.html.
     needs, history
@@ -70,8 +70,8 @@ def results_page(
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
         limits=limits,
-        curves=curves,
-        efficiency=next(iter(efficiencies(curves)), None) if curves else None,
+        curves=curves and curves.newest,
+        efficiency=next(iter(efficiencies(noisy_scenes(curves))), None) if curves else None,
         soak=soak,
         needs=needs,
         history=history,

@@ -7,19 +7,20 @@ from pathlib import Path
 
 import pytest
 from report_samples import scene, write_results
-from speed_accuracy_sample import record as curves
+from speed_accuracy_sample import table
 
 import reports
 from mitsuba_ref.records import other_programs
 from mitsuba_ref.records.machine import describe_machine
 from mitsuba_ref.records.other_programs import KEY, busy_sentence, cores_of_other_programs
+from reports.bench.study import find_study
 from reports.needs.page import needs_page
 from reports.needs.record import NeedsRecord
+from reports.pages.speed_accuracy_page import speed_accuracy_page
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.page import soak_page
 from reports.soak.record import Soak
-from reports.speed_accuracy.page import speed_accuracy_page
 
 BUSY, QUIET = {"cores": 2, KEY: 1.7}, {"cores": 2, KEY: 0.1}
 TEMPLATES = Path(reports.__file__).parent / "templates"
@@ -37,8 +38,10 @@ PAGES = {
     "needs": lambda _, machine: needs_page(
         NeedsRecord(machine=machine, whole=True, scenes=[])
     ),
+    "speed_accuracy": lambda _, machine: speed_accuracy_page(
+        "speed-accuracy", find_study("speed-accuracy"), table(machine=machine)
+    ),
     "soak": lambda _, machine: soak_page(Soak(machine=machine)),
-    "speed_accuracy": lambda _, machine: speed_accuracy_page(curves(machine=machine)),
 }
 
 

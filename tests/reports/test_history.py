@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import speed_accuracy_sample
 from report_samples import scene, write_results
 
 from mitsuba_ref.records import machine
-from mitsuba_ref.records.json_files import to_json
 from reports.errors import ReportError
 from reports.history import command, kept
 from reports.history.kept import keep, partial
@@ -28,7 +26,6 @@ from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.record import Part, Session, Soak, Step
-from reports.speed_accuracy.summary import efficiencies
 
 REPOSITORY = Path(measured.__file__).parents[1] / "measured"
 
@@ -114,10 +111,6 @@ def test_the_repositorys_records_have_no_paths_of_a_machine(path: Path) -> None:
             record(1, "all", whole=False),
             "it is not whole: something was refused, or the command was interrupted",
         ),
-        *(
-            ("speed_accuracy.json", record(1, word), f"it was measured with {word}")
-            for word in ("--reference=64", "--threads=2", "--full")
-        ),
         ("calibration.json", record(1, "cornell-box"), "it was measured on some scenes"),
         ("calibration.json", record(1, "--out reports/out"), ""),
         (
@@ -145,7 +138,6 @@ def test_parts_and_changed_sources_are_not_kept(name, content, reason) -> None:
                 "benchmark",
                 "calibration",
                 "limits",
-                "speed_accuracy",
             )
         ),
         "reports/needs/command.py",
@@ -311,10 +303,3 @@ def test_the_index_names_what_was_soaked(tmp_path: Path) -> None:
     )
     assert 'href="history.html"' in page
     assert "soak.html" not in results_page(results, tmp_path)
-
-
-def test_what_draws_a_scene_fastest_is_a_curve_too() -> None:
-    (measure,) = [one for one in MEASURES if one.record == "speed_accuracy.json"]
-    values = values_of(measure, json.loads(to_json(speed_accuracy_sample.record())))
-    rows = efficiencies(speed_accuracy_sample.record())
-    assert values == {row.name: row.mean for row in rows} and values
