@@ -197,23 +197,29 @@ def read_lines(path: Path) -> list[Line]:
     found = []
     for number, text in enumerate(whole.splitlines(), 1):
         try:
-            found.append(_decoded(text))
+            found.append(_decoded(text, path.stem))
         except (ValueError, msgspec.ValidationError) as error:
             raise ReportError(f"{path}:{number}: {error}") from None
     return found
 
 
-def _decoded(text: bytes) -> Line:
+def _decoded(text: bytes, study: str) -> Line:
     content = json.loads(text)
     if not isinstance(content, dict):
         raise ValueError(f"expected an object, found {text[:40].decode(errors='replace')}")
     kind = Run if "created" in content else Done if "done" in content else Row
+    if kind is Row:
+        content["study"] = study
     return msgspec.convert(content, kind)
 
 
 def _encoded(line: Line) -> bytes:
-    """Return a line without the fields that have their defaults."""
+    """Return a line without the fields that have their defaults, and without the study.
+
+    The file's name is that of the study.
+    """
     if isinstance(line, Row):
+        line = replace(line, study="")
         if isinstance(line.value, float | int):
             line = replace(line, value=finite(line.value))
         if line.interval and not all(map(math.isfinite, line.interval)):
@@ -221,7 +227,8 @@ def _encoded(line: Line) -> bytes:
     content: dict[str, Any] = without_paths(msgspec.to_builtins(line))
     required = {f.name for f in fields(line) if f.default is MISSING}
     left = {k: v for k, v in content.items() if k in required or not _is_default(v)}
-    return json.dumps(left, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+    text = json.dumps(left, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.encode() + b"\n"
 
 
 def _is_default(value: Any) -> bool:

@@ -70,7 +70,7 @@ def log_log_chart(
     if front:
         traces.insert(0, _front(front))
     x = log_axis(x_label, [point.x for point in points])
-    y = log_axis(y_label, [point.y for point in points])
+    y = log_axis(y_label, [point.y for point in points], automargin=True)
     return element(traces, x=x, y=y, height=height, description=description)
 
 
@@ -145,8 +145,9 @@ def _curves(series: Sequence[Series]) -> list[go.Scatter]:
         marks(
             index if one.look is None else one.look,
             one.name,
-            mode="lines+markers+text" if one.connected else "markers+text",
+            one.colour,
             visible=True if one.visible else "legendonly",
+            mode="lines+markers+text" if one.connected else "markers+text",
             x=[point.x for point in one.points],
             y=[point.y for point in one.points],
             text=[plain(point.label) for point in one.points],

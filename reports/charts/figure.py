@@ -42,6 +42,7 @@ class Series:
     points: tuple[Point, ...]
     look: int | None = None  # colour, marker and dash; None: those of its place
     connected: bool = True  # by a line
+    colour: int | None = None  # and dash, in place of those of `look`
     visible: bool = True  # from the start; else by a click on its name in the legend
 
 
@@ -50,16 +51,20 @@ def plain(text: str) -> str:
     return html.escape(text, quote=False)
 
 
-def marks(series: int, name: str, **given: Any) -> go.Scatter:
-    """Return a trace with the colour, marker and dash of series number `series`."""
-    colour = COLOURS[series % len(COLOURS)]
+def marks(series: int, name: str, hue: int | None = None, **given: Any) -> go.Scatter:
+    """Return a trace with the colour, marker and dash of series number `series`.
+
+    `hue` is the number of another colour and dash.
+    """
+    hue = series if hue is None else hue
+    colour = COLOURS[hue % len(COLOURS)]
     filling = FILLINGS[series // len(SYMBOLS) % len(FILLINGS)]
     symbol = SYMBOLS[series % len(SYMBOLS)] + filling
     return go.Scatter(
         name=plain(name),
-        legendgroup=series,
+        legendgroup=name,
         hovertemplate="%{hovertext}<extra></extra>",
-        line={"color": colour, "dash": DASHES[series % len(DASHES)], "width": 2},
+        line={"color": colour, "dash": DASHES[hue % len(DASHES)], "width": 2},
         marker={"color": colour, "symbol": symbol, "size": 9},
         **given,
     )

@@ -84,3 +84,43 @@ def dots_chart(
 def _line(x: float) -> dict[str, object]:
     place = {"x0": x, "x1": x, "y0": 0, "y1": 1, "yref": "paper"}
     return {"type": "line", **place, "line": {"color": GUIDE, "dash": "dot", "width": 1.2}}
+
+
+def ranked_chart(
+    rows: Sequence[tuple[str, str, float, tuple[float, float], str, int]],
+    *,
+    x_label: str,
+    description: str,
+) -> Markup:
+    """Draw a value with its interval beside each name, and a line at 1.
+
+    Parameters
+    ----------
+    rows
+        (name, series, value, interval, tooltip, colour), the first on top; values finite
+        and above 0. A series has one colour.
+    x_label, description
+        What the axis means; what the chart shows, for a screen reader.
+    """
+    traces = []
+    for index, series in enumerate(dict.fromkeys(row[1] for row in rows)):
+        found = [row for row in rows if row[1] == series]
+        trace = marks(
+            index,
+            series,
+            found[0][5],
+            mode="markers",
+            x=[row[2] for row in found],
+            y=[plain(row[0]) for row in found],
+            hovertext=[plain(row[4]) for row in found],
+            error_x=bars([(row[2], row[3]) for row in found]),
+        )
+        traces.append(trace)
+    return element(
+        traces,
+        x=log_axis(x_label),
+        y=category_axis([plain(row[0]) for row in rows], True, automargin=True),
+        height=AROUND + ROW * len(rows),
+        description=description,
+        shapes=[_line(1.0)],
+    )

@@ -13,6 +13,7 @@ from reports.accelerator_study.record import read_accelerators
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
 from reports.needs.record import NeedsRecord
+from reports.pages.speed_accuracy_page import speed_accuracy_page
 from reports.proof_page.page import proof_page
 from reports.proof_page.record import read_proof_record
 from reports.proof_page.run import results_file
@@ -27,6 +28,7 @@ from reports.speed_accuracy.record import FILE as CURVES
 from reports.speed_accuracy.record import read_speed_accuracy
 
 DEFAULT_OUT = Path("reports/out")
+CURVES = "speed-accuracy"
 ACCELERATORS = "accelerators.json"
 NEEDS = "needs.json"
 PART = "-part"  # in the names of record and page that hold not everything

@@ -7,6 +7,7 @@ from pathlib import Path
 from mitsuba_ref.records.results import Results
 from reports.accelerator_study.record import AcceleratorStudy
 from reports.look.template import fill
+from reports.pages.speed_accuracy_page import efficiencies, noisy_scenes
 from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
@@ -44,7 +45,7 @@ def results_page(
     proof
         Likewise, with a link to proof.html.
     curves
-        Likewise, with a link to speed_accuracy.html.
+        Rows of the study speed-accuracy; likewise, with a link to speed_accuracy.html.
     soak
         Likewise, with a link to soak.html.
     limits, needs, history
@@ -65,8 +66,8 @@ def results_page(
         proof=None if proof is None else headlines(proof),
         proof_faults=[] if proof is None else proof.faults,
         limits=limits,
-        curves=curves,
-        efficiency=next(iter(efficiencies(curves)), None) if curves else None,
+        curves=curves and curves.newest,
+        efficiency=next(iter(efficiencies(noisy_scenes(curves))), None) if curves else None,
         soak=soak,
         needs=needs,
         history=history,

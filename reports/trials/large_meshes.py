@@ -19,9 +19,6 @@ from reports.accelerator_trials.meshes import StudyMesh, View, displaced_icosphe
 
 FREQUENCY = 128  # 327,680 triangles
 SIZE = 1280, 720
-# Of the usual measurement, in which the large picture would take ten minutes a scene: a
-# triangle covers a pixel still, of which it covers four in the large one.
-SMALL_SIZE = 640, 360
 
 _SUN = """<emitter type="directional">
     <vector name="direction" value="-0.5, 0.6, -1"/>
@@ -37,7 +34,7 @@ _FLOOR_AND_LAMP = """<shape type="rectangle">
     </transform>
     <emitter type="area"><rgb name="radiance" value="12"/></emitter>
   </shape>"""
-# name -> depth of its paths, and what stands beside the ball; a depth of 6 is 5 bounces
+# name -> depth of its paths, and what is added to the ball; a depth of 6 is 5 bounces
 LARGE = {"ball-and-sun": (2, _SUN), "ball-and-lamp": (6, _FLOOR_AND_LAMP)}
 
 
@@ -69,7 +66,6 @@ def written(names: list[str], frequency: int = FREQUENCY) -> Iterator[list[Path]
             path.parent.mkdir()
             (path.parent / "ball.ply").write_bytes(ball)
             path.write_text(_scene_text(mesh.view, *LARGE[name]))
-            (path.parent / "proof.toml").write_text(_proof_text(name))
             paths.append(path)
         yield paths
 
@@ -92,15 +88,7 @@ def ply_bytes(mesh: StudyMesh) -> bytes:
     )
 
 
-def _proof_text(name: str) -> str:
-    width, height = SMALL_SIZE
-    lines = [f'title = "{name}"', 'shows = "a large mesh"']
-    for size in ("demo", "test"):
-        lines += [f"[{size}]", f"width = {width}", f"height = {height}", "spp = 16"]
-    return "\n".join(lines)
-
-
-def _scene_text(view: View, depth: int, beside: str) -> str:
+def _scene_text(view: View, depth: int, added: str) -> str:
     eye, target, up = (", ".join(map(str, place)) for place in view[:3])
     return f"""<scene version="3.0.0">
   <default name="spp" value="64"/>
@@ -125,6 +113,6 @@ def _scene_text(view: View, depth: int, beside: str) -> str:
     <boolean name="face_normals" value="true"/>
     <bsdf type="diffuse"><rgb name="reflectance" value="0.7"/></bsdf>
   </shape>
-  {beside}
+  {added}
 </scene>
 """

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from report_samples import scene, write_results
-from speed_accuracy_sample import record as curves
+from speed_accuracy_sample import table
 
 import reports
 from mitsuba_ref.records import other_programs

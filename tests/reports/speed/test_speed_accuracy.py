@@ -1,66 +1,53 @@
-"""Speed against accuracy: the arithmetic by hand, the truth, and what measures."""
+"""Speed against accuracy: the arithmetic by hand, the truth, what measures, the page."""
 
 from __future__ import annotations
 
-import functools
-import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_charts import figures, guides, points
+from report_samples import scene, write_results
+from speed_accuracy_sample import OURS, PEER, box, noisy, room, still, table
 from closed_room import CLOSED_ROOM
-from hypothesis import given
-from hypothesis import strategies as st
-from msgspec.structs import replace
-from speed_accuracy_sample import PEER, curve, noisy, record
 
 import renderer
-from mitsuba_ref.records.proof_file import NO_PROOF, Size, read_proof
 from mitsuba_ref.reference.errors import MitsubaError
 from mitsuba_ref.speed.timed_mitsuba import TimedRender
 from renderer.errors import SceneError
 from renderer.scene_file import read_file
+from renderer.scene_file.description import BitmapTexture, Mesh
 from renderer.simple.materials import Material
-from reports.commands import speed_accuracy as command
-from reports.speed_accuracy import contenders, noiseless
-from reports.speed_accuracy import noisy as noisy_scenes
-from reports.speed_accuracy.large_meshes import LARGE, written
-from reports.speed_accuracy.noiseless import different, distance, has_noise, some_pixels
-from reports.speed_accuracy.record import OURS
-from reports.speed_accuracy.references import SEED, kept
-from reports.speed_accuracy.summary import (
+from reports.bench import runner
+from reports.bench.intervals import around, degrees_of_sum, mean_interval, mean_of_ratios
+from reports.bench.rows import Row
+from reports.bench.runner import Request, run_study
+from reports.bench.store import Store
+from reports.bench.study import find_study
+from reports.look.formatting import number
+from reports.pages.speed_accuracy_page import (
     BEST,
-    around,
-    degrees_of_sum,
     efficiencies,
-    mean_interval,
-    pareto_front,
-    scene_ratio,
+    noisy_scenes,
+    speed_accuracy_page,
 )
-from reports.speed_accuracy.truth import true_pixels
+from reports.records.results import read_results
+from reports.scenes_page.page import results_page
+from reports.studies import speed_accuracy as study
+from reports.trials import noiseless, timed_renderers
+from reports.trials.architecture_scenes import ARCHITECTURE, architecture_scene
+from reports.trials.large_meshes import LARGE, written
+from reports.trials.noiseless import different, distance, has_noise, some_pixels
+from reports.trials.references import SEED, kept
+from reports.trials.timed_renderers import RAY_OFFSET, Settings
+from reports.trials.truth import true_pixels
 
 SCENES = Path(__file__).parents[3] / "scenes"
+STUDY = find_study("speed-accuracy")
 
-# ---------------------------------------------------------------- front, intervals, summary
-
-
-def test_the_front_by_hand():
-    """Of two at one place the first; one that is slower and no better is not on it."""
-    places = [(2.0, 1.0), (1.0, 3.0), (1.0, 4.0), (2.0, 1.0), (3.0, 1.0), (4.0, 0.5)]
-    assert pareto_front(places) == [1, 0, 5]
-    assert pareto_front([]) == []
-
-
-@given(st.lists(st.tuples(*[st.integers(0, 9).map(float)] * 2), max_size=12))
-def test_what_is_not_on_the_front_is_beaten_by_what_is(places):
-    front = [places[index] for index in pareto_front(places)]
-    for place in places:
-        beaten = any(a <= place[0] and b <= place[1] for a, b in front)
-        assert beaten or place in front
-    for a, b in front:
-        assert not any(x <= a and y <= b and (x, y) != (a, b) for x, y in places)
-    assert front == sorted(set(front))
+# ------------------------------------------------------------------ intervals and summary
 
 
 def test_an_interval_by_hand():
@@ -81,9 +68,9 @@ def test_an_interval_holds_the_mean_as_often_as_it_claims():
 
 def test_the_summary_by_hand():
     """Twice the best peer in one scene, half of it in the other: 1 on average."""
-    best, independent, sobol = efficiencies(record())
+    best, independent, sobol = efficiencies(noisy_scenes(table()))
     assert (best.name, best.scenes, best.ahead) == (BEST, 2, 1)
-    # box: 1 / (0.5 x 0.25) beside 1 / (0.5 x 0.5); room: 1 / 1 beside 1 / 0.5
+    # box: 1 / (0.5 x 0.25) and 1 / (0.5 x 0.5); room: 1 / 1 and 1 / 0.5
     assert best.mean == pytest.approx(1.0)
     assert (best.worst, best.worst_scene) == (pytest.approx(0.5), "room")
     # the other method of `room` is in no sampler's row
@@ -111,29 +98,149 @@ def test_the_interval_of_many_scenes_holds_the_mean_where_one_scatters_most():
     held = 0
     for values in logs:
         errors = [float(values.std(ddof=1)) / math.sqrt(5.0), *[1e-4] * 8]
-        degrees = degrees_of_sum(errors, [4] * 9)
-        low, high = around(math.exp(values.mean() / 9.0), math.hypot(*errors) / 9, degrees)
+        ratios = [math.exp(values.mean()), *[1.0] * 8]
+        ends = [around(r, e, 4) for r, e in zip(ratios, errors, strict=True)]
+        low, high = mean_of_ratios(ratios, ends, [4] * 9)[1]
         held += low <= 1.0 <= high
     assert held / 4000 == pytest.approx(0.95, abs=0.014)
 
 
 def test_our_best_is_not_chosen_by_the_pictures_of_its_ratio():
-    lucky, steady = (curve(OURS, name, 1.0, 1.0) for name in ("sobol", "independent"))
-    lucky.pictures[-1].errors[:] = [0.01, 0.01]
-    steady.pictures[0].errors[:] = [0.1, 0.1]
-    scene = noisy("box", lucky, steady, curve(PEER, "independent", 1.0, 1.0))
-    assert scene.best_of_ours is steady
-    del lucky.pictures[0], steady.pictures[0]
-    assert scene.best_of_ours is lucky  # there are no others
+    """The luckiest with most samples is not; it is where there are no other pictures."""
+    lucky, steady, peer = f"{OURS}, sobol", f"{OURS}, independent", f"{PEER}, independent"
+    errors = {lucky: [[1.0] * 2, [0.01] * 2], steady: [[0.1] * 2, [1.0] * 2]}
+    errors[peer] = [[1.0] * 2] * 2
+    seconds = {name: [[1.0] * 2] * 2 for name in errors}
+    facts = [row for row in box() if not row.contender]
+
+    def best(errors, counts):
+        rows = list(study.rows_of("box", counts, errors, seconds))
+        return noisy_scenes(table([*facts, *rows]))[0].best.name
+
+    assert best(errors, (4, 16)) == steady
+    assert best({name: steps[1:] for name, steps in errors.items()}, (16,)) == lucky
 
 
 def test_scenes_that_no_peer_can_draw_are_in_no_mean():
-    alone = noisy("alone", curve(OURS, "independent", 1.0, 1.0))
-    assert alone.best_peer is None
-    assert scene_ratio(alone, alone.best_of_ours) is None
-    assert efficiencies(record(noisy=[alone])) == []
-    both = record(noisy=[alone, *record().noisy])
-    assert efficiencies(both) == efficiencies(record())
+    alone = noisy("alone", {f"{OURS}, independent": (1.0, 1.0)})
+    assert efficiencies(noisy_scenes(table(alone))) == []
+    both = efficiencies(noisy_scenes(table(alone, box(), room())))
+    assert both == efficiencies(noisy_scenes(table(box(), room())))
+    assert "alone" in speed_accuracy_page("speed-accuracy", STUDY, table(alone))
+
+
+# ------------------------------------------------------------------------- the kept record
+
+
+@pytest.fixture(scope="module")
+def kept_table(tmp_path_factory):
+    return Store(tmp_path_factory.mktemp("nothing")).read("speed-accuracy")
+
+
+def test_the_kept_rows_have_the_numbers_of_the_old_page(kept_table):
+    """Written down from the page of the record before it became rows."""
+    assert len(kept_table.distinct("case")) == 25
+    rows = {row.name: row for row in efficiencies(noisy_scenes(kept_table))}
+    found = {
+        name: (number(row.mean), *map(number, row.interval), number(row.worst), row.ahead)
+        for name, row in rows.items()
+    }
+    assert found[BEST] == ("3.62", "3.49", "3.75", "1.61", 19)
+    assert found["independent"] == ("1.23", "1.12", "1.36", "0.143", 13)
+    assert found["sobol"] == ("3.68", "3.54", "3.83", "1.59", 19)
+    teapot = kept_table.where(case="appel-teapot")
+    assert len(teapot.where(quantity="seconds")) == 37
+    assert len(kept_table.where(case="measured-ball", quantity="unavailable")) == 2
+
+
+def test_the_readme_has_the_numbers_of_the_record_and_no_others(kept_table):
+    """The table of the page; "at equal error" is said nowhere with another number."""
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    summary = efficiencies(noisy_scenes(kept_table))
+    for row in summary:
+        ends = " to ".join(map(number, row.interval))
+        worst = f"{number(row.worst)} ({row.worst_scene})"
+        cells = (row.name, row.scenes, number(row.mean), ends, worst, row.ahead)
+        assert f"| {' | '.join(map(str, cells))} |" in readme
+    told = re.findall(r"equal error,? it is \**([\d.]+)", " ".join(readme.split()))
+    assert set(told) <= {number(summary[0].mean)}, "another number than the record's"
+
+
+# ------------------------------------------------------------------------------- the page
+
+
+@pytest.fixture
+def page():
+    return speed_accuracy_page("speed-accuracy", STUDY, table())
+
+
+def test_the_first_chart_ranks_all_scenes_with_the_best_peer(page):
+    first = figures(page)[0]
+    (trace,) = first["data"]
+    assert trace["y"] == ["box", "room"] and trace["x"] == pytest.approx([2.0, 0.5])
+    assert trace["name"] == f"best peer: {PEER}"
+    assert f"as {PEER}, multijitter" in trace["hovertext"][0]
+    assert first["layout"]["xaxis"]["tickformat"] == "~g"  # 0.1, not a power
+
+
+def test_a_chart_shows_few_lines_and_hides_the_others():
+    """Our best, our default, the best of each peer; colour is the program."""
+    names = [f"{OURS}, {s}" for s in ("sobol", "multijitter", "independent", "stratified")]
+    names += [
+        f"{p}, {s}"
+        for p in (PEER, "mitsuba llvm_ad_rgb", "cycles", "luxcore")
+        for s in "ab"
+    ]
+    rows = noisy("box", {name: (1.0, 1.0 + k) for k, name in enumerate(names)})
+    chart = figures(speed_accuracy_page("speed-accuracy", STUDY, table(rows)))[1]
+    traces = [one for one in chart["data"] if one not in guides(chart)]
+    shown = [one["name"] for one in traces if one["visible"] is True]
+    assert shown == [names[0], names[2], names[4], names[6], names[8]]
+    assert {one["visible"] for one in traces} == {True, "legendonly"}
+    assert len({(t["marker"]["color"], t["marker"]["symbol"]) for t in traces}) == 12
+    marks = [
+        (t["marker"]["symbol"], t["line"]["dash"]) for t in traces if t["visible"] is True
+    ]
+    assert len(set(marks)) == 5  # told apart without colour
+
+
+def test_bars_are_the_intervals(page):
+    """Two errors 10 % around the mean: 3.563 times it with one degree of freedom."""
+    chart = figures(page)[1]
+    (sobol,) = [one for one in chart["data"] if one.get("name") == f"{OURS}, sobol"]
+    assert points(sobol) == [(1.0, 0.125), (4.0, 0.03125)]
+    bars = sobol["error_y"]
+    assert 0.125 + bars["array"][0] == pytest.approx(0.125 * 3.563, rel=1e-3)
+    assert sobol["error_x"]["array"] == [0.0, 0.0]
+
+
+def test_the_absent_are_one_folded_list_at_the_end(page):
+    main = page[page.index("<main") : page.index("</main")]
+    assert 'class="banner fail"' not in page and "banner error" not in page
+    last = main[main.rindex("<details") :]
+    assert "could not take part, and why (1)" in last and "no &lt;LLVM&gt;" in last
+    assert "in box, room" in last and "no &lt;LLVM&gt;" not in page[: page.index("<main")]
+
+
+def test_a_structure_with_another_picture_is_a_fault_on_top():
+    fault = Row(case="teapot", contender="grid", quantity="fault", value="a <hole>")
+    text = speed_accuracy_page("speed-accuracy", STUDY, table([*still(), fault]))
+    assert "teapot, grid: a &lt;hole&gt;" in text[: text.index("<main")]
+
+
+def test_an_exact_picture_has_a_place_on_a_logarithmic_axis(page):
+    assert any(points(trace) == [(0.1, 1e-9)] for trace in figures(page)[3]["data"])
+
+
+def test_the_page_of_all_scenes_says_how_it_stands(tmp_path):
+    results = read_results(write_results(tmp_path, [scene("box", "pass")]))
+    page = results_page(results, tmp_path, curves=table())
+    assert "1 times as fast to the same error" in page
+    assert 'href="speed_accuracy.html"' not in results_page(results, tmp_path)
+
+
+def test_the_page_loads_nothing(page):
+    assert "http" not in page.split('id="plotly"')[0].replace("http-equiv", "")
 
 
 # ------------------------------------------------------------------------------- the truth
@@ -178,13 +285,15 @@ def test_distance_by_hand():
 
 def test_structures_that_differ_are_named():
     same, other = np.zeros((2, 2, 3)), np.ones((2, 2, 3))
+    tight, mitsuba = "lightproof direct, offset tight", "lightproof direct, offset mitsuba"
     pictures = {
-        (OURS, "direct", "brute", "tight", "own"): same,
-        (OURS, "direct", "wide", "tight", "own"): same.copy(),
-        (OURS, "direct", "grid", "tight", "own"): other,
-        (OURS, "direct", "brute", "mitsuba", "own"): other,  # its own kind
+        f"{tight}, brute": same,
+        f"{tight}, wide": same.copy(),
+        f"{tight}, grid": other,
     }
-    assert different(pictures) == ["lightproof direct grid tight own"]
+    pictures |= {f"{mitsuba}, brute": other, "mitsuba scalar_rgb": other}
+    families = {tight: same, mitsuba: other, "mitsuba scalar_rgb": other}
+    assert different(pictures, families) == [f"{tight}, grid"]
 
 
 def test_noise_is_told_from_two_pictures(tmp_path):
@@ -226,64 +335,62 @@ def test_what_takes_long_is_made_once(tmp_path, monkeypatch):
 # ---------------------------------------------------------------------------- measurements
 
 
-def measured(folder, part=True):
-    name = f"speed_accuracy{'-part' if part else ''}"
-    assert (folder / f"{name}.html").exists()
-    return json.loads((folder / "data" / f"{name}.json").read_text())
-
-
 @pytest.fixture
-def room(tmp_path, monkeypatch):
+def measured(tmp_path, monkeypatch):
+    """Measure a case with options; return faults and rows."""
     monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
-    path = tmp_path / "room" / "scene.xml"
-    path.parent.mkdir()
+    values = {"created": "2026", "commit": "abc", "command": "c", "machine": {}}
+    monkeypatch.setattr(runner, "circumstances", lambda *_: {**values, "versions": {}})
+    store = Store(tmp_path / "data", tmp_path / "measured")
+    path = tmp_path / "room.xml"
     path.write_text(CLOSED_ROOM)
-    return path
+
+    def run(case=str(path), **options):
+        usual = {"spp": "5", "reference": "16", "seeds": "2", "side": "8"}
+        request = Request(
+            store, ["x"], again=True, cases=[case], options=usual | options, folder=tmp_path
+        )
+        faults = run_study("speed-accuracy", STUDY, request, lambda stage: None)
+        return faults, store.read("speed-accuracy")
+
+    return run
 
 
-def test_a_small_room_from_end_to_end(room, tmp_path, monkeypatch, capsys):
-    """Errors beside Mitsuba's are of one size; a file that is not there is one line."""
-    for module in (noisy_scenes, contenders):
-        monkeypatch.setattr(module, "PEERS", ("scalar_rgb",))
-    monkeypatch.setattr(noisy_scenes, "THEIR_SAMPLERS", ("independent", "multijitter"))
-    words = ["--scene", str(room), "--spp", "16", "--seeds", "2", "--reference", "64"]
-    words += ["--samplers", "independent", "--out", str(tmp_path)]
-    assert command.main(words) == 0
-    (scene,) = measured(tmp_path)["noisy"]
-    of = {
-        (c["renderer"], c["sampler"]): np.mean(c["pictures"][-1]["errors"])
-        for c in scene["curves"]
-    }
-    theirs = of[PEER, "independent"]
-    assert 0.5 < of[OURS, "independent"] / theirs < 2.0
-    assert of[PEER, "multijitter"] < theirs  # it has another sampler
-    assert (scene["width"], scene["height"]) == (8, 8)
-    assert 0.0 < scene["reference_error"] < theirs
-    assert scene["reference"].startswith(f"64 samples of {PEER} multijitter")
-    assert not (tmp_path / "speed_accuracy.html").exists()  # it is one scene
-    assert f"| {BEST} | 1 |" in capsys.readouterr().out
-    nowhere = ["--scene", str(tmp_path / "none.xml")]
-    assert command.main(nowhere) == command.WRONG_USE
-    assert "no such scene file" in capsys.readouterr().err
+def test_a_small_room_from_end_to_end(measured, monkeypatch, tmp_path):
+    """Errors are of one size with Mitsuba's; a file that is not there is one line."""
+    monkeypatch.setattr(study, "VARIANTS", ("scalar_rgb",))
+    monkeypatch.setattr(timed_renderers, "THEIR_SAMPLERS", ("independent", "multijitter"))
+    faults, rows = measured(spp="16", reference="64", samplers="independent")
+    assert faults == []
+    of = {r.contender: r.value for r in rows.where(quantity="relative MSE")}
+    theirs = of[f"{PEER}, independent"]
+    assert 0.5 < of[f"{OURS}, independent"] / theirs < 2.0
+    assert of[f"{PEER}, multijitter"] < theirs
+    facts = {r.quantity: r.value for r in rows if not r.contender}
+    assert facts["size"] == "8 x 8"
+    assert 0.0 < facts["relative MSE of the reference"] < theirs
+    assert facts["reference"] == f"64 samples of {PEER}, multijitter, in 8 pictures"
+    (picture,) = rows.where(quantity="picture")
+    assert (tmp_path / picture.value).is_file()
+    (fault,) = measured("none.xml")[0]
+    assert "none.xml: no such scene file; there are analytic-shapes" in fault
 
 
-def test_a_still_scene_from_end_to_end(tmp_path, monkeypatch):
+def test_a_still_scene_from_end_to_end(measured, monkeypatch):
     """Each structure, each offset; all structures draw one picture."""
-    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(noiseless, "PEERS", ())
+    monkeypatch.setattr(noiseless, "VARIANTS", ())
     monkeypatch.setattr(noiseless, "ACCELERATORS", ("brute", "bvh"))
     monkeypatch.setattr(noiseless, "PIXELS", 60)
-    proof = replace(NO_PROOF, demo=Size(16, 12, 1))
-    monkeypatch.setattr(contenders, "read_proof", lambda path: proof)
-    settings = contenders.Settings(seeds=2)
-    path = SCENES / "whitted-spheres" / "scene.xml"
-    found = noiseless.measure_noiseless(path, settings, lambda stage: None)
-    ways = {(one.structure, one.ray_offset, one.numbers) for one in found.pictures}
-    both = {(s, o, "own") for s in ("brute", "bvh") for o in ("tight", "mitsuba")}
-    assert both <= ways
-    assert (found.pixels, found.different) == (60, [])
-    assert all(len(one.seconds) == 2 for one in found.pictures)
-    assert min(one.error for one in found.pictures) < 1e-3
+    faults, rows = measured("whitted-spheres", side="16")
+    assert faults == []
+    timed = {row.contender for row in rows.where(quantity="seconds")}
+    wanted = {
+        f"lightproof whitted, offset {o}, {s}"
+        for o in ("tight", "mitsuba")
+        for s in ("brute", "bvh")
+    }
+    assert wanted <= timed
+    assert min(row.value for row in rows.where(quantity="error")) < 1e-3
 
 
 class FakeMitsuba:
@@ -312,7 +419,7 @@ class FakeMitsuba:
         if (self.variant, sampler) == self.holes:
             picture[1, 2] = math.nan
         # seed 0 is the warm-up's too
-        if spp != contenders.CHECK_SPP and 0 < seed < SEED:
+        if spp != timed_renderers.CHECK_SPP and 0 < seed < SEED:
             picture[0, 0] *= self.value_at_last
         np.save(keep, picture)
         return TimedRender(0.1, (1.0, 1.0, 1.0))
@@ -323,76 +430,93 @@ def noisy_picture(seed, spp):
 
 
 @pytest.fixture
-def fake(room, tmp_path, monkeypatch):
-    """Run the command with two variants and our samplers, all made up; give its status."""
+def fake(measured, monkeypatch):
+    """Measure with two variants and our samplers, all made up."""
 
     def ours(scene, threads, sampler, ray_offset, integrator=""):
         assert ray_offset == "mitsuba"  # the reference is Mitsuba's
         brighter = 0.5 * (FakeMitsuba.shift == ("ours", sampler))
         return lambda seed, spp: (0.1, noisy_picture(seed + 50, spp) + brighter)
 
-    monkeypatch.setattr(noisy_scenes, "TimedMitsuba", FakeMitsuba)
-    monkeypatch.setattr(noisy_scenes, "of_ours", ours)
-    monkeypatch.setattr(command, "has_noise", lambda *_: True)
+    monkeypatch.setattr(timed_renderers, "TimedMitsuba", FakeMitsuba)
+    monkeypatch.setattr(timed_renderers, "of_ours", ours)
+    monkeypatch.setattr(study, "has_noise", lambda *_, **__: True)
 
-    def run(*words, **deeds):
+    def run(options=None, **deeds):
         for name, value in deeds.items():
             monkeypatch.setattr(FakeMitsuba, name, value)
-        given = ["--spp", "5", "--reference", "16", "--seeds", "4", *words]
-        if not {"--quick", "--scene", "--from"} & set(words):
-            given += ["--scene", str(room)]
-        return command.main([*given, "--out", str(tmp_path)])
+        found = measured(**(options or {}))
+        assert FakeMitsuba.open_now == 0
+        return found
 
     return run
 
 
-def test_a_variant_that_lacks_one_sampler_is_left_out(fake, tmp_path):
-    """As a whole, its processes ended; and the reference's samples are those taken."""
-    assert fake(broken=("llvm_ad_rgb", "multijitter")) == 0
-    assert FakeMitsuba.open_now == 0
-    (scene,) = measured(tmp_path)["noisy"]
-    assert scene["unavailable"] == {"mitsuba llvm_ad_rgb": "not today"}
-    assert {one["renderer"] for one in scene["curves"]} == {OURS, PEER}
+def absent(rows):
+    return {row.contender: row.value for row in rows.where(quantity="unavailable")}
+
+
+def test_a_variant_that_lacks_one_sampler_is_left_out(fake):
+    """As a whole; and the reference's samples are those taken."""
+    faults, rows = fake(broken=("llvm_ad_rgb", "multijitter"))
+    assert faults == [] and absent(rows) == {"mitsuba llvm_ad_rgb": "not today"}
     # 8 pictures of 2 samples each
-    assert scene["reference"].startswith(f"16 samples of {PEER} multijitter")
-    multijitter = [c for c in scene["curves"] if c["sampler"] == "multijitter"]
+    assert rows.value(quantity="reference").startswith(f"16 samples of {PEER}, multijitter")
     # of 5 samples Mitsuba's `multijitter` makes 2 x 3 cells
-    assert {c["pictures"][0]["spp"] for c in multijitter} == {6}
+    assert {row.at for row in rows.where(contender=f"{PEER}, multijitter")} == {6.0, None}
 
 
 @pytest.mark.parametrize("shift", [("ours", "sobol"), ("llvm_ad_rgb", "multijitter")])
-def test_nothing_is_timed_if_our_mean_or_the_reference_s_is_another(fake, capsys, shift):
-    assert fake(shift=shift) == command.WRONG_USE
-    error = capsys.readouterr().err
-    assert "nothing was timed" in error
-    assert " ".join(shift).replace("ours", OURS) in error
+def test_nothing_is_timed_if_our_mean_or_the_reference_s_is_another(fake, shift):
+    (fault,), rows = fake(shift=shift)
+    assert "nothing was timed" in fault and ", ".join(shift[1:]) in fault
+    assert not rows.where(quantity="seconds")
 
 
-def test_no_peer_is_timed_whose_mean_is_another(fake, tmp_path):
+def test_no_peer_is_timed_whose_mean_is_another(fake):
     """It is named, with its means; the others are timed."""
-    assert fake(shift=("scalar_rgb", "stratified")) == 0
-    (scene,) = measured(tmp_path)["noisy"]
-    ((who, why),) = scene["unavailable"].items()
-    assert who == f"{PEER} stratified" and "standard errors apart" in why
-    curves = {(one["renderer"], one["sampler"]) for one in scene["curves"]}
-    assert (PEER, "stratified") not in curves and (PEER, "independent") in curves
+    _, rows = fake(shift=("scalar_rgb", "stratified"))
+    ((who, why),) = absent(rows).items()
+    assert who == f"{PEER}, stratified" and "standard errors apart" in why
+    assert not rows.where(contender=who, quantity="seconds")
+    assert rows.where(contender=f"{PEER}, independent", quantity="seconds")
 
 
-def test_large_scenes_are_written_and_measured_with_one_peer(fake, tmp_path, monkeypatch):
-    """The last that can draw it; the mesh is smaller here, and our pictures made up."""
-    small = functools.partial(written, frequency=2)
-    monkeypatch.setattr(command, "written", small)
-    assert fake("--scene", *LARGE) == 0
-    found = measured(tmp_path)["noisy"]
-    assert [one["scene"] for one in found] == list(LARGE)
-    for one in found:
-        assert list(one["unavailable"]) == [PEER]
-        assert "llvm_ad_rgb takes part" in one["unavailable"][PEER]
-        assert {c["renderer"] for c in one["curves"]} == {OURS, "mitsuba llvm_ad_rgb"}
-    assert fake("--scene", *LARGE, broken=("llvm_ad_rgb", "stratified")) == 0
-    for one in measured(tmp_path)["noisy"]:
-        assert one["unavailable"] == {"mitsuba llvm_ad_rgb": "not today"}
-        assert {c["renderer"] for c in one["curves"]} == {OURS, PEER}
+def test_a_sampler_with_holes_in_its_pictures_is_left_out(fake):
+    """And the whole variant, if it is one that others are judged by."""
+    _, rows = fake(holes=("scalar_rgb", "ldsampler"))
+    assert list(absent(rows)) == [f"{PEER}, ldsampler"]
+    _, rows = fake(holes=("llvm_ad_rgb", "independent"))
+    assert "not finite" in absent(rows)["mitsuba llvm_ad_rgb"]
+
+
+def test_a_picture_with_a_nan_ends_it(fake):
+    (fault,), _ = fake(value_at_last=math.nan)
+    assert "seed 1: 3 of 48 values of the picture are not finite" in fault
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"spp": "4,0"}, "spp: expected 1 or more, found '4,0'"),
+        ({"seeds": "1"}, "seeds: expected 2 or more"),
+        ({"threads": "x"}, "threads: expected 2 or more, found 'x'"),
+        ({"samplers": "x"}, "samplers: 'x' is none of independent"),
+    ],
+)
+def test_a_wrong_option_is_one_line(fake, options, told):
+    (fault,), _ = fake(options)
+    assert told in fault
+
+
+def test_pictures_have_the_side_that_is_wanted():
+    """A crop window keeps the size of its file."""
+    size = study.parameters_of(SCENES / "analytic-shapes" / "scene.xml", Settings().side)
+    assert size == {"width": "320", "height": "213"}
+    assert study.parameters_of(SCENES / "cropped-film" / "scene.xml", 320) == {}
+
+
+# ------------------------------------------------------------------------ generated scenes
 
 
 def test_mitsubas_ray_offset_lets_light_in_where_shadows_begin():
@@ -404,7 +528,7 @@ def test_mitsubas_ray_offset_lets_light_in_where_shadows_begin():
         scene = renderer.load_file(path, width="96", height="54")
     tight, theirs = (
         renderer.render(scene, 64, 1, 1, sampler="sobol", ray_offset=rule).pixels
-        for rule in ("tight", noisy_scenes.RAY_OFFSET)
+        for rule in ("tight", RAY_OFFSET)
     )
     added = theirs.astype(float) - tight
     assert added.min() >= 0.0
@@ -416,7 +540,6 @@ def test_a_large_scene_is_what_was_asked_for():
     """Of 80 triangles here: a directional light; a lamp and a floor, five bounces."""
     with written(list(LARGE), frequency=2) as paths:
         scenes = [renderer.load_file(path) for path in paths]
-        sizes = [read_proof(path).size("test") for path in paths]
     assert not any(path.exists() for path in paths)
     sun, lamp = (scene.description for scene in scenes)
     for one in (sun, lamp):
@@ -425,76 +548,21 @@ def test_a_large_scene_is_what_was_asked_for():
     assert [one.integrator.max_depth for one in (sun, lamp)] == [2, 6]
     assert (len(sun.shapes), len(sun.emitters)) == (1, 1)
     assert [shape.radiance is not None for shape in lamp.shapes] == [False, False, True]
-    assert [size.width for size in sizes if size is not None] == [640, 640]
 
 
-def test_a_sampler_with_holes_in_its_pictures_is_left_out(fake, tmp_path):
-    """And the whole variant, if it is one that others are judged by."""
-    assert fake(holes=("scalar_rgb", "ldsampler")) == 0
-    (scene,) = measured(tmp_path)["noisy"]
-    assert list(scene["unavailable"]) == [f"{PEER} ldsampler"]
-    assert fake(holes=("llvm_ad_rgb", "independent")) == 0
-    (scene,) = measured(tmp_path)["noisy"]
-    assert "not finite" in scene["unavailable"]["mitsuba llvm_ad_rgb"]
-    assert FakeMitsuba.open_now == 0
-
-
-def test_a_picture_with_a_nan_ends_it(fake, capsys):
-    assert fake(value_at_last=math.nan) == command.WRONG_USE
-    assert "seed 1: 3 of 48 values of the picture are not finite" in capsys.readouterr().err
-
-
-def test_a_short_run_never_replaces_the_whole(fake, room, tmp_path, monkeypatch):
-    """Nor does one of a chosen scene, one that was interrupted, or a part drawn again."""
-    monkeypatch.setattr(command, "SCENES", tmp_path)
-    monkeypatch.setattr(command, "QUICK", (str(room),))
-    monkeypatch.setattr(command, "LARGE", {})
-    whole = ["--spp", "5", "--reference", "16", "--seeds", "2", "--out", str(tmp_path)]
-    assert command.main(whole) == 0
-    page, data = (tmp_path / f"speed_accuracy.{kind}" for kind in ("html", "json"))
-    data = tmp_path / "data" / data.name
-    before = page.read_bytes(), data.read_bytes()
-    assert fake("--quick") == 0
-    part = measured(tmp_path)
-    assert not part["whole"] and measured(tmp_path, part=False)["whole"]
-    assert fake("--from", str(tmp_path / "data" / "speed_accuracy-part.json")) == 0
-    measure, calls = command.measure_noisy, []
-
-    def interrupted(*arguments):
-        calls.append(1)
-        if len(calls) > 1:
-            raise KeyboardInterrupt
-        return measure(*arguments)
-
-    other = tmp_path / "a room" / "scene.xml"
-    other.parent.mkdir()
-    other.write_text(CLOSED_ROOM)
-    monkeypatch.setattr(command, "measure_noisy", interrupted)
-    assert command.main(whole) == command.INTERRUPTED
-    assert (page.read_bytes(), data.read_bytes()) == before
-    assert [one["scene"] for one in measured(tmp_path)["noisy"]] == ["a room"]
-
-
-def test_a_scene_that_fails_leaves_the_others(fake, room, tmp_path, capsys):
-    bad = tmp_path / "bad" / "scene.xml"
-    bad.parent.mkdir()
-    bad.write_text("<scene>")
-    assert fake("--scene", str(room), str(bad)) == command.FAILED
-    assert "bad: " in capsys.readouterr().err
-    found = measured(tmp_path)
-    assert list(found["failed"]) == ["bad"] and len(found["noisy"]) == 1
-
-
-@pytest.mark.parametrize(
-    ("option", "value", "told"),
-    [
-        ("--reference", "0", "0: must be 1 or more"),
-        ("--spp", "0", "0: must be 1 or more"),
-        ("--seeds", "1", "1: must be 2 or more"),
-        ("--threads", "x", "'x' is no whole number"),
-    ],
-)
-def test_no_samples_are_no_use(fake, capsys, option, value, told):
-    with pytest.raises(SystemExit):
-        fake(option, value)
-    assert f"argument {option}: {told}" in capsys.readouterr().err
+@pytest.mark.parametrize("name", ARCHITECTURE)
+def test_a_scene_of_architecture_size_is_the_same_each_time(name, tmp_path, monkeypatch):
+    """It has many triangles, lamps and a texture, and hits are where the camera looks."""
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "one"))
+    path = architecture_scene(name)
+    monkeypatch.setenv("LIGHTPROOF_CACHE", str(tmp_path / "other"))
+    for file in sorted(path.parent.iterdir()):
+        other = architecture_scene(name).parent / file.name
+        assert other.read_bytes() == file.read_bytes(), file.name
+    description = read_file(path)
+    meshes = [shape for shape in description.shapes if isinstance(shape, Mesh)]
+    assert 100_000 <= sum(len(mesh.faces) for mesh in meshes) <= 2_000_000
+    assert sum(shape.radiance is not None for shape in description.shapes) >= 40
+    textures = [m.bsdf.front.reflectance for m in meshes if m.bsdf.plugin == "twosided"]
+    assert any(isinstance(texture, BitmapTexture) for texture in textures)
+    assert all(mesh.uvs is not None for mesh in meshes)

@@ -23,7 +23,7 @@ CENTRE = (0.5, 0.5, 0.5, 0.5)  # in the place of four random numbers
 
 
 def true_pixels(
-    description: SceneDescription, pixels: NDArray[np.int64], say: Callable[[str], None]
+    description: SceneDescription, pixels: NDArray[np.int64], show: Callable[[str], None]
 ) -> Vector:
     """Return the radiance (n, 3) along the rays through the middles of pixels.
 
@@ -33,8 +33,8 @@ def true_pixels(
         Of integrator `direct`, `whitted`, or `aov` around one of them.
     pixels
         (n, 2) rows and columns of the crop window.
-    say
-        Is told how far it is.
+    show
+        Called with what is being done.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def true_pixels(
     radiance = np.zeros((len(pixels), 3))
     for index, (row, column) in enumerate(pixels.tolist()):
         if index % 100 == 0:
-            say(f"truth, pixel {index + 1} of {len(pixels)}")
+            show(f"truth, pixel {index + 1} of {len(pixels)}")
         x, y = film.crop_offset_x + column + 0.5, film.crop_offset_y + row + 0.5
         ray = camera_ray(description.camera, x, y, CENTRE[:2])
         radiance[index] = whitted_radiance(scene, ray, lambda _: CENTRE)

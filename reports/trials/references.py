@@ -1,7 +1,7 @@
-"""What pictures are held against, kept outside of the repository: it takes long to make.
+"""References that pictures are compared with, kept in the cache: they take long to make.
 
-The name of an entry is a hash of all that decides its content, so that nothing is ever out
-of date; a damaged entry is made anew.
+The name of an entry is a hash of all that decides its content, so no entry is ever out of
+date; a damaged one is made again.
 """
 
 from __future__ import annotations
@@ -28,16 +28,15 @@ from renderer.process.cache_folder import cache_folder
 from renderer.rendering.accuracy import relative_error
 from renderer.scene_file import SceneDescription
 from renderer.scene_file.objects.films import round_sample_count
-from reports.speed_accuracy import truth
-from reports.speed_accuracy.contenders import Contender, Key, Picture, Say
+from reports.trials import truth
+from reports.trials.timed_renderers import LONG, Contender, Picture, Show
 
 PARTS = 8  # pictures whose mean it is: their scatter tells its own error
 SEED = 1_000_000  # far from those of the pictures that are judged
-SAMPLER = "multijitter"
 
-# What decides Mitsuba's pictures and the truth, beside the scene's files.
+# What decides Mitsuba's pictures and the truth, in addition to the scene's files.
 THEIRS = (timed_mitsuba, edited_scene)
-OURS = ("simple", "scene", "scene_file", "kinds")  # folders of the renderer
+OURS = ("simple", "scene", "scene_file", "plugins")  # folders of the renderer
 _PACKAGE = Path(str(renderer.__file__)).parent
 
 
@@ -50,34 +49,33 @@ class LongPicture(NamedTuple):
 
 
 def long_picture(
-    judge: Key,
+    judge: str,
     contender: Contender,
     samples: int,
     made_from: Iterable[Any] | None,
-    say: Say,
+    show: Show,
 ) -> LongPicture:
     """Return the mean of `PARTS` pictures of about `samples` samples in all.
 
     Parameters
     ----------
     judge, contender
-        Whose pictures.
+        Name and renderer of the pictures.
     samples
         Rounded up to what the sampler's pattern allows.
     made_from
-        What decides the pictures beside that, for the name under which they are kept; None
-        keeps nothing.
-    say
-        Is told how far it is.
+        What else decides the pictures; None keeps nothing.
+    show
+        Called with what is being done.
     """
     spp = math.ceil(samples / PARTS)
-    taken = PARTS * round_sample_count(SAMPLER, spp)
+    taken = PARTS * round_sample_count(LONG, spp)
     origin = f"{taken} samples of {judge}, in {PARTS} pictures"
 
     def render() -> NDArray[np.float64]:
         parts = []
         for index in range(PARTS):
-            say(f"reference, {origin}: picture {index + 1}")
+            show(f"reference, {origin}: picture {index + 1}")
             parts.append(contender(SEED + index, spp)[1])
         return np.stack(parts)
 
@@ -91,7 +89,7 @@ def long_picture(
 
 
 def true_radiance(
-    description: SceneDescription, pixels: NDArray[np.int64], say: Say
+    description: SceneDescription, pixels: NDArray[np.int64], show: Show
 ) -> NDArray[np.float64]:
     """Return `truth.true_pixels`, kept.
 
@@ -106,7 +104,7 @@ def true_radiance(
     film = description.camera.film
     size = (film.width, film.height, pixels.tolist())
     made_from = (_source(truth), *sources, *map(Path, description.files), size)
-    return kept(made_from, lambda: truth.true_pixels(description, pixels, say))
+    return kept(made_from, lambda: truth.true_pixels(description, pixels, show))
 
 
 def kept(

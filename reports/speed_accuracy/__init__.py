@@ -1,1 +1,0 @@
-"""Speed against accuracy: what every method, sampler and renderer gets for its seconds."""
