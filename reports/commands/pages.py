@@ -8,7 +8,6 @@ from rich.console import Console
 
 from mitsuba_ref.records.json_files import write_atomically
 from mitsuba_ref.records.verdicts import exit_status
-from reports.accelerator_page.page import accelerators_page
 from reports.accelerator_study.record import read_accelerators
 from reports.needs.page import needs_page
 from reports.needs.record import SCHEMA as NEEDS_SCHEMA
@@ -21,8 +20,6 @@ from reports.records.measured import newest
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
 from reports.soak.page import soak_page
-from reports.soak.record import FILE as SOAK
-from reports.soak.record import read_soak
 from reports.speed_accuracy.page import speed_accuracy_page
 from reports.speed_accuracy.record import FILE as CURVES
 from reports.speed_accuracy.record import read_speed_accuracy

@@ -12,7 +12,6 @@ from reports.proof_page.record import ProofRecord
 from reports.proof_page.sentences import headlines
 from reports.records.results import worst_first
 from reports.scenes_page.sections import build_sections
-from reports.soak.record import Soak
 from reports.speed_accuracy.record import SpeedAccuracy
 from reports.speed_accuracy.summary import efficiencies
 

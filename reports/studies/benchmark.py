@@ -21,9 +21,6 @@ from mitsuba_ref.records.machine import usable_cores
 from mitsuba_ref.speed.rays_per_path import mean_rays_per_path
 from renderer.kernels.records.batch import BOXES, PRIMITIVES
 from renderer.scene_file import read_file
-from reports.accelerator_trials.contenders import NAIVE
-from reports.accelerator_trials.meshes import displaced_icosphere, teapot
-from reports.accelerator_trials.tracing import tallied
 from reports.bench.rows import Row, Table
 from reports.bench.study import Bench, Study
 from reports.bench.timing import median_interval, ratio, take_turns
@@ -38,7 +35,10 @@ from reports.trials.contenders import (
 )
 from reports.trials.first_pictures import start_seconds
 from reports.trials.large_meshes import FREQUENCY, LARGE, written
+from reports.trials.meshes import displaced_icosphere, teapot
 from reports.trials.ray_times import Effort, time_rays
+from reports.trials.structures import NAIVE
+from reports.trials.tracing import tallied
 
 SAMPLER, RAY_OFFSET = "independent", "mitsuba"
 CHECK_SEEDS, CHECK_SPP = range(8), 16

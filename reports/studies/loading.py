@@ -14,10 +14,10 @@ import numpy as np
 
 import renderer
 from mitsuba_ref.speed.timed_mitsuba import TimedMitsuba
-from reports.accelerator_trials.meshes import StudyMesh, displaced_icosphere
 from reports.bench.rows import Row
 from reports.bench.study import Bench, Study
 from reports.bench.timing import median_interval, take_turns
+from reports.trials.meshes import StudyMesh, displaced_icosphere
 
 FREQUENCIES = 16, 32, 64, 128, 224, 316  # meshes of 20 n^2 triangles, up to 2 million
 QUICK = 16, 64

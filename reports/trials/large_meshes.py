@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from reports.accelerator_trials.meshes import StudyMesh, View, displaced_icosphere
+from reports.trials.meshes import StudyMesh, View, displaced_icosphere
 
 FREQUENCY = 128  # 327,680 triangles
 SIZE = 1280, 720

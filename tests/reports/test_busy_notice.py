@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from report_samples import scene, write_results
-from speed_accuracy_sample import table
+from reports.speed_accuracy.page import speed_accuracy_page
 
 import reports
 from mitsuba_ref.records import other_programs
@@ -20,7 +20,6 @@ from reports.bench.store import Store
 from reports.bench.study import find_study
 from reports.records.results import read_results
 from reports.scenes_page.page import results_page
-from reports.speed_accuracy.page import speed_accuracy_page
 
 BUSY, QUIET = {"cores": 2, KEY: 1.7}, {"cores": 2, KEY: 0.1}
 TEMPLATES = Path(reports.__file__).parent / "templates"

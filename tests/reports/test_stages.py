@@ -110,8 +110,7 @@ def test_commands_say_something_before_their_imports() -> None:
     program = (
         "import sys\n"
         "import reports.starting\n"
-        "import reports.cli, reports.proof
-"
+        "import reports.cli, reports.proof\n"
         "heavy = {'numpy', 'numba', 'rich', 'msgspec', 'jinja2', 'plotly'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
         "sys.argv[1:] = ['--no-such-option']\n"

@@ -17,8 +17,6 @@ from mitsuba_ref.expected_failures.rounding import (
 )
 from renderer.plugins.shapes.cylinder import CylinderSurfaces
 from renderer.plugins.shapes.sphere import SphereSurfaces
-from reports.accelerator_trials.meshes import StudyMesh, displaced_icosphere, surfaces_of
-from reports.accelerator_trials.rays import camera_rays, pixel_order
 from reports.studies.limits.probes import (
     Floats,
     Shown,
@@ -29,6 +27,8 @@ from reports.studies.limits.probes import (
     single,
     unit,
 )
+from reports.trials.meshes import StudyMesh, displaced_icosphere, surfaces_of
+from reports.trials.rays import camera_rays, pixel_order
 
 RAYS = 4096
 FAR_OFF = 0.1  # radii from the true place that count as wrong

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from renderer.accelerators.build import build_accelerator
 from renderer.kernels.records.batch import NODES, PRIMITIVES
 from renderer.rendering.picture.picture import srgb_from_linear
-from reports.accelerator_trials.contenders import build, reach_of
-from reports.accelerator_trials.meshes import StudyMesh, View, triangle_surfaces
-from reports.accelerator_trials.rays import (
+from reports.look.heat_map import RAMP
+from reports.trials.meshes import StudyMesh, View, triangle_surfaces
+from reports.trials.rays import (
     RayBatches,
     camera_rays,
     flat,
     in_batches,
     pixel_order,
 )
-from reports.accelerator_trials.tracing import make_query, tallied, trace
-from reports.look.heat_map import RAMP
+from reports.trials.structures import build, reach_of
+from reports.trials.tracing import make_query, tallied, trace
 
 Rows = NDArray[Any]  # (n, 3), or (n, m, 3)
 Floats = NDArray[np.float32]

@@ -17,20 +17,6 @@ from renderer.kernels.records.batch import NODES, PRIMITIVES
 from renderer.plugins.shapes.extents import extents_of
 from renderer.textbook.cell_tree import CellTree
 from renderer.textbook.volume_fits import VOLUMES
-from reports.accelerator_trials.meshes import (
-    StudyMesh,
-    View,
-    displaced_icosphere,
-    teapot_in_a_stadium,
-    triangle_surfaces,
-)
-from reports.accelerator_trials.rays import (
-    RayBatches,
-    camera_rays,
-    in_batches,
-    random_rays,
-)
-from reports.accelerator_trials.tracing import make_query, tallied
 from reports.studies.limits.probes import (
     Shown,
     counted,
@@ -42,6 +28,20 @@ from reports.studies.limits.probes import (
     work_of_a_ray,
 )
 from reports.studies.moving_scene import MOTIONS, moved
+from reports.trials.meshes import (
+    StudyMesh,
+    View,
+    displaced_icosphere,
+    teapot_in_a_stadium,
+    triangle_surfaces,
+)
+from reports.trials.rays import (
+    RayBatches,
+    camera_rays,
+    in_batches,
+    random_rays,
+)
+from reports.trials.tracing import make_query, tallied
 
 Corners = NDArray[np.float64]  # (n, 3 corners, 3)
 

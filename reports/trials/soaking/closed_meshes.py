@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from renderer.kernels.jit import entry_kernel, kernel
 from renderer.kernels.records.batch import CAPACITY, PADDING
-from reports.accelerator_trials.meshes import displaced_icosphere
-from reports.accelerator_trials.rays import RayBatches
+from reports.trials.meshes import displaced_icosphere
+from reports.trials.rays import RayBatches
 
 Floats = NDArray[np.float64]
 NEAREST, FARTHEST = -8.0, -2.0  # exponents of 10: how near rays pass, in lengths of edges

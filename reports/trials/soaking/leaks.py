@@ -1,7 +1,7 @@
 """Rays from inside of closed meshes: one that meets nothing has leaked.
 
-Neighbouring triangles do not share their edge exactly (study `limits`, row edges-ours), so that a
-ray which passes nearer to an edge than rounding may be lost. Such a ray is counted, and is
+Neighbouring triangles do not share their edge exactly (study `limits`, row edges-ours), so that
+a ray which passes nearer to an edge than rounding may be lost. Such a ray is counted, and is
 no fault. A *leak* is a ray that is lost although it meets a triangle whatever the rounding
 of the test, or comes near none (`hit_certainty`), or that one structure loses and another
 does not: all structures trace the same rays. Half of the rays go anywhere; the others are
@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from renderer.accelerators.build import build_accelerator
 from renderer.process.names import ACCELERATORS
 from renderer.process.worker_pool import default_threads, in_threads
-from reports.accelerator_trials.meshes import surfaces_of
-from reports.accelerator_trials.rays import RAY_KINDS, flat
-from reports.accelerator_trials.tracing import Query, make_query, trace
 from reports.bench.steps import Step, Sums
+from reports.trials.meshes import surfaces_of
+from reports.trials.rays import RAY_KINDS, flat
 from reports.trials.soaking.closed_meshes import ClosedMesh, meshes, rays_from_inside
 from reports.trials.soaking.hit_certainty import certainty
+from reports.trials.tracing import Query, make_query, trace
 
 STRUCTURES = ACCELERATORS[1:]  # without "auto", which chooses one of them
 EACH = 10**9  # rays wanted of each structure

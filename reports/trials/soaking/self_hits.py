@@ -27,8 +27,8 @@ from renderer.kernels.records.batch import CAPACITY, make_workspace
 from renderer.rendering.planning.make_plan import make_plan
 from renderer.rendering.tables.kernel_record import KernelInputs
 from renderer.rendering.tables.render_mode import RenderMode
-from reports.accelerator_trials.meshes import displaced_icosphere
 from reports.bench.steps import Step
+from reports.trials.meshes import displaced_icosphere
 
 PLACES = ((0.0, 1.0), (1e3, 1.0), (0.0, 1e-3), (1e4, 1e3))  # (along each axis, size)
 SHAPES = (

@@ -12,8 +12,6 @@ import pytest
 
 from renderer.accelerators.build import build_accelerator
 from renderer.kernels.records.batch import PRIMITIVES
-from reports.accelerator_trials.meshes import triangle_surfaces
-from reports.accelerator_trials.rays import camera_rays
 from reports.atlas import every_case
 from reports.studies.limits import structures
 from reports.studies.limits.comparing import noisy, right_picture
@@ -31,6 +29,8 @@ from reports.studies.limits.one_point import (
 )
 from reports.studies.limits.paths import error_at_stripes, furnace_error, rays_of_a_tree
 from reports.studies.limits.probes import counted, soup_mesh
+from reports.trials.meshes import triangle_surfaces
+from reports.trials.rays import camera_rays
 
 STREET = np.arange(-40.0, 41.0)  # places of 81 lamps at a height of 1
 GIVEN = (1.0 + STREET**2) ** -1.5

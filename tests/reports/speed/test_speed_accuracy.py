@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from closed_room import CLOSED_ROOM
 from drawn_charts import figures, guides, points
 from report_samples import scene, write_results
 from speed_accuracy_sample import OURS, PEER, box, noisy, room, still, table
-from closed_room import CLOSED_ROOM
 
 import renderer
 from mitsuba_ref.reference.errors import MitsubaError

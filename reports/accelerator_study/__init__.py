@@ -1,1 +1,0 @@
-"""For `beside_peers`, until it is a study; see `trials.ray_times`."""

@@ -1,1 +1,0 @@
-"""One accelerator on one mesh: built, checked hit for hit, counted, timed."""

@@ -1,3 +1,0 @@
-"""Moved to `reports.trials.tracing`; for rooms that are not converted yet."""
-
-from reports.trials.tracing import *  # noqa: F403
