@@ -12,11 +12,18 @@ from rich.console import Console
 from rich.table import Table
 
 from mitsuba_ref.mutations.defects.catalogue import named
+from mitsuba_ref.mutations.from_syntax import enumerate_mutants, sample
 from mitsuba_ref.mutations.matrix import Row, read_matrix_rows, try_all, write_matrix
 from mitsuba_ref.mutations.resumed import Matrix
 from mitsuba_ref.mutations.rungs import CLIMB, Rung
+from mitsuba_ref.mutations.syntax_trial import (
+    Outcome,
+    scenes_by_kernel,
+    summary,
+    try_sample,
+)
 from mitsuba_ref.records import machine
-from mitsuba_ref.records.json_files import RecordError
+from mitsuba_ref.records.json_files import RecordError, write_json
 from mitsuba_ref.reference.cache import ReferenceCache
 from mitsuba_ref.reference.picture_process import MitsubaWorker
 
@@ -32,6 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = _parser().parse_args(given)
     console = Console(stderr=True)
+    if options.from_syntax:
+        return _try_syntax(options, given, console)
     try:
         mutations = named(options.only)
         before = read_matrix_rows(options.resume) if options.resume else ()
@@ -63,6 +72,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     output.print(_table(done.rows))
     output.print(f"wrote {path}", markup=False, soft_wrap=True)
     return 0 if all(row.as_expected for row in done.rows) else 1
+
+
+def _try_syntax(options: argparse.Namespace, given: list[str], console: Console) -> int:
+    """Try a sample of the mutants made by machine; return 1 if one survives, else 0."""
+    enumerated = enumerate_mutants()
+    scenes = scenes_by_kernel()
+    chosen = sample(enumerated, options.from_syntax, options.seed, scenes.keys())
+    done: list[Outcome] = []
+    path = (options.out or A_PART) / "syntax.json"
+
+    def keep(outcome: Outcome) -> None:
+        done.append(outcome)
+        by = f" by {outcome.killed_by}" if outcome.killed_by else ""
+        line = f"{len(done)} of {len(chosen)}: {outcome.verdict}{by}: {outcome.mutant}"
+        console.print(f"{line} ({outcome.does})", markup=False, soft_wrap=True)
+        circumstances = machine.circumstances("mitsuba_ref.mutations", given)
+        record = {"schema": 1, **circumstances, "enumerated": len(enumerated)}
+        write_json(record | {"seed": options.seed, "outcomes": done}, path)
+
+    with MitsubaWorker() as worker:
+        references = ReferenceCache(worker.render)
+        try_sample(chosen, scenes, references, keep, options.jobs)
+    for line in summary(done):
+        Console().print(line, markup=False, soft_wrap=True)
+    console.print(f"wrote {path}", markup=False, soft_wrap=True)
+    return int(any(outcome.verdict == "survived" for outcome in done))
 
 
 def _line(row: Row) -> str:
@@ -154,6 +189,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="mutants at a time (default: %(default)s)",
     )
+    add(
+        "--from-syntax",
+        type=int,
+        default=0,
+        metavar="N",
+        help="try N mutants made by machine from the syntax of the kernels instead",
+    )
+    add("--seed", type=int, default=0, metavar="S", help="which N (default: %(default)s)")
     return parser
 
 

@@ -63,14 +63,18 @@ class Row:
     @property
     def compiles(self) -> bool:
         """Whether there was a mutant to render: Numba may refuse what was edited."""
-        refused = "Failed in nopython mode pipeline"  # Numba's words
-        return not any(r.name == RUNS and refused in r.why for r in self.rungs)
+        return not any(r.name == RUNS and refused_by_numba(r.why) for r in self.rungs)
 
     @property
     def as_expected(self) -> bool:
         """Harmful and seen, or neutral and not seen, by rungs that mean something."""
         seen = self.caught_by is not None
         return seen == self.harmful and not self.broken and self.compiles
+
+
+def refused_by_numba(message: str) -> bool:
+    """Return whether an error says that a kernel does not compile."""
+    return "Failed in nopython mode pipeline" in message  # Numba's words
 
 
 class SharedReferences(ReferenceCache):
