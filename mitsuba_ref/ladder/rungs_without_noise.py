@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mitsuba_ref.comparison.aovs import compare_aovs
-from mitsuba_ref.comparison.preconditions import count_non_finite
-from mitsuba_ref.comparison.without_noise import (
+from mitsuba_ref.ladder.aovs import compare_aovs
+from mitsuba_ref.ladder.preconditions import count_non_finite
+from mitsuba_ref.ladder.without_noise import (
     DETERMINISTIC_TOLERANCE,
     judge_without_noise,
 )

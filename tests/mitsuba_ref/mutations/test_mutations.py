@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from numba.core.errors import TypingError
 
-from mitsuba_ref.comparison.aovs import compare_aovs
+from mitsuba_ref.ladder.aovs import compare_aovs
 from mitsuba_ref.mutations.defects.catalogue import CATALOGUE, named
 from mitsuba_ref.mutations.matrix import Row, control, scene_file, write_matrix
 from mitsuba_ref.mutations.mutant import ROOT, Mutant, MutantError
