@@ -135,9 +135,6 @@ def test_parts_and_changed_sources_are_not_kept(name, content, reason) -> None:
 @pytest.mark.parametrize(
     "file",
     [
-        "mitsuba_ref/mutations/__main__.py",
-        "mitsuba_ref/false_alarms/__main__.py",
-        "mitsuba_ref/expected_failures/__main__.py",
         *(
             f"reports/commands/{name}.py"
             for name in (
